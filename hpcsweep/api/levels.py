@@ -11,7 +11,7 @@ from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.model.arguments import choice
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.measures import store_measures
+from hpcsweep.studies.sweep.rows import store_measures
 from hpcsweep.studies.variables import RUN_VARIABLES, empty_results
 
 PEAKS = ("drift", "storey_drift", "displacement", "acceleration", "contact_force")

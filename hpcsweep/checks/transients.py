@@ -7,6 +7,7 @@ again.
 """
 
 import math
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -62,8 +63,7 @@ def outliving(path: str | Path, samples: int, periods: int = PERIODS, seed: int 
         If it is not a campaign file, or holds other things than runs.
     """
     samples, periods = count("samples", samples, 1), count("periods", periods, 1)
-    frames = Frames(path, tuple(HELD))
-    try:
+    with closing(Frames(path, tuple(HELD))) as frames:
         runs = [
             (place, frame, at)
             for place in frames.places
@@ -72,8 +72,6 @@ def outliving(path: str | Path, samples: int, periods: int = PERIODS, seed: int 
         ]
         drawn = np.random.default_rng(count("seed", seed)).permutation(len(runs))[:samples]
         later = [_later(frames, runs[at], periods) for at in np.sort(drawn)]
-    finally:
-        frames.close()
     kinds = [kind for kind, _ in later]
     outlive = kinds.count(MotionClass.CHAOTIC)
     undecided = sum(kind in (MotionClass.UNDECIDED, MotionClass.FAILED) for kind in kinds)

@@ -1,8 +1,8 @@
 """The campaign file: the only package that knows its layout and that imports h5py.
 
 `layout` names its variables, `create` creates it, `transport` writes into it from every rank,
-`opening` opens it, `check` compares it with the layout, `metadata` is the checksum of everything
-but results, `repair` restores what follows from the job, `commit` decides which results are valid,
+`opening` opens it, `contents` reads all but results and hashes it, `check` compares it with the
+layout, `repair` restores what follows from the job, `commit` decides which results are valid,
 `reader` returns them as a dataset, `frames` one frame at a time, `frame_grid` all of them, `reuse`
 copies them from earlier files, `seeds` reads their motions as seeds of branches, `packing`
 compresses it, `lock` keeps a second campaign out, `journal` keeps the history beside it.

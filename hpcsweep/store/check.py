@@ -7,9 +7,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.store.contents import Contents, Dataset
+from hpcsweep.store.contents import CHECKSUM, Contents, Dataset
 from hpcsweep.store.layout import Layout
-from hpcsweep.store.metadata import CHECKSUM
 
 PROVENANCE = ("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ranks", "created")
 """Attributes of provenance."""

@@ -11,6 +11,7 @@ interval.
 """
 
 import hashlib
+import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,11 +20,10 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.store.identity import Identity
-from hpcsweep.store.layout import Layout, StoreError
-from hpcsweep.store.offsets import Rows, is_packed, open_rows
+from hpcsweep.store.layout import Layout, StoreError, WriteError
+from hpcsweep.store.offsets import RowReader, is_packed, open_above, open_rows
 from hpcsweep.store.transport import Transport, open_transport
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Rows
 
 CODES = {"outcome": (1, max(Outcome)), "skip_rule": (0, max(SkipRule))}
 """Least and largest value of results that are codes."""
@@ -57,7 +57,7 @@ class Blocks:
         Reader of the file, where it is already open.
     """
 
-    def __init__(self, path: Path, layout: Layout, rows: Rows | None = None):
+    def __init__(self, path: Path, layout: Layout, rows: RowReader | None = None):
         self.layout = layout
         self.study = layout.study
         self.variables = [variable.name for variable in layout.variables]
@@ -65,6 +65,7 @@ class Blocks:
         self._directions = dims.index("direction") if "direction" in dims else None
         self._seed = bytes.fromhex(layout.fingerprint)
         self._rows = open_rows(path) if rows is None else rows
+        self.read_rows = self._rows.read
 
     def __enter__(self) -> "Blocks":
         return self
@@ -76,9 +77,9 @@ class Blocks:
         """Close the file."""
         self._rows.close()
 
-    def read(self, block: Block) -> dict[str, np.ndarray]:
+    def read(self, block: Block) -> Rows:
         """Read a block, its rows in file order."""
-        return {name: self._rows.read(name, block.first, block.n_runs) for name in self.variables}
+        return {name: self.read_rows(name, block.first, block.n_runs) for name in self.variables}
 
     def places(self, block: Block) -> dict[str, tuple[int, int]]:
         """Return the first byte and the number of bytes of a block in each variable of the file.
@@ -92,11 +93,11 @@ class Blocks:
 
     def committed(self, block: Block) -> int:
         """Read the stored checksum of a block, 0 if it has none."""
-        return int(self._rows.read("commit", block.place, 1)[0])
+        return int(self.read_rows("commit", block.place, 1)[0])
 
     def end_state(self, run: tuple[int, ...]) -> np.ndarray:
         """Read the state that the next run starts from."""
-        rows = {name: self._rows.read(name, run, 1) for name in self.study.carried}
+        rows = {name: self.read_rows(name, run, 1) for name in self.study.carried}
         return self.study.end_state(rows, 0)
 
     def start_of(self, block: Block, row: int) -> np.ndarray:
@@ -104,13 +105,9 @@ class Blocks:
         before = self.study.predecessor(block, row)
         return self.study.initial_state if before is None else self.end_state(before)
 
-    def read_rows(self, variable: str, start: tuple[int, ...], n: int) -> np.ndarray:
-        """Read `n` rows of a variable of the file as they are, from index `start` on."""
-        return self._rows.read(variable, start, n)
-
     def have_checksum(self) -> np.ndarray:
         """Return which blocks have a checksum, valid or not; shape of ``commit``."""
-        return self._whole("commit", self.layout.commit) != 0
+        return self.whole("commit") != 0
 
     def begun(self, poll: Callable[[], None] = lambda: None) -> list[int]:
         """Return the tasks that have a block with a checksum, ascending; poll once a frame."""
@@ -126,14 +123,10 @@ class Blocks:
         return np.flatnonzero(begun).tolist()
 
     def whole(self, variable: str) -> np.ndarray:
-        """Read a whole variable of the runs, committed or not."""
-        found = next(each for each in self.layout.variables if each.name == variable)
-        return self._whole(variable, found)
-
-    def _whole(self, name: str, variable) -> np.ndarray:
-        shape = self.layout.shape(variable)
-        parts = [self._rows.read(name, (k, 0), shape[1]) for k in range(shape[0])]
-        return np.array(parts)
+        """Read a whole variable of the runs, or ``commit``, whether committed or not."""
+        kept = [*self.layout.variables, self.layout.commit]
+        shape = self.layout.shape(next(each for each in kept if each.name == variable))
+        return np.array([self.read_rows(variable, (k, 0), shape[1]) for k in range(shape[0])])
 
     def checksum(self, block: Block, start: np.ndarray, rows: dict) -> int:
         """Compute the checksum of a block that starts from state `start`; never 0."""
@@ -152,24 +145,19 @@ class Blocks:
             if name in rows
         )
 
-    def believed(self, block: Block) -> dict[str, np.ndarray] | None:
-        """Read a block, or return None if its checksum does not hold for its stored start state."""
+    def believed(self, block: Block, start: np.ndarray | None = None) -> Rows | None:
+        """Read a block; None if its checksum does not hold for a start state, or the stored one."""
         stored = self.committed(block)
         if not stored:
             return None
         rows = self.read(block)
-        start = self.start_of(block, block.begin)
+        start = self.start_of(block, block.begin) if start is None else start
         return rows if self._holds(stored, block, start, rows) else None
 
     def end_of(self, block: Block, start: np.ndarray) -> np.ndarray | None:
         """Return the state at the end of a block that starts from a state; None if not valid."""
-        stored = self.committed(block)
-        if not stored:
-            return None
-        rows = self.read(block)
-        if not self._holds(stored, block, start, rows):
-            return None
-        return np.array(self.study.end_state(rows, block.end))
+        rows = self.believed(block, start)
+        return None if rows is None else np.array(self.study.end_state(rows, block.end))
 
     def verify(
         self, task: int, poll: Callable[[], None] = lambda: None
@@ -199,12 +187,9 @@ class Blocks:
             if has_checksum[0 if axis is None else block.place[axis]][block.place[-1]]:
                 if state is None and before is not None:
                     state = self.end_state(before.run(before.end))
-                rows = self.read(block)
-                start = self.study.initial_state if state is None else state
-                if self._holds(self.committed(block), block, start, rows):
-                    end = self.study.end_state(rows, block.end)
+                end = self.end_of(block, self.study.initial_state if state is None else state)
             yield block, end is not None
-            before, state = block, None if end is None else np.array(end)
+            before, state = block, end
 
     def _checksums_of(self, task: int) -> list[np.ndarray]:
         """Return which blocks of a task's frame have a checksum, for each direction."""
@@ -213,7 +198,7 @@ class Blocks:
         first = [(*place[:-1], 0)]
         if axis is not None:
             first = [(*place[:axis], k, *place[axis + 1 : -1], 0) for k in range(shape[axis])]
-        return [self._rows.read("commit", at, shape[-1]) != 0 for at in first]
+        return [self.read_rows("commit", at, shape[-1]) != 0 for at in first]
 
     def valid(self, task: int) -> list[tuple[Block, bool]]:
         """Return for each block of a task whether its checksum holds."""
@@ -227,6 +212,45 @@ class Blocks:
                 if good:
                     mask[block.runs] = True
         return mask
+
+
+class Identity:
+    """Which file lies under a name: what is written into one that was removed is lost."""
+
+    def __init__(self, path: Path):
+        self._path = path
+        self._descriptor = open_above(path, os.O_RDONLY)
+        self._size = os.fstat(self._descriptor).st_size
+
+    def check(self) -> None:
+        """Make sure that the file is the one that was opened, under its name and whole.
+
+        Raises
+        ------
+        WriteError
+        """
+        if self._descriptor < 0:
+            return
+        mine = os.fstat(self._descriptor)
+        try:
+            there = self._path.stat()
+        except OSError:
+            there = None
+        if there is None or (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
+            what = "removed, renamed or replaced"
+        elif mine.st_size < self._size:
+            what = "cut short"
+        else:
+            return
+        raise WriteError(
+            f"{self._path}: was {what} while it was being written; what was computed is not in it"
+        )
+
+    def close(self) -> None:
+        """Forget the file."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
 
 
 class Campaign:

@@ -4,6 +4,8 @@ The comparison with the job and the checksum need the same items, and calls into
 cost; where there are many, they bypass the upper layers of h5py.
 """
 
+import hashlib
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 import h5py
@@ -11,6 +13,13 @@ import numpy as np
 from h5py import h5a, h5d, h5ds, h5i, h5o, h5s, h5t
 
 NOTES = ("units", "long_name")
+CHECKSUM = "metadata_checksum"
+"""Attribute: the checksum of everything but results. A file without it is compared with its job
+(`hpcsweep.store.check`); blocks have checksums of their own (`hpcsweep.store.commit`)."""
+CHUNK_BYTES = 2**18
+"""Size (bytes) of a chunk before compression: whole rows, then amplitudes, then frames."""
+COPY_BYTES = 2**25
+"""Most bytes read or copied at once: some hundredths of a second."""
 
 
 def attribute(owner: h5py.File | h5py.Dataset, name: str) -> object:
@@ -146,3 +155,72 @@ class Contents:
 def attributes_of(file: h5py.File) -> dict[str, object]:
     """Read all attributes of a file."""
     return {name: attribute(file, name) for name in file.attrs}
+
+
+def metadata_checksum(contents: Contents, attributes: Mapping[str, object] | None = None) -> str:
+    """Hash everything in a campaign file but its results.
+
+    Parameters
+    ----------
+    contents : Contents
+        The datasets must have the sizes of the job: coordinates are read whole.
+    attributes : mapping, optional
+        Replace those of the file.
+    """
+    digest = hashlib.blake2b(digest_size=16)
+
+    def add(*values: object) -> None:
+        digest.update((repr(values) + "\n").encode(errors="surrogateescape"))
+
+    attributes = contents.attributes if attributes is None else attributes
+    for key in sorted(attributes):
+        if key != CHECKSUM:
+            add(key, _plain(attributes[key]))
+    for name in sorted(contents.names):
+        data = contents[name]
+        notes = (_plain(data.notes[key]) for key in NOTES)
+        add(name, str(data.dtype), data.shape, data.place, *notes)
+        if data.is_scale or len(data.shape) == 1:
+            values = data.values
+            is_text = values.dtype == object
+            digest.update(b"\0".join(values) if is_text else values.tobytes())
+        if not data.is_scale:
+            add(*([f"/{name}" for name in names] for names in data.scales))
+    return digest.hexdigest()
+
+
+def _plain(value: object) -> object:
+    """Return a canonical form of an attribute."""
+    if isinstance(value, float | np.floating):
+        return float(value).hex()
+    if isinstance(value, int | np.integer):
+        return int(value)
+    return value if isinstance(value, str) else repr(value)
+
+
+def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
+    """Choose chunks of about `CHUNK_BYTES`: whole later axes first."""
+    room = max(CHUNK_BYTES // itemsize, 1)
+    chunks = []
+    for length in reversed(shape):
+        chunks.append(max(min(length, room), 1))
+        room //= chunks[-1]
+    return tuple(reversed(chunks))
+
+
+def parts_of(data: h5py.Dataset) -> Iterator[tuple[slice, ...]]:
+    """Split a dataset into parts of about `COPY_BYTES`, of whole chunks if it is packed."""
+    axes = data.ndim
+    size = [*(data.chunks or chunk_shape(data.shape, data.dtype.itemsize))[:axes]]
+    room = COPY_BYTES // CHUNK_BYTES
+    for axis in reversed(range(axes)):
+        most = -(-data.shape[axis] // size[axis])
+        taken = max(min(room, most), 1)
+        size[axis] *= taken
+        room //= taken
+    counts = [-(-data.shape[axis] // size[axis]) for axis in range(axes)]
+    for place in np.ndindex(*counts):
+        yield tuple(
+            slice(i * step, min((i + 1) * step, data.shape[axis]))
+            for axis, (i, step) in enumerate(zip(place, size, strict=True))
+        )

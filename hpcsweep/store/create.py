@@ -8,9 +8,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.store.contents import Contents
+from hpcsweep.store.contents import CHECKSUM, Contents, metadata_checksum
 from hpcsweep.store.layout import Layout, StoreError, flags_of
-from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 
 LIBRARY = ("v108", "v108")
 """Oldest version of HDF5 that can read a file."""

@@ -7,6 +7,7 @@ files of the curves no more.
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -92,8 +93,7 @@ class Inputs:
 
 def _curves_of(path: Path, study: Study) -> Iterator[Curve]:
     """Read the curves of a file that are of the structure of the map, or of one of its parts."""
-    frames = Frames(path, "branches", None)
-    try:
+    with closing(Frames(path, "branches", None)) as frames:
         if not getattr(frames.study, "curves", ()):
             raise StoreError(f"{path}: holds no curves; branches.curves names those to follow")
         parts = list(np.ndindex(*(len(axis.values) for axis in study.axes)))
@@ -109,8 +109,6 @@ def _curves_of(path: Path, study: Study) -> Iterator[Curve]:
                 yield from (Curve(at, line) for at in fit for line in lines)
         if not found:
             raise StoreError(f"{path}: is of another structure than the map")
-    finally:
-        frames.close()
 
 
 def _polylines(path: Path, frames: Frames) -> Iterator[np.ndarray]:

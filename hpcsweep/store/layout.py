@@ -29,7 +29,7 @@ from hpcsweep.job import Job
 from hpcsweep.model import description
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.starting_range import starting_range
+from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
 LAYOUT_VERSION = 4
@@ -148,7 +148,7 @@ class Layout:
         return sum(map(self.bytes_of, self.stored))
 
 
-def _named(variable: Variable, structure) -> Variable:
+def _named(variable: Variable, structure: Structure) -> Variable:
     """Return a variable with the name of its unit filled in."""
     return replace(variable, units=unit_of(structure, variable.units))
 

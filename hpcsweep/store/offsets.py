@@ -157,9 +157,9 @@ def is_packed(path: Path) -> bool:
         return file["commit"].chunks is not None
 
 
-Rows = ContiguousRows | PackedRows
+RowReader = ContiguousRows | PackedRows
 
 
-def open_rows(path: Path) -> Rows:
+def open_rows(path: Path) -> RowReader:
     """Open a plain or packed campaign file for reading rows."""
     return PackedRows(path) if is_packed(path) else ContiguousRows(path)

@@ -19,10 +19,16 @@ from h5py import h5a
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
-from hpcsweep.store.contents import Contents, attribute, attributes_of, values
+from hpcsweep.store.contents import (
+    CHECKSUM,
+    Contents,
+    attribute,
+    attributes_of,
+    metadata_checksum,
+    values,
+)
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
-from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 from hpcsweep.store.offsets import open_for_reading
 from hpcsweep.studies.refine.variables import INFERRED
 

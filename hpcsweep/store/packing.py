@@ -11,16 +11,14 @@ import numpy as np
 
 from hpcsweep.job.paths import followed, path_of
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.contents import Contents
+from hpcsweep.store.contents import CHECKSUM, Contents, chunk_shape, metadata_checksum, parts_of
 from hpcsweep.store.create import reason
 from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.lock import Lock
-from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 from hpcsweep.store.offsets import is_packed
 from hpcsweep.store.opening import open_layout, reading
-from hpcsweep.store.parts import chunk_shape, parts_of
 
 COMPRESSION = 4
 """Level of gzip, which every HDF5 library can read."""
@@ -86,8 +84,7 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
 def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ...]]:
     """Return the places of the committed blocks, all of whose checksums hold."""
     committed = []
-    blocks = Blocks(path, layout)
-    try:
+    with Blocks(path, layout) as blocks:
         # in a complete map the points that are not committed are inferred
         inferred = layout.derived and not Inferred(blocks).unknown()
         for task in blocks.begun():
@@ -98,8 +95,6 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
                     raise StoreError(
                         f"{path}: damaged (see hpcsweep validate); run its job again, then pack it"
                     )
-    finally:
-        blocks.close()
     n_blocks = math.prod(layout.shape(layout.commit))
     if whole and not inferred and len(committed) < n_blocks:
         raise StoreError(
@@ -177,14 +172,11 @@ def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:
                 _bytes(data[part]) != _bytes(packed[part]) for part in parts
             ):
                 different.append(name)
-    copied = Blocks(temporary, layout)
-    try:
+    with Blocks(temporary, layout) as copied:
         tasks = sorted({layout.study.block(place).task for place in committed})
         good = [block.place for task in tasks for block, ok in copied.valid(task) if ok]
         if sorted(good) != sorted(committed):
             different.append("the checksums")
-    finally:
-        copied.close()
     if different:
         raise StoreError(f"{path}: the packed copy differs in {', '.join(different)}; not packed")
 

@@ -7,12 +7,10 @@ import numpy as np
 from hpcsweep.job import Job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.contents import NOTES, Contents
+from hpcsweep.store.contents import CHECKSUM, NOTES, Contents, parts_of
 from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.layout import flags_of
-from hpcsweep.store.metadata import CHECKSUM
 from hpcsweep.store.opening import open_layout, reading
-from hpcsweep.store.parts import parts_of
 from hpcsweep.studies.refine.variables import AUDIT
 
 

@@ -95,21 +95,13 @@ class History:
 
 def block_record(cost: BlockCost) -> dict:
     """Return the values of a block's record."""
-    return {
-        "place": [int(at) for at in cost.place],
-        "runs": cost.runs,
-        "seconds": cost.seconds,
-    }
+    return {"place": list(map(int, cost.place)), "runs": cost.runs, "seconds": cost.seconds}
 
 
 def load_record(load: Traffic) -> dict:
     """Return the values of a record of the master's load."""
-    return {
-        "messages": load.messages,
-        "message_seconds": round(load.message_seconds, 6),
-        "master_seconds": round(load.seconds, 6),
-        "recalls": load.recalls,
-    }
+    seconds = round(load.message_seconds, 6), round(load.seconds, 6)
+    return dict(zip(_LOAD, (load.messages, *seconds, load.recalls), strict=True))
 
 
 def read_history(path: Path) -> History:
@@ -119,7 +111,7 @@ def read_history(path: Path) -> History:
         history.last = record["time"]
         with contextlib.suppress(KeyError, TypeError, ValueError):
             _check(record)
-            _READERS.get(record["kind"], _pass)(history, record)
+            _take(history, record)
         if history.sessions:
             history.sessions[-1].last = record["time"]
     return history
@@ -133,14 +125,10 @@ def _check(record: dict) -> None:
     ValueError
     """
     for key, value in record.items():
-        expected = _KINDS.get(key)
-        if expected is None:
+        if key not in _KINDS or (value is None and key in _MAYBE):
             continue
-        if key in _LISTS and isinstance(value, list):
-            good = all(map(expected, value))
-        else:
-            good = key not in _LISTS and expected(value)
-        if not good and not (value is None and key in _MAYBE):
+        values = value if key in _LISTS else [value]
+        if not isinstance(values, list) or not all(map(_KINDS[key], values)):
             raise ValueError(f"{key} = {value!r:.40}")
 
 
@@ -156,7 +144,9 @@ def _is_word(value: object) -> bool:
     return isinstance(value, str) and len(value) < 1000
 
 
-_MAYBE = ("transport", "written_bytes", "write_seconds", "rank_seconds", "peak_memory")
+_ENDS = ("written_bytes", "write_seconds", "rank_seconds", "peak_memory")
+_LOAD = ("messages", "message_seconds", "master_seconds", "recalls")
+_MAYBE = ("transport", *_ENDS)
 _LISTS = ("hosts", "peak_memory", "place")
 _KINDS = {
     **dict.fromkeys(("ranks", "rank", "place", "frame", "runs", "messages", "recalls"), _is_count),
@@ -170,60 +160,27 @@ _KINDS = {
 """Checks of the values of records."""
 
 
-def _pass(history: History, record: dict) -> None:
-    """Ignore a record of a later version."""
-
-
-def _start(history: History, record: dict) -> None:
-    history.sessions.append(
-        Session(
-            started=record["time"],
-            ranks=max(record["ranks"], 1),
-            hosts=record["hosts"],
-            transport=record.get("transport"),
-            last=record["time"],
-        )
-    )
-
-
-def _block(history: History, record: dict) -> None:
-    if record["runs"] < 1:
-        raise ValueError("a block without runs")
-    cost = BlockCost(tuple(record["place"]), record["runs"], record["seconds"], record["time"])
-    history.costs.append(cost)
-    if history.sessions:
-        history.sessions[-1].costs.append(cost)
-
-
-def _pilot(history: History, record: dict) -> None:
-    if "along" in record:  # not in journals of early versions
+def _take(history: History, record: dict) -> None:
+    """Add a record; one of a kind that a later version writes changes nothing."""
+    kind, now = record["kind"], record["time"]
+    session = history.sessions[-1] if history.sessions else None
+    if kind == "start":
+        ranks, transport = max(record["ranks"], 1), record.get("transport")
+        history.sessions.append(Session(now, ranks, record["hosts"], transport, last=now))
+    elif kind == "block":
+        if record["runs"] < 1:
+            raise ValueError("a block without runs")
+        cost = BlockCost(tuple(record["place"]), record["runs"], record["seconds"], now)
+        history.costs.append(cost)
+        if session:
+            session.costs.append(cost)
+    elif kind == "pilot" and "along" in record:  # not in journals of early versions
         history.samples.append(PilotCost(*(record[key] for key in PilotCost._fields)))
-
-
-def _master(history: History, record: dict) -> None:
-    if history.sessions and "master_seconds" in record:
-        history.sessions[-1].load = Traffic(
-            record["messages"],
-            record["message_seconds"],
-            record["master_seconds"],
-            record["recalls"],
-        )
-        history.sessions[-1].load_time = record["time"]
-
-
-def _end(history: History, record: dict) -> None:
-    _master(history, record)
-    if history.sessions:
-        session = history.sessions[-1]
-        session.ended = record["reason"]
-        for name in ("written_bytes", "write_seconds", "rank_seconds", "peak_memory"):
-            setattr(session, name, record.get(name))
-
-
-_READERS = {
-    "start": _start,
-    "block": _block,
-    "pilot": _pilot,
-    "master": _master,
-    "end": _end,
-}
+    elif kind in ("master", "end") and session:
+        if "master_seconds" in record:
+            session.load = Traffic(*(record[key] for key in _LOAD))
+            session.load_time = now
+        if kind == "end":
+            session.ended = record["reason"]
+            for name in _ENDS:
+                setattr(session, name, record.get(name))

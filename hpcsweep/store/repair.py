@@ -14,10 +14,9 @@ from pathlib import Path
 import h5py
 
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.contents import Contents
+from hpcsweep.store.contents import CHECKSUM, Contents, metadata_checksum
 from hpcsweep.store.create import LIBRARY, fill, reason
 from hpcsweep.store.layout import DamagedError, Layout, StoreError
-from hpcsweep.store.metadata import CHECKSUM, metadata_checksum
 from hpcsweep.store.offsets import ContiguousRows, Offsets, open_for_reading
 from hpcsweep.store.opening import layout_problems, refuse_problems
 

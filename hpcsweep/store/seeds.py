@@ -1,6 +1,7 @@
 """Periodic motions of results files, as the seeds of branches (`hpcsweep.studies.branches`)."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -28,8 +29,7 @@ def read_seeds(paths: tuple[str, ...], where: Where) -> Seeds:
     periodic: dict[tuple, Seed] = {}
     others = 0
     for path in paths:
-        frames = Frames(path, None)
-        try:
+        with closing(Frames(path, None)) as frames:
             _choose(frames, where)
             for omega, amplitude, motion in _motions(frames, where):
                 seed = _seed_of(omega, amplitude, motion)
@@ -38,8 +38,6 @@ def read_seeds(paths: tuple[str, ...], where: Where) -> Seeds:
                 else:
                     key = omega, amplitude, seed.period, seed.points[-1].tobytes()
                     periodic.setdefault(key, seed)
-        finally:
-            frames.close()
     return Seeds(list(periodic.values()), others)
 
 

@@ -55,15 +55,12 @@ class Transport(Protocol):
 
     def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
         """Write `rows` at index `start` of a variable, with all later axes whole."""
-        ...
 
     def sync(self) -> None:
         """Return once everything this rank wrote is on disk."""
-        ...
 
     def close(self) -> None:
         """Close (collective)."""
-        ...
 
 
 class PosixTransport:

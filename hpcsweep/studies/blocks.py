@@ -2,12 +2,22 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, overload
+from typing import NamedTuple
 
 import numpy as np
 
 Place = tuple[int, ...]
 """An index, an entry for each axis."""
+Amplitudes = Sequence[float] | np.ndarray
+"""In the order in which they are computed, shape (k,)."""
+Rows = dict[str, np.ndarray]
+"""Results of runs by variable, first axis the runs in the order of the file."""
+Timed = tuple[tuple[int, float], int, float]
+"""Frame and position along the last axis of the runs, from 0 to 1; runs; seconds."""
+Say = Callable[[str], None] | None
+"""Shows a line to the user."""
+Poll = Callable[[], None] | None
+"""Called within long work; may raise to leave."""
 
 
 @dataclass(frozen=True)
@@ -76,17 +86,7 @@ class Path(Sequence[Block]):
     def __len__(self) -> int:
         return len(self._positions)
 
-    @overload
-    def __getitem__(self, position: int) -> Block: ...
-
-    @overload
-    def __getitem__(self, position: slice) -> "Path": ...
-
-    def __getitem__(self, position):
-        if isinstance(position, slice):
-            part = Path(0, self._block)
-            part._positions = self._positions[position]
-            return part
+    def __getitem__(self, position: int) -> Block:  # type: ignore[override]
         return self._block(self._positions[position])
 
 

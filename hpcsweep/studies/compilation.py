@@ -16,6 +16,7 @@ from hpcsweep.dynamics.classify_motion import SETTLED
 from hpcsweep.kernels.compile.warm import load_all, missing, processors
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import SOLVERS, make_solver
+from hpcsweep.studies.blocks import Say
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.study import Study
 
@@ -63,7 +64,7 @@ def is_compiled(
 
 def warm_up(
     settings: SweepSettings,
-    say: Callable[[str], None] | None = None,
+    say: Say = None,
     jobs: int | None = None,
     structure: Structure | None = None,
     specialised: bool = False,
@@ -86,7 +87,7 @@ def warm_up(
     example = Structure(1, 10.0) if structure is None or not specialised else structure
     if settings.solver == "flow":
         kernels = "kernels specialised to the structure" if specialised else "kernels"
-        _load(_needed(settings, structure, specialised), say, jobs, kernels)
+        load(_needed(settings, structure, specialised), say, jobs, kernels)
         if specialised:
             from hpcsweep.solvers.flow.specialised import use
 
@@ -104,26 +105,6 @@ def warm_up(
         solver.monodromy(z, amplitude, 1)
 
 
-def is_compiled_for_records() -> bool:
-    """Return whether the cache is known to have what responses to records call."""
-    return not missing(_record_kernels())
-
-
-def warm_up_records(say: Callable[[str], None] | None = None) -> None:
-    """Compile what responses to records call, or load it from the disk."""
-    _load(_record_kernels(), say)
-
-
-def is_compiled_for_branches(structure: Structure) -> bool:
-    """Return whether the cache is known to have what branches of a structure call besides."""
-    return not missing(_branch_kernels(structure))
-
-
-def warm_up_branches(structure: Structure, say: Callable[[str], None] | None = None) -> None:
-    """Compile what branches of a structure call besides, or load it from the disk."""
-    _load(_branch_kernels(structure), say, kernels="kernels of branches")
-
-
 def worth_specialising(study: Study, n_ranks: float | None) -> bool:
     """Return whether the histories of a study on `n_ranks` repay kernels of their own."""
     if n_ranks is None or study.settings.solver != "flow":
@@ -134,21 +115,16 @@ def worth_specialising(study: Study, n_ranks: float | None) -> bool:
     return histories >= SPECIALISED_FROM * n_ranks
 
 
-def warm_up_all(say: Callable[[str], None] | None = None, jobs: int | None = None) -> None:
+def warm_up_all(say: Say = None, jobs: int | None = None) -> None:
     """Compile, or load, what runs with any settings and responses to records call."""
     every = SweepSettings(metrics=frozenset(METRICS))
-    needed = dict.fromkeys([*_needed(every, None, False), *_record_kernels()])
-    _load(list(needed), say, jobs)
+    needed = dict.fromkeys([*_needed(every, None, False), *record_kernels()])
+    load(list(needed), say, jobs)
     for name in SOLVERS:
         warm_up(replace(every, solver=name), say, jobs)
 
 
-def _load(
-    needed: list[Any],
-    say: Callable[[str], None] | None,
-    jobs: int | None = None,
-    kernels: str = "kernels",
-) -> None:
+def load(needed: list[Any], say: Say, jobs: int | None = None, kernels: str = "kernels") -> None:
     """Compile kernels, or load them from the disk, and tell the progress."""
     tell = None if say is None else announced(say, kernels)
     load_all(needed, tell, processors() if jobs is None else jobs)
@@ -167,13 +143,15 @@ def _needed(settings: SweepSettings, structure: Structure | None, specialised: b
     return needed_kernels(structure, specialised, settings.measures != 0)
 
 
-def _branch_kernels(structure: Structure) -> list[Any]:
-    from hpcsweep.solvers.flow.specialised import branch_kernels
+def branch_kernels(structure: Structure) -> list[Any]:
+    """Return what branches of a structure call besides."""
+    from hpcsweep.solvers.flow import specialised
 
-    return branch_kernels(structure)
+    return specialised.branch_kernels(structure)
 
 
-def _record_kernels() -> list[Any]:
+def record_kernels() -> list[Any]:
+    """Return what responses to records call."""
     from hpcsweep.solvers.flow.record_map import KERNELS
 
     return KERNELS

@@ -1,11 +1,14 @@
 """Base of studies over direction, frame (forcing frequency) and forcing amplitude.
 
+Runs are independent, each block a task of its own, or form paths (`hpcsweep.studies.grid_kinds`).
+
 A frame's runs of one direction are cut into blocks of `block_size` amplitudes, in ascending order;
 block b of a descending direction holds as many amplitudes, counted from the top.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -13,14 +16,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, BlockTable
-from hpcsweep.studies.invariants import broken_invariants
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
+from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.part import Part
-from hpcsweep.studies.recompute import RunAgain, compute_again
-from hpcsweep.studies.report import RunReport
+from hpcsweep.studies.recompute import compute_again
+from hpcsweep.studies.report import MAX_FRAMES, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
-from hpcsweep.studies.study import Amplitudes
+from hpcsweep.studies.study import RunAgain, Tally
+from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import (
     AMPLITUDE,
@@ -37,7 +43,7 @@ from hpcsweep.studies.variables import (
 
 
 @dataclass(frozen=True, eq=False)
-class RunGrid(RunReport, Part):
+class RunGrid(Part):
     """Runs over direction, frame and amplitude; see `hpcsweep.studies.study.Study`.
 
     Attributes
@@ -86,49 +92,29 @@ class RunGrid(RunReport, Part):
     """Dimension of the stroboscopic points."""
     status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "skip_rule")
 
-    @classmethod
-    def read(cls, values, **common) -> "RunGrid":
-        """Read the study of a job.
+    carried: ClassVar[tuple[str, ...]] = ("final_state",)
+    is_path: ClassVar[bool] = False
+    """Whether a run starts from what another one left."""
 
-        Parameters
-        ----------
-        values : hpcsweep.job.values.Values
-            Values of the job.
-        **common
-            Fields of every study: `structure`, `initial_state`, `settings`, `block_size`.
+    @abstractmethod
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
+        """Compute the runs of a frame at places along its last axis, in this order.
 
-        Raises
-        ------
-        JobError
-            If a value is not allowed.
+        They start from the present state of their path.
         """
-        raise NotImplementedError
 
     def task_of(self, direction, frame, number):
-        """Return the task of blocks: arrays or numbers."""
-        raise NotImplementedError
+        """Return the task of blocks, arrays or numbers: every block is one."""
+        del direction
+        return frame * self.n_blocks + number
 
     def path(self, task: int) -> Sequence[Block]:
-        """Return the blocks of a task in the order of computation."""
-        raise NotImplementedError
+        """Return the blocks of a task in the order of computation: one."""
+        return Path(1, lambda _: self.block((0, *divmod(task, self.n_blocks))))
 
-    def descends(self, direction: int) -> bool:
+    def descends(self, _direction: int) -> bool:
         """Return whether the amplitudes of a direction are computed in descending order."""
-        raise NotImplementedError
-
-    def rows(
-        self,
-        frame: int,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
-        """Compute runs of a frame in the given order, from the present state of its path."""
-        raise NotImplementedError
-
-    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll=None) -> dict:
-        """Compute the runs of a frame at places along its last axis, as `rows` does."""
-        return self.rows(frame, self.amplitudes_of(frame)[places], state, poll)
+        return False
 
     @cached_property
     def moving(self) -> Structure:
@@ -147,14 +133,14 @@ class RunGrid(RunReport, Part):
         return False
 
     @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return self.omega.size
+
+    @property
     def n_amplitudes(self) -> int:
         """Number of runs of one frame and direction."""
         return self.amplitude.size
-
-    @property
-    def polls_per_run(self) -> int:
-        """Least number of calls of `poll` in a run."""
-        return 1
 
     @property
     def n_blocks(self) -> int:
@@ -243,21 +229,17 @@ class RunGrid(RunReport, Part):
         place = np.stack((direction, frame, number), axis=1)
         return BlockTable(task[order], n_runs[order], place[order], middle[order])
 
-    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return the index of the run from whose end state a run starts; None: `initial_state`."""
-        raise NotImplementedError
-
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return the state from which the run after one of the rows starts."""
         return rows["final_state"][row] if self.carried else self.initial_state
 
-    def compute(self, block: Block, state: np.ndarray, poll=None) -> dict[str, np.ndarray]:
+    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute a block from the present state of its path; rows in file order."""
         _, frame, low = block.first
         result = self.runs_at(frame, np.arange(low, low + block.n_runs)[block.order], state, poll)
         return {name: np.ascontiguousarray(values[block.order]) for name, values in result.items()}
 
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
         """Compute one run alone from a state."""
         _, frame, at = block.run(row)
         return self.runs_at(frame, np.array([at]), state)
@@ -266,9 +248,7 @@ class RunGrid(RunReport, Part):
         """Return the same study with other settings."""
         return replace(self, settings=replace(self.settings, **changes))
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
-    ) -> tuple[tuple[int, float], int, float]:
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a frame, after an untimed one that reaches the attractor."""
         frame = int(share * self.omega.size)
         at = int(along * (max(self.n_amplitudes - n_runs - 1, 0) + 1))
@@ -281,16 +261,67 @@ class RunGrid(RunReport, Part):
         self.runs_at(frame, places, state, poll)
         return (frame, middle), places.size, time.perf_counter() - begun
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return the broken invariants of runs: (row, message)."""
+    def relations(self, block: Block, rows: Rows) -> Broken:
+        """Return where relations between variables are broken; see `Part.relations`."""
         _, frame, low = block.first
         amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs]
         units = self.structure.units_at(float(self.omega[frame]), amplitudes)
-        return broken_invariants(self.structure, self.settings, amplitudes, rows, units)
+        return broken_relations(self.settings, amplitudes, rows, units)
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way; see `hpcsweep.studies.recompute`."""
         return compute_again(self, block, row, run, start)
+
+    @property
+    def covered(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies and amplitudes of the motions, ascending or their range."""
+        frames = range(min(self.n_frames, MAX_FRAMES))
+        return self.omega, np.unique(np.concatenate([self.amplitudes_of(k) for k in frames]))
+
+    def lines(self) -> Iterator[str]:
+        """List the ranges of frequency and amplitude, of first contact, and of the starts."""
+        yield from ranges(self.structure, *self.covered)
+        for line in starting_range(self):
+            yield f"starts:     {line}"
+
+    def warnings(self) -> Iterator[str]:
+        """Return one line for each thing that looks like a mistake in what drives the structure."""
+        continues = self.is_path and "final_state" in self.carried
+        return doubts(self.structure, *self.covered, continues)
+
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
+        """Return the one motion of a run."""
+        return [run]
+
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
+        """Count runs by skip rule, and runs without an orbit."""
+        complete, of = done & (runs["outcome"] == Outcome.COMPLETE), self.settings
+        return {
+            "periods_per_run_window": of.transient_cycles + of.sampling_cycles,
+            "runs_spared": {
+                rule.name.lower(): int((done & (runs["skip_rule"] == rule)).sum())
+                for rule in SkipRule
+                if rule is not SkipRule.NONE
+            },
+            "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
+        }
+
+    def tally(self) -> Tally:
+        """Return a tally of runs for ``summary``."""
+        return RunTally(self)
+
+    def describe(self, run: Place) -> dict[str, Any]:
+        """Describe a run: ``direction``, ``omega``, ``amplitude``."""
+        direction, frame, at = run
+        omega, amplitude = float(self.omega[frame]), float(self.amplitudes_of(frame)[at])
+        return {"direction": self.directions[direction], "omega": omega, "amplitude": amplitude}
+
+    def describe_task(self, task: int) -> str:
+        """Describe a task by its frequency and amplitudes."""
+        (block,) = self.path(task)
+        first, last = self.describe(block.first), self.describe(block.run(block.n_runs - 1))
+        more = f" to {last['amplitude']:.6g}" if block.n_runs > 1 else ""
+        return f"Omega = {first['omega']:.6g}, A = {first['amplitude']:.6g}{more}"
 
     @property
     def _all_settings(self) -> SweepSettings:
@@ -310,9 +341,7 @@ class RunGrid(RunReport, Part):
 
         return is_compiled(self._all_settings, self.structure, worth_specialising(self, n_ranks))
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import warm_up, worth_specialising
 

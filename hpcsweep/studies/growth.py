@@ -1,11 +1,11 @@
 """Interface of studies that grow: rounds of runs, which depend on the results of those before."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
 
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.variable import Coordinate, Variable
 
 
@@ -29,7 +29,7 @@ class Rounds(Protocol):
     def next(self) -> np.ndarray | None:
         """Return the runs of the next round that are not known yet; None if none is left."""
 
-    def derived(self) -> dict[str, np.ndarray]:
+    def derived(self) -> Rows:
         """Return the variables that follow from all rounds."""
 
 
@@ -40,12 +40,10 @@ class Growth(Protocol):
     def at_once(self) -> int:
         """Most runs of a task."""
 
-    def compute(
-        self, blocks: Sequence[Block], state: np.ndarray, poll: Callable[[], None] | None
-    ) -> list[dict[str, np.ndarray]]:
+    def compute(self, blocks: Sequence[Block], state: np.ndarray, poll: Poll) -> list[Rows]:
         """Compute runs of a frame, each a block, from a state."""
 
-    def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
+    def labels(self, rows: Rows) -> np.ndarray:
         """Return what rounds depend on, shape (k, m): first whether a run failed."""
 
     @property

@@ -1,33 +1,30 @@
 """Check the invariants that the numbers of every committed run satisfy."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.settings import MEASURES
+from hpcsweep.studies.blocks import Rows
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.variable import CONTACT_SET, MISSING, RULES, VALID, Variable
 
-ENDED = [outcome for outcome in Outcome if outcome is not Outcome.NOT_COMPUTED]
-"""How a committed run may have ended."""
-ROUNDING = 1e-9
-"""Allowed excess over 1 of a mean modal norm."""
+Broken = dict[str, np.ndarray]
+"""Where each invariant is broken, shape (k,), by what should be so."""
 
 
-def broken_invariants(
-    structure,
-    settings,
-    amplitude: np.ndarray,
-    rows: dict[str, np.ndarray],
-    units: np.ndarray,
-) -> list[tuple[int, str]]:
-    """Check k runs against the invariants of `hpcsweep.studies.sweep.runs`.
+def broken_relations(
+    settings: SweepSettings, amplitude: np.ndarray, rows: Rows, units: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Check k runs against the relations of `hpcsweep.studies.sweep.runs`.
 
     Parameters
     ----------
-    structure : Structure
     settings : SweepSettings
     amplitude : ndarray, shape (k,)
     rows : dict of str to ndarray
@@ -37,36 +34,83 @@ def broken_invariants(
 
     Returns
     -------
-    list of (int, str)
-        Row and message.
+    dict of str to ndarray of bool, shape (k,)
     """
-    broken = {**_of_the_run(settings, rows), **_of_failures(rows)}
+    broken = _of_the_run(settings, rows)
     if "poincare" in rows:
-        broken.update(_of_points(settings, rows, units))
+        broken |= _of_points(settings, rows, units)
     if "contact" in rows:
-        broken.update(_of_contact(structure, rows))
-    complete = rows["outcome"] == Outcome.COMPLETE
+        linear = rows["skip_rule"] == SkipRule.LINEAR
+        broken["contact of a linear run is empty"] = linear & (rows["contact"] != 0)
     if "drift" in rows:
-        drift = rows["drift"]
-        good = np.where(amplitude == 0, np.isnan(drift), np.isfinite(drift) & (drift >= 0))
-        broken["drift is finite and not negative"] = complete & ~good
-    for name in rows.keys() & set(MEASURES):
-        # a contact with a layer also pulls as it closes
-        least = -np.inf if name == "impulse" else 0.0
-        most = 1 + ROUNDING if name == "contact_time" else np.finfo(float).max
-        with np.errstate(invalid="ignore"):
-            good = ((rows[name] >= least) & (rows[name] <= most)).all(axis=1)
-        broken[f"{name} is finite, and a size or a share"] = complete & ~good
-    if "modal_norm" in rows:
-        norm = rows["modal_norm"]
-        with np.errstate(invalid="ignore"):
-            good = ((norm >= 0) & (norm <= 1 + ROUNDING)).all(axis=1)
-        broken["modal_norm lies between 0 and 1"] = complete & ~(good | np.isnan(norm).all(axis=1))
+        unknown = (rows["outcome"] == Outcome.COMPLETE) & np.isnan(rows["drift"])
+        broken["drift is NaN only without forcing"] = unknown & (amplitude != 0)
     if "motion" in rows:
-        broken.update(_of_motion(rows))
-    if "lyapunov" in rows:
-        broken["lyapunov is not +inf"] = rows["lyapunov"] == np.inf
-    return listed(broken)
+        broken |= _of_motion(rows)
+    return broken
+
+
+def of_each(
+    variables: Sequence[Variable], rows: Rows, structure: Structure, slots: Mapping[str, str]
+) -> Broken:
+    """Check what each variable declares: limits or codes, and what it is where there is nothing.
+
+    Parameters
+    ----------
+    variables : sequence of Variable
+    rows : dict of str to ndarray
+        First axis k runs.
+    structure : Structure
+    slots : mapping of str to str
+        By each dimension with room for several things the variable that is above 0 where there is
+        one. Elsewhere, and without such a dimension in runs that are not complete, there is none.
+
+    Returns
+    -------
+    dict of str to ndarray of bool, shape (k,)
+        Where each invariant is broken.
+    """
+    complete = rows["outcome"] == Outcome.COMPLETE
+    unknown = ~np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
+    broken: Broken = {}
+    for v in variables:
+        values, slot = rows[v.name], next((dim for dim in v.dims if dim in slots), "")
+        held = rows[slots[slot]] > 0 if slot else complete
+        inner, outer = tuple(range(held.ndim, values.ndim)), tuple(range(1, held.ndim))
+        # of floats only NaN is not itself
+        nothing = values != values if values.dtype.kind == "f" else values == 0
+        missing = _over(np.all, nothing, inner)
+        rule, least, most = _rule(v)
+        if rule:
+            is_set = v.flags == CONTACT_SET
+            right = (values & unknown) == 0 if is_set else (values >= least) & (values <= most)
+            wrong = ~_over(np.all, right, inner)
+            if v.optional:
+                wrong &= ~missing
+            if v.failed != VALID:
+                wrong &= held
+            broken[f"{v.name} {rule}"] = _over(np.any, wrong, outer)
+        if v.failed == MISSING:
+            where = f"where there is no {slot}" if slot else "of a failed run"
+            broken[f"{v.name} {where} is {v.missing}"] = _over(np.any, ~(held | missing), outer)
+    return broken
+
+
+def _over(function: Callable, values: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
+    # without axes it would cost as much
+    return function(values, axis=axes) if axes else values
+
+
+@cache
+def _rule(v: Variable) -> tuple[str, float, float]:
+    """Return what a variable declares of its values in words, and their limits."""
+    if v.flags == CONTACT_SET:
+        return "has bits of existing contacts only", 0, np.inf
+    if v.flags is not None and not isinstance(v.flags, str):
+        # the numbers of an enumeration follow one another
+        codes = [int(one) for one in v.flags if one or v.limits]
+        return f"is one of {min(codes)} to {max(codes)}", min(codes), max(codes)
+    return (RULES[v.limits], *v.limits) if v.limits else ("", 0, 0)
 
 
 def listed(broken: Mapping[str, np.ndarray]) -> list[tuple[int, str]]:
@@ -78,12 +122,7 @@ def listed(broken: Mapping[str, np.ndarray]) -> list[tuple[int, str]]:
     )
 
 
-def of_outcome(outcome: np.ndarray) -> dict[str, np.ndarray]:
-    """Check that a run ended in a way that is known."""
-    return {"outcome is one of 1 to 4": ~np.isin(outcome, ENDED)}
-
-
-def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
+def _of_the_run(settings: SweepSettings, rows: Rows) -> Broken:
     outcome, skip_rule = rows["outcome"], rows["skip_rule"]
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
@@ -97,35 +136,31 @@ def _of_the_run(settings, rows: dict) -> dict[str, np.ndarray]:
     whole_run = settings.transient_cycles + settings.sampling_cycles
     linear = complete & (skip_rule == SkipRule.LINEAR)
     return {
-        **of_outcome(outcome),
         "skip_rule is a rule the job allows": ~np.isin(skip_rule, used),
-        "orbit_period is at most max_orbit_period": (period < 0)
-        | (period > settings.max_orbit_period),
+        "orbit_period is at most max_orbit_period": period > settings.max_orbit_period,
         "a run that was cut short has an orbit_period": complete
         & ~off
         & (skip_rule != SkipRule.NONE)
         & (period == 0),
         "a linear run has orbit_period 1 and no cycles": linear & ((period != 1) | (cycles != 0)),
-        "cycles is at least that of transient and window": (cycles < 0)
-        | (complete & (skip_rule == SkipRule.NONE) & (cycles < whole_run)),
-        "final_state is finite": ~np.isfinite(rows["final_state"]).all(axis=1),
+        "cycles is at least that of transient and window": complete
+        & (skip_rule == SkipRule.NONE)
+        & (cycles < whole_run),
     }
 
 
-def _of_motion(rows: dict) -> dict[str, np.ndarray]:
-    motion, period, cycles = rows["motion"], rows["orbit_period"], rows["classification_cycles"]
+def _of_motion(rows: Rows) -> Broken:
+    motion, period = rows["motion"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     failed = motion == MotionClass.FAILED
     orbit = (motion == MotionClass.PERIODIC) | (motion == MotionClass.NO_CONTACT)
     broken = {
-        "motion is one of 1 to 7": (motion < 1) | (motion > max(MotionClass)),
         "motion of a failed run is failed, of no other": complete == failed,
         "motion with an orbit_period is periodic or free of contact": complete
         & (period > 0)
         & ~orbit,
         "motion is periodic only with an orbit_period": (motion == MotionClass.PERIODIC)
         & (period == 0),
-        "classification_cycles is not negative": cycles < 0,
     }
     if "contact" in rows:
         free = (rows["contact"] == 0) & complete
@@ -135,58 +170,49 @@ def _of_motion(rows: dict) -> dict[str, np.ndarray]:
     return broken
 
 
-def _of_failures(rows: dict) -> dict[str, np.ndarray]:
-    """Check that a failed run has no results but the state that it reached."""
-    failed = rows["outcome"] != Outcome.COMPLETE
-    broken = {}
-    for name in ("orbit_period", "n_points", "contact"):
-        if name in rows:
-            broken[f"{name} of a failed run is 0"] = failed & (rows[name] != 0)
-    numbers = ("poincare", "drift", "modal_norm", "lyapunov", "lyapunov_low", "lyapunov_high")
-    for name in (*numbers, *MEASURES):
-        if name in rows:
-            kept = ~np.isnan(rows[name]).reshape(failed.size, -1).all(axis=1)
-            broken[f"{name} of a failed run is NaN"] = failed & kept
-    return broken
-
-
-def _of_points(settings, rows: dict, units: np.ndarray) -> dict[str, np.ndarray]:
+def _of_points(settings: SweepSettings, rows: Rows, units: np.ndarray) -> Broken:
     points, n_points, period = rows["poincare"], rows["n_points"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
     window = points.shape[1]
-    expected = np.where(period > 0, period, window)
-    stored = np.arange(window)[None, :] < np.clip(n_points, 0, window)[:, None]
-    finite, missing = np.isfinite(points).all(axis=2), np.isnan(points).all(axis=2)
-    on_path = rows["classification_cycles"] == 0 if "classification_cycles" in rows else complete
+    broken = of_points(rows, complete, np.where(period > 0, period, window), "final_state")
+    if "classification_cycles" in rows:
+        broken["final_state is the last point of poincare"] &= rows["classification_cycles"] == 0
     closes = orbit_period if settings.classify_cycles is None else closed_period
     judged_so = complete & (period == 0) & (n_points == window) & ("motion" not in rows)
-    last = points[np.arange(len(points)), np.clip(n_points, 1, window) - 1]
+    longest, same = settings.max_orbit_period, settings.period_tolerance
     hidden = np.zeros(complete.size, bool)
     for row in np.flatnonzero(judged_so):
-        hidden[row] = (
-            closes(
-                points[row] / units[row],
-                settings.max_orbit_period,
-                settings.period_tolerance,
-            )
-            > 0
-        )
-    return {
-        "n_points is the orbit_period, or all that are stored without one": complete
-        & (n_points != expected),
-        "poincare is finite in n_points points and NaN after": complete
-        & (np.where(stored, finite, missing) == 0).any(axis=1),
-        "final_state is the last point of poincare": complete
-        & on_path
-        & (last != rows["final_state"]).any(axis=1),
-        "orbit_period is 0 only where the points do not repeat": hidden,
-    }
+        hidden[row] = closes(points[row] / units[row], longest, same) > 0
+    return broken | {"orbit_period is 0 only where the points do not repeat": hidden}
 
 
-def _of_contact(structure, rows: dict) -> dict[str, np.ndarray]:
-    contact = rows["contact"]
-    known = np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
-    return {
-        "contact has bits of existing contacts only": (contact & ~known) != 0,
-        "contact of a linear run is empty": (rows["skip_rule"] == SkipRule.LINEAR) & (contact != 0),
+def of_points(rows: Rows, held: np.ndarray, expected: np.ndarray, last: str) -> Broken:
+    """Check which stroboscopic points are stored of what is `held`, in runs or in their slots.
+
+    Parameters
+    ----------
+    rows : dict of str to ndarray
+    held : ndarray of bool
+    expected : ndarray of int
+        Number of points.
+    last : str
+        Name of the variable that is the last of them.
+
+    Returns
+    -------
+    dict of str to ndarray of bool, shape (k,)
+    """
+    points, count = rows["poincare"], np.where(held, rows["n_points"], 0)
+    room = points.shape[-2]
+    stored = np.arange(room) < count[..., None]
+    finite, missing = np.isfinite(points).all(axis=-1), np.isnan(points).all(axis=-1)
+    end = np.take_along_axis(points, np.clip(count, 1, room)[..., None, None] - 1, -2)[..., 0, :]
+    broken = {
+        "n_points is the orbit_period, or all that are stored without one": count != expected,
+        "poincare is finite in n_points points and NaN after": np.any(
+            np.where(stored, finite, missing) == 0, axis=-1
+        ),
+        f"{last} is the last point of poincare": (end != rows[last]).any(axis=-1),
     }
+    outer = tuple(range(1, held.ndim))
+    return {name: np.any(held & where, axis=outer) for name, where in broken.items()}

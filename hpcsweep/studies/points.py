@@ -5,16 +5,15 @@ held by `forcing_amplitude`. Each block of points is a task, one point unless th
 blocks, so that a study scales to as many ranks as it has points.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.blocks import Poll, Rows
+from hpcsweep.studies.grid_kinds import MappedRuns
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
-from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.runs import frame_runs
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import AMPLITUDE
@@ -26,7 +25,7 @@ POINTS = Key("points", "list of pairs [A, Omega], in place of `sweep.omega` and 
 
 
 @dataclass(frozen=True, eq=False)
-class Points(IndependentRuns):
+class Points(MappedRuns):
     """Points of a grid or a list, a block of them a task; see `RunGrid`.
 
     Attributes
@@ -116,16 +115,10 @@ class Points(IndependentRuns):
         own = [(FORCING_AMPLITUDE, self.amplitude)] if self.listed else []
         return super().given + own
 
-    def rows(
-        self,
-        frame: int,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute runs, each from the same state."""
         runs = frame_runs(self.moving, float(self.omega[frame]), self.settings)
-        return runs.each(amplitudes, state, poll)
+        return runs.each(self.amplitudes_of(frame)[places], state, poll)
 
 
 def _is_pair(value: object) -> bool:

@@ -18,7 +18,7 @@ As it was: the whole run from the stored state of the previous run, by ``flow``.
 path: if the run was periodic and the file's solver is ``flow``, the points must be the same.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -26,9 +26,9 @@ import numpy as np
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Rows
 from hpcsweep.studies.run_names import run_name
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import RunAgain, Study
 
 STEPS = 3
 """Forcing periods of an aperiodic run that are computed again."""
@@ -41,51 +41,13 @@ MIN_ALLOWED = 1e-7
 """Smallest difference allowed; closed forms and integrators meet no closer."""
 
 
-@dataclass
-class RunAgain:
-    """Result of recomputing one run.
-
-    Attributes
-    ----------
-    at : str
-        Which run.
-    solver : str
-        The other solver.
-    omega, amplitude : float
-        Of a motion.
-    orbit_period : int
-        0 of what is no orbit.
-    compared : str
-        What was compared with it.
-    difference, allowed : float or None
-        Largest difference of a point (in units of the state), and the allowed one; None if nothing
-        could be compared.
-    whole_run : str
-        Outcome of the whole run by ``flow``: ``equal`` to the last bit, ``same`` within the
-        allowed difference, ``other`` points.
-    problem : str
-        '' if there is none.
-    """
-
-    at: str
-    solver: str
-    omega: float = 0.0
-    amplitude: float = 0.0
-    orbit_period: int = 0
-    compared: str = ""
-    difference: float | None = None
-    allowed: float | None = None
-    whole_run: str = ""
-    problem: str = ""
-
-
 class Computed(Study, Protocol):
     """Study whose runs are computed one by one, with other settings too: a dataclass."""
 
     def with_settings(self, **changes: Any) -> "Computed":
         """Return the same study with other settings."""
 
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
         """Compute one run alone from a state."""
 
 

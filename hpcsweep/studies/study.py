@@ -9,21 +9,18 @@ tasks to ranks, `checks` has its runs recomputed; none of them knows which study
 is a module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, BlockTable, Place
+from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.growth import Growth
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate, Variable
-
-Amplitudes = Sequence[float] | np.ndarray
-"""In the order in which they are computed, shape (k,)."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +51,44 @@ class Axis:
         """The values as stored in the file."""
         types: dict[type, Any] = {int: "<i8", float: "<f8", str: object}
         return Coordinate(np.array(self.values, types[type(self.values[0])]), self.units, self.key)
+
+
+@dataclass
+class RunAgain:
+    """Result of recomputing one run.
+
+    Attributes
+    ----------
+    at : str
+        Which run.
+    solver : str
+        The other solver.
+    omega, amplitude : float
+        Of a motion.
+    orbit_period : int
+        0 of what is no orbit.
+    compared : str
+        What was compared with it.
+    difference, allowed : float or None
+        Largest difference of a point (in units of the state), and the allowed one; None if nothing
+        could be compared.
+    whole_run : str
+        Outcome of the whole run by ``flow``: ``equal`` to the last bit, ``same`` within the
+        allowed difference, ``other`` points.
+    problem : str
+        '' if there is none.
+    """
+
+    at: str
+    solver: str
+    omega: float = 0.0
+    amplitude: float = 0.0
+    orbit_period: int = 0
+    compared: str = ""
+    difference: float | None = None
+    allowed: float | None = None
+    whole_run: str = ""
+    problem: str = ""
 
 
 class Work(Protocol):
@@ -119,36 +154,24 @@ class Work(Protocol):
     def predecessor(self, block: Block, row: int) -> Place | None:
         """Return the index of the run from whose end state a run starts; None: `initial_state`."""
 
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return the state from which the run after one of the rows starts.
 
         Made of the variables `carried`: the end state, or whatever else the study carries along its
         path; a finite one-dimensional array, stored completely in the file.
         """
 
-    def compute(
-        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute a block from the present state of its path."""
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+    def check(self, block: Block, rows: Rows) -> list[tuple[int, str]]:
         """Return the broken invariants of runs: (row, message)."""
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
-    ) -> tuple[tuple[int, float], int, float]:
-        """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis.
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
+        """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis."""
 
-        Returns
-        -------
-        place : (int, float)
-            Frame, and position along the last axis of the runs, from 0 to 1.
-        n_runs : int
-        seconds : float
-        """
-
-    def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> Any:
-        """Compute a complete stored run again, another way: a `recompute.RunAgain`."""
+    def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+        """Compute a complete stored run again, another way."""
 
 
 class Compiled(Protocol):
@@ -157,9 +180,7 @@ class Compiled(Protocol):
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call; see `warm_up`."""
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call.
 
         With `n_ranks`, for all of its runs on that many ranks, or that share of one: where it
@@ -223,6 +244,10 @@ class Data(Protocol):
         """Variables that are known in advance, with their values."""
 
     @property
+    def starting_range(self) -> dict[str, tuple[int, float, float]]:
+        """Component and range of drawn or gridded starts, by name; empty if there are none."""
+
+    @property
     def n_parts(self) -> int:
         """Number of points of `axes`."""
 
@@ -234,6 +259,20 @@ class Data(Protocol):
 
     def part_of(self, block: Block) -> tuple["Study", Block]:
         """Return the part to which a block belongs, and the block with its index there."""
+
+
+class Tally(Protocol):
+    """Counts over the runs of a study, for ``summary``."""
+
+    @property
+    def done(self) -> int:
+        """Number of computed runs."""
+
+    def add(self, frame: Any, study: Any) -> None:
+        """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts: numbers, strings, lists and dicts."""
 
 
 class Report(Protocol):
@@ -267,13 +306,13 @@ class Report(Protocol):
     def describe_task(self, task: int) -> str:
         """Describe a task by its frequency and other properties."""
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the motions of a run, each as the variables of a run of a sweep.
 
         One that is not at the run's own place has its ``omega``, ``amplitude`` or ``structure``.
         """
 
-    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count, for ``status``, what only this kind of study reports.
 
         Parameters
@@ -283,7 +322,7 @@ class Report(Protocol):
             The variables `status_variables`, ``outcome`` and ``cycles``.
         """
 
-    def tally(self) -> Any:
+    def tally(self) -> Tally:
         """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
 
 

@@ -1,6 +1,7 @@
 """Count over the runs of a study, for its summary: cost, kinds of motion, failures."""
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
@@ -9,47 +10,97 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import MEASURES
+from hpcsweep.studies.study import Study
+from hpcsweep.studies.variable import Variable
 
 
-class RunTally:
-    """Tally of runs, frame by frame.
+class BaseTally:
+    """Counts over the runs of a study, frame by frame, of runs of any kind."""
 
-    ``window_test`` is None where motions were not classified; otherwise, over the ``runs`` with a
-    completely integrated window, it counts the periods claimed by the points of the window that are
-    ``wrong``, and those ``missed``.
-    """
+    measures: tuple[str, ...] = MEASURES
+    """Variables whose largest value is told, and where it is."""
 
-    def __init__(self, study):
+    def __init__(self, study: Study):
         self._study = study
-        self._settings = study.settings
-        self.classes = np.zeros((len(study.directions), len(MotionClass)), int)
-        self.outcomes = np.zeros(len(Outcome), int)
-        self.skip_rules = np.zeros(len(SkipRule), int)
-        self.periods: Counter[int] = Counter()
-        self.contacts: Counter[int] = Counter()
-        self.window = {"runs": 0, "wrong": 0, "missed": 0}
+        self.outcomes: Counter[int] = Counter()
         self.cycles = 0
         self.largest: dict[str, dict] = {}
 
     @property
     def done(self) -> int:
         """Number of computed runs."""
-        return int(self.classes[:, MotionClass.NO_CONTACT :].sum())
+        return self.outcomes.total() - self.outcomes[Outcome.NOT_COMPUTED]
 
-    def add(self, frame, study) -> None:
+    def add(self, frame, study: Study) -> None:
         """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
+        count(self.outcomes, frame["outcome"].values)
+        if "cycles" in frame:
+            there = frame["outcome"].values != Outcome.NOT_COMPUTED
+            self.cycles += int(frame["cycles"].values[there].sum())
+        for variable in study.variables:
+            if variable.name in self.measures and variable.name in frame:
+                self._add_largest(frame[variable.name], variable, study, frame.attrs["part"])
+
+    def _add_largest(self, array, variable: Variable, study: Study, part: str) -> None:
+        """Update the largest value of a measure, and its place."""
+        if not np.isfinite(array.values).any():
+            return
+        place = np.unravel_index(int(np.nanargmax(array.values)), array.shape)
+        at = array.isel(dict(zip(array.dims, place, strict=True)))
+        if float(at) > self.largest.get(variable.name, {"value": -np.inf})["value"]:
+            self.largest[variable.name] = {
+                "value": float(at),
+                "units": unit_of(study.structure, variable.units),
+                "of": str(at[array.dims[-1]].item()),
+                **self._place(at, study, part),
+            }
+
+    def _place(self, at, study: Any, part: str) -> dict[str, Any]:
+        """Return the place of a value of a frame."""
+        del part
+        omega = float(at["omega"] if "omega" in at.coords else study.omega[0])
+        return {"amplitude": float(at["amplitude"]), "omega": omega}
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts: numbers, strings, lists and dicts."""
+        return {
+            "periods_per_run": self.cycles / self.done if self.done else None,
+            "largest": self.largest,
+            "failures": {
+                outcome.name: self.outcomes[outcome]
+                for outcome in Outcome
+                if outcome not in (Outcome.NOT_COMPUTED, Outcome.COMPLETE)
+            },
+        }
+
+
+class RunTally(BaseTally):
+    """Tally of runs.
+
+    ``window_test`` is None where motions were not classified; otherwise, over the ``runs`` with a
+    completely integrated window, it counts the periods claimed by the points of the window that are
+    ``wrong``, and those ``missed``.
+    """
+
+    def __init__(self, study: Study):
+        super().__init__(study)
+        self.classes = np.zeros((len(study.directions), len(MotionClass)), int)
+        self.skip_rules: Counter[int] = Counter()
+        self.periods: Counter[int] = Counter()
+        self.contacts: Counter[int] = Counter()
+        self.window = {"runs": 0, "wrong": 0, "missed": 0}
+
+    def add(self, frame, study: Study) -> None:
+        """Count the runs of one frame; see `BaseTally.add`."""
+        super().add(frame, study)
         classes = classify(frame, study.settings, study.structure.units_at)[:, 0]
         for row, kinds in zip(self.classes, classes, strict=True):
             row += np.bincount(kinds, minlength=row.size)
         outcome = frame["outcome"].values[:, 0]
-        there = outcome != Outcome.NOT_COMPUTED
-        self.outcomes += np.bincount(outcome.ravel(), minlength=self.outcomes.size)
-        skip_rule = frame["skip_rule"].values[:, 0][there]
-        self.skip_rules += np.bincount(skip_rule, minlength=self.skip_rules.size)
-        self.cycles += int(frame["cycles"].values[:, 0][there].sum())
+        computed = frame["skip_rule"].values[:, 0][outcome != Outcome.NOT_COMPUTED]
+        count(self.skip_rules, computed)
         if "motion" in frame:
             self._compare(frame)
-        add_largest(self.largest, frame, study)
         periodic = classes == MotionClass.PERIODIC
         count(self.periods, frame["orbit_period"].values[:, 0][periodic])
         if "contact" in frame:
@@ -63,56 +114,29 @@ class RunTally:
         self.window["wrong"] += int((tested & (window > 0) & (window != period)).sum())
         self.window["missed"] += int((tested & (window == 0) & (period > 0)).sum())
 
-    def summary(self) -> dict:
-        """Return the counts: numbers, strings, lists and dicts."""
-        done, settings = self.done, self._settings
-        labels = self._study.structure.contact_labels
-        return {
-            "periods_per_run": self.cycles / done if done else None,
+    def summary(self) -> dict[str, Any]:
+        """Return the counts; see `BaseTally.summary`."""
+        settings = self._study.settings
+        return super().summary() | {
             "periods_per_run_window": settings.transient_cycles + settings.sampling_cycles,
             "skip_rules": {
-                rule.name.lower(): share(int(self.skip_rules[rule]), done) for rule in SkipRule
+                rule.name.lower(): share(self.skip_rules[rule], self.done) for rule in SkipRule
             },
             "classes": class_shares(self.classes.sum(axis=0)),
             "by_direction": {
                 direction: class_shares(counts)
                 for direction, counts in zip(self._study.directions, self.classes, strict=True)
             },
-            "periods": shares(self.periods, done, sorted(self.periods)),
+            "periods": shares(self.periods, self.done),
             "window_test": self.window if settings.classify_cycles else None,
-            "contact_sets": {
-                contact_name(contact, labels): share(count, done)
-                for contact, count in self.contacts.most_common()
-            },
-            "largest": self.largest,
-            "failures": failures(self.outcomes),
+            "contact_sets": contact_shares(self.contacts, self.done, self._study),
         }
-
-
-def add_largest(largest: dict[str, dict], frame, study) -> None:
-    """Update the largest value of each measure, by name, and its place, from a frame of a study."""
-    quantities = {variable.name: variable.units for variable in study.variables}
-    for name in MEASURES:
-        if name not in frame or not np.isfinite(frame[name].values).any():
-            continue
-        array = frame[name]
-        place = np.unravel_index(int(np.nanargmax(array.values)), array.shape)
-        at = array.isel(dict(zip(array.dims, place, strict=True)))
-        if float(at) > largest.get(name, {"value": -np.inf})["value"]:
-            largest[name] = {
-                "value": float(at),
-                "units": unit_of(study.structure, quantities[name]),
-                "of": str(at[array.dims[-1]].item()),
-                "amplitude": float(at["amplitude"]),
-                "omega": float(at["omega"] if "omega" in at.coords else study.omega[0]),
-            }
 
 
 def count(counter: Counter[int], values: np.ndarray) -> None:
     """Count values."""
     found, counts = np.unique(values, return_counts=True)
-    for value, count in zip(found.tolist(), counts.tolist(), strict=True):
-        counter[value] += count
+    counter.update(dict(zip(found.tolist(), counts.tolist(), strict=True)))
 
 
 def share(count: int, done: int) -> dict:
@@ -120,17 +144,17 @@ def share(count: int, done: int) -> dict:
     return {"runs": count, "share": count / done if done else None}
 
 
-def shares(counter: Counter[int], done: int, names: list[int]) -> dict[int, dict]:
-    """Return the shares of all counts."""
-    return {name: share(counter[name], done) for name in names}
+def shares(counter: Counter[int], done: int) -> dict[int, dict]:
+    """Return the shares of all counts, ascending."""
+    return {name: share(counter[name], done) for name in sorted(counter)}
 
 
-def failures(outcomes: np.ndarray) -> dict[str, int]:
-    """Count the runs that did not complete, by outcome."""
+def contact_shares(counter: Counter[int], done: int, study: Study) -> dict[str, dict]:
+    """Return the shares of sets of contacts by their names, the most frequent first."""
+    labels = study.structure.contact_labels
     return {
-        outcome.name: int(outcomes[outcome])
-        for outcome in Outcome
-        if outcome not in (Outcome.NOT_COMPUTED, Outcome.COMPLETE)
+        contact_name(contact, labels): share(number, done)
+        for contact, number in counter.most_common()
     }
 
 

@@ -2,11 +2,28 @@
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 CONTACT_SET = "contact set"
+Limits = tuple[float, float]
+LARGEST = float(np.finfo(float).max)
+FINITE, SIZE = (-LARGEST, LARGEST), (0.0, LARGEST)
+COUNT, POSITIVE = (0, np.inf), (1, np.inf)
+SHARE = (0.0, 1.0 + 1e-9)
+"""A mean of shares exceeds 1 by rounding."""
+BELOW_INFINITY = (-np.inf, LARGEST)
+RULES = {
+    FINITE: "is finite",
+    SIZE: "is finite and not negative",
+    COUNT: "is at least 0",
+    POSITIVE: "is at least 1",
+    SHARE: "lies between 0 and 1",
+    BELOW_INFINITY: "is not +inf",
+}
+"""Limits in words."""
+MISSING, VALID, ANY = "missing", "valid", "any"
 
 
 @dataclass(frozen=True)
@@ -21,6 +38,13 @@ class Variable:
     units, long_name : str
     flags : type[IntEnum] or str, optional
         What its numbers mean: an enumeration, or `CONTACT_SET`, a bit for each contact.
+    limits : (float, float), optional
+        Least and largest valid value, of `RULES`; None: what is valid depends on other variables.
+        Codes are those of `flags` but 0, which is valid where there are limits.
+    optional : bool
+        Whether it may be missing in a complete run.
+    failed : str
+        What a failed run has: the `MISSING` value, a `VALID` one, or `ANY`.
     """
 
     name: str
@@ -29,6 +53,9 @@ class Variable:
     units: str
     long_name: str
     flags: "type[IntEnum] | str | None" = None
+    limits: Limits | None = None
+    optional: bool = False
+    failed: str = MISSING
 
     @property
     def missing(self) -> float:
@@ -38,6 +65,34 @@ class Variable:
     def along(self, names: tuple[str, ...]) -> "Variable":
         """Return the same variable with further leading dimensions."""
         return replace(self, dims=(*names, *self.dims))
+
+
+def real(
+    name: str, dims: tuple[str, ...], units: str, long_name: str, limits=SIZE, **rules: Any
+) -> Variable:
+    """Return a variable of real numbers, by default sizes."""
+    return Variable(name, dims, "<f8", units, long_name, limits=limits, **rules)
+
+
+def count(
+    name: str, dims: tuple[str, ...], long_name: str, units: str = "1", limits=COUNT, **rules: Any
+) -> Variable:
+    """Return a variable of whole numbers, by default counts."""
+    return Variable(name, dims, "<i4", units, long_name, limits=limits, **rules)
+
+
+def code(
+    name: str, dims: tuple[str, ...], flags: type[IntEnum], long_name: str, **rules: Any
+) -> Variable:
+    """Return a variable of the numbers of an enumeration."""
+    return Variable(name, dims, "<i1", "1", long_name, flags, **rules)
+
+
+def contacts(
+    name: str, dims: tuple[str, ...], long_name: str = "contact set, bit k - 1 for contact k"
+) -> Variable:
+    """Return a variable of sets of contacts."""
+    return Variable(name, dims, "<u8", "1", long_name, CONTACT_SET)
 
 
 class Coordinate(NamedTuple):

@@ -5,95 +5,100 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.settings import CONTACT_MEASURES, FLOOR_MEASURES, MEASURES, SweepSettings
-from hpcsweep.studies.variable import CONTACT_SET, Coordinate, Variable
+from hpcsweep.studies.variable import (
+    BELOW_INFINITY,
+    COUNT,
+    FINITE,
+    SHARE,
+    VALID,
+    Coordinate,
+    Variable,
+    code,
+    contacts,
+    count,
+    real,
+)
 
 STATES = "length; velocity"
 RUN = ("direction", "omega", "amplitude")
 """Dimensions of a run."""
 
-CYCLES = Variable("cycles", RUN, "<i4", "forcing periods", "forcing periods integrated")
-OUTCOME = Variable(
-    "outcome",
-    RUN,
-    "<i1",
-    "1",
+CYCLES = count("cycles", RUN, "forcing periods integrated", "forcing periods", failed=VALID)
+OUTCOME = code(
+    *("outcome", RUN, Outcome),
     "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
-    Outcome,
+    failed=VALID,
 )
+SKIP_RULE = code(
+    *("skip_rule", RUN, SkipRule),
+    "rule that spared periods: 0 none, 1 linear, 2 converged, 3 newton",
+    limits=COUNT,
+    failed=VALID,
+)
+DRIFT = real("drift", RUN, "A / Omega^2", "normalised peak interstorey drift", optional=True)
+MODAL_NORM = real(
+    "modal_norm", (*RUN, "mode"), "1", "mean modal norm free of contact", SHARE, optional=True
+)
+LYAPUNOV = real("lyapunov", RUN, "rate", "largest Lyapunov exponent", BELOW_INFINITY, optional=True)
 RUN_VARIABLES = (
-    Variable("poincare", (*RUN, "point", "state"), "<f8", STATES, "stroboscopic points"),
-    Variable("n_points", RUN, "<i4", "1", "number of stroboscopic points stored"),
-    Variable("orbit_period", RUN, "<i4", "forcing periods", "orbit period, 0 if none was found"),
-    Variable("contact", RUN, "<u8", "1", "contact set, bit k - 1 for contact k", CONTACT_SET),
-    Variable("drift", RUN, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
-    Variable("modal_norm", (*RUN, "mode"), "<f8", "1", "mean modal norm free of contact"),
-    Variable("storey_drift", (*RUN, "storey"), "<f8", "length", "peak drift of each storey"),
-    Variable("displacement", (*RUN, "floor"), "<f8", "length", "peak displacement of each floor"),
-    Variable(
-        "acceleration",
-        (*RUN, "floor"),
-        "<f8",
-        "acceleration",
-        "peak absolute acceleration of each floor",
+    real("poincare", (*RUN, "point", "state"), STATES, "stroboscopic points", None),
+    count("n_points", RUN, "number of stroboscopic points stored"),
+    count("orbit_period", RUN, "orbit period, 0 if none was found", "forcing periods"),
+    contacts("contact", RUN),
+    DRIFT,
+    MODAL_NORM,
+    real("storey_drift", (*RUN, "storey"), "length", "peak drift of each storey"),
+    real("displacement", (*RUN, "floor"), "length", "peak displacement of each floor"),
+    real(
+        "acceleration", (*RUN, "floor"), "acceleration", "peak absolute acceleration of each floor"
     ),
-    Variable("contact_force", (*RUN, "stop"), "<f8", "force", "peak force of each contact"),
-    Variable("impacts", (*RUN, "stop"), "<f8", "1", "closings of each contact a forcing period"),
-    Variable("impact_velocity", (*RUN, "stop"), "<f8", "velocity", "largest closing speed"),
-    Variable("impulse", (*RUN, "stop"), "<f8", "impulse", "impulse of each contact a period"),
-    Variable("contact_time", (*RUN, "stop"), "<f8", "1", "share of time each contact is closed"),
-    Variable("lyapunov", RUN, "<f8", "rate", "largest Lyapunov exponent"),
-    Variable("lyapunov_low", RUN, "<f8", "rate", "its 95 % confidence interval, lower end"),
-    Variable("lyapunov_high", RUN, "<f8", "rate", "its 95 % confidence interval, upper end"),
-    Variable(
-        "motion",
-        RUN,
-        "<i1",
-        "1",
+    real("contact_force", (*RUN, "stop"), "force", "peak force of each contact"),
+    real("impacts", (*RUN, "stop"), "1", "closings of each contact a forcing period"),
+    real("impact_velocity", (*RUN, "stop"), "velocity", "largest closing speed"),
+    # a contact with a layer also pulls as it closes
+    real("impulse", (*RUN, "stop"), "impulse", "impulse of each contact a period", FINITE),
+    real("contact_time", (*RUN, "stop"), "1", "share of time each contact is closed", SHARE),
+    LYAPUNOV,
+    real("lyapunov_low", RUN, "rate", "its 95 % confidence interval, lower end", None),
+    real("lyapunov_high", RUN, "rate", "its 95 % confidence interval, upper end", None),
+    code(
+        *("motion", RUN, MotionClass),
         "motion: 1 no contact, 2 periodic, 3 long period, 4 quasi-periodic, 5 chaotic, "
         "6 undecided, 7 failed",
-        MotionClass,
+        failed=VALID,
     ),
-    Variable(
-        "window_class",
-        RUN,
-        "<i1",
-        "1",
+    code(
+        *("window_class", RUN, MotionClass),
         "what the window shows by itself, as of motion: 1 no contact, 2 repeats, 5 chaotic, "
         "6 undecided; 0 without a window",
-        MotionClass,
+        limits=COUNT,
     ),
-    Variable(
-        "window_period",
-        RUN,
-        "<i4",
-        "forcing periods",
+    count(
+        *("window_period", RUN),
         "period after which the points of the window repeat, 0 if they do not, -1 if no whole "
         "window was integrated",
-    ),
-    Variable(
-        "classification_cycles",
-        RUN,
-        "<i4",
         "forcing periods",
-        "forcing periods integrated after the window until the motion was classified",
+        None,
     ),
-    Variable("final_state", (*RUN, "state"), "<f8", STATES, "state after the last period"),
+    count(
+        *("classification_cycles", RUN),
+        "forcing periods integrated after the window until the motion was classified",
+        "forcing periods",
+    ),
+    real(
+        "final_state", (*RUN, "state"), STATES, "state after the last period", FINITE, failed=VALID
+    ),
     CYCLES,
     OUTCOME,
-    Variable(
-        "skip_rule",
-        RUN,
-        "<i1",
-        "1",
-        "rule that spared periods: 0 none, 1 linear, 2 converged, 3 newton",
-        SkipRule,
-    ),
+    SKIP_RULE,
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")
-STOREY_HEIGHT = Variable("storey_height", ("storey",), "<f8", "length", "height of each storey")
+STOREY_HEIGHT = real("storey_height", ("storey",), "length", "height of each storey")
 COMMIT = Variable("commit", ("direction", "omega", "block"), "<u8", "1", "checksum of a block")
 DRIFT_RATIO = "peak storey drift ratio"
 AMPLITUDE = ("acceleration", "forcing amplitude A")
@@ -116,8 +121,8 @@ def run_variables(settings: SweepSettings) -> list[Variable]:
 
 
 def empty_results(
-    variables: list[Variable], structure, n_runs: int, **sizes: int
-) -> dict[str, np.ndarray]:
+    variables: list[Variable], structure: Structure, n_runs: int, **sizes: int
+) -> Rows:
     """Allocate the results of `n_runs` runs, as for failed ones.
 
     Parameters
@@ -146,10 +151,14 @@ def empty_results(
 
 def measures_of_each(each: tuple[str, ...]) -> list[Variable]:
     """Return the measures as variables with leading dimensions `each`."""
-    return [replace(v, dims=(*each, v.dims[-1])) for v in RUN_VARIABLES if v.name in MEASURES]
+    return [
+        replace(v, dims=(*each, v.dims[-1]), optional=True)
+        for v in RUN_VARIABLES
+        if v.name in MEASURES
+    ]
 
 
-def storey_heights(structure) -> list[tuple[Variable, np.ndarray]]:
+def storey_heights(structure: Structure) -> list[tuple[Variable, np.ndarray]]:
     """Return the heights of the storeys as a variable, where they are known."""
     heights = structure.names.storey_heights
     return [(STOREY_HEIGHT, np.array(heights))] if heights else []
@@ -173,17 +182,17 @@ def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
     return Coordinate(np.array(names, object), "1", long_name)
 
 
-def state_names(structure) -> list[str]:
+def state_names(structure: Structure) -> list[str]:
     """Return the names of the components of a state: u_1 .. v_n, of buildings u_A1 ..."""
     return [f"{letter}_{floor}" for letter in "uv" for floor in structure.floor_names]
 
 
-def states(structure) -> Coordinate:
+def states(structure: Structure) -> Coordinate:
     """Make the coordinate of the components of a state."""
     return named(state_names(structure), "state component")
 
 
-def measure_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
+def measure_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions of the requested measures: storeys, floors, contacts."""
     floors = structure.floor_names
     n_drifts = len(structure.drift_rows)

@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.seeds import Reader
-from hpcsweep.studies.study import Axis, Study
+from hpcsweep.studies.study import Axis, RunAgain, Study
 from hpcsweep.studies.variable import Coordinate, Variable
 
 PARTS_KEPT = 64
@@ -177,21 +176,17 @@ class Varied:
         before = self.base.predecessor(self.base.block(block.place[n:]), row)
         return None if before is None else block.place[:n] + before
 
-    def compute(
-        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute a block from the present state of its path; rows in file order."""
         part, inner = self.part_of(block)
         return part.compute(inner, state, poll)
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
+    def check(self, block: Block, rows: Rows) -> list[tuple[int, str]]:
         """Return the broken invariants of runs: (row, message)."""
         part, inner = self.part_of(block)
         return part.check(inner, rows)
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
-    ) -> tuple[tuple[int, float], int, float]:
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a frame of a part; frames are counted through all parts."""
         number, frame = divmod(int(share * self.n_frames), self.base.n_frames)
         part = self.part(self._place(number))
@@ -232,9 +227,7 @@ class Varied:
         """Return whether the cache is known to hold all that its runs call."""
         return all(part.is_compiled(self._share(n_ranks)) for part in self._parts_by_kernels())
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         for part in self._parts_by_kernels():
             part.warm_up(say, self._share(n_ranks))

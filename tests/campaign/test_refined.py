@@ -250,7 +250,7 @@ def test_the_number_of_attractors_is_refined_point_by_point(tmp_path):
     row = NUMBER.replace("refine = {levels = 2, wrong = 0.6}", "")
     study = parse_job(row, "row", "row").study
     for frame, at in ((3, 0), (12, 13)):
-        alone = study.rows(frame, study.amplitude[at : at + 1], study.initial_state)
+        alone = study.runs_at(frame, np.array([at]), study.initial_state)
         stored = results["poincare"].values[0, frame, at]
         assert np.array_equal(stored, alone["poincare"][0], equal_nan=True)
     assert validate(path, samples=1).problems == []

@@ -198,8 +198,8 @@ def altered(**changes):
     """Return a study whose results are changed before they are committed."""
 
     class Altered(AmplitudeSweep):
-        def rows(self, *arguments):
-            result = super().rows(*arguments)
+        def runs_at(self, *arguments):
+            result = super().runs_at(*arguments)
             for name, change in changes.items():
                 result[name] = change(result[name])
             return result
@@ -242,7 +242,7 @@ def test_a_broken_promise_is_found_under_a_checksum_that_holds(tmp_path, name, c
         ("motion", lambda v: v * 0 + 5, "an orbit_period is periodic or free of contact"),
         ("orbit_period", lambda v: v * 0, "motion is periodic only with an orbit_period"),
         ("contact", lambda v: v | np.uint64(1), "motion is free of contact where contact is empty"),
-        ("classification_cycles", lambda v: v - 1, "classification_cycles is not negative"),
+        ("classification_cycles", lambda v: v - 1, "classification_cycles is at least 0"),
     ],
 )
 def test_a_broken_promise_of_a_decided_motion_is_found(tmp_path, name, change, promise):
@@ -257,8 +257,8 @@ def test_a_window_that_repeats_has_a_period(tmp_path):
     plain = UNDECIDED.replace("[output]", '[solver]\nskip = "none"\n[output]')
 
     class Forgetful(AmplitudeSweep):
-        def rows(self, *arguments):
-            return AmplitudeSweep.rows(self.with_settings(period_tolerance=1e-300), *arguments)
+        def runs_at(self, *arguments):
+            return AmplitudeSweep.runs_at(self.with_settings(period_tolerance=1e-300), *arguments)
 
     make(path, plain, Forgetful)
     report = validate(path, samples=0)
@@ -268,10 +268,10 @@ def test_a_window_that_repeats_has_a_period(tmp_path):
 class OfAnotherStructure(AmplitudeSweep):
     """Results that are not those of the job."""
 
-    def rows(self, *arguments):
+    def runs_at(self, *arguments):
         own = self.structure
         other = Structure(own.n_floors, own.stiffness_ratio * 1.001, 4e3, 0.0501)
-        return AmplitudeSweep.rows(replace(self, structure=other), *arguments)
+        return AmplitudeSweep.runs_at(replace(self, structure=other), *arguments)
 
 
 HYSTERESIS = """
@@ -295,9 +295,9 @@ block = 3
 class NotFollowing(AmplitudeSweep):
     """Every run from rest: each ends on an orbit, but not always on the one the path leads to."""
 
-    def rows(self, frame, amplitudes, state, poll=None):
+    def runs_at(self, frame, places, state, poll=None):
         runs = frame_runs(self.structure, float(self.omega[frame]), self.settings)
-        return runs.each(amplitudes, np.zeros_like(state), poll)
+        return runs.each(self.amplitude[places], np.zeros_like(state), poll)
 
 
 @pytest.mark.slow

@@ -265,8 +265,8 @@ class Nothing(AmplitudeSweep):
     def warm_up(self, say=None, n_ranks=None):
         pass
 
-    def rows(self, frame, amplitudes, state, poll=None):
-        result = empty_rows(self.structure, len(amplitudes), self.settings)
+    def runs_at(self, frame, places, state, poll=None):
+        result = empty_rows(self.structure, len(places), self.settings)
         result["final_state"][:], result["outcome"][:] = 0.0, 1
         return result
 
@@ -301,11 +301,11 @@ def test_memory_of_a_rank_does_not_grow_with_the_frames(tmp_path, physics, frame
 class Failing(AmplitudeSweep):
     """Results of which some failed."""
 
-    def rows(self, frame, amplitudes, state, poll=None):
-        result = empty_rows(self.structure, len(amplitudes), self.settings)
+    def runs_at(self, frame, places, state, poll=None):
+        result = empty_rows(self.structure, len(places), self.settings)
         result["final_state"][:] = 0.0
         result["outcome"][:] = Outcome.COMPLETE
-        result["outcome"][np.asarray(amplitudes) > 0.2] = Outcome.STEP_LIMIT
+        result["outcome"][self.amplitude[places] > 0.2] = Outcome.STEP_LIMIT
         if self.omega[frame] > 0.75:
             result["outcome"][0] = Outcome.NON_FINITE
         return result
@@ -360,11 +360,11 @@ def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
     calls = []
 
     class UntilThe15th(AmplitudeSweep):
-        def rows(self, *arguments):
+        def runs_at(self, *arguments):
             calls.append(1)
             if len(calls) > 15:
                 raise Stop
-            return super().rows(*arguments)
+            return super().runs_at(*arguments)
 
     job = parse_job(SMALL, "small", "small")
     path = tmp_path / "part.h5"

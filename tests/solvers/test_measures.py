@@ -22,9 +22,7 @@ from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.observe.drift import SAME_PEAK
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.measures import IMPACT_FLAG
-from hpcsweep.studies.invariants import broken_invariants
 from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES
-from hpcsweep.studies.sweep.runs import frame_runs
 
 ALL = sum(PEAK_FLAGS) + IMPACT_FLAG
 OUTPUT = "".join(f"{name} = true\n" for name in MEASURES)
@@ -277,15 +275,17 @@ def test_attractors_and_basins_have_those_of_a_sweep_that_ends_on_them(tmp_path)
 def test_a_measure_that_cannot_be_is_found():
     text = SMALL.replace("count = 11", "count = 3") + OUTPUT
     study = parse_job(text, "job", "job").study
-    structure, amplitude = study.structure, np.array([0.3])
-    rows = frame_runs(structure, 0.6, study.settings).follow(amplitude, np.zeros(4))
-    units = structure.units_at(0.6, amplitude)
+    block = study.block((0, 1, 0))
+    rows = study.compute(block, np.zeros(4))
 
     def wrong(changed: dict) -> list[str]:
-        found = broken_invariants(structure, study.settings, amplitude, rows | changed, units)
-        return [words for _, words in found]
+        return sorted({words for _, words in study.check(block, rows | changed)})
 
     assert wrong({}) == []
-    for name, value in (("contact_time", 1.5), ("impacts", -1.0), ("impulse", np.inf)):
+    for name, value, rule in (
+        ("contact_time", 1.5, "lies between 0 and 1"),
+        ("impacts", -1.0, "is finite and not negative"),
+        ("impulse", np.inf, "is finite"),
+    ):
         damaged = {name: np.full_like(rows[name], value)}
-        assert wrong(damaged) == [f"not so: {name} is finite, and a size or a share"]
+        assert wrong(damaged) == [f"not so: {name} {rule}"]

@@ -13,7 +13,7 @@ from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import Lock, StoreError, is_packed, pack, packing, parts
+from hpcsweep.store import Lock, StoreError, contents, is_packed, pack, packing
 
 
 @pytest.fixture(scope="module")
@@ -128,12 +128,12 @@ def test_what_cannot_be_packed_is_left_as_it_is(copy, tmp_path, monkeypatch):
 def test_chunks_and_parts_cover_a_variable_once(tmp_path):
     with h5py.File(tmp_path / "x.h5", "w") as file:
         for shape in ((2, 3, 1001, 40, 6), (1, 200, 30000), (2, 7, 5), (1, 1, 3, 100, 128), (9,)):
-            chunks = parts.chunk_shape(shape, 8)
-            assert np.prod(chunks) * 8 <= parts.CHUNK_BYTES
+            chunks = contents.chunk_shape(shape, 8)
+            assert np.prod(chunks) * 8 <= contents.CHUNK_BYTES
             data = file.create_dataset(f"x{shape[-1]}", shape, "f8", chunks=chunks)
             seen = np.zeros(shape, int)
-            for part in parts.parts_of(data):
+            for part in contents.parts_of(data):
                 seen[part] += 1
                 held = np.prod([piece.stop - piece.start for piece in part]) * 8
-                assert held <= 2 * parts.COPY_BYTES
+                assert held <= 2 * contents.COPY_BYTES
             assert seen.min() == seen.max() == 1

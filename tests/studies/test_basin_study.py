@@ -127,8 +127,9 @@ def test_the_mirror_image_of_a_slice_has_the_mirrored_basins(tmp_path, whole):
 
 def test_a_row_looks_at_its_messages_as_often_as_it_has_starts():
     study, polls = parse_job(JOB, "x", "x").study, []
-    study.rows(3, study.amplitude, study.initial_state)
-    study.rows(2, study.amplitude, study.initial_state, lambda: polls.append(1))
+    one = np.array([0])
+    study.runs_at(3, one, study.initial_state)
+    study.runs_at(2, one, study.initial_state, lambda: polls.append(1))
     assert len(polls) >= study.polls_per_run == 9
 
 
@@ -137,7 +138,7 @@ def test_a_linear_structure_has_one_basin():
         JOB.replace("stiffness_ratio = 50.0", "stiffness_ratio = 0.0"), "x", "x"
     ).study
     for frame in (0, 6):
-        row = study.rows(frame, study.amplitude, study.initial_state)
+        row = study.runs_at(frame, np.array([0]), study.initial_state)
         assert np.all(row["label"] == 1)
         assert row["hits"][0].tolist() == [9, 0, 0, 0, 0, 0, 0, 0]
         assert row["orbit_period"][0, 0] == 1

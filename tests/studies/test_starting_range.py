@@ -11,7 +11,7 @@ from hpcsweep.commands.cli import main
 from hpcsweep.figures.diagrams.attractor_diagram import starts_words
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.studies.starting_range import starting_range
+from hpcsweep.studies.report import starting_range
 
 METRES = """
 [units]

@@ -24,7 +24,7 @@ from hpcsweep.figures.style import (
     study_of,
 )
 from hpcsweep.studies.attractors.attractors import Attractors
-from hpcsweep.studies.starting_range import starting_range
+from hpcsweep.studies.report import starting_range
 
 NAME = "attractors"
 DRAWS = "attractors"

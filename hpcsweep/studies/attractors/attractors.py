@@ -12,7 +12,7 @@ identity so far: variables of the file, so that a path resumes where it was cut.
 depends only on the structure, A, Omega and the job.
 """
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
@@ -28,18 +28,21 @@ from hpcsweep.studies.attractors.search import (
     MAX_CYCLES,
     SEED,
     STARTS,
+    UNSTORED,
     Limits,
     attractors_as_runs,
+    count_starts,
     read_limits,
 )
 from hpcsweep.studies.attractors.tally import AttractorTally
-from hpcsweep.studies.attractors.variables import attractor_variables
-from hpcsweep.studies.blocks import Block
-from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.attractors.variables import SLOTS, attractor_variables
+from hpcsweep.studies.blocks import Block, Poll, Rows
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.grid_kinds import UP, AlongAmplitudes, MappedRuns
+from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
-from hpcsweep.studies.study import Amplitudes
-from hpcsweep.studies.sweep.amplitude_sweep import UP, AmplitudeSweep
+from hpcsweep.studies.study import Tally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -58,8 +61,8 @@ VELOCITY = Key(
 
 
 @dataclass(frozen=True, eq=False)
-class Attractors(Limits, AmplitudeSweep):
-    """Attractors along amplitudes, a frame a task; see `RunGrid`."""
+class AttractorGrid(Limits, RunGrid):
+    """Attractors of the points of a grid; see `RunGrid`."""
 
     kind: ClassVar[str] = "attractors"
     summary: ClassVar[str] = (
@@ -79,6 +82,7 @@ class Attractors(Limits, AmplitudeSweep):
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
     holds: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"
+    slots: ClassVar[Mapping[str, str]] = SLOTS
     status_variables: ClassVar[tuple[str, ...]] = (
         "n_attractors",
         "n_undecided",
@@ -87,7 +91,7 @@ class Attractors(Limits, AmplitudeSweep):
     )
 
     @classmethod
-    def read(cls, values, **common) -> "Attractors":
+    def read(cls, values, **common) -> "AttractorGrid":
         """Read starts, box and limits of a job; see `RunGrid.read`."""
         structure, settings = common["structure"], common["settings"]
         if values.get("output.poincare", True) is not True:
@@ -153,56 +157,56 @@ class Attractors(Limits, AmplitudeSweep):
             "attractor": numbered(self.max_attractors, "attractor, by falling share"),
         }
 
-    def rows(
-        self,
-        frame: int,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of consecutive amplitudes; `state` is an `end_state`."""
-        return _runs_of(self, float(self.omega[frame])).follow(amplitudes, state, poll)
+        runs = _runs_of(self, float(self.omega[frame]))
+        return runs.follow(self.amplitudes_of(frame)[places], state, poll)
 
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return the attractors of a point, from which the next amplitude starts."""
         points = np.nan_to_num(rows["poincare"][row])
         ids, counts = rows["attractor_id"][row], rows["n_points"][row]
         each = np.column_stack((ids, counts, points.reshape(len(points), -1)))
         return np.concatenate(([float(rows["last_id"][row])], each.ravel()))
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractors of a point as motions in which runs ended."""
         return attractors_as_runs(self.variables, run)
 
-    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count attractors, and the starts that reached no stored one."""
         good = done & (runs["outcome"] == Outcome.COMPLETE)
         number = runs["n_attractors"][good]
-        starts = int(done.sum()) * self.starts
         return {
             "attractors_per_point": float(number.mean()) if number.size else None,
             "points_with_several": int((number > 1).sum()),
             "most_attractors": int(number.max(initial=0)),
-            "starts": starts,
-            "periods_per_start": float(runs["cycles"][done].sum()) / starts if starts else None,
-            "starts_undecided": int(runs["n_undecided"][done].sum()),
-            "starts_failed": int(runs["n_failed"][done].sum()),
-            "starts_elsewhere": int(runs["n_elsewhere"][done].sum()),
+            **count_starts(
+                int(done.sum()) * self.starts,
+                runs["cycles"][done].sum(),
+                (runs[f"n_{name}"][done].sum() for name in UNSTORED),
+            ),
         }
 
-    def tally(self) -> Any:
+    def tally(self) -> Tally:
         """Return a tally of points for ``summary``."""
         return AttractorTally(self)
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return the broken invariants of points: (row, message)."""
-        from hpcsweep.studies.attractors.invariants import broken_invariants
+    def relations(self, _block: Block, rows: Rows) -> Broken:
+        """Return where relations between variables are broken; see `Part.relations`."""
+        from hpcsweep.studies.attractors.invariants import broken_relations
 
-        return broken_invariants(self, rows)
+        return broken_relations(self, rows)
+
+
+class Attractors(AlongAmplitudes, AttractorGrid):
+    """Attractors along amplitudes, a frame a task."""
+
+    grid_fields: ClassVar[tuple[str, ...]] = ("omega", "amplitude", "directions", "block_size")
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedAttractors(IndependentRuns, Attractors):
+class RefinedAttractors(MappedRuns, AttractorGrid):
     """Attractors of points on their own, of which a refined map of their number is made.
 
     Nothing is continued from the amplitude before: the seed at every point is the initial state,
@@ -220,15 +224,10 @@ class RefinedAttractors(IndependentRuns, Attractors):
     words: ClassVar[dict[str, str]] = {UP: "each point on its own"}
     grid_fields: ClassVar[tuple[str, ...]] = (*Attractors.grid_fields, "refine")
 
-    def rows(
-        self,
-        frame: int,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of amplitudes, each from the same state."""
-        found = [super(RefinedAttractors, self).rows(frame, [a], state, poll) for a in amplitudes]
+        alone = super().runs_at
+        found = [alone(frame, at, state, poll) for at in places[:, None]]
         return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
 
 
@@ -246,7 +245,7 @@ def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
 
 
 @lru_cache(maxsize=2)
-def _runs_of(study: Attractors, omega: float):
+def _runs_of(study: AttractorGrid, omega: float):
     """Return the runs of a study at a frequency; the last two are cached."""
     # imported here: reading results needs no kernels
     from hpcsweep.studies.attractors.runs import AttractorRuns

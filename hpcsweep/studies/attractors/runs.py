@@ -1,11 +1,11 @@
 """Find attractors at one forcing frequency: at each amplitude of a path, or a single point."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import Attractor, Found, Portrait
+from hpcsweep.dynamics.attractor import Found, Portrait
 from hpcsweep.dynamics.portrait import portrait
 from hpcsweep.dynamics.resemblance import matched
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
@@ -13,10 +13,10 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.attractors.search import Limits, store_values
+from hpcsweep.studies.attractors.search import Limits, store_attractor
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
+from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.variables import empty_results
 
 
@@ -74,9 +74,7 @@ class AttractorRuns:
             self._solver = make_solver(name, structure, self._omega, rtol)
         return self._solver
 
-    def at(
-        self, amplitude: float, seeds: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> Portrait:
+    def at(self, amplitude: float, seeds: np.ndarray, poll: Poll = None) -> Portrait:
         """Find the attractors at an amplitude."""
         limits = self._limits
         box = np.array(limits.box)
@@ -92,9 +90,7 @@ class AttractorRuns:
             poll,
         )
 
-    def follow(
-        self, amplitudes: Amplitudes, state: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def follow(self, amplitudes: Amplitudes, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of consecutive amplitudes.
 
         Parameters
@@ -137,7 +133,9 @@ class AttractorRuns:
         kept, points = [kept[k] for k in place], [points[k] for k in place]
         ids = [ids[k] for k in place]
         for slot, (one, own, number) in enumerate(zip(kept, points, ids, strict=True)):
-            _store_attractor(result, (index, slot), self._solver.structure, one, own, number)
+            known = {"attractor_id": number, "point": own[-1], "n_points": len(own)}
+            store_attractor(result, (index, slot), self._solver.structure, one, **known)
+            result["poincare"][index, slot, : len(own)] = own
         hits = sum(one.hits for one in kept)
         result["n_attractors"][index] = len(found.attractors)
         result["n_undecided"][index] = found.n_undecided
@@ -168,28 +166,6 @@ class AttractorRuns:
                 known[place] = last_id
             ids.append(known[place])
         return ids, last_id
-
-
-def _store_attractor(
-    result, at: tuple[int, int], structure: Structure, one: Attractor, points, number: int
-) -> None:
-    """Store one attractor."""
-    store_values(
-        result,
-        at,
-        structure,
-        one,
-        attractor_id=number,
-        hits=one.hits,
-        share=one.share,
-        share_low=one.share_low,
-        share_high=one.share_high,
-        lyapunov_low=one.lyapunov_low,
-        lyapunov_high=one.lyapunov_high,
-        point=points[-1],
-        n_points=len(points),
-    )
-    result["poincare"][at][: len(points)] = points
 
 
 def attractors(

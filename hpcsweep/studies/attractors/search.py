@@ -1,16 +1,19 @@
 """Common parts of studies of attractors: limits, allocation, orbits to validate."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from hpcsweep.dynamics.attractor import Attractor
 from hpcsweep.dynamics.shares import starts_needed
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.keys import Key
 from hpcsweep.studies.settings import MEASURES
-from hpcsweep.studies.sweep.measures import store_measures
+from hpcsweep.studies.sweep.rows import store_measures
 from hpcsweep.studies.variable import Variable
 
 STARTS = Key(
@@ -97,20 +100,11 @@ def read_limits(values, what: str) -> dict[str, Any]:
     return {key.name: values.read("study", key) for key in SEARCH}
 
 
-def store_values(
-    result: dict[str, np.ndarray], at: tuple[int, int], structure: Structure, one, **values
+def store_attractor(
+    result: Rows, at: tuple[int, int], structure: Structure, one: Attractor, **values: Any
 ) -> None:
-    """Store one attractor, and `values`, at a run and a slot."""
-    values |= {
-        "motion_class": one.kind,
-        "orbit_period": one.orbit_period,
-        "multiplier": one.multiplier,
-        "lyapunov": one.lyapunov,
-        "contact": one.contact,
-        "drift": one.drift,
-        "modal_norm": one.modal_norm,
-    }
-    for name, value in values.items():
+    """Store one attractor, and `values`, at a run and a slot, by the names of the variables."""
+    for name, value in (vars(one) | {"motion_class": one.kind} | values).items():
         if name in result:
             result[name][at] = value
     if one.measures.size:
@@ -118,9 +112,7 @@ def store_values(
         store_measures(own, structure, one.measures[None])
 
 
-def attractors_as_runs(
-    variables: list[Variable], run: dict[str, np.ndarray]
-) -> list[dict[str, np.ndarray]]:
+def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
     """Return each attractor of a run as a motion of a run; `final_state` is its `point`."""
     named = [v.name for v in variables if v.dims[3:4] == ("attractor",)]
     found = []
@@ -130,3 +122,16 @@ def attractors_as_runs(
         one["skip_rule"] = np.int8(SkipRule.NEWTON)
         found.append(one)
     return found
+
+
+UNSTORED = ("undecided", "failed", "elsewhere")
+"""Starts that reached no attractor of the file."""
+
+
+def count_starts(starts: int, cycles: int, unstored: Iterable[int]) -> dict[str, Any]:
+    """Return, for ``status``, the counts of starts; `unstored` are in the order of `UNSTORED`."""
+    return {
+        "starts": starts,
+        "periods_per_start": float(cycles) / starts if starts else None,
+        **{f"starts_{name}": n for name, n in zip(UNSTORED, map(int, unstored), strict=True)},
+    }

@@ -1,13 +1,13 @@
 """Count over studies of attractors, for their summaries."""
 
 from collections import Counter
-from typing import NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.tally import add_largest, failures, share, shares
+from hpcsweep.studies.attractors.search import UNSTORED
+from hpcsweep.studies.study import Study
+from hpcsweep.studies.tally import BaseTally, contact_shares, share, shares
 
 
 class Found(NamedTuple):
@@ -35,35 +35,24 @@ def attractors_in(frame) -> tuple[list[int], list[Found]]:
     return number, list(map(Found, kind, period, contact))
 
 
-class SearchTally:
-    """Tally of the starts of a study; see `hpcsweep.studies.tally.RunTally`."""
+class SearchTally(BaseTally):
+    """Tally of the starts of a study."""
 
-    def __init__(self, study):
-        self._labels = study.structure.contact_labels
-        self.outcomes = np.zeros(len(Outcome), int)
-        self.largest: dict[str, dict] = {}
-        self.cycles = self.starts = self.undecided = self.failed = self.elsewhere = 0
+    def __init__(self, study: Study):
+        super().__init__(study)
+        self.starts: Counter[str] = Counter()
 
-    @property
-    def done(self) -> int:
-        """Number of computed runs."""
-        return int(self.outcomes[Outcome.COMPLETE :].sum())
-
-    def add_starts(self, frame, study, starts: int) -> None:
-        """Count a frame, an xarray.Dataset, of a study with `starts` starts a run."""
-        add_largest(self.largest, frame, study)
-        outcome = frame["outcome"].values
-        there = outcome != Outcome.NOT_COMPUTED
-        self.outcomes += np.bincount(outcome.ravel(), minlength=self.outcomes.size)
-        self.cycles += int(frame["cycles"].values[there].sum())
-        self.starts += int(there.sum()) * starts
-        self.undecided += int(frame["n_undecided"].values[there].sum())
-        self.failed += int(frame["n_failed"].values[there].sum())
-        self.elsewhere += int(frame["n_elsewhere"].values[there].sum())
+    def add(self, frame, study: Study) -> None:
+        """Count the starts of a frame; see `BaseTally.add`."""
+        super().add(frame, study)
+        there = frame["outcome"].values != Outcome.NOT_COMPUTED
+        self.starts["all"] += int(there.sum()) * study.polls_per_run
+        for name in UNSTORED:
+            self.starts[name] += int(frame[f"n_{name}"].values[there].sum())
 
     def told_of(self, numbers: Counter[int], attractors: Counter[Found]) -> dict:
         """Return the counts; shares of the kinds of attractors are of all attractors."""
-        done, held = self.done, attractors.total()
+        starts, held = self.starts["all"], attractors.total()
         classes, periods, contacts = Counter[int](), Counter[int](), Counter[int]()
         for one, count in attractors.items():
             classes[one.motion_class] += count
@@ -71,44 +60,36 @@ class SearchTally:
                 periods[one.orbit_period] += count
             if one.contact is not None:
                 contacts[one.contact] += count
-        return {
-            "periods_per_run": self.cycles / done if done else None,
-            "periods_per_start": self.cycles / self.starts if self.starts else None,
-            "numbers": shares(numbers, done, sorted(numbers)),
-            "starts": self.starts,
-            "starts_undecided": share(self.undecided, self.starts),
-            "starts_failed": share(self.failed, self.starts),
-            "starts_elsewhere": share(self.elsewhere, self.starts),
+        return super().summary() | {
+            "periods_per_start": self.cycles / starts if starts else None,
+            "numbers": shares(numbers, self.done),
+            "starts": starts,
+            **{f"starts_{name}": share(self.starts[name], starts) for name in UNSTORED},
             "attractors": held,
             "classes": {
                 CLASS_NAMES[kind]: share(classes[kind], held)
                 for kind in (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
             },
-            "periods": shares(periods, held, sorted(periods)),
-            "contact_sets": {
-                contact_name(contact, self._labels): share(count, held)
-                for contact, count in contacts.most_common()
-            },
-            "largest": self.largest,
-            "failures": failures(self.outcomes),
+            "periods": shares(periods, held),
+            "contact_sets": contact_shares(contacts, held, self._study),
         }
 
 
 class AttractorTally(SearchTally):
     """Tally of points: each attractor of each point counts."""
 
-    def __init__(self, study):
+    def __init__(self, study: Study):
         super().__init__(study)
         self.numbers: Counter[int] = Counter()
         self.attractors: Counter[Found] = Counter()
 
-    def add(self, frame, study) -> None:
-        """Count the points of one frame, an xarray.Dataset, of a study or of a part of it."""
-        self.add_starts(frame, study, study.starts)
+    def add(self, frame, study: Study) -> None:
+        """Count the points of one frame; see `BaseTally.add`."""
+        super().add(frame, study)
         there = frame["outcome"].values != Outcome.NOT_COMPUTED
         self.numbers.update(frame["n_attractors"].values[there].tolist())
         self.attractors.update(attractors_in(frame)[1])
 
-    def summary(self) -> dict:
-        """Return the counts: numbers, strings, lists and dicts."""
+    def summary(self) -> dict[str, Any]:
+        """Return the counts; see `BaseTally.summary`."""
         return self.told_of(self.numbers, self.attractors)

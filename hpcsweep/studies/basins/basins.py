@@ -4,21 +4,23 @@ A row of the slice is a run and a task of its own, so that a slice scales to as 
 rows; each row depends only on the job.
 """
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from hpcsweep.studies.attractors.search import attractors_as_runs
+from hpcsweep.studies.attractors.search import UNSTORED, attractors_as_runs, count_starts
+from hpcsweep.studies.attractors.variables import SLOTS
 from hpcsweep.studies.basins.refined import LABEL, RefinedBasins
 from hpcsweep.studies.basins.slice import SliceGrid, read_slice
 from hpcsweep.studies.basins.tally import BasinTally
 from hpcsweep.studies.basins.variables import COMMIT, RUN, basin_variables
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Poll, Rows
+from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.refine.refinement import read_refinement
-from hpcsweep.studies.study import Amplitudes
+from hpcsweep.studies.study import Tally
 from hpcsweep.studies.variable import Variable
 
 
@@ -29,6 +31,7 @@ class Basins(SliceGrid):
     run_noun: ClassVar[str] = "row"
     run_dims: ClassVar[tuple[str, ...]] = RUN
     commit: ClassVar[Variable] = COMMIT
+    slots: ClassVar[Mapping[str, str]] = SLOTS
     status_variables: ClassVar[tuple[str, ...]] = ("n_undecided", "n_failed", "n_elsewhere")
 
     @classmethod
@@ -54,42 +57,33 @@ class Basins(SliceGrid):
         """Variables of the rows, in the order of the file."""
         return basin_variables(self.settings)
 
-    def rows(
-        self,
-        frame: int,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach."""
-        del amplitudes, state
+        del places, state
         return self.slice_runs.row(self.horizontal, float(self.vertical[frame]), poll)
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractors listed by a row as motions in which runs ended."""
         return attractors_as_runs(self.variables, run)
 
-    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the starts, and those that reached none of the listed attractors."""
         good = done & (runs["outcome"] > 0)
-        starts = int(good.sum()) * self.horizontal.size
-        return {
-            "starts": starts,
-            "periods_per_start": float(runs["cycles"][good].sum()) / starts if starts else None,
-            "starts_undecided": int(runs["n_undecided"][good].sum()),
-            "starts_failed": int(runs["n_failed"][good].sum()),
-            "starts_elsewhere": int(runs["n_elsewhere"][good].sum()),
-        }
+        return count_starts(
+            int(good.sum()) * self.horizontal.size,
+            runs["cycles"][good].sum(),
+            (runs[f"n_{name}"][good].sum() for name in UNSTORED),
+        )
 
-    def tally(self) -> Any:
+    def tally(self) -> Tally:
         """Return a tally of rows for ``summary``."""
         return BasinTally(self)
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return the broken invariants of rows: (row, message)."""
-        from hpcsweep.studies.basins.invariants import broken_invariants
+    def relations(self, _block: Block, rows: Rows) -> Broken:
+        """Return where relations between variables are broken; see `Part.relations`."""
+        from hpcsweep.studies.basins.invariants import broken_relations
 
-        return broken_invariants(self, rows)
+        return broken_relations(rows)
 
     def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
         """Describe a row by its value of the component and the point (A, Omega)."""

@@ -1,52 +1,19 @@
 """Invariants of the results of a study of basins."""
 
-from typing import Any
-
 import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
-from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.invariants import of_motions
-from hpcsweep.studies.invariants import listed, of_outcome
+from hpcsweep.studies.blocks import Rows
+from hpcsweep.studies.invariants import Broken
 
 
-def broken_invariants(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-    """Check k rows of starts against the invariants of `hpcsweep.studies.basins.basins`.
-
-    Parameters
-    ----------
-    study : Basins
-    rows : dict of str to ndarray
-        The file's variables, first axis the k rows.
-
-    Returns
-    -------
-    list of (int, str)
-        Row and message.
-    """
-    broken = {**_of_labels(study, rows), **_of_attractors(study, rows)}
-    return listed(broken)
+def broken_relations(rows: Rows) -> Broken:
+    """Check k rows of starts against the relations of `hpcsweep.studies.basins.basins`."""
+    return _of_labels(rows) | _of_attractors(rows)
 
 
-def broken_invariants_of_starts(study, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-    """Check k starts against the invariants of `hpcsweep.studies.basins.refined`.
-
-    Parameters and result as of `broken_invariants`.
-    """
-    label, outcome = rows["label"], rows["outcome"]
-    listed_or_not = (UNDECIDED, FAILED, ELSEWHERE, *range(1, study.max_attractors + 1))
-    return listed(
-        {
-            "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, listed_or_not),
-            "a start that failed, and no other, is labelled so": (label == FAILED)
-            != (outcome != Outcome.COMPLETE),
-            **of_outcome(outcome),
-            "cycles is at least 0": rows["cycles"] < 0,
-        }
-    )
-
-
-def _of_labels(study, rows: dict) -> dict[str, Any]:
+def _of_labels(rows: Rows) -> Broken:
     labels, ids = rows["label"], rows["attractor_id"]
     counts = {
         name: (labels == value).sum(axis=1) != rows[name]
@@ -68,15 +35,12 @@ def _of_labels(study, rows: dict) -> dict[str, Any]:
     }
 
 
-def _of_attractors(study, rows: dict) -> dict[str, Any]:
+def _of_attractors(rows: Rows) -> Broken:
     ids = rows["attractor_id"]
     held = ids > 0
     number = np.arange(1, ids.shape[1] + 1)
     return {
         "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
         "attractors come first": (held[:, 1:] & ~held[:, :-1]).any(axis=1),
-        "point is finite": (held & ~np.isfinite(rows["point"]).all(axis=2)).any(axis=1),
-        **of_outcome(rows["outcome"]),
-        "cycles is at least 0": rows["cycles"] < 0,
-        **of_motions(study, rows, held),
+        **of_motions(rows, held),
     }

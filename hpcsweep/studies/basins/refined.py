@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
-from hpcsweep.studies.attractors.search import attractors_as_runs
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.attractors.search import attractors_as_runs, count_starts
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.basins.tally import StartTally
 from hpcsweep.studies.basins.variables import (
@@ -23,8 +24,11 @@ from hpcsweep.studies.basins.variables import (
     is_of_attractors,
     listed_variables,
 )
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Poll, Rows
+from hpcsweep.studies.grid_kinds import MappedRuns
+from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.refine.refinement import Refinement
+from hpcsweep.studies.study import Tally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -33,7 +37,7 @@ LABEL = "attractor"
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedBasins(SliceGrid):
+class RefinedBasins(MappedRuns, SliceGrid):
     """Basins on a slice, a start a run; see `SliceGrid`.
 
     Attributes
@@ -69,7 +73,7 @@ class RefinedBasins(SliceGrid):
         """Variables of the attractors, which a complete map lists for each row."""
         return listed_variables(self.settings)
 
-    def listed_values(self) -> dict[str, np.ndarray]:
+    def listed_values(self) -> Rows:
         """Return the values of `listed_variables` for a row, first axis the attractors."""
         known = self.slice_runs.attractors()
         return {variable.name: known[variable.name][0] for variable in self.listed_variables}
@@ -94,12 +98,12 @@ class RefinedBasins(SliceGrid):
         amplitude = np.full(self.vertical.size, self.amplitude[0])
         return [*super().given, (ROW_AMPLITUDE, amplitude)]
 
-    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll=None) -> dict:
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> dict:
         """Classify starts of a row, each on its own."""
         del state
         return self.slice_runs.starts(self.horizontal[places], float(self.vertical[frame]), poll)
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractor that a start goes to as the motion in which a run ended."""
         label = int(run["label"])
         if label <= 0:
@@ -108,26 +112,23 @@ class RefinedBasins(SliceGrid):
         variables = [v for v in basin_variables(self.settings) if is_of_attractors(v)]
         return attractors_as_runs(variables, known)[label - 1 : label]
 
-    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the computed starts, and those that reached none of the listed attractors."""
-        labels, starts = runs["label"][done], int(done.sum())
-        return {
-            "starts": starts,
-            "periods_per_start": float(runs["cycles"][done].sum()) / starts if starts else None,
-            "starts_undecided": int((labels == UNDECIDED).sum()),
-            "starts_failed": int((labels == FAILED).sum()),
-            "starts_elsewhere": int((labels == ELSEWHERE).sum()),
-        }
+        counts = ((runs["label"][done] == k).sum() for k in (UNDECIDED, FAILED, ELSEWHERE))
+        return count_starts(int(done.sum()), runs["cycles"][done].sum(), counts)
 
-    def tally(self) -> Any:
+    def tally(self) -> Tally:
         """Return a tally of starts for ``summary``."""
         return StartTally(self)
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return the broken invariants of starts: (row, message)."""
-        from hpcsweep.studies.basins.invariants import broken_invariants_of_starts
-
-        return broken_invariants_of_starts(self, rows)
+    def relations(self, _block: Block, rows: Rows) -> Broken:
+        """Return where relations between variables are broken; see `Part.relations`."""
+        label, failed = rows["label"], rows["outcome"] != Outcome.COMPLETE
+        known = (UNDECIDED, FAILED, ELSEWHERE, *range(1, self.max_attractors + 1))
+        return {
+            "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, known),
+            "a start that failed, and no other, is labelled so": (label == FAILED) != failed,
+        }
 
     def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
         """Describe a start by its place on the slice and the point (A, Omega)."""

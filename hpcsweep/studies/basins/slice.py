@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.dynamics.starts import usual_reach
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.attractors.search import (
     MAX_ATTRACTORS,
     MAX_CYCLES,
@@ -22,7 +23,7 @@ from hpcsweep.studies.attractors.search import (
     read_limits,
 )
 from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
-from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -50,7 +51,7 @@ MAX_STATE = 1e200
 
 
 @dataclass(frozen=True, eq=False)
-class SliceGrid(IndependentRuns):
+class SliceGrid(RunGrid):
     """Starts on a slice, a frame for each row; see `RunGrid`, which holds a frequency a frame.
 
     Attributes
@@ -143,20 +144,9 @@ class SliceGrid(IndependentRuns):
     def slice_runs(self) -> Any:
         """Runs of the slice, see `hpcsweep.studies.basins.runs.SliceRuns`; cached."""
         # imported here: reading results needs no kernels
-        from hpcsweep.studies.basins.runs import Slice, slice_runs
+        from hpcsweep.studies.basins.runs import slice_runs
 
-        shape = Slice(
-            self.components,
-            (float(self.horizontal[0]), float(self.horizontal[-1])),
-            (float(self.vertical[0]), float(self.vertical[-1])),
-            tuple(self.initial_state.tolist()),
-            self.starts,
-            self.seed,
-            self.max_attractors,
-            self.max_cycles,
-        )
-        point = float(self.omega[0]), float(self.amplitude[0])
-        return slice_runs(self.moving, *point, self.settings, shape)
+        return slice_runs(self)
 
 
 def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
@@ -199,7 +189,7 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _components(values, structure) -> tuple[int, int]:
+def _components(values, structure: Structure) -> tuple[int, int]:
     """Read the two components of the slice."""
     names, n = state_names(structure), structure.n_floors
     given = values.get("study.components", [names[0], names[n]])

@@ -2,17 +2,10 @@
 
 from dataclasses import replace
 
-from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.studies.settings import MEASURES, SweepSettings
-from hpcsweep.studies.variable import CONTACT_SET, Variable
-from hpcsweep.studies.variables import (
-    AMPLITUDE,
-    CYCLES,
-    OMEGA,
-    OUTCOME,
-    STATES,
-    measures_of_each,
-)
+from hpcsweep.studies.attractors.variables import ATTRACTOR, attractor_variables
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.variable import ANY, VALID, Variable, count, real
+from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, STATES
 
 RUN = ("direction", "row", "amplitude")
 """Dimensions of a row."""
@@ -26,47 +19,34 @@ OF_LABEL = (
 ROW_AMPLITUDE = Variable("forcing_amplitude", ("row",), "<f8", *AMPLITUDE)
 ROW_OMEGA = Variable("omega", ("row",), "<f8", *OMEGA)
 COMMIT = Variable("commit", ("direction", "row", "block"), "<u8", "1", "checksum of a block")
-ORDINATE = Variable("ordinate", ("row",), "<f8", STATES, "second component of a row's starts")
+ORDINATE = real("ordinate", ("row",), STATES, "second component of a row's starts")
+OWN = {
+    "attractor_id": "number of the attractor, 0 for none",
+    "hits": "starts of the row that go to the attractor",
+}
+"""Long names of what is otherwise in studies of attractors."""
+NOT_HERE = ("share", "share_low", "share_high", "lyapunov_low", "lyapunov_high")
+LABEL = Variable("label", (*RUN, "column"), "<i1", "1", OF_LABEL, failed=ANY)
 VARIABLES = (
-    Variable("label", (*RUN, "column"), "<i1", "1", OF_LABEL),
-    Variable("attractor_id", EACH, "<i4", "1", "number of the attractor, 0 for none"),
-    Variable(
-        "motion_class",
-        EACH,
-        "<i1",
-        "1",
-        "motion: 2 periodic, 4 quasi-periodic, 5 chaotic",
-        MotionClass,
+    LABEL,
+    *(
+        replace(v, dims=(*EACH, *v.dims[len(EACH) :]), long_name=OWN.get(v.name, v.long_name))
+        for v in ATTRACTOR
+        if v.name not in NOT_HERE
     ),
-    Variable("hits", EACH, "<i4", "1", "starts of the row that go to the attractor"),
-    Variable("orbit_period", EACH, "<i4", "forcing periods", "orbit period, 0 if it is no orbit"),
-    Variable("multiplier", EACH, "<f8", "1", "modulus of the largest Floquet multiplier"),
-    Variable("lyapunov", EACH, "<f8", "rate", "largest Lyapunov exponent"),
-    Variable("contact", EACH, "<u8", "1", "contact set, bit k - 1 for contact k", CONTACT_SET),
-    Variable("drift", EACH, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
-    Variable("modal_norm", (*EACH, "mode"), "<f8", "1", "mean modal norm free of contact"),
-    *measures_of_each(EACH),
-    Variable("point", (*EACH, "state"), "<f8", STATES, "a stroboscopic point"),
-    Variable("n_undecided", RUN, "<i4", "1", "starts of the row that were not classified"),
-    Variable("n_failed", RUN, "<i4", "1", "starts of the row whose integration failed"),
-    Variable("n_elsewhere", RUN, "<i4", "1", "starts of the row that went to none of the list"),
+    count("n_undecided", RUN, "starts of the row that were not classified", failed=VALID),
+    count("n_failed", RUN, "starts of the row whose integration failed", failed=VALID),
+    count("n_elsewhere", RUN, "starts of the row that went to none of the list", failed=VALID),
     replace(CYCLES, dims=RUN),
     replace(OUTCOME, dims=RUN),
 )
 START_COMMIT = replace(COMMIT, long_name="checksum of a start")
-START_VARIABLES = (
-    Variable("label", START_RUN, "<i1", "1", OF_LABEL),
-    replace(CYCLES, dims=START_RUN),
-    replace(OUTCOME, dims=START_RUN),
-)
-OPTIONAL = ("contact", "drift", "modal_norm", *MEASURES)
-"""Variables that a job may leave out."""
+START_VARIABLES = tuple(replace(each, dims=START_RUN) for each in (LABEL, CYCLES, OUTCOME))
 
 
 def basin_variables(settings: SweepSettings) -> list[Variable]:
     """Return the variables of each row, in the order of the file."""
-    out = set(OPTIONAL) - set(settings.metrics)
-    return [variable for variable in VARIABLES if variable.name not in out]
+    return attractor_variables(settings, VARIABLES)
 
 
 def is_of_attractors(variable: Variable) -> bool:

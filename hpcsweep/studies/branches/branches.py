@@ -10,7 +10,7 @@ leave these, and, if the job has starts, those of orbits that a search finds
 files and the job alone.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -19,7 +19,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
 from hpcsweep.studies.branches.curves import read_curves
 from hpcsweep.studies.branches.keys import (
     KEYS,
@@ -37,12 +37,14 @@ from hpcsweep.studies.branches.variables import (
     LINE_AMPLITUDE,
     LINE_OMEGA,
     RUN,
+    SLOTS,
     VARIABLES,
 )
-from hpcsweep.studies.independent import IndependentRuns
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
-from hpcsweep.studies.study import Amplitudes
+from hpcsweep.studies.study import Tally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -54,7 +56,7 @@ AGAIN = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Branches(IndependentRuns):
+class Branches(RunGrid):
     """Branches along a parameter, a line a task; see `RunGrid`, whose frames are the lines.
 
     Attributes
@@ -118,6 +120,7 @@ class Branches(IndependentRuns):
     carried: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[str] = "branches"
     point_dim: ClassVar[str] = "step"
+    slots: ClassVar[Mapping[str, str]] = SLOTS
     status_variables: ClassVar[tuple[str, ...]] = ("n_branches", "n_seeds", "n_covered")
 
     @classmethod
@@ -253,29 +256,21 @@ class Branches(IndependentRuns):
             for name, (variable, values) in told.items()
         ]
 
-    def rows(
-        self,
-        frame: int,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Follow the branches of a line."""
         # here, where orbits are computed: who only reads them loads no kernel
         from hpcsweep.studies.branches.runs import line_of
 
-        del amplitudes, state
+        del places, state
         return line_of(self, frame, poll)
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
-    ) -> tuple[tuple[int, float], int, float]:
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time one line."""
         del along, n_runs
         place, _, seconds = super().time_runs(share, 0.0, 0, poll)
         return place, 1, seconds
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return points of branches, evenly over all, as runs that ended in them.
 
         Each tells the parameter's value there: ``omega``, ``amplitude`` or ``structure``.
@@ -301,34 +296,32 @@ class Branches(IndependentRuns):
         changed: dict[str, Any] = {self.parameter: value}
         return {"structure": replace(self.structure, **changed)}
 
-    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count branches, and the seeds that lie on them."""
         return {name: int(runs[name][done].sum()) for name in self.status_variables}
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled_for_branches
+        from hpcsweep.studies.compilation import branch_kernels, missing
 
-        return super().is_compiled(n_ranks) and is_compiled_for_branches(self.structure)
+        return super().is_compiled(n_ranks) and not missing(branch_kernels(self.structure))
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import warm_up_branches
+        from hpcsweep.studies.compilation import branch_kernels, load
 
         super().warm_up(say, n_ranks)
-        warm_up_branches(self.structure, say)
+        load(branch_kernels(self.structure), say, kernels="kernels of branches")
 
-    def tally(self) -> Any:
+    def tally(self) -> Tally:
         """Make what counts the lines for ``summary``."""
         return BranchTally(self)
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return what is not as every line promises: row and what is wrong there."""
-        from hpcsweep.studies.branches.invariants import broken_invariants
+    def relations(self, _block: Block, rows: Rows) -> Broken:
+        """Return where relations between variables are broken; see `Part.relations`."""
+        from hpcsweep.studies.branches.invariants import broken_relations
 
-        return broken_invariants(self, rows)
+        return broken_relations(self, rows)
 
     def describe_task(self, task: int) -> str:
         """Describe a line by what is fixed on it."""

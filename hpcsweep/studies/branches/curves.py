@@ -7,7 +7,7 @@ cover the plane without overlap, and a line stays a task that depends on no othe
 in each strip in which it crosses the line.
 """
 
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +16,12 @@ from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.events import n_unstable
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.plane import KINDS, Plane, curves_through
+from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.branches.keys import pair_of
 from hpcsweep.studies.branches.variables import End, Met
+
+if TYPE_CHECKING:
+    from hpcsweep.studies.branches.branches import Branches
 
 PLANE = ("amplitude", "omega")
 
@@ -37,10 +41,10 @@ def read_curves(values, parameter: str, omega: np.ndarray) -> dict:
     return {"curves": kinds, "curve_span": (low, high) if kinds else None}
 
 
-def strip(study, line: int) -> tuple[float, float]:
+def strip(study: "Branches", line: int) -> tuple[float, float]:
     """Return the lowest and highest frequency of the strip of a line."""
-    own = float(study.omega[line])
-    low, high = study.curve_span
+    assert study.curve_span is not None
+    own, (low, high) = float(study.omega[line]), study.curve_span
     below, above = study.omega[study.omega < own], study.omega[study.omega > own]
     return (
         0.5 * (own + float(below.max())) if below.size else low,
@@ -48,10 +52,9 @@ def strip(study, line: int) -> tuple[float, float]:
     )
 
 
-def store_curves(
-    rows: dict, study, line: int, catalogue: Catalogue, poll: Callable[[], None] | None
-) -> int:
+def store_curves(rows: Rows, study: "Branches", line: int, catalogue: Catalogue, poll: Poll) -> int:
     """Follow and store the curves of a line; return the forcing periods that it took."""
+    assert study.curve_span is not None
     omega = float(study.omega[line])
     pair = ForcedMap(
         *(study.structure, float(study.amplitude[line]), omega, PLANE, study.settings.rtol, poll)

@@ -1,7 +1,6 @@
 """The branches of a line."""
 
 import hashlib
-from collections.abc import Callable
 
 import numpy as np
 
@@ -14,18 +13,18 @@ from hpcsweep.dynamics.continuation.search import search
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
+from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.branches.curves import store_curves
 from hpcsweep.studies.branches.variables import End, Origin, Reason
 from hpcsweep.studies.seeds import Seed, Seeds
+from hpcsweep.studies.variables import empty_results
 
 REACH = 0.01
 """Largest distance of a seed from the orbit that Newton's method finds, in units of the state."""
 
 
-def line_of(
-    study: Branches, line: int, poll: Callable[[], None] | None = None
-) -> dict[str, np.ndarray]:
+def line_of(study: Branches, line: int, poll: Poll = None) -> Rows:
     """Follow the branches of a line.
 
     Parameters
@@ -56,11 +55,7 @@ def line_of(
         study.max_points,
         forced.is_costly,
     )
-    sizes = study.dimensions
-    rows = {
-        v.name: np.full((1, *(sizes[dim] for dim in v.dims[3:])), v.missing, v.dtype)
-        for v in study.variables
-    }
+    rows = empty_results(study.variables, study.structure, 1, **study.dimensions)
     _take(rows, study, forced, catalogue, seeds)
     catalogue.grow()
     if study.starts:
@@ -69,7 +64,7 @@ def line_of(
         search(catalogue, forced, states / forced.units, study.span, longest)
         catalogue.grow()
     _store_branches(rows, catalogue)
-    _store_points(rows, study, forced, catalogue)
+    _store_points(rows, forced, catalogue)
     _store_specials(rows, study, forced, catalogue)
     periods = forced.periods
     if study.curves:
@@ -135,7 +130,7 @@ def _store_branches(rows: dict, catalogue: Catalogue) -> None:
             rows[name][0, k] = End[why.upper().replace(" ", "_")]
 
 
-def _store_points(rows: dict, study: Branches, forced: ForcedMap, catalogue: Catalogue) -> None:
+def _store_points(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
     at = 0
     for k, branch in enumerate(catalogue.branches):
         for one in branch.arc.points:

@@ -5,8 +5,18 @@ from enum import IntEnum
 
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.meetings import Meeting
-from hpcsweep.studies.variable import CONTACT_SET, Variable
-from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, STATES
+from hpcsweep.studies.variable import (
+    COUNT,
+    FINITE,
+    POSITIVE,
+    VALID,
+    Variable,
+    code,
+    contacts,
+    count,
+    real,
+)
+from hpcsweep.studies.variables import AMPLITUDE, CYCLES, DRIFT, OMEGA, OUTCOME, STATES
 
 
 class End(IntEnum):
@@ -58,92 +68,85 @@ RUN = ("direction", "line", "amplitude")
 BRANCH, STEP = (*RUN, "branch"), (*RUN, "step")
 SPECIAL, SEED = (*RUN, "special"), (*RUN, "seed")
 COMMIT = Variable("commit", ("direction", "line", "block"), "<u8", "1", "checksum of a block")
-LINE_OMEGA = Variable("omega", ("line",), "<f8", *OMEGA)
-LINE_AMPLITUDE = Variable("forcing_amplitude", ("line",), "<f8", *AMPLITUDE)
+SLOTS = {
+    "branch": "branch_id",
+    "step": "step_branch",
+    "special": "special_branch",
+    "seed": "seed_period",
+    "curve": "curve_id",
+    "curve_step": "curve_of_step",
+    "meeting": "meeting_curve",
+}
+"""By dimension the variable that is above 0 where there is one."""
+LINE_OMEGA = real("omega", ("line",), *OMEGA, None)
+LINE_AMPLITUDE = real("forcing_amplitude", ("line",), *AMPLITUDE, None)
 VARIABLES = (
-    Variable("branch_id", BRANCH, "<i4", "1", "number of the branch, 0 for none"),
-    Variable("branch_period", BRANCH, "<i4", "forcing periods", "period of its orbits"),
-    Variable(
-        "found_by",
-        BRANCH,
-        "<i1",
-        "1",
-        "found by: 1 a seed, 2 leaving another, 3 the search",
-        Origin,
-    ),
-    Variable("parent", BRANCH, "<i4", "1", "branch that it leaves, 0 for none"),
-    Variable("begins", BRANCH, "<i1", "1", "why it does not go on before its first step", End),
-    Variable("ends", BRANCH, "<i1", "1", "why it does not go on after its last step", End),
-    Variable("step_branch", STEP, "<i4", "1", "branch of a point, 0 for none"),
-    Variable("value", STEP, "<f8", "1", "value of the parameter"),
+    count("branch_id", BRANCH, "number of the branch, 0 for none"),
+    count("branch_period", BRANCH, "period of its orbits", "forcing periods", POSITIVE),
+    code("found_by", BRANCH, Origin, "found by: 1 a seed, 2 leaving another, 3 the search"),
+    count("parent", BRANCH, "branch that it leaves, 0 for none"),
+    code("begins", BRANCH, End, "why it does not go on before its first step"),
+    code("ends", BRANCH, End, "why it does not go on after its last step"),
+    count("step_branch", STEP, "branch of a point, 0 for none"),
+    real("value", STEP, "1", "value of the parameter", None),
     Variable("stable", STEP, "<i1", "1", "1 where all multipliers are inside the unit circle"),
-    Variable("contact", STEP, "<u8", "1", "contact set, bit k - 1 for contact k", CONTACT_SET),
-    Variable("drift", STEP, "<f8", "A / Omega^2", "normalised peak interstorey drift"),
-    Variable("point", (*STEP, "state"), "<f8", STATES, "a stroboscopic point of the orbit"),
-    Variable("multiplier_real", (*STEP, "number"), "<f8", "1", "Floquet multipliers, real part"),
-    Variable("multiplier_imag", (*STEP, "number"), "<f8", "1", "Floquet multipliers, imaginary"),
-    Variable("special_branch", SPECIAL, "<i4", "1", "branch of a special point, 0 for none"),
-    Variable(
+    contacts("contact", STEP),
+    replace(DRIFT, dims=STEP),
+    real("point", (*STEP, "state"), STATES, "a stroboscopic point of the orbit", FINITE),
+    real("multiplier_real", (*STEP, "number"), "1", "Floquet multipliers, real part", None),
+    real("multiplier_imag", (*STEP, "number"), "1", "Floquet multipliers, imaginary", None),
+    count("special_branch", SPECIAL, "branch of a special point, 0 for none"),
+    code(
         "special_kind",
         SPECIAL,
-        "<i1",
-        "1",
-        "special point: 1 fold, 2 doubling, 3 torus, 4 branch point, 5 grazing",
         Kind,
+        "special point: 1 fold, 2 doubling, 3 torus, 4 branch point, 5 grazing",
     ),
-    Variable("special_value", SPECIAL, "<f8", "1", "value of the parameter at a special point"),
-    Variable("special_step", SPECIAL, "<i4", "1", "step after it, or of it"),
-    Variable("special_point", (*SPECIAL, "state"), "<f8", STATES, "a stroboscopic point there"),
-    Variable(
-        "criticality", SPECIAL, "<i1", "1", "of a doubling: 1 super-, -1 subcritical", Criticality
+    real("special_value", SPECIAL, "1", "value of the parameter at a special point", None),
+    count("special_step", SPECIAL, "step after it, or of it"),
+    real("special_point", (*SPECIAL, "state"), STATES, "a stroboscopic point there", None),
+    code(
+        "criticality", SPECIAL, Criticality, "of a doubling: 1 super-, -1 subcritical", limits=COUNT
     ),
-    Variable("leads_to", SPECIAL, "<i4", "1", "branch that leaves there, 0 for none"),
-    Variable("change", SPECIAL, "<i4", "1", "closings of contacts more along the branch"),
-    Variable(
-        "special_contact",
-        SPECIAL,
-        "<u8",
-        "1",
-        "contacts that graze, bit k - 1 of contact k",
-        CONTACT_SET,
-    ),
-    Variable("seed_branch", SEED, "<i4", "1", "branch on which a seed lies, 0 for none"),
-    Variable(
+    count("leads_to", SPECIAL, "branch that leaves there, 0 for none"),
+    count("change", SPECIAL, "closings of contacts more along the branch", limits=None),
+    contacts("special_contact", SPECIAL, "contacts that graze, bit k - 1 of contact k"),
+    count("seed_branch", SEED, "branch on which a seed lies, 0 for none"),
+    code(
         "seed_reason",
         SEED,
-        "<i1",
-        "1",
-        "why on none: 1 no orbit there, 2 Newton's method leads elsewhere, 3 no room",
         Reason,
+        "why on none: 1 no orbit there, 2 Newton's method leads elsewhere, 3 no room",
+        limits=COUNT,
     ),
-    Variable("seed_value", SEED, "<f8", "1", "value of the parameter of a seed"),
-    Variable("seed_period", SEED, "<i4", "forcing periods", "orbit period of a seed, 0 for none"),
-    Variable("seed_point", (*SEED, "state"), "<f8", STATES, "a stroboscopic point of a seed"),
-    Variable("seed_distance", SEED, "<f8", "1", "its distance from the orbit, units of the state"),
-    Variable("n_branches", RUN, "<i4", "1", "branches of the line"),
-    Variable("n_seeds", RUN, "<i4", "1", "periodic motions of the files on the line"),
-    Variable("n_covered", RUN, "<i4", "1", "of these, those that lie on a branch"),
-    Variable("n_others", RUN, "<i4", "1", "motions of the files that are no orbit"),
+    real("seed_value", SEED, "1", "value of the parameter of a seed", None),
+    count("seed_period", SEED, "orbit period of a seed, 0 for none", "forcing periods"),
+    real("seed_point", (*SEED, "state"), STATES, "a stroboscopic point of a seed", None),
+    real("seed_distance", SEED, "1", "its distance from the orbit, units of the state", None),
+    count("n_branches", RUN, "branches of the line", failed=VALID),
+    count("n_seeds", RUN, "periodic motions of the files on the line", failed=VALID),
+    count("n_covered", RUN, "of these, those that lie on a branch", failed=VALID),
+    count("n_others", RUN, "motions of the files that are no orbit", failed=VALID),
     Variable("seeds_checksum", RUN, "<u8", "1", "checksum of the seeds"),
     replace(CYCLES, dims=RUN),
     replace(OUTCOME, dims=RUN),
 )
 CURVE, CURVE_STEP, MEETING = (*RUN, "curve"), (*RUN, "curve_step"), (*RUN, "meeting")
 CURVE_VARIABLES = (
-    Variable("special_curve", SPECIAL, "<i4", "1", "curve on which it lies, 0 if none is followed"),
-    Variable("curve_id", CURVE, "<i4", "1", "number of the curve, 0 for none"),
-    Variable("curve_kind", CURVE, "<i1", "1", "special points on it, as special_kind", Kind),
-    Variable("curve_period", CURVE, "<i4", "forcing periods", "period of its orbits"),
-    Variable("curve_begins", CURVE, "<i1", "1", "why it does not go on before its first step", End),
-    Variable("curve_ends", CURVE, "<i1", "1", "why it does not go on after its last step", End),
-    Variable("curve_of_step", CURVE_STEP, "<i4", "1", "curve of a point, 0 for none"),
-    Variable("curve_amplitude", CURVE_STEP, "<f8", *AMPLITUDE),
-    Variable("curve_omega", CURVE_STEP, "<f8", *OMEGA),
-    Variable("curve_point", (*CURVE_STEP, "state"), "<f8", STATES, "a stroboscopic point there"),
+    count("special_curve", SPECIAL, "curve on which it lies, 0 if none is followed"),
+    count("curve_id", CURVE, "number of the curve, 0 for none"),
+    code("curve_kind", CURVE, Kind, "special points on it, as special_kind"),
+    count("curve_period", CURVE, "period of its orbits", "forcing periods", POSITIVE),
+    code("curve_begins", CURVE, End, "why it does not go on before its first step"),
+    code("curve_ends", CURVE, End, "why it does not go on after its last step"),
+    count("curve_of_step", CURVE_STEP, "curve of a point, 0 for none"),
+    real("curve_amplitude", CURVE_STEP, *AMPLITUDE, None),
+    real("curve_omega", CURVE_STEP, *OMEGA, None),
+    real("curve_point", (*CURVE_STEP, "state"), STATES, "a stroboscopic point there", None),
     Variable("curve_unstable", CURVE_STEP, "<i1", "1", "multipliers outside the unit circle"),
-    Variable("meeting_curve", MEETING, "<i4", "1", "curve that meets another or ends, 0 for none"),
-    Variable("meeting_kind", MEETING, "<i1", "1", "what is there", Met),
-    Variable("meeting_amplitude", MEETING, "<f8", *AMPLITUDE),
-    Variable("meeting_omega", MEETING, "<f8", *OMEGA),
-    Variable("n_curves", RUN, "<i4", "1", "curves of the line"),
+    count("meeting_curve", MEETING, "curve that meets another or ends, 0 for none"),
+    code("meeting_kind", MEETING, Met, "what is there"),
+    real("meeting_amplitude", MEETING, *AMPLITUDE, None),
+    real("meeting_omega", MEETING, *OMEGA, None),
+    count("n_curves", RUN, "curves of the line", failed=VALID),
 )

@@ -260,8 +260,3 @@ def instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
 def _longest(found: tuple[Facts, ...]) -> float:
     """Return the duration of the longest record."""
     return max((one.samples - 1) * one.dt for one in found)
-
-
-def scale_coordinate(measure: Measure, scale: np.ndarray) -> Coordinate:
-    """Return the dimension of the scales."""
-    return Coordinate(scale.astype("<f8"), measure.quantity, str(measure))

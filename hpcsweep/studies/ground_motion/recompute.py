@@ -10,12 +10,12 @@ import math
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Rows
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.responses import respond
 from hpcsweep.studies.ground_motion.variables import pack, peaks_of
-from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.run_names import run_name
+from hpcsweep.studies.study import RunAgain
 
 NUDGE = 1e-9
 """Relative change of the scale by which the conditioning of a response is measured."""
@@ -24,7 +24,7 @@ ROUNDING = 1e-12
 COMPARED = ("drift", "displacement", "floor_acceleration", "force", "impulse", "residual")
 
 
-def response_again(study: Records, block: Block, row: int, run: dict[str, np.ndarray]) -> RunAgain:
+def response_again(study: Records, block: Block, row: int, run: Rows) -> RunAgain:
     """Compute one complete response again.
 
     Parameters

@@ -5,7 +5,7 @@ a record of one of them. No run depends on another (`responses`).
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -15,8 +15,9 @@ import numpy as np
 from hpcsweep.earthquakes.suite import Facts, Files, Measure, Synthetic, checked_record
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.responses import SKIP_RULES, Responses
 from hpcsweep.studies.ground_motion.tally import ResponseTally
@@ -29,12 +30,15 @@ from hpcsweep.studies.ground_motion.variables import (
     place_coordinates,
     response_variables,
 )
+from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.part import Part
-from hpcsweep.studies.recompute import RunAgain
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.study import RunAgain
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
+
+ROUNDING = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +100,6 @@ class Records(Part):
     holds: ClassVar[str] = "responses"
     is_list: ClassVar[bool] = False
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
-    polls_per_run: ClassVar[int] = 1
     starts_at_rest: ClassVar[bool] = True
     kernels: ClassVar[tuple] = ()
 
@@ -190,7 +193,7 @@ class Records(Part):
         return {
             **place_coordinates(self.structure, self.settings),
             "record": named([one.name for one in self.suite], "ground-motion record"),
-            "scale": keys.scale_coordinate(self.measure, self.scale),
+            "scale": Coordinate(self.scale.astype("<f8"), self.measure.quantity, str(self.measure)),
             "state": states(self.structure),
             "block": numbered(self.n_blocks, "block of scales"),
             **self.instants,
@@ -224,37 +227,37 @@ class Records(Part):
         middle = np.minimum((number + 0.5) * size, count) / count
         return BlockTable(record, n_runs, np.stack((record, number), axis=1), middle)
 
-    def predecessor(self, block: Block, row: int) -> Place | None:
-        """Return None: every run starts from rest."""
-        del block, row
-        return None
-
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return rest: runs inherit nothing from each other."""
         del rows, row
         return self.initial_state
 
-    def compute(
-        self, block: Block, state: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> dict[str, np.ndarray]:
+    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute a block; rows in file order."""
         del state
         record, low = block.first
         factors = self.factor[record, low : low + block.n_runs]
         return self.responses.rows(self.record(record), factors, poll)
 
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> dict[str, np.ndarray]:
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
         """Compute one run alone."""
         del state
         record, at = block.run(row)
         return self.responses.rows(self.record(record), self.factor[record, at : at + 1])
 
-    def check(self, block: Block, rows: dict[str, np.ndarray]) -> list[tuple[int, str]]:
-        """Return the broken invariants of runs: (row, message)."""
-        from hpcsweep.studies.ground_motion.invariants import broken_invariants
-
-        del block
-        return broken_invariants(rows)
+    def relations(self, _block: Block, rows: Rows) -> Broken:
+        """Return where relations between variables are broken; see `Part.relations`."""
+        complete, skip_rule = rows["outcome"] == Outcome.COMPLETE, rows["skip_rule"]
+        linear = skip_rule == SkipRule.LINEAR
+        end = np.abs(rows["final_state"][:, : rows["displacement"].shape[1]])
+        within = (end <= rows["displacement"] * ROUNDING).all(axis=1)
+        touched = (rows["impacts"] > 0).any(axis=1) if "impacts" in rows else np.array(False)
+        return {
+            "skip_rule is none or linear": ~np.isin(skip_rule, (SkipRule.NONE, SkipRule.LINEAR)),
+            "a linear run is complete": linear & ~complete,
+            "a linear run has no impacts": linear & touched,
+            "the last displacement is at most the largest": complete & ~within,
+        }
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way; see `.recompute`."""
@@ -263,9 +266,7 @@ class Records(Part):
         del start
         return response_again(self, block, row, run)
 
-    def time_runs(
-        self, share: float, along: float, n_runs: int, poll: Callable[[], None] | None = None
-    ) -> tuple[tuple[int, float], int, float]:
+    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a record."""
         record = int(share * len(self.suite))
         at = int(along * (max(self.scale.size - n_runs, 0) + 1))
@@ -285,12 +286,12 @@ class Records(Part):
         """Describe a task by its record."""
         return self.suite[task].name
 
-    def motions(self, run: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return nothing: a response does not repeat."""
         del run
         return []
 
-    def count(self, done: np.ndarray, runs: dict[str, np.ndarray]) -> dict[str, Any]:
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the runs spared by the rule ``linear``."""
         linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
         return {"runs_below_contact": int(linear.sum())}
@@ -301,19 +302,17 @@ class Records(Part):
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled_for_records
+        from hpcsweep.studies.compilation import missing, record_kernels
 
         del n_ranks
-        return is_compiled_for_records()
+        return not missing(record_kernels())
 
-    def warm_up(
-        self, say: Callable[[str], None] | None = None, n_ranks: float | None = None
-    ) -> None:
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import warm_up_records
+        from hpcsweep.studies.compilation import load, record_kernels
 
         del n_ranks
-        warm_up_records(say)
+        load(record_kernels(), say)
 
     def lines(self) -> Iterator[str]:
         """List the records, a line each, in order."""

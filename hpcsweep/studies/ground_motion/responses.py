@@ -39,6 +39,7 @@ from hpcsweep.solvers.response import (
     scale_of_contact,
 )
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.ground_motion.variables import HISTORY, pack, peaks_of
 from hpcsweep.studies.settings import SweepSettings
 
@@ -103,7 +104,7 @@ class Responses:
             return 1.0
         return float(f"{factor / self._largest:.{DIGITS - 1}e}")
 
-    def rows(self, record: Record, factors: np.ndarray, poll: Poll = None) -> dict[str, np.ndarray]:
+    def rows(self, record: Record, factors: np.ndarray, poll: Poll = None) -> Rows:
         """Compute responses to a record at scales, by variable name; first axis scales."""
         digest = record.digest
         free, alone, first = self._free(record, digest)
@@ -128,7 +129,7 @@ class Responses:
             | {name: np.array(values, np.int8) for name, values in told.items()}
         )
 
-    def _histories(self, record, factors, outcomes, poll: Poll) -> dict[str, np.ndarray]:
+    def _histories(self, record, factors, outcomes, poll: Poll) -> Rows:
         """Compute the motion itself at the instants, by variable name; NaN where there is none."""
         n, n_contacts = self.structure.n_floors, len(self.structure.contacts)
         sizes = dict(zip((one.name for one in HISTORY), (n, n, n_contacts), strict=True))
@@ -201,7 +202,7 @@ class Responses:
         sizes = self._sizes[: len(self._own)]
         return np.repeat([float(peak.power) for peak in self._own], sizes)
 
-    def _by_name(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+    def _by_name(self, rows: np.ndarray) -> Rows:
         ends = np.cumsum(self._sizes)[:-1]
         peaks = [peak.variable for peak in (*self._own, *self._alone)]
         named = zip(peaks, np.split(rows, ends, axis=1), strict=True)

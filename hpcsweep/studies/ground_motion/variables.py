@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.record_response import Response
-from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies import variables
 from hpcsweep.studies.settings import MEASURES, SweepSettings
-from hpcsweep.studies.variable import Coordinate, Variable
+from hpcsweep.studies.variable import ANY, FINITE, SIZE, Coordinate, Variable, count, real
 from hpcsweep.studies.variables import STATES, measure_coordinates
 
 RUN = ("record", "scale")
@@ -27,108 +27,87 @@ class Peak(NamedTuple):
     """Of the scale, with which it grows where gaps grow with the scale."""
 
 
-def _peak(name: str, field: str, dim: str, units: str, power: int, long_name: str) -> Peak:
-    kind = "<i4" if field == "impacts" else "<f8"
-    return Peak(Variable(name, (*RUN, dim), kind, units, long_name), field, power)
+def _peak(
+    name: str, dim: str, units: str, power: int, long_name: str, limits=SIZE, field="", **rules
+) -> Peak:
+    made = count if name == "impacts" else real
+    rules |= {"units": units, "long_name": long_name, "limits": limits}
+    return Peak(made(name, (*RUN, dim), **rules), field or name, power)
+
+
+def _time(name: str, dim: str, field: str, long_name: str) -> Peak:
+    return _peak(f"{name}_time", dim, "time", 0, long_name, field=f"{field}_time")
 
 
 PEAKS = (
-    _peak("storey_drift", "drift", "storey", "length", 1, "peak drift of each storey"),
-    _peak("displacement", "displacement", "floor", "length", 1, "peak displacement of each floor"),
+    _peak("storey_drift", "storey", "length", 1, "peak drift of each storey", field="drift"),
+    _peak("displacement", "floor", "length", 1, "peak displacement of each floor"),
     _peak(
-        *("floor_acceleration", "floor_acceleration", "floor", "acceleration", 1),
-        "peak absolute acceleration of each floor",
+        "floor_acceleration", "floor", "acceleration", 1, "peak absolute acceleration of each floor"
     ),
-    _peak("contact_force", "force", "stop", "force", 1, "peak force of each contact"),
-    _peak("impacts", "impacts", "stop", "1", 0, "closings of each contact"),
-    _peak("impact_velocity", "impact_velocity", "stop", "velocity", 1, "largest closing speed"),
-    _peak("impulse", "impulse", "stop", "impulse", 1, "impulse of each contact"),
-    _peak("contact_time", "contact_time", "stop", "time", 0, "time each contact is closed"),
-    _peak("dissipated", "dissipated", "stop", "energy", 2, "energy that each contact has taken"),
-    _peak("residual", "residual", "floor", "length", 1, "displacement left at the end"),
-    _peak("final_state", "final_state", "state", STATES, 1, "state at the end of the tail"),
+    _peak("contact_force", "stop", "force", 1, "peak force of each contact", field="force"),
+    _peak("impacts", "stop", "1", 0, "closings of each contact"),
+    _peak("impact_velocity", "stop", "velocity", 1, "largest closing speed"),
+    _peak("impulse", "stop", "impulse", 1, "impulse of each contact", FINITE),
+    _peak("contact_time", "stop", "time", 0, "time each contact is closed"),
+    _peak("dissipated", "stop", "energy", 2, "energy that each contact has taken", FINITE),
+    _peak("residual", "floor", "length", 1, "displacement left at the end"),
+    _peak("final_state", "state", STATES, 1, "state at the end of the tail", FINITE),
 )
 TIMES = (
-    _peak("storey_drift_time", "drift_time", "storey", "time", 0, "time of peak drift"),
-    _peak(
-        "displacement_time", "displacement_time", "floor", "time", 0, "time of peak displacement"
-    ),
-    _peak(
-        "floor_acceleration_time",
-        "acceleration_time",
-        "floor",
-        "time",
-        0,
-        "time of its peak",
-    ),
-    _peak("contact_force_time", "force_time", "stop", "time", 0, "time of peak force"),
+    _time("storey_drift", "storey", "drift", "time of peak drift"),
+    _time("displacement", "floor", "displacement", "time of peak displacement"),
+    _time("floor_acceleration", "floor", "acceleration", "time of its peak"),
+    _time("contact_force", "stop", "force", "time of peak force"),
 )
 ALONE = (
     *(
-        peak._replace(
-            variable=replace(
-                peak.variable,
-                name=f"{peak.variable.name}_alone",
-                long_name=f"{peak.variable.long_name}, without contacts",
-            )
+        _peak(
+            *(f"{v.name}_alone", v.dims[-1], v.units, 1, f"{v.long_name}, without contacts"),
+            field=field,
+            failed=ANY,
         )
-        for peak in PEAKS[:3]
+        for v, field, _ in PEAKS[:3]
     ),
-    Peak(
-        Variable("gap_needed", (*RUN, "stop"), "<f8", "length", "gap that would not have closed"),
-        "reach",
-        1,
+    _peak(
+        *("gap_needed", "stop", "length", 1, "gap that would not have closed"),
+        field="reach",
+        failed=ANY,
     ),
 )
 """Of the motion without contacts."""
-OUTCOME = Variable(
-    "outcome",
-    RUN,
-    "<i1",
-    "1",
-    "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
-    Outcome,
+OUTCOME = replace(variables.OUTCOME, dims=RUN)
+SKIP_RULE = replace(
+    variables.SKIP_RULE,
+    dims=RUN,
+    long_name="rule that spared a computation: 1 linear, below first contact",
 )
-SKIP_RULE = Variable(
-    "skip_rule",
-    RUN,
-    "<i1",
-    "1",
-    "rule that spared a computation: 1 linear, below first contact",
-    SkipRule,
-)
-HISTORY = (
-    Variable(
-        *("history_displacement", (*RUN, "time", "floor"), "<f8", "length"),
-        "displacement of each floor",
-    ),
-    Variable(
-        *("history_velocity", (*RUN, "time", "floor"), "<f8", "velocity"),
-        "velocity of each floor, relative to the ground",
-    ),
-    Variable(
-        *("history_force", (*RUN, "time", "stop"), "<f8", "force"),
-        "force of each contact",
-    ),
+HISTORY = tuple(
+    real(f"history_{name}", (*RUN, "time", dim), units, long_name, None)
+    for name, dim, units, long_name in (
+        ("displacement", "floor", "length", "displacement of each floor"),
+        ("velocity", "floor", "velocity", "velocity of each floor, relative to the ground"),
+        ("force", "stop", "force", "force of each contact"),
+    )
 )
 """The motion itself, where ``output.history`` gives a step; NaN past the end of a record."""
 GROUPS = {"times": TIMES, "alone": ALONE}
 """Peaks that a job may leave out, by the keys of its table ``output``."""
 
 FACTS = (
-    Variable("pga", ("record",), "<f8", "acceleration", "peak ground acceleration"),
-    Variable("pgv", ("record",), "<f8", "velocity", "peak ground velocity"),
-    Variable("pgd", ("record",), "<f8", "length", "peak ground displacement"),
-    Variable("arias", ("record",), "<f8", "velocity", "Arias intensity"),
-    Variable("duration", ("record",), "<f8", "time", "significant duration, 5 to 95 %"),
-    Variable("samples", ("record",), "<i4", "1", "number of samples"),
-    Variable("dt", ("record",), "<f8", "time", "time between two samples"),
+    real("pga", ("record",), "acceleration", "peak ground acceleration", None),
+    real("pgv", ("record",), "velocity", "peak ground velocity", None),
+    real("pgd", ("record",), "length", "peak ground displacement", None),
+    real("arias", ("record",), "velocity", "Arias intensity", None),
+    real("duration", ("record",), "time", "significant duration, 5 to 95 %", None),
+    count("samples", ("record",), "number of samples"),
+    real("dt", ("record",), "time", "time between two samples", None),
 )
 """What is known of each record, by the fields of its `Facts`."""
-FACTOR = Variable("factor", RUN, "<f8", "1", "by which the acceleration is multiplied")
+FACTOR = real("factor", RUN, "1", "by which the acceleration is multiplied")
 
 
-def peaks_of(structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:
+def peaks_of(structure: Structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:
     """Return the peaks of a response, and of the motion without contacts, that a file holds."""
 
     def held(peaks) -> list[Peak]:
@@ -138,7 +117,9 @@ def peaks_of(structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]
     return held(PEAKS) + groups.get("times", []), groups.get("alone", [])
 
 
-def response_variables(structure, settings: SweepSettings, history: bool) -> list[Variable]:
+def response_variables(
+    structure: Structure, settings: SweepSettings, history: bool
+) -> list[Variable]:
     """Return the variables of a run, in the order of the file, with or without its history."""
     own, alone = peaks_of(structure, settings)
     motion = [one for one in HISTORY if structure.contacts or one.dims[-1] != "stop"]
@@ -146,7 +127,7 @@ def response_variables(structure, settings: SweepSettings, history: bool) -> lis
     return [*peaks, *(motion if history else ()), OUTCOME, SKIP_RULE]
 
 
-def place_coordinates(structure, settings: SweepSettings) -> dict[str, Coordinate]:
+def place_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions storey, floor and, where there are contacts, stop."""
     made = measure_coordinates(structure, replace(settings, metrics=frozenset(MEASURES)))
     return {name: one for name, one in made.items() if one.values.size}

@@ -3,14 +3,14 @@
 The points of a map are counted through ``commit``, where each is a block.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, cast
 
 import numpy as np
 
 from hpcsweep.solvers.solver import SOLVERS
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.crossing import Curve, crossed_boxes
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
@@ -30,7 +30,7 @@ AT_ONCE = 64
 class Mapped(Protocol):
     """Part of a study whose map grows."""
 
-    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll=None) -> dict:
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> dict:
         """Compute the runs of a frame at places along its last axis, in this order."""
 
 
@@ -75,9 +75,7 @@ class MapGrowth:
         solver = SOLVERS[self.study.settings.solver]
         return AT_ONCE if solver.follows_orbits and self.study.polls_per_run == 1 else 1
 
-    def compute(
-        self, blocks: Sequence[Block], state: np.ndarray, poll: Callable[[], None] | None
-    ) -> list[dict[str, np.ndarray]]:
+    def compute(self, blocks: Sequence[Block], state: np.ndarray, poll: Poll) -> list[Rows]:
         """Compute points of a frame, each a block, from a state."""
         parts = [self.study.part_of(block) for block in blocks]
         part, (_, frame, _) = cast(Mapped, parts[0][0]), parts[0][1].first
@@ -85,7 +83,7 @@ class MapGrowth:
         found = part.runs_at(frame, places, state, poll)
         return [{name: rows[k : k + 1] for name, rows in found.items()} for k in range(len(blocks))]
 
-    def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
+    def labels(self, rows: Rows) -> np.ndarray:
         """Return what rounds depend on; see `Refinement.labels`."""
         return self.refinement.labels(rows)
 
@@ -156,6 +154,6 @@ class MapRounds:
                 return new
         return None
 
-    def derived(self) -> dict[str, np.ndarray]:
+    def derived(self) -> Rows:
         """Return the variables that follow from a complete map; see `derived_values`."""
         return derived_values(self._study, self._refinement, self._rounds, self._labels)

@@ -7,6 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.keys import Key, names
 from hpcsweep.studies.study import Study
 
@@ -98,7 +99,7 @@ class Refinement:
         """Variables in which points must agree."""
         return list(dict.fromkeys(variable for name in self.on for variable in LABELS[name]))
 
-    def labels(self, rows: dict[str, np.ndarray]) -> np.ndarray:
+    def labels(self, rows: Rows) -> np.ndarray:
         """Return the labels of k runs, shape (k, 2 + len(variables)).
 
         The first column is 1 where a run failed, which agrees with none; the last is its cost in

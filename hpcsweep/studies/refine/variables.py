@@ -4,23 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
 from hpcsweep.studies.refine.rounds import Rounds
 from hpcsweep.studies.study import Study
-from hpcsweep.studies.variable import Coordinate, Variable
+from hpcsweep.studies.variable import Coordinate, Variable, code
 from hpcsweep.studies.variables import numbered
 
 SOURCE, CELL, CROSSED = "source", "cell", "crossed"
 AUDIT, INFERRED = "audit", "inferred"
 """Variable of the looks, and of the checksums."""
-LONG_NAMES = {
-    SOURCE: "1 computed, 2 inferred from its cell, 3 computed for the audit, 0 not known yet",
-    CELL: "level of the cell from which it is inferred, negative if its points differ, "
-    "0 of computed points",
-    CROSSED: "1 where a known curve crosses the box of the grid that begins at the point",
-}
 QUANTITIES = Look._fields
 
 
@@ -32,8 +27,16 @@ def inferred_name(variable: str) -> str:
 def derived_variables(study: Study, refinement: Refinement) -> list[Variable]:
     """Return the variables of a refined map besides its runs, checksums last."""
     runs = study.run_dims
+    told = "1 computed, 2 inferred from its cell, 3 computed for the audit, 0 not known yet"
+    level = "level of the cell from which it is inferred, negative if its points differ, "
+    crossed = "1 where a known curve crosses the box of the grid that begins at the point"
+    own = [
+        code(SOURCE, runs, Source, told),
+        Variable(CELL, runs, "<i1", "1", level + "0 of computed points"),
+    ]
+    if refinement.curves:
+        own.append(Variable(CROSSED, runs, "<i1", "1", crossed))
     known = {variable.name: variable for variable in study.variables}
-    own = (SOURCE, CELL, *((CROSSED,) if refinement.curves else ()))
     labels = [
         replace(
             known[name],
@@ -43,9 +46,8 @@ def derived_variables(study: Study, refinement: Refinement) -> list[Variable]:
         )
         for name in refinement.variables
     ]
-    flags = {SOURCE: Source}
     return [
-        *(Variable(name, runs, "<i1", "1", LONG_NAMES[name], flags.get(name)) for name in own),
+        *own,
         *labels,
         *getattr(study, "listed_variables", []),
         Variable(AUDIT, ("look", "quantity"), "<f8", "1", "looks of the audit, the last counts"),
@@ -61,9 +63,7 @@ def derived_coordinates() -> dict[str, Coordinate]:
     }
 
 
-def derived_values(
-    study: Study, refinement: Refinement, rounds: Rounds, labels: Labels
-) -> dict[str, np.ndarray]:
+def derived_values(study: Study, refinement: Refinement, rounds: Rounds, labels: Labels) -> Rows:
     """Return the variables of a complete map, without the checksums.
 
     Returns
@@ -83,14 +83,14 @@ def derived_values(
         values[CROSSED] = np.pad(rounds.crossed, [(0, 1)] * rounds.crossed.ndim).ravel()
     audit = np.full((MAX_LOOKS, len(QUANTITIES)), np.nan)
     audit[: len(rounds.looks)] = rounds.looks
-    listed: dict[str, np.ndarray] = getattr(study, "listed_values", dict)()
+    listed: Rows = getattr(study, "listed_values", dict)()
     values |= {n: np.broadcast_to(v, (study.n_frames, *v.shape)) for n, v in listed.items()}
     return {**values, AUDIT: audit}
 
 
 def replay(
     study: Study, refinement: Refinement, labels: Labels, crossed: np.ndarray | None = None
-) -> dict[str, np.ndarray] | None:
+) -> Rows | None:
     """Return `derived_values` of a map whose rounds are all known; None if a point is missing.
 
     Parameters

@@ -4,21 +4,18 @@ A frame is one path, up and then, if requested, down from the end of the way up.
 the paper, and the default.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, Path
-from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
+from hpcsweep.studies.grid_kinds import DOWN, UP, AlongAmplitudes
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.runs import end_of, frame_runs
 
-UP, DOWN = "up", "down"
 DIRECTIONS = Key(
     "directions",
     'ways through the amplitudes: `["up"]`, or `["up", "down"]`, the way back too',
@@ -27,7 +24,7 @@ DIRECTIONS = Key(
 
 
 @dataclass(frozen=True, eq=False)
-class AmplitudeSweep(RunGrid):
+class AmplitudeSweep(AlongAmplitudes):
     """Amplitude sweeps, a frame a task; see `RunGrid`."""
 
     kind: ClassVar[str] = "amplitude_sweep"
@@ -53,57 +50,20 @@ class AmplitudeSweep(RunGrid):
             **common,
         )
 
-    def task_of(self, direction, frame, number):
-        """Return the task of blocks: their frame."""
-        del direction, number
-        return frame
-
-    def path(self, task: int) -> Path:
-        """Return the blocks of a frame: up, then down."""
-
-        def block(position: int) -> Block:
-            direction, number = divmod(position, self.n_blocks)
-            return self.block((direction, task, number))
-
-        return Path(len(self.directions) * self.n_blocks, block)
-
-    def descends(self, direction: int) -> bool:
-        """Return whether the amplitudes of a direction are computed in descending order."""
-        return self.directions[direction] == DOWN
-
     @property
     def carried(self) -> tuple[str, ...]:  # type: ignore[override]
         """Variables that hold the start of the next run."""
         tested = ("motion", "classification_cycles") if self.settings.classify_cycles else ()
         return ("final_state", *tested)
 
-    def end_state(self, rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return the state from which the next run starts, and how long its chaos was followed."""
         return end_of(rows, row)
 
-    def rows(
-        self,
-        frame: int,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute consecutive runs, each from the end of the previous one."""
-        omega = float(self.omega[frame])
+        omega, amplitudes = float(self.omega[frame]), self.amplitudes_of(frame)[places]
         return sweep_block(self.moving, omega, amplitudes, state, self.settings, poll)
-
-    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return the index of the previous run on the path; None for the first."""
-        if row != block.begin:
-            return block.run(row + 1 if block.descending else row - 1)
-        path = self.path(block.task)
-        position = next(k for k, other in enumerate(path) if other.place == block.place)
-        before = path[position - 1] if position else None
-        return before.run(before.end) if before else None
-
-    def describe_task(self, task: int) -> str:
-        """Describe a frame by its frequency."""
-        return f"Omega = {self.omega[task]:.6g}"
 
 
 def sweep_block(
@@ -112,7 +72,7 @@ def sweep_block(
     amplitudes: Amplitudes,
     state: np.ndarray,
     settings: SweepSettings,
-    poll: Callable[[], None] | None = None,
-) -> dict[str, np.ndarray]:
+    poll: Poll = None,
+) -> Rows:
     """Run consecutive amplitudes of one sweep at one frequency; see `runs.FrameRuns.follow`."""
     return frame_runs(structure, omega, settings).follow(amplitudes, state, poll)

@@ -1,7 +1,5 @@
 """Compute runs that skip rules finish, many in one compiled call; see `runs` for the rules."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from hpcsweep.dynamics.arrival import NEAR
@@ -14,6 +12,7 @@ from hpcsweep.solvers.flow.orbit.batch import Rules
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.records import Followed, Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import exponent_of_orbit
 from hpcsweep.studies.sweep.rows import Result, store
@@ -42,12 +41,12 @@ class Batch:
 
     def into(
         self,
-        result: dict[str, np.ndarray],
+        result: Rows,
         first: int,
         amplitudes: np.ndarray,
         state: np.ndarray,
         follow: bool,
-        poll: Callable[[], None] | None,
+        poll: Poll,
     ) -> Followed:
         """Compute at most `AT_ONCE` runs from number `first` on, up to one that is left open.
 
@@ -80,7 +79,7 @@ class Batch:
             store(rows, self._solver.structure, self._solver.omega, amplitudes[done], found)
         return followed
 
-    def _followed(self, amplitudes, state, follow: bool, jumps: bool, poll) -> Followed:
+    def _followed(self, amplitudes, state, follow: bool, jumps: bool, poll: Poll) -> Followed:
         settings = self._settings
         rules = Rules(
             settings.max_orbit_period,
@@ -96,7 +95,7 @@ class Batch:
             amplitudes, state, rules, self._free, norms, settings.measures, poll
         )
 
-    def _ghost(self, orbits: Orbits, amplitudes: np.ndarray, poll) -> int | None:
+    def _ghost(self, orbits: Orbits, amplitudes: np.ndarray, poll: Poll) -> int | None:
         """Return the first run that has jumped where no orbit is, near the ghost of a fold."""
         for k in np.flatnonzero(orbits.multiplier > SLOW).tolist():
             points, amplitude = orbits.points[k, : orbits.length[k]], float(amplitudes[k])

@@ -9,7 +9,6 @@ end of the window nevertheless.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +21,7 @@ from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.dynamics.stability import orbit_exponent
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
+from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.rows import NOT_TESTED
 
@@ -62,7 +62,7 @@ def classify_window(
     seen: Observation,
     settings: SweepSettings,
     outlived: int = 0,
-    poll: Callable[[], None] | None = None,
+    poll: Poll = None,
 ) -> Classification:
     """Classify the motion of a window, or of its continuation.
 
@@ -93,7 +93,7 @@ def classify_window(
             seen,
             outlived,
         )
-        shown = window_class(points, seen, window)
+        shown = window_class(seen, window)
         if motion.kind not in (MotionClass.UNDECIDED, MotionClass.FAILED):
             known = _classify_known(solver, amplitude, settings, motion, poll)
             if known is not None:
@@ -113,16 +113,14 @@ def classify_window(
     return Classification(seen, period, exponent, window_period=window)
 
 
-def window_class(points: np.ndarray, seen: Observation, period: int) -> MotionClass:
+def window_class(seen: Observation, period: int) -> MotionClass:
     """Return the class of motion that a window shows by itself.
 
     Parameters
     ----------
-    points : ndarray, shape (N, 2n)
-        Of the window, in units of the state.
     seen : Observation
     period : int
-        After which the points repeat, 0 if they do not.
+        After which its points repeat, 0 if they do not.
 
     Returns
     -------

@@ -8,8 +8,8 @@ from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
-from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.measures import store_measures
+from hpcsweep.studies.blocks import Rows
+from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES, SweepSettings
 from hpcsweep.studies.variables import empty_results, run_variables
 
 NOT_TESTED = -1
@@ -19,13 +19,15 @@ NOT_TESTED = -1
 class Result(NamedTuple):
     """Results of a run, or of k runs: then every array has an additional first axis.
 
+    A field is stored as the variable of its name.
+
     Attributes
     ----------
-    period : int
+    orbit_period : int
         Orbit period, 0 if there is none, or it is longer than the job looks for.
     cycles : int
         Forcing periods integrated on the path.
-    end : ndarray, shape (2n,)
+    final_state : ndarray, shape (2n,)
         Last point of the run.
     points : ndarray, shape (m, 2n)
         Stroboscopic points to store: the first `n_points`, the others NaN.
@@ -42,9 +44,9 @@ class Result(NamedTuple):
         Forcing periods integrated to classify.
     """
 
-    period: Any
+    orbit_period: Any
     cycles: Any
-    end: np.ndarray
+    final_state: np.ndarray
     points: np.ndarray
     n_points: Any
     contact: Any
@@ -60,7 +62,7 @@ class Result(NamedTuple):
     classification_cycles: Any = 0
 
 
-def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> dict[str, np.ndarray]:
+def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> Rows:
     """Allocate the results of `n_runs` runs, as for failed runs.
 
     Returns
@@ -73,32 +75,12 @@ def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> di
 
 
 def store(
-    rows: dict[str, np.ndarray],
-    structure: Structure,
-    omega: float,
-    amplitudes: np.ndarray | float,
-    result: Result,
+    rows: Rows, structure: Structure, omega: float, amplitudes: np.ndarray | float, result: Result
 ) -> None:
     """Write results of k complete runs into `rows`, k rows as allocated by `empty_rows`."""
-    values = {
-        "orbit_period": result.period,
-        "final_state": result.end,
-        "cycles": result.cycles,
-        "outcome": Outcome.COMPLETE,
-        "n_points": result.n_points,
-        "contact": result.contact,
-        "modal_norm": result.modal_norm,
-        "lyapunov": result.lyapunov,
-        "lyapunov_low": result.lyapunov_low,
-        "lyapunov_high": result.lyapunov_high,
-        "window_period": result.window_period,
-        "motion": result.motion,
-        "window_class": result.window_class,
-        "classification_cycles": result.classification_cycles,
-    }
-    for name, value in values.items():
-        if name in rows:
-            rows[name][:] = value
+    rows["outcome"][:] = Outcome.COMPLETE
+    for name in rows.keys() & set(Result._fields):
+        rows[name][:] = getattr(result, name)
     if "poincare" in rows:
         most = min(result.points.shape[-2], rows["poincare"].shape[1])
         rows["poincare"][:, :most] = result.points[..., :most, :]
@@ -108,12 +90,32 @@ def store(
         store_measures(rows, structure, np.atleast_2d(result.measures))
 
 
-def store_failure(
-    rows: dict[str, np.ndarray], end: np.ndarray, cycles: int, outcome: Outcome
-) -> None:
+def store_failure(rows: Rows, end: np.ndarray, cycles: int, outcome: Outcome) -> None:
     """Write the outcome of a failed run and its last state into its row."""
     rows["cycles"][:] = cycles
     rows["outcome"][:] = outcome
     rows["final_state"][:] = end
     if "motion" in rows:
         rows["motion"][:] = MotionClass.FAILED
+
+
+def store_measures(rows: Rows, structure: Structure, measures: np.ndarray) -> None:
+    """Store measures, shape (k, D + 2 n + 5 m) as in an `Observation`, in rows of results.
+
+    The force of a contact is largest where its floors are farthest past it. That of a dashpot comes
+    as the distance at which the spring alone exerts it. Contacts that no motion reaches exert none.
+    """
+    n_drifts, n, m = len(structure.drift_rows), structure.n_floors, len(structure.contacts)
+    ends = np.cumsum((n_drifts, n, n, *4 * (m,)))
+    parts = dict(zip(MEASURES, np.split(measures, ends, axis=1), strict=True))
+    past = parts["contact_force"]
+    parts["contact_force"] = structure.switched(structure.force_per_length * past, past)
+    parts["impulse"] = structure.force_per_length * parts["impulse"]
+    numbers = structure.all_contact_numbers
+    places = [numbers.index(number) for number in structure.contact_numbers]
+    for name in rows.keys() & parts.keys():
+        if name not in CONTACT_MEASURES:
+            rows[name][:] = parts[name]
+        else:
+            rows[name][:] = 0.0
+            rows[name][:, places] = parts[name]

@@ -24,7 +24,6 @@ last one that was reached.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, cast
@@ -38,8 +37,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
+from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Amplitudes
 from hpcsweep.studies.sweep.classification import Classification, classify_window
 from hpcsweep.studies.sweep.rows import Result, empty_rows, store, store_failure
 
@@ -68,7 +67,7 @@ class FrameRuns:
         Replaces the solver of the settings.
     """
 
-    def __init__(self, structure, omega: float, settings: SweepSettings, solver=None):
+    def __init__(self, structure: Structure, omega: float, settings: SweepSettings, solver=None):
         self.structure, self.settings = structure, settings
         self._given = solver is not None
         self._measured: dict[float, FrameRuns] = {}
@@ -92,12 +91,7 @@ class FrameRuns:
 
             self._batch = Batch(cast("FlowMap", self.solver), settings, self._free)
 
-    def follow(
-        self,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
+    def follow(self, amplitudes: Amplitudes, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute runs at consecutive amplitudes, each from the end of the previous one.
 
         Parameters
@@ -117,16 +111,11 @@ class FrameRuns:
         """
         return self._rows(amplitudes, state, poll, follow=True)
 
-    def each(
-        self,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Callable[[], None] | None = None,
-    ) -> dict[str, np.ndarray]:
+    def each(self, amplitudes: Amplitudes, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute runs, each from the same state; otherwise like `follow`."""
         return self._rows(amplitudes, state, poll, follow=False)
 
-    def _rows(self, amplitudes, state, poll, follow: bool) -> dict[str, np.ndarray]:
+    def _rows(self, amplitudes, state, poll, follow: bool) -> Rows:
         """Compute runs, each measured by its own length (`Structure.lengths`)."""
         amplitudes = np.array(amplitudes, dtype=float)
         if self._given or not amplitudes.size:
@@ -152,7 +141,7 @@ class FrameRuns:
             self._measured[length] = FrameRuns(structure, self.solver.omega, self.settings)
         return self._measured[length]
 
-    def _stretch(self, amplitudes, state, poll, follow: bool) -> dict[str, np.ndarray]:
+    def _stretch(self, amplitudes, state, poll, follow: bool) -> Rows:
         """Compute runs from a state, or from the end of the previous one."""
         result = empty_rows(self.structure, len(amplitudes), self.settings)
         size = 2 * self.structure.n_floors
@@ -176,7 +165,7 @@ class FrameRuns:
             index += 1
         return result
 
-    def _transient(self, result, index, amplitude: float, z, poll) -> Approach | None:
+    def _transient(self, result, index, amplitude: float, z, poll: Poll) -> Approach | None:
         """Integrate the transient of a run; return None if it is proved linear, and stored."""
         closed = self._free.window(z, amplitude) if self._free is not None else None
         if self._free is None or closed is None:
@@ -207,7 +196,7 @@ class FrameRuns:
     def _grazing_amplitude(self) -> float:
         return float(self.structure.grazing_amplitude(self.solver.omega))
 
-    def _window(self, end: Approach, amplitude: float, row, outlived: int, poll) -> None:
+    def _window(self, end: Approach, amplitude: float, row, outlived: int, poll: Poll) -> None:
         """Integrate the window that follows a transient, and classify its motion."""
         settings = self.settings
         z, cycles = end.state, end.n_periods + end.n_newton
@@ -257,19 +246,19 @@ class FrameRuns:
         store(row, self.structure, self.solver.omega, amplitude, result)
 
 
-def chaotic_cycles(rows: dict[str, np.ndarray], row: int) -> int:
+def chaotic_cycles(rows: Rows, row: int) -> int:
     """Return for how many periods the motion of a run was followed, if it is chaotic; else 0."""
     chaotic = "motion" in rows and rows["motion"][row] == MotionClass.CHAOTIC
     return int(rows["classification_cycles"][row]) if chaotic else 0
 
 
-def end_of(rows: dict[str, np.ndarray], row: int) -> np.ndarray:
+def end_of(rows: Rows, row: int) -> np.ndarray:
     """Return what a path carries from a run to the next: its end state, and `chaotic_cycles`."""
     end = rows["final_state"][row]
     return np.append(end, chaotic_cycles(rows, row)) if "motion" in rows else end
 
 
-def _row(result: dict[str, np.ndarray], index: int) -> dict[str, np.ndarray]:
+def _row(result: Rows, index: int) -> Rows:
     """Return one row of the results, first axis 1."""
     return {name: array[index : index + 1] for name, array in result.items()}
 

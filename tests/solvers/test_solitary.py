@@ -12,12 +12,12 @@ from scipy.special import expit
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.layer.solitary import plan, step, tables
+from hpcsweep.solvers.flow.layer.solitary import equation, step
 from hpcsweep.solvers.flow.linear import propagators
 from hpcsweep.solvers.flow.rules import solitary_rule as rule
 from hpcsweep.solvers.flow.rules import tableau
-from hpcsweep.solvers.flow.state import responses
-from hpcsweep.solvers.flow.state.tally import MAXIMA, NO_TALLY
+from hpcsweep.solvers.flow.state.shared import MAXIMA, NO_TALLY
+from hpcsweep.solvers.flow.state.tables import forget
 
 OMEGA, AMPLITUDE = 0.445, 0.05
 RHO = 1e4
@@ -29,7 +29,7 @@ def test_tables_are_those_of_the_exponential(key, contact, level):
     structure = Structure(3, 1000.0, RHO, (0.05, 0.3, 1.4))
     flow = FlowMap(structure, OMEGA)
     index = propagators.lookup(np.uint64(key), flow._packed)
-    place = tables.build_response(index, contact, level, flow._packed)
+    place = equation.build_response(index, contact, level, flow._packed)
     responses, matrix = flow._shared.responses, generator(structure, key, OMEGA)
     h = flow._shared.tables.h[index] * 2.0 ** (-0.5 * level)
     pushed = np.eye(9)[3 + contact]
@@ -89,13 +89,13 @@ def state(y, speed, second=0.6):
 def test_a_step_is_as_long_as_its_ellipse_keeps_off_the_poles():
     places, speeds, pushes = (-3e-3, -2e-4, 0.0, 1e-3), (0.08, 0.0, -0.03), (-2.0, -1e-3, 0.0, 1.5)
     for x, v, pushed in itertools.product(places, speeds, pushes):
-        h = plan.until_poles(x, v, pushed, RHO)
+        h = equation.until_poles(x, v, pushed, RHO)
         times = np.roots([0.5 * pushed, v, x - 1j * math.pi / RHO])
         if not times.size:
             assert h == math.inf
             continue
         ellipses = 2.0 * (np.abs(times) + np.abs(times - h)) / h
-        assert ellipses.min() == pytest.approx(plan.ELLIPSE, rel=1e-9), (x, v, pushed)
+        assert ellipses.min() == pytest.approx(equation.ELLIPSE, rel=1e-9), (x, v, pushed)
 
 
 ON_THEIR_WAY = [(-20.0, 0.06), (-3.0, 0.03), (0.5, 0.04), (8.0, -0.05), (15.0, 0.01), (-8.0, -0.02)]
@@ -151,7 +151,7 @@ def test_an_emptied_store_changes_nothing():
     start = flow.advance(np.zeros(6), 0.22, 20).state
     points, _ = flow.points(start, 0.22, 30)
     assert flow._shared.responses.count[0] > 0
-    responses.forget(flow._shared.responses)
+    forget(flow._shared.responses)
     assert flow._shared.responses.count[0] == 0
     again, _ = flow.points(start, 0.22, 30)
     assert np.array_equal(points, again)

@@ -19,8 +19,16 @@ from hpcsweep.solvers.flow.observe.gathered import gathered, reset
 from hpcsweep.solvers.flow.orbit import batch, chain
 from hpcsweep.solvers.flow.orbit.tracer import Tracer
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
-from hpcsweep.solvers.flow.state.shared import WATCH, Watch, new_watch, shared_at
-from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
+from hpcsweep.solvers.flow.state.shared import (
+    ANY_MEASURE,
+    MAXIMA,
+    NO_TALLY,
+    NORMS,
+    WATCH,
+    Watch,
+    new_watch,
+    shared_at,
+)
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.measures import measures_of

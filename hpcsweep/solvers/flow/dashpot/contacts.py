@@ -40,8 +40,7 @@ from hpcsweep.solvers.flow.search.search import (
     may_reach,
     rising_root,
 )
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.segment import Segment
+from hpcsweep.solvers.flow.state.state import Segment, approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.measures import ROUNDING
 

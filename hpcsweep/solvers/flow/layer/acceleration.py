@@ -18,10 +18,9 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import fma, load, modulus, negative, total
-from hpcsweep.solvers.flow.layer.bounds import BETWEEN, beyond, range_of
+from hpcsweep.solvers.flow.layer.observation import BETWEEN, beyond, range_of
 from hpcsweep.solvers.flow.rules.tableau import N_POINTS, N_STAGES, NODES, POINTS
-from hpcsweep.solvers.flow.state.accelerations import accelerations
-from hpcsweep.solvers.flow.state.segment import time_of
+from hpcsweep.solvers.flow.state.state import accelerations, time_of
 
 _APART = POINTS[:, None] - POINTS + np.eye(N_POINTS)
 SCALES = 1.0 / _APART.prod(axis=1)

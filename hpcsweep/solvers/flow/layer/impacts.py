@@ -5,14 +5,20 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import load, total
 from hpcsweep.model.contact import contact_forces
-from hpcsweep.solvers.flow.layer.bounds import range_of, stays
-from hpcsweep.solvers.flow.layer.interpolant import integral_of_force, interpolate, interpolated
-from hpcsweep.solvers.flow.layer.limits import allowed_error
-from hpcsweep.solvers.flow.layer.quintic import hermite, root_of, turn_of, value_of
-from hpcsweep.solvers.flow.layer.scheme import distances
+from hpcsweep.solvers.flow.layer.interpolant import (
+    hermite,
+    integral_of_force,
+    interpolate,
+    interpolated,
+    root_of,
+    turn_of,
+    value_of,
+)
+from hpcsweep.solvers.flow.layer.observation import range_of, stays
+from hpcsweep.solvers.flow.layer.scheme import allowed_error, distances
 from hpcsweep.solvers.flow.observe.impacts import note_apart, record
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
-from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
+from hpcsweep.solvers.flow.state.state import contact_bit, distance
 from hpcsweep.solvers.measures import FORCE, TIME
 
 MISSED = 1e-13

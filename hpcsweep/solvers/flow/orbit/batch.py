@@ -18,10 +18,17 @@ from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, ent
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.period.march import march
-from hpcsweep.solvers.flow.state.augmented import renew_rows
-from hpcsweep.solvers.flow.state.shared import read_shared, read_watch
-from hpcsweep.solvers.flow.state.state import copy_state
-from hpcsweep.solvers.flow.state.tally import IMPACTS, MAXIMA, PEAKS, Tally, clear, wants_norms
+from hpcsweep.solvers.flow.state.shared import (
+    IMPACTS,
+    MAXIMA,
+    PEAKS,
+    Tally,
+    clear,
+    read_shared,
+    read_watch,
+    wants_norms,
+)
+from hpcsweep.solvers.flow.state.state import copy_state, renew_rows
 from hpcsweep.solvers.free import is_free
 from hpcsweep.solvers.outcome import COMPLETE
 from hpcsweep.solvers.records import Orbits

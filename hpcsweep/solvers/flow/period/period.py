@@ -40,17 +40,26 @@ from hpcsweep.solvers.flow.period.gather import (
     segment_tangent,
 )
 from hpcsweep.solvers.flow.search.events import (
+    coast,
     contact_key,
     first_event,
     layer_edge,
+    take_step,
 )
 from hpcsweep.solvers.flow.search.search import UNDECIDED, Bracket, Curve, Level, rising_root
-from hpcsweep.solvers.flow.search.steps import coast, take_step
-from hpcsweep.solvers.flow.state.augmented import start
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.segment import Ending, Segment, Stretch
-from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
-from hpcsweep.solvers.flow.state.tally import NO_TALLY
+from hpcsweep.solvers.flow.state.shared import NO_TALLY
+from hpcsweep.solvers.flow.state.state import (
+    OVERFLOW,
+    Ending,
+    Segment,
+    Stretch,
+    approach_speed,
+    contact_bit,
+    copy_state,
+    distance,
+    is_ordinary,
+    start,
+)
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2

@@ -1,5 +1,16 @@
-r"""The integral equation of a step with one contact alone in its layer.
+r"""A step with one contact in its layer: its length, its integral equation, its tables.
 
+The force is an analytic function of time except where the contact is at a pole of the sigmoid, rho
+x = +-i pi. With the initial motion, x + v t + a t^2 / 2, that is at two complex times, ahead or
+behind, and their conjugates,
+
+    t = -2 (x - i pi / rho) / (v + w),  -(v + w) / a,        w^2 = v^2 - 2 a (x - i pi / rho).
+
+The step is as long as the ellipse of `layer.limits` excludes the nearer of them. Damping, forcing
+and floors do not limit it; the condition that others stay outside their layers does.
+
+The integral equation of a step with one contact alone in its layer
+-------------------------------------------------------------------
 Let no other contact change, so that without the force of this one, or with its spring on all the
 time, the motion is the linear one of a contact set, x' = M x. With it (variation of constants, e
 what a unit impulse of the contact does)
@@ -20,11 +31,28 @@ A. Ostermann, Appl. Numer. Math. 53 (2005) 323). All that is linear is exact.
 
 The error of the Gauss rule is of the order of the square of that of the polynomial, which is
 measured at both ends of the step, where f is known.
+
+Tables of a step with one contact in its layer: responses to the state and to the force
+---------------------------------------------------------------------------------------
+For the linear motion exp(M s) of a contact set, the unit impulse e of the contact, and a step h,
+with the Gauss nodes c_j of `solitary_rule` and their Lagrange polynomials l_k on [0, 1]::
+
+    linear:    the distance at the nodes, d exp(M c_j h) x
+    response:  its change by a unit force at node k, int_0^(c_j h) d exp(M (c_j h - s)) e l_k ds
+    step:      the state at the end, exp(M h) x
+    kick:      its change by a unit force at node k, w_k h exp(M (1 - c_k) h) e
+
+exp(M s) is that of `flow.tables`, of degree 15 in s, so that the Gauss rule of as many nodes on
+[0, c_j h] integrates the response exactly. The steps are h 2^(-l / 2), h the step of the table of c
+and l = 0, 1, .., so that each table serves often.
 """
 
 import math
 
-from hpcsweep.kernels.compile import inlined
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile.entry_points import BYTES, INT, entry_point
 from hpcsweep.kernels.simd.vectors import (
     LANES,
     combine,
@@ -37,10 +65,148 @@ from hpcsweep.kernels.simd.vectors import (
     total,
 )
 from hpcsweep.model.contact import contact_force, contact_forces, contact_stiffnesses
-from hpcsweep.solvers.flow.rules.solitary_rule import AT_END, AT_START, N_NODES, NODES
-from hpcsweep.solvers.flow.state.augmented import start
-from hpcsweep.solvers.flow.state.contacts import distance
-from hpcsweep.solvers.flow.state.tables import ZERO
+from hpcsweep.solvers.flow.layer.scheme import reach, stiffness_up_to
+from hpcsweep.solvers.flow.linear.polynomials import evaluate
+from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.rules.solitary_rule import (
+    AT_END,
+    AT_START,
+    LAGRANGE,
+    N_NODES,
+    NODES,
+    WEIGHTS,
+)
+from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance, start
+from hpcsweep.solvers.flow.state.tables import LEVELS, N_COEFFICIENTS, ZERO, forget
+
+ELLIPSE = 3.0
+"""kappa + 1 / kappa with kappa = 2.62: kappa^-32 = 4e-14."""
+CONTRACTION = 4.0
+"""Largest h sqrt(|df/dd|)."""
+SURE = 1.5
+"""Factor by which another contact may move further on a step than estimated."""
+AT_EDGE = 1.001
+"""Distance, in half-widths of the layer, of a contact that counts as being inside."""
+MIN_PART = 0.1
+"""Least fraction of a step that is shortened because another contact comes near its layer."""
+
+
+@kernel
+def solitary_contact(z, model):
+    """Return the only contact inside its layer or at its edge; -1 if there is none or several."""
+    found = -1
+    contacts = model.contacts
+    for k in range(contacts.row.shape[0]):
+        if abs(distance(k, z, contacts)) < AT_EDGE * model.layer:
+            if found >= 0:
+                return -1
+            found = k
+    return found
+
+
+@kernel
+def until_poles(x, v, pushed, rho):
+    """Return the length of a step from the times at which the contact is at a pole; see the module.
+
+    Parameters
+    ----------
+    x, v, pushed : float
+        Distance past the stop, speed and acceleration towards it.
+    rho : float
+    """
+    pole = math.pi / rho
+    # w = u + i s, the root of v^2 - 2 a (x - i pi / rho) that has the sign of v
+    square, twist = v * v - 2.0 * pushed * x, 2.0 * pushed * pole
+    larger = math.sqrt(0.5 * (math.sqrt(square * square + twist * twist) + abs(square)))
+    smaller = 0.5 * abs(twist) / larger if larger > 0.0 else 0.0
+    u, s = (larger, smaller) if square >= 0.0 else (smaller, larger)
+    ahead = 1.0 if v >= 0.0 else -1.0
+    pushing = 1.0 if pushed >= 0.0 else -1.0
+    s *= pushing * ahead
+    # v + w
+    u = u * ahead + v
+    size = u * u + s * s
+    if not size > 0.0:
+        return math.inf
+    # t = -2 (x - i pi / rho) / (v + w) and -(v + w) / a
+    first = 2.0 * math.sqrt((x * x + pole * pole) / size)
+    h = reach(first, -2.0 * (x * u - pole * s) / size, ELLIPSE)
+    if pushed != 0.0:
+        h = min(h, reach(math.sqrt(size), -u * pushing, ELLIPSE) / abs(pushed))
+    return h
+
+
+@kernel
+def plan_step(contact, z, a, most, model):
+    """Return the length of a step, at most `most`, from state z and accelerations a.
+
+    Returns
+    -------
+    h : float
+        0 if another contact is too near its layer, or less than half of a step is left.
+    stiffness : float
+        Largest |df/dd| expected.
+    """
+    contacts, rho = model.contacts, model.rho
+    x, v = distance(contact, z, contacts), approach_speed(contact, z, contacts)
+    pushed = contacts.sign[contact] * a[contacts.row[contact]]
+    beta = contacts.beta[contact]
+    h = until_poles(x, v, pushed, rho)
+    if x > 0.0:
+        stiff = 0.5 * beta  # the spring is part of the linear motion
+    else:
+        turn = min(h, v / -pushed) if v > 0.0 and pushed < 0.0 else h
+        nearest = x + max(0.0, v + 0.5 * pushed * turn) * turn
+        stiff = abs(stiffness_up_to(nearest, beta, rho))
+    if h * h * stiff > CONTRACTION * CONTRACTION:
+        h = CONTRACTION / math.sqrt(stiff)
+    if h > 2.0 * most:
+        return 0.0, stiff
+    h = min(h, most)
+    for k in range(contacts.row.shape[0]):
+        if k == contact:
+            continue
+        room = abs(distance(k, z, contacts)) - model.layer
+        way = SURE * h * (abs(approach_speed(k, z, contacts)) + abs(a[contacts.row[k]]) * h)
+        if way > room:
+            if not way * MIN_PART < room:
+                return 0.0, stiff
+            h *= room / way
+    return h, stiff
+
+
+@kernel
+def others_stay_away(contact, before, after, model):
+    """Return whether all other contacts stay outside their layers, on the same sides."""
+    contacts = model.contacts
+    for k in range(contacts.row.shape[0]):
+        x = distance(k, after, contacts)
+        if k != contact and not (abs(x) >= model.layer and x * distance(k, before, contacts) > 0.0):
+            return False
+    return True
+
+
+@inlined
+def level_of(h, longest):
+    """Return level and length of the longest step of the tables not longer than h."""
+    level = 0
+    while level < LEVELS and longest > h:
+        longest *= math.sqrt(0.5)
+        level += 1
+    return level, longest
+
+
+@inlined
+def linear_table(z, without, model, tables, packed):
+    """Return the table of the contact set of state z, less one contact unless `without` is -1."""
+    contacts = model.contacts
+    key = np.uint64(0)
+    for k in range(contacts.row.shape[0]):
+        if k != without and distance(k, z, contacts) > 0.0:
+            key |= contact_bit(k)
+    return table_of(key, tables, packed)
+
 
 MAX_ITERATIONS = 60
 ROUNDING = 2e-17
@@ -212,3 +378,77 @@ def solitary_tangent(contact, place, linear, model, responses, work, tangent):
         _state_at_end(place, x, width, responses, forces, work.wide)
         for i in range(width):
             tangent[i, column] = work.wide[i]
+
+
+@inlined
+def response_table(index, contact, level, packed, responses):
+    """Return the table of such a step, without a call where it exists."""
+    place = responses.place[index, contact, level]
+    return place if place >= 0 else build_response(index, contact, level, packed)
+
+
+@kernel
+def impulse_row(poly, row, contact, model, out):
+    """Write row `row` of exp(M s) e of a contact, coefficients in sigma, into `out`."""
+    n, n_rows = model.modal_transform.shape[0], model.stiffness.shape[0]
+    for p in range(N_COEFFICIENTS):
+        out[p] = 0.0
+        for i in range(n):
+            out[p] += poly[row, n_rows + i, p] * model.contacts.kick[contact, i]
+
+
+@entry_point(INT, INT, INT, INT, BYTES)
+def build_response(index, contact, level, packed):
+    """Build the table of a step; return its index.
+
+    Parameters
+    ----------
+    index : int
+        Index of the table of the contact set.
+    contact : int
+    level : int
+        The step is that of the table over 2^(level / 2).
+    packed : ndarray of bytes
+        A packed `Shared`.
+    """
+    shared = read_shared(packed)
+    model, responses = shared.model, shared.responses
+    if responses.count[0] == responses.step.shape[0]:
+        forget(responses)
+    place = responses.count[0]
+    responses.count[0] = place + 1
+    poly = shared.tables.poly[index]
+    contacts = model.contacts
+    row, sign = contacts.row[contact], contacts.sign[contact]
+    span = 2.0 * 2.0 ** (-0.5 * level)
+    h = 0.5 * span * shared.tables.h[index]
+    n_rows = poly.shape[0]
+    linear, response = responses.linear[place], responses.response[place]
+    step, kick = responses.step[place], responses.kick[place]
+    impulse, values, column = responses.impulse, responses.values, responses.column
+    for x in range(poly.shape[1]):
+        for block in range(0, N_NODES, LANES):
+            sigma = load(NODES, block) * span - 1.0
+            store(linear, x * N_NODES + block, evaluate(poly[row, x], sigma) * sign)
+        for i in range(n_rows):
+            step[x, i] = evaluate(poly[i, x], span - 1.0)
+    for i in range(n_rows):
+        impulse_row(poly, i, contact, model, impulse)
+        for block in range(0, N_NODES, LANES):
+            later = evaluate(impulse, (1.0 - load(NODES, block)) * span - 1.0)
+            store(values, block, later * load(WEIGHTS, block) * h)
+        for k in range(N_NODES):
+            kick[k, i] = values[k]
+    impulse_row(poly, row, contact, model, impulse)
+    for j in range(N_NODES):
+        part = NODES[j]
+        for block in range(0, N_NODES, LANES):
+            later = evaluate(impulse, (1.0 - load(NODES, block)) * (span * part) - 1.0)
+            store(values, block, later * load(WEIGHTS, block) * (sign * h * part))
+        for block in range(0, N_NODES, LANES):
+            at = j * N_NODES * N_NODES + block
+            combine(column, block, ZERO, 0, 1.0, LAGRANGE, at, N_NODES, values, 0, N_NODES)
+        for k in range(N_NODES):
+            response[k, j] = column[k]
+    responses.place[index, contact, level] = place
+    return place

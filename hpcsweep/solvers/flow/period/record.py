@@ -16,24 +16,29 @@ from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots, past_stops, pushing
-from hpcsweep.solvers.flow.dashpot.period import march_with_dashpots
+from hpcsweep.solvers.flow.dashpot.march import march_with_dashpots
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
-from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
-from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
-from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
+from hpcsweep.solvers.flow.observe.peaks import fill_outputs, look, peaks_on_segment, row_at_ends
 from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
-from hpcsweep.solvers.flow.state.accelerations import accelerations
-from hpcsweep.solvers.flow.state.augmented import renew_rows, start
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.segment import Segment, Stretch
-from hpcsweep.solvers.flow.state.shared import read_shared
-from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
+from hpcsweep.solvers.flow.state.shared import IMPACTS, NO_TALLY, PEAKS, read_shared
+from hpcsweep.solvers.flow.state.state import (
+    OVERFLOW,
+    Segment,
+    Stretch,
+    accelerations,
+    approach_speed,
+    contact_bit,
+    copy_state,
+    distance,
+    is_ordinary,
+    renew_rows,
+    start,
+)
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
-from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY, PEAKS
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE
 
 PEAKS_AT_SAMPLES, ALL_PEAKS = 1, 2

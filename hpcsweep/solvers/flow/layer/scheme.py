@@ -313,21 +313,21 @@ def replace(g, fresh):
 
 
 @inlined
-def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
+def collocate(step, z, a, amplitude, pairs, stiffness, model, work):
     """Solve the collocation equations of one step.
 
     Parameters
     ----------
-    tau, h : float
-        Start and length of the step.
+    step : tuple of float
+        Start and length.
     z : ndarray, shape (2R,)
-        State at `tau`; not changed.
+        State at the start; not changed.
     a : ndarray, shape (n,)
-        Accelerations at `tau`, the first guess.
+        Accelerations there, the first guess.
     amplitude : float
         A.
     pairs : ndarray
-        The forcing at `tau`, see `forcing`.
+        The forcing there, see `forcing`.
     stiffness : float
         Largest |dG/du| expected.
     work : LayerWorkspace
@@ -339,7 +339,7 @@ def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
         Whether the iteration converged.
     """
     u, v, g, fresh, ground, active = (work.u, work.v, work.g, work.fresh, work.ground, work.active)
-    free, speeds = work.free, work.speeds
+    (tau, h), free, speeds = step, work.free, work.speeds
     n = a.shape[0]
     _forcing_at_stages(tau, h, amplitude, pairs, model, ground)
     _find_active(h, z, a, model, active)

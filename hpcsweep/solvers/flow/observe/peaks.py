@@ -72,7 +72,7 @@ def drift_on_segment(index, x, z_end, s, model, tables, tally, work):
         i, below = model.drift_rows[d]
         row = (i, below, 0, 0.0)
         ends, bound4 = row_at_ends(row, x, z_end, work.bounds)
-        raise_to_ends(ends, 0, s, 0, tally.peak_drift)
+        tally.peak_drift[0] = max(tally.peak_drift[0], max(abs(ends[0]), abs(ends[2])))
         if row_may_be_higher(tally.peak_drift[0], 0, s, ends, bound4):
             expand_difference(row, index, x, tables, work)
             search_peak(
@@ -121,14 +121,13 @@ def row_at_ends(row, x, z_end, bounds):
 
 
 @inlined
-def raise_to_ends(ends, side, s, w, peaks):
-    """Raise peak w to the values at the ends of a step; return when, -1 if it was not below."""
+def raise_to_ends(ends, side, along, w, tally):
+    """Raise peak w, and its time, to the values at the ends of a step; `along` of `raise_peak`."""
     start, end = _size(ends[0], side), _size(ends[2], side)
     reached = max(start, end)
-    if not reached > peaks[w]:
-        return -1.0
-    peaks[w] = reached
-    return 0.0 if start == reached else s
+    if reached > tally.peaks[w]:
+        tally.peaks[w] = reached
+        tally.times[w] = along[2] + (0.0 if start == reached else along[1])
 
 
 @inlined
@@ -211,8 +210,8 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
 
 
 @kernel
-def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
-    """Update peak w with the extrema of polynomial 0 of `rows` on [0, s], as `search_peak` does.
+def raise_peak(rows, along, ends, bound4, side, w, tally, stack):
+    """Update peak w and its time by the extrema of a polynomial, as `search_peak` does.
 
     The coefficients bound the fourth derivative more sharply than the state does, which makes most
     searches needless. Where slopes at the `ends`, of `row_at_ends`, differ in sign, Newton's method
@@ -221,16 +220,23 @@ def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
     extremum. It ends where the Hermite bounds of the parts before and beyond allow no more than the
     peak, after one to four evaluations. Otherwise, and where that fails, the peak is searched.
 
-    Returns
-    -------
-    float
-        Time of the peak, -1 if it has not been raised.
+    Parameters
+    ----------
+    rows : ndarray
+        Polynomial 0 is that of a step.
+    along : tuple
+        Length of the step, part of it, time of its start, and `near`, from there.
+    ends, bound4, side, w
+        See `row_at_ends`.
+    tally
+        Has `peaks` and `times`.
     """
+    h, s, time, near = along
+    peaks, at = tally.peaks, -1.0
     g0, v0, g1, v1 = ends
-    time = -1.0
     bound4 = min(bound4, _fourth_derivative(rows, h))
     if not _may_be_higher(peaks[w], side, s, g0, v0, g1, v1, bound4):
-        return time
+        return
     if v0 * v1 < 0.0 and (side == 0 or v0 > 0.0):
         m = 3.0 * (g1 - g0) / s - v0 - v1
         root = math.sqrt(m * m - v0 * v1)
@@ -242,16 +248,19 @@ def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
                 break
             g, v, bend = value_slope_bend(rows, 0, h, t)
             if _size(g, side) > peaks[w]:
-                peaks[w], time = _size(g, side), t
+                peaks[w], at = _size(g, side), t
             known = peaks[w]
             before = _may_be_higher(known, side, t, g0, v0, g, v, bound4)
             if not before and not _may_be_higher(known, side, s - t, g, v, g1, v1, bound4):
-                return time
+                tally.times[w] = time + at if at >= 0.0 else tally.times[w]
+                return
             if v0 * bend >= 0.0:
                 break
             t -= v / bend
     found = search_peak(rows, h, s, bound4, side, w, peaks, stack)
-    return found if found >= 0.0 else time
+    at = found if found >= 0.0 else at
+    if at >= 0.0:
+        tally.times[w] = time + at
 
 
 @inlined
@@ -454,15 +463,11 @@ def _displacements_on_segment(segment, span, wanted, shared):
             i, below, side, _ = model.watched[p]
             row = (i, below, side, gap)
             ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
-            at = raise_to_ends(ends, side, span, p, peaks)
+            along = (tables.h[index], span, time, tally.times[p] - time)
+            raise_to_ends(ends, side, along, p, tally)
             if row_may_be_higher(peaks[p], side, span, ends, bound4):
                 expand_difference(row, index, work.x, tables, work)
-                h, rows = tables.h[index], work.drift_rows
-                near = tally.times[p] - time
-                found = raise_peak(rows, h, span, ends, bound4, side, p, near, peaks, work.stack)
-                at = found if found >= 0.0 else at
-            if at >= 0.0:
-                tally.times[p] = time + at
+                raise_peak(work.drift_rows, along, ends, bound4, side, p, tally, work.stack)
 
 
 @inlined
@@ -513,17 +518,13 @@ def _accelerations_on_segment(segment, span, amplitude, shared):
 @inlined
 def _raise_acceleration(p, segment, span, shared):
     """Raise the peak of floor p by its extrema on a step."""
-    work, outputs, peaks = shared.work, shared.outputs, shared.tally.peaks
+    work, outputs, tally = shared.work, shared.outputs, shared.tally
     w, at = outputs.first + p, p + p // LANES * LANES
     start, end = outputs.start, outputs.end
     ends = (start[at], start[at + LANES], end[at], end[at + LANES])
     bound4, time = outputs.bounds[p], time_of(segment.tau, shared.model)
-    reached = raise_to_ends(ends, 0, span, w, peaks)
-    if row_may_be_higher(peaks[w], 0, span, ends, bound4):
+    along = (segment.h, span, time, tally.times[w] - time)
+    raise_to_ends(ends, 0, along, w, tally)
+    if row_may_be_higher(tally.peaks[w], 0, span, ends, bound4):
         expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
-        rows = outputs.rows[p : p + 1]
-        near, h = shared.tally.times[w] - time, segment.h
-        found = raise_peak(rows, h, span, ends, bound4, 0, w, near, peaks, work.stack)
-        reached = found if found >= 0.0 else reached
-    if reached >= 0.0:
-        shared.tally.times[w] = time + reached
+        raise_peak(outputs.rows[p : p + 1], along, ends, bound4, 0, w, tally, work.stack)

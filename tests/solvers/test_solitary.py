@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.layer.solitary import equation, step
+from hpcsweep.solvers.flow.layer.solitary import equation, plan, step
 from hpcsweep.solvers.flow.linear import propagators
 from hpcsweep.solvers.flow.rules import solitary_rule as rule
 from hpcsweep.solvers.flow.rules import tableau
@@ -89,13 +89,13 @@ def state(y, speed, second=0.6):
 def test_a_step_is_as_long_as_its_ellipse_keeps_off_the_poles():
     places, speeds, pushes = (-3e-3, -2e-4, 0.0, 1e-3), (0.08, 0.0, -0.03), (-2.0, -1e-3, 0.0, 1.5)
     for x, v, pushed in itertools.product(places, speeds, pushes):
-        h = equation.until_poles(x, v, pushed, RHO)
+        h = plan.until_poles(x, v, pushed, RHO)
         times = np.roots([0.5 * pushed, v, x - 1j * math.pi / RHO])
         if not times.size:
             assert h == math.inf
             continue
         ellipses = 2.0 * (np.abs(times) + np.abs(times - h)) / h
-        assert ellipses.min() == pytest.approx(equation.ELLIPSE, rel=1e-9), (x, v, pushed)
+        assert ellipses.min() == pytest.approx(plan.ELLIPSE, rel=1e-9), (x, v, pushed)
 
 
 ON_THEIR_WAY = [(-20.0, 0.06), (-3.0, 0.03), (0.5, 0.04), (8.0, -0.05), (15.0, 0.01), (-8.0, -0.02)]

@@ -28,15 +28,15 @@ from hpcsweep.solvers.flow.linear.polynomials import (
     value_and_slope,
 )
 from hpcsweep.solvers.flow.linear.propagators import table_of
-from hpcsweep.solvers.flow.observe.impacts import come_apart, record
-from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
-from hpcsweep.solvers.flow.observe.peaks import (
+from hpcsweep.solvers.flow.observe.drift import (
     drift_on_segment,
-    peaks_on_segment,
     raise_peak,
     raise_to_ends,
     row_may_be_higher,
 )
+from hpcsweep.solvers.flow.observe.impacts import come_apart, record
+from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
+from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent, linear_tangent
 from hpcsweep.solvers.flow.search.events import coast, take_step
 from hpcsweep.solvers.flow.search.search import UNDECIDED

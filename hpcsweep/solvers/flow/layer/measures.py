@@ -23,7 +23,7 @@ from hpcsweep.solvers.flow.layer.observation import (
     stays,
 )
 from hpcsweep.solvers.flow.layer.scheme import accelerations_at_stages
-from hpcsweep.solvers.flow.layer.solitary.equation import solitary_contact
+from hpcsweep.solvers.flow.layer.solitary.plan import solitary_contact
 from hpcsweep.solvers.flow.layer.solitary.step import (
     integral_of_force,
     motion_in_halves,

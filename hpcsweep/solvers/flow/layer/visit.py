@@ -36,12 +36,12 @@ from hpcsweep.solvers.flow.layer.scheme import (
     allowed_error,
     collocate,
     finish,
-    layer_tangent,
     quadrature_error,
     reach,
     stiffness_up_to,
 )
 from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
+from hpcsweep.solvers.flow.layer.variations import layer_tangent
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared

@@ -21,9 +21,10 @@ from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
 from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
 from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, value_and_slope
 from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, drift_on_segment
 from hpcsweep.solvers.flow.observe.impacts import impacts_at_end, impacts_on_segment
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
-from hpcsweep.solvers.flow.observe.peaks import SAME_PEAK, drift_on_segment, peaks_on_segment
+from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.passage.passage import FAST, INTEGRATED, SLOW, Arrival
 from hpcsweep.solvers.flow.passage.slow_passage import half_tangent
 from hpcsweep.solvers.flow.passage.tangent import linear_tangent, passage_tangent

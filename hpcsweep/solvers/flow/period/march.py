@@ -6,7 +6,7 @@ from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VEC
 from hpcsweep.model.kernel_model import DRIFT
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
 from hpcsweep.solvers.flow.dashpot.march import march_dashpot_period
-from hpcsweep.solvers.flow.observe.peaks import largest_of_storeys
+from hpcsweep.solvers.flow.observe.drift import largest_of_storeys
 from hpcsweep.solvers.flow.period.period import march_period
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import begin_period, copy_state, end_period

@@ -28,8 +28,10 @@ from hpcsweep.solvers.flow.dashpot.march import march_with_dashpots
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
-from hpcsweep.solvers.flow.observe.peaks import fill_outputs, look, peaks_on_segment, row_at_ends
+from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
+from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.period.period import NO_TABLE, Begin, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
 from hpcsweep.solvers.flow.state.shared import IMPACTS, NO_TALLY, PEAKS, STEPS, read_shared

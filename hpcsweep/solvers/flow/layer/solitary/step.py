@@ -24,14 +24,16 @@ from hpcsweep.solvers.flow.layer.scheme import allowed_error
 from hpcsweep.solvers.flow.layer.solitary.equation import (
     error_of_rule,
     impulse_row,
+    response_table,
+    solitary_tangent,
+    take_step,
+)
+from hpcsweep.solvers.flow.layer.solitary.plan import (
     level_of,
     linear_table,
     others_stay_away,
     plan_step,
-    response_table,
     solitary_contact,
-    solitary_tangent,
-    take_step,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_at
 from hpcsweep.solvers.flow.linear.polynomials import evaluate, expand_row

@@ -149,7 +149,7 @@ from hpcsweep.kernels.compile import warm
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow import specialised
-from hpcsweep.solvers.flow.passage.slow_tangent import half_tangent
+from hpcsweep.solvers.flow.passage.slow_passage import half_tangent
 
 n = int(sys.argv[1])
 solver = FlowMap(Structure(n, 1000.0), 0.5)

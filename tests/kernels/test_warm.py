@@ -93,7 +93,7 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.specialised import FOR_ANY, march_dashpots, needed_kernels
-from hpcsweep.solvers.flow.state.tally import ANY_MEASURE
+from hpcsweep.solvers.flow.state.shared import ANY_MEASURE
 measure = FOR_ANY.measures[-1]
 for restitution in (None, 0.6):
     structure = Structure(2, 100.0, np.inf, restitution=restitution)

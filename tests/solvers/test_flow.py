@@ -17,16 +17,16 @@ from hpcsweep.kernels.simd.vectors import LANES, load, store
 from hpcsweep.model.contact import layer_half_width, less_contact_forces
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.layer import error, scheme, visit
+from hpcsweep.solvers.flow.layer import scheme, visit
 from hpcsweep.solvers.flow.linear import forcing, polynomials, propagators
 from hpcsweep.solvers.flow.observe import modal_norm
 from hpcsweep.solvers.flow.orbit.transient import MAX_WORK
 from hpcsweep.solvers.flow.passage import crossing, tangent
 from hpcsweep.solvers.flow.rules import tableau
-from hpcsweep.solvers.flow.rules.economisation import economisation
 from hpcsweep.solvers.flow.search import search
 from hpcsweep.solvers.flow.state import shared, tables
-from hpcsweep.solvers.flow.state.accelerations import accelerations
+from hpcsweep.solvers.flow.state.state import accelerations
+from hpcsweep.solvers.flow.state.tables import economisation
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import POLL_PERIODS
@@ -107,10 +107,10 @@ def test_error_of_a_layer_step_is_measured():
                 begun = tau + part * h
                 forcing.forcing_at(begun, 0.3, model, pairs, 0)
                 accelerations(pairs[0], start, model, a)
-                if scheme.collocate(begun, h, start, a, 0.3, pairs, stiffness, model, work):
+                if scheme.collocate((begun, h), start, a, 0.3, pairs, stiffness, model, work):
                     scheme.finish(h, start, work.g, end)
                     if parts == 1:
-                        measured = error.quadrature_error(h, z, model, work)
+                        measured = scheme.quadrature_error(h, z, model, work)
                 else:
                     end[:] = np.nan
             ends.append(end)

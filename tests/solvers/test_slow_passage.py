@@ -11,7 +11,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.linear import propagators
 from hpcsweep.solvers.flow.passage import slow_passage
-from hpcsweep.solvers.flow.rules import passage_rule
+from hpcsweep.solvers.flow.rules import gauss
 
 PERIOD = 1.0
 """Short: the floor passes its stop once and comes back."""
@@ -26,20 +26,20 @@ def integral(function, first, last):
 
 
 def test_rule_integrates_polynomials_from_both_ends_to_each_node():
-    nodes, reach = passage_rule.NODES, passage_rule.REACH
+    nodes, reach = gauss.NODES, gauss.REACH
     for k in (0, 1, 5, 15):
 
         def weighted(y, k=k):
             return y**k / (1.0 + np.exp(y))
 
         whole = integral(weighted, 0.0, reach)
-        assert passage_rule.WEIGHTS @ nodes**k == pytest.approx(whole, rel=1e-12)
+        assert gauss.WEIGHTS @ nodes**k == pytest.approx(whole, rel=1e-12)
         for i in (0, 7, 15):
             part = integral(weighted, 0.0, nodes[i])
-            assert nodes**k @ passage_rule.DEPARTING[:, i] == pytest.approx(
+            assert nodes**k @ gauss.DEPARTING[:, i] == pytest.approx(
                 part, rel=1e-11, abs=1e-12 * whole
             )
-            assert nodes**k @ passage_rule.ARRIVING[:, i] == pytest.approx(
+            assert nodes**k @ gauss.ARRIVING[:, i] == pytest.approx(
                 whole - part, rel=1e-11, abs=1e-12 * whole
             )
 
@@ -48,13 +48,13 @@ def test_rule_integrates_the_derivative_of_the_force():
     def force(y):
         return y / (1.0 + np.exp(y))
 
-    nodes, reach = passage_rule.NODES, passage_rule.REACH
+    nodes, reach = gauss.NODES, gauss.REACH
     for k in range(1, 15):
         # by parts
         exact = reach**k * force(reach) - k * integral(
             lambda y, k=k: y ** (k - 1) * force(y), 0.0, reach
         )
-        found = (passage_rule.WEIGHTS * passage_rule.DERIVATIVE) @ nodes**k
+        found = (gauss.WEIGHTS * gauss.DERIVATIVE) @ nodes**k
         assert found == pytest.approx(exact, rel=1e-11)
 
 

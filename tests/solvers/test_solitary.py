@@ -12,12 +12,12 @@ from scipy.special import expit
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.layer.solitary import plan, step, tables
+from hpcsweep.solvers.flow.layer.solitary import equation, plan, step
 from hpcsweep.solvers.flow.linear import propagators
 from hpcsweep.solvers.flow.rules import solitary_rule as rule
 from hpcsweep.solvers.flow.rules import tableau
-from hpcsweep.solvers.flow.state import responses
-from hpcsweep.solvers.flow.state.tally import MAXIMA, NO_TALLY
+from hpcsweep.solvers.flow.state.shared import MAXIMA, NO_TALLY
+from hpcsweep.solvers.flow.state.tables import forget
 
 OMEGA, AMPLITUDE = 0.445, 0.05
 RHO = 1e4
@@ -29,7 +29,7 @@ def test_tables_are_those_of_the_exponential(key, contact, level):
     structure = Structure(3, 1000.0, RHO, (0.05, 0.3, 1.4))
     flow = FlowMap(structure, OMEGA)
     index = propagators.lookup(np.uint64(key), flow._packed)
-    place = tables.build_response(index, contact, level, flow._packed)
+    place = equation.build_response(index, contact, level, flow._packed)
     responses, matrix = flow._shared.responses, generator(structure, key, OMEGA)
     h = flow._shared.tables.h[index] * 2.0 ** (-0.5 * level)
     pushed = np.eye(9)[3 + contact]
@@ -151,7 +151,7 @@ def test_an_emptied_store_changes_nothing():
     start = flow.advance(np.zeros(6), 0.22, 20).state
     points, _ = flow.points(start, 0.22, 30)
     assert flow._shared.responses.count[0] > 0
-    responses.forget(flow._shared.responses)
+    forget(flow._shared.responses)
     assert flow._shared.responses.count[0] == 0
     again, _ = flow.points(start, 0.22, 30)
     assert np.array_equal(points, again)

@@ -22,20 +22,50 @@ a forcing period, measured)."""
 
 @dataclass(frozen=True)
 class Zeros:
-    """Request for an array of zeros; pages of memory are touched on first use."""
+    """Request for an array of zeros; pages of memory are touched on first use.
 
-    shape: tuple[int, ...]
+    The default of a field of a named tuple declares its array; names in its shape are of `sizes`.
+    """
+
+    shape: tuple[int | str, ...]
     dtype: np.dtype
 
     @property
     def nbytes(self) -> int:
         """Bytes of the array."""
-        return math.prod(self.shape) * self.dtype.itemsize
+        return math.prod(map(int, self.shape)) * self.dtype.itemsize
 
 
-def zeros(*shape: int, dtype=float) -> Any:
+def zeros(*shape: int | str, dtype=float) -> Any:
     """Return a request for an array of zeros in a tuple to be packed."""
     return Zeros(shape, np.dtype(dtype))
+
+
+def part(kind: type) -> Any:
+    """Declare, as a default, a field that is a tuple of such declarations itself."""
+    return kind
+
+
+def allocate(kind: Any, sizes: dict[str, int], **given) -> Any:
+    """Return a named tuple of a kind with the arrays that its defaults declare.
+
+    Parameters
+    ----------
+    kind : type
+    sizes : dict
+        Lengths by the names that declared shapes have for them.
+    **given
+        Fields that are not as declared.
+    """
+    for name, declared in kind._field_defaults.items():
+        if name in given:
+            continue
+        if isinstance(declared, Zeros):
+            shape = (sizes[size] if isinstance(size, str) else size for size in declared.shape)
+            given[name] = Zeros(tuple(shape), declared.dtype)
+        elif isinstance(declared, type):
+            given[name] = allocate(declared, sizes)
+    return kind(**given)
 
 
 Shapes = tuple

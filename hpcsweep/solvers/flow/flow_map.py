@@ -19,8 +19,16 @@ from hpcsweep.solvers.flow.observe.gathered import gathered, reset
 from hpcsweep.solvers.flow.orbit import batch, chain
 from hpcsweep.solvers.flow.orbit.tracer import Tracer
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
-from hpcsweep.solvers.flow.state.shared import WATCH, Watch, new_watch, shared_at
-from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
+from hpcsweep.solvers.flow.state.shared import (
+    ANY_MEASURE,
+    MAXIMA,
+    NO_TALLY,
+    NORMS,
+    WATCH,
+    Watch,
+    new_watch,
+    shared_at,
+)
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.measures import measures_of
@@ -172,7 +180,7 @@ class FlowMap:
         z = motion(self, state, 0.0, rules.transient)[0]
         self._watch_for(closing[0])
         wanted = self._wanted(modal_norm, measures)
-        run = batch.new_run(n, self._units.size, closing[0], wanted)
+        run = batch.new_run(amplitudes, z, self.structure, self._units, closing[0], wanted)
         tally = self._shared.tally if measures else None
         rows = batch.new_orbits(len(amplitudes), n, closing[0], tally)
         why = batch.MORE
@@ -181,10 +189,6 @@ class FlowMap:
                 self._packed,
                 self._packed_watch,
                 NOTHING if free is None else free.packed,
-                amplitudes,
-                z,
-                np.array(self.structure.state_units),
-                self._units.amplitude_unit,
                 self._polling.begin(poll),
                 tuple(rules._replace(max_period=closing[0])),
                 run,

@@ -13,7 +13,7 @@ from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.observe.gathered import reset
-from hpcsweep.solvers.flow.record.march import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
+from hpcsweep.solvers.flow.period.record import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
@@ -97,14 +97,5 @@ class RecordMap:
         return whole * self.dt + rest, Outcome.COMPLETE
 
     def _march(self, z, samples, amplitude, first, last, length, wanted):
-        return march_record(
-            self._packed,
-            z,
-            samples,
-            amplitude,
-            first,
-            last,
-            length,
-            wanted,
-            self._shared.no_points,
-        )
+        intervals, nowhere = (first, last, length), self._shared.no_points
+        return march_record(self._packed, z, samples, amplitude, intervals, wanted, nowhere)

@@ -1,39 +1,255 @@
-"""Forcing periods in a row, of a motion with dashpots."""
+r"""Motions with dashpots: linear segments from one change of the contacts to the next.
 
-from hpcsweep.kernels.arena import as_long_as
-from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
-from hpcsweep.model.kernel_model import DRIFT
-from hpcsweep.solvers.flow.dashpot.period import march_period
-from hpcsweep.solvers.flow.observe.drift import largest_of_storeys
-from hpcsweep.solvers.flow.state.periods import begin_period, end_period
-from hpcsweep.solvers.flow.state.shared import read_shared
-from hpcsweep.solvers.flow.state.state import copy_state
-from hpcsweep.solvers.outcome import COMPLETE
+A contact takes the energy int F x' dt less what its spring holds, kappa x^2 / 2. While it pushes
+that grows by c int x'^2 dt; once it has let go the spring relaxes by itself, without force, and its
+energy is lost to the dashpot: (kappa / 2) times what x^2 falls by.
+"""
 
+import numpy as np
 
-@entry_point(
-    (INT, INT),
-    *(BYTES, VECTOR, FLOAT, INT, MATRIX, INT, MATRIX, VECTOR),
-    inner=True,
-    specialises=True,
-    on_demand=True,
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
+from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
+from hpcsweep.model.kernel_model import CONTACT, DRIFT
+from hpcsweep.solvers.flow.dashpot.contacts import (
+    change_tangent,
+    changed,
+    first_change,
+    force_polynomial,
+    past_stops,
+    pushing,
+    rest_at_stops,
 )
-def march_dashpots(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
-    """Advance z over `n_periods` forcing periods, in place; see `flow.period.march.march`.
+from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
+from hpcsweep.solvers.flow.linear.polynomials import (
+    evaluate,
+    expand_row,
+    integral,
+    value_and_slope,
+)
+from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.observe.drift import (
+    drift_on_segment,
+    raise_peak,
+    raise_to_ends,
+    row_may_be_higher,
+)
+from hpcsweep.solvers.flow.observe.impacts import come_apart, record
+from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
+from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
+from hpcsweep.solvers.flow.passage.tangent import coasted_tangent, linear_tangent
+from hpcsweep.solvers.flow.search.events import coast, take_step
+from hpcsweep.solvers.flow.search.search import UNDECIDED
+from hpcsweep.solvers.flow.state.shared import (
+    IMPACTS,
+    NO_TALLY,
+    PASSAGES,
+    PEAKS,
+    STEPS,
+    wants_norms,
+)
+from hpcsweep.solvers.flow.state.state import (
+    OVERFLOW,
+    Segment,
+    Stretch,
+    approach_speed,
+    contact_bit,
+    copy_state,
+    distance,
+    is_ordinary,
+    start,
+    time_of,
+)
+from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
+from hpcsweep.solvers.measures import DISSIPATED, FORCE, TIME
+from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
-    A loop of its own, so that the periods of elastic contacts pay nothing for it: a call within
-    their loop cost them 5 %.
+
+@inlined
+def observe_segment(segment, past, span, amplitude, wanted, shared):
+    """Bring the tally up to date with a segment of that length, to ``work.z_end``."""
+    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
+    index = segment.index
+    tally.contact[0] |= past
+    if wanted & DRIFT == 0:
+        drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
+    if wanted & PEAKS:
+        peaks_with_dashpots(segment, span, amplitude, wanted & PEAKS, shared)
+    if wanted & IMPACTS:
+        impacts_with_dashpots(segment, past, span, model, tables, tally, work)
+    if wants_norms(wanted) and past == np.uint64(0):
+        modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
+
+
+@inlined
+def peaks_with_dashpots(segment, span, amplitude, wanted, shared):
+    """Raise the peaks that are wanted over a segment; see `peaks.peaks_on_segment`."""
+    peaks_on_segment(segment, span, amplitude, wanted & ~CONTACT, shared)
+    if wanted & CONTACT:
+        _force_peaks(segment, span, shared)
+
+
+@kernel
+def _force_peaks(segment, span, shared):
+    """Raise the peaks of the forces, over their units, of the contacts that push."""
+    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
+    rows, h, time = work.drift_rows, segment.h, time_of(segment.tau, model)
+    for k in range(model.contacts.row.shape[0]):
+        if segment.key & contact_bit(k) == np.uint64(0):
+            continue
+        w = shared.outputs.first_contact + k
+        bound4 = force_polynomial(k, 1.0, segment.index, model, tables, work)
+        g0, v0 = value_and_slope(rows, 0, h, 0.0)
+        g1, v1 = value_and_slope(rows, 0, h, span)
+        ends = (g0, v0, g1, v1)
+        along = (h, span, time, tally.times[w] - time)
+        raise_to_ends(ends, 1, along, w, tally)
+        if row_may_be_higher(tally.peaks[w], 1, span, ends, bound4):
+            raise_peak(rows, along, ends, bound4, 1, w, tally, work.stack)
+
+
+@kernel
+def impacts_with_dashpots(segment, past, span, model, tables, tally, work):
+    """Add force, time and energy of the contacts past their stops on the first `span` of a step."""
+    contacts, index, h = model.contacts, segment.index, segment.h
+    n = work.z_end.shape[0] // 2
+    tally.closed[0] = past
+    tally.beside[0] |= past
+    if tally.beside[0] & ~past != np.uint64(0):
+        come_apart(segment, past, span, model, tables, tally, work)
+    for k in range(contacts.row.shape[0]):
+        if past & contact_bit(k) == np.uint64(0):
+            continue
+        tally.impacts[TIME, k] += span
+        spring, dashpot = contacts.edges[k, SPRING], contacts.edges[k, DASHPOT]
+        x0, x1 = distance(k, work.x, contacts), distance(k, work.z_end, contacts)
+        if segment.key & contact_bit(k) == np.uint64(0):
+            tally.impacts[DISSIPATED, k] += 0.5 * spring * (x0 - x1) * (x0 + x1)
+            continue
+        row = contacts.row[k]
+        for i in (row, n + row):
+            if not work.expanded[i]:
+                expand_row(tables.poly, index, i, work.x, work.rows)
+                work.expanded[i] = True
+        way = contacts.sign[k] * integral(work.rows, row, h, span) - contacts.gap[k] * span
+        tally.impacts[FORCE, k] += spring * way + dashpot * (x1 - x0)
+        if dashpot > 0.0:
+            tally.impacts[DISSIPATED, k] += dashpot * _square(work.rows[n + row], h, span)
+
+
+@kernel
+def _square(coefficients, h, span):
+    """Integrate the square of a polynomial over the first `span` of a step, exactly."""
+    found = 0.0
+    for first in range(0, N_MODAL, LANES):
+        s = 0.5 * span * (load(MODAL_NODES, first) + 1.0)
+        value = evaluate(coefficients, fma(s, 2.0 / h, -1.0))
+        found += total(load(MODAL_WEIGHTS, first) * value * value)
+    return 0.5 * span * found
+
+
+@inlined
+def record_passing(passing, past, model, tally, z):
+    """Record the contacts that pass their stops in a state; `past` is as it was before."""
+    for k in range(model.contacts.row.shape[0]):
+        bit = contact_bit(k)
+        if passing & bit:
+            closing = past & bit == np.uint64(0)
+            record(k, closing, abs(approach_speed(k, z, model.contacts)), z, model, tally)
+
+
+@inlined
+def start_next(segment, place, span, z, amplitude, model, tables, work):
+    """Write the start of the next segment, in state z, into ``work.x``."""
+    tau = segment.tau + span
+    if place >= 0:
+        forcing_after(span, tau, amplitude, work.x, z.shape[0], model, work.forcing)
+        start(work.x, z, work.forcing)
+    else:
+        copy_state(z, work.x)
+        if span == segment.h:
+            turn_forcing(work.x, z.shape[0], tables, segment.index)
+
+
+@inlined
+def march_dashpot_period(packed, z, amplitude, shared, wanted, tangent):
+    """Advance z over one forcing period, in place; see `flow.period.period.march_period`.
+
+    Returns
+    -------
+    int
+        An `Outcome`.
     """
-    common = read_shared(shared)
-    z = as_long_as(z, common.previous)
-    tangent = as_long_as(tangent, common.previous)
-    for period in range(n_periods):
-        begin_period(z, tangent, common)
-        outcome = march_period(shared, z, amplitude, common, wanted, tangent)
-        if outcome != COMPLETE:
-            copy_state(common.previous, z)
-            return period, outcome
-        end_period(period, z, points, tangent, growth)
-    if wanted & DRIFT:
-        largest_of_storeys(common.model, common.tally)
-    return n_periods, COMPLETE
+    if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
+        return NON_FINITE
+    stretch = Stretch(0.0, shared.model.period)
+    return march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent)
+
+
+@inlined
+def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
+    """Advance z over a part of a period or of a sample interval, in place; return the outcome.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    wanted : int
+        Flags of what to gather, see `tally`; of a record only `PEAKS` and `IMPACTS`, together.
+    tangent : ndarray, shape (2R, m), or None
+        Multiplied by the tangent map of a period. None, in compiling, is a record: steps are taken
+        one by one.
+    """
+    model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
+    tau, end = stretch
+    past = past_stops(tau, z, amplitude, model, work)
+    key = pushing(past, z, model.contacts)
+    past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
+    forcing_at(tau, amplitude, model, work.forcing, 0)
+    start(work.x, z, work.forcing)
+    steps = 0
+    while tau < end:
+        steps += 1
+        if steps > shared.max_steps:
+            return STEP_LIMIT
+        index = table_of(key, tables, packed)
+        segment = Segment(key, index, tables.h[index], tau, end)
+        known = False
+        if tangent is not None and wanted == NO_TALLY and past == np.uint64(0):
+            tau, coasted, known = coast(segment, shared.max_steps - steps, model, tables, work)
+            coasted_tangent(tables, index, coasted, tangent, work.tangent)
+            segment = Segment(key, index, segment.h, tau, end)
+            counts[STEPS] += coasted
+            steps += coasted
+        counts[STEPS] += 1
+        span = take_step(segment, known, tables, work)
+        place, span = first_change(segment, past, span, model, tables, work)
+        if place == UNDECIDED:
+            return SOLVER_FAILED
+        if span >= end - tau:
+            place = -1  # what changes at the end does so at the start of what follows
+        if not is_ordinary(work.z_end):
+            return NON_FINITE
+        if tangent is None:
+            if wanted != NO_TALLY:
+                peaks_with_dashpots(segment, span, amplitude, PEAKS, shared)
+                impacts_with_dashpots(segment, past, span, model, tables, shared.tally, work)
+        else:
+            if tangent.shape[1] > 0:
+                linear_tangent(tables, index, span, tangent, work.tangent)
+            if wanted != NO_TALLY:
+                observe_segment(segment, past, span, amplitude, wanted, shared)
+        if place >= 0:
+            counts[PASSAGES] += 1
+            before = past
+            past, key = changed(place, segment, before, model, work.z_end)
+            now = segment.tau + span
+            past, key = rest_at_stops(now, past, key, work.z_end, amplitude, model, work)
+            passing = past ^ before
+            if tangent is not None:
+                change_tangent(passing, before, segment.key, model, tangent)
+            if wanted & IMPACTS:
+                record_passing(passing, before, model, shared.tally, work.z_end)
+        copy_state(work.z_end, z)
+        start_next(segment, place, span, z, amplitude, model, tables, work)
+        tau = end if span >= end - tau else tau + span
+    return COMPLETE

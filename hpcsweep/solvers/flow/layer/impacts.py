@@ -5,14 +5,20 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import load, total
 from hpcsweep.model.contact import contact_forces
-from hpcsweep.solvers.flow.layer.bounds import range_of, stays
-from hpcsweep.solvers.flow.layer.interpolant import integral_of_force, interpolate, interpolated
-from hpcsweep.solvers.flow.layer.limits import allowed_error
-from hpcsweep.solvers.flow.layer.quintic import hermite, root_of, turn_of, value_of
-from hpcsweep.solvers.flow.layer.scheme import distances
+from hpcsweep.solvers.flow.layer.interpolant import (
+    hermite,
+    integral_of_force,
+    interpolate,
+    interpolated,
+    root_of,
+    turn_of,
+    value_of,
+)
+from hpcsweep.solvers.flow.layer.observation import range_of, stays
+from hpcsweep.solvers.flow.layer.scheme import allowed_error, distances
 from hpcsweep.solvers.flow.observe.impacts import note_apart, record
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
-from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
+from hpcsweep.solvers.flow.state.state import contact_bit, distance
 from hpcsweep.solvers.measures import FORCE, TIME
 
 MISSED = 1e-13
@@ -53,7 +59,7 @@ def impacts_in_layer(h, z0, z1, alone, model, ways, tally, work):
         if start[0] >= 0.0:
             tally.closed[0] |= contact_bit(k)
             tally.beside[0] |= contact_bit(k)
-        _follow(k, h, start, end, z0, model, tally, work)
+        _follow(k, (h, start, end), z0, model, tally, work)
 
 
 @inlined
@@ -89,12 +95,14 @@ def impacts_without_change(h, z0, z1, model, tally, work):
 
 
 @inlined
-def _follow(k, h, start, end, z0, model, tally, work):
+def _follow(k, step, z0, model, tally, work):
     """Add closings and the time at x >= 0 of a contact, with x given as in `_highest`.
 
-    Crossings are found on quintics through neighbours, as in `_highest`, and then on the polynomial
-    through distance and speed at the ends and all stages.
+    `step` is its length, and x, x' and x'' at both ends. Crossings are found on quintics through
+    neighbours, as in `_highest`, and then on the polynomial through
+    distance and speed at the ends and all stages.
     """
+    h, start, end = step
     left_s, left = 0.0, start
     for s in range(N_STAGES + 1):
         if s < N_STAGES:
@@ -113,13 +121,13 @@ def _follow(k, h, start, end, z0, model, tally, work):
             turn = turn_of(quintic, inward, left[1] / (left[1] - right[1]))
             if inward * value_of(quintic, turn) >= 0.0:
                 near = left_s + d * root_of(quintic, 0.0, turn, -inward)
-                begin, since = turn, _change(k, h, near, since, start, end, z0, model, tally, work)
+                begin, since = turn, _change(k, step, near, since, z0, model, tally, work)
                 closed = not closed
                 if not closed:
                     note_apart(k, value_of(quintic, turn), model.contacts, tally)
         if (right[0] >= 0.0) != closed:
             near = left_s + d * root_of(quintic, begin, 1.0, 1.0 if closed else -1.0)
-            since = _change(k, h, near, since, start, end, z0, model, tally, work)
+            since = _change(k, step, near, since, z0, model, tally, work)
             closed = not closed
         if closed:
             tally.impacts[TIME, k] += (right_s - since) * h
@@ -127,9 +135,10 @@ def _follow(k, h, start, end, z0, model, tally, work):
 
 
 @kernel
-def _change(k, h, s, since, start, end, z0, model, tally, work):
+def _change(k, step, s, since, z0, model, tally, work):
     """Record that a contact closes or opens near s, a fraction of the step; return s exactly."""
     closed = tally.closed[0] & contact_bit(k) != np.uint64(0)
+    h, start, end = step
     interpolate(h, start, end, work)
     slope = 0.0
     for _ in range(3):

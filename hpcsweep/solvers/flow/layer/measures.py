@@ -10,28 +10,29 @@ from hpcsweep.kernels.compile.entry_points import BYTES, INT, VECTOR, entry_poin
 from hpcsweep.kernels.simd.vectors import LANES, load
 from hpcsweep.model.kernel_model import ACCELERATION
 from hpcsweep.solvers.flow.layer.acceleration import accelerations_in_layer, may_be_higher
-from hpcsweep.solvers.flow.layer.bounds import keeps_sign, range_of, stays
 from hpcsweep.solvers.flow.layer.impacts import (
     impacts_in_layer,
     impacts_without_change,
     missed_force,
 )
-from hpcsweep.solvers.flow.layer.observation import longest_ways
-from hpcsweep.solvers.flow.layer.peaks import displacements_in_layer
+from hpcsweep.solvers.flow.layer.observation import (
+    displacements_in_layer,
+    keeps_sign,
+    longest_ways,
+    range_of,
+    stays,
+)
 from hpcsweep.solvers.flow.layer.scheme import accelerations_at_stages
-from hpcsweep.solvers.flow.layer.solitary.halves import (
+from hpcsweep.solvers.flow.layer.solitary.plan import solitary_contact
+from hpcsweep.solvers.flow.layer.solitary.step import (
     integral_of_force,
     motion_in_halves,
     second_half,
 )
-from hpcsweep.solvers.flow.layer.solitary.plan import solitary_contact
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
 from hpcsweep.solvers.flow.observe.impacts import note_apart
-from hpcsweep.solvers.flow.state.accelerations import accelerations
-from hpcsweep.solvers.flow.state.contacts import contact_bit, distance
-from hpcsweep.solvers.flow.state.shared import read_shared
-from hpcsweep.solvers.flow.state.state import copy_state
-from hpcsweep.solvers.flow.state.tally import IMPACTS, PEAKS
+from hpcsweep.solvers.flow.state.shared import IMPACTS, PEAKS, read_shared
+from hpcsweep.solvers.flow.state.state import accelerations, contact_bit, copy_state, distance
 from hpcsweep.solvers.measures import FORCE, TIME
 
 STEP = type_of((0.0, 0.0, 0.0, 0.0, 0.0))

@@ -1,5 +1,18 @@
-r"""Motion while a contact is inside its layer: Gauss collocation of order 16.
+r"""Steps inside a layer: their limits, Gauss collocation of order 16, its error.
 
+Limits, whatever the scheme
+---------------------------
+
+The sigmoid has poles at y = rho x = +-i pi (2 m + 1). A Gauss rule of N nodes on a step from 0 to L
+converges as kappa^(-2 N), kappa the parameter of the Bernstein ellipse about the step on which the
+nearest pole p lies: |p| + |p - L| = E L / 2 with E = kappa + 1 / kappa. Hence::
+
+    L = (E |p| - 2 Re p) / (E^2 / 4 - 1).
+
+In y, counted from where the step starts, p = -y + i pi; in time see `solitary.plan`.
+
+Motion while a contact is inside its layer: Gauss collocation of order 16
+-------------------------------------------------------------------------
 The whole smooth equation (19) is integrated, with any number of contacts in their layers. On a
 step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
 
@@ -9,16 +22,37 @@ step of length h the accelerations G_j at the `N_STAGES` Gauss nodes c_j satisfy
 (implicit Runge-Kutta of Gauss type, order 2 N_STAGES; Hairer, Norsett and Wanner, Solving
 Ordinary Differential Equations I, II.7), solved by fixed-point iteration from the
 accelerations at the start.
+
+The error of a collocation step (`scheme`)
+------------------------------------------
+The error of the velocity is the error of the Gauss rule along the collocation polynomial, and that
+is measured by a rule of 17 points, exact to degree 16, which adds to the Gauss nodes the nodes of
+Kronrod (Laurie, Math. Comp. 66 (1997) 1133) with the start of the step in place of the first. The
+same difference with the weight 2 s - 1 detects residuals whose mean vanishes.
 """
 
 import math
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, greatest, load, maximum, modulus, store, total
-from hpcsweep.model.contact import FAR, less_contact_forces
-from hpcsweep.solvers.flow.layer.linear_forces import less_linear, less_linear_of_four
+from hpcsweep.model.contact import (
+    FAR,
+    MAX_STIFFNESS,
+    STIFFEST,
+    contact_force,
+    contact_forces,
+    contact_stiffness,
+    less_contact_forces,
+)
 from hpcsweep.solvers.flow.linear.forcing import SHORT_ANGLE, short_turn
 from hpcsweep.solvers.flow.rules.tableau import (
+    ADDED_SLOPE,
+    CHECK_ADDED,
+    CHECK_GAUSS,
+    CHECK_NODES,
+    CHECK_ROWS,
+    CHECK_START,
+    GAUSS_SLOPE,
     N_STAGES,
     NODES,
     POSITION_ROWS,
@@ -26,7 +60,91 @@ from hpcsweep.solvers.flow.rules.tableau import (
     SPEED_ROWS,
     WEIGHTS,
 )
-from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
+from hpcsweep.solvers.flow.state.state import approach_speed, distance
+
+
+@inlined
+def reach(size, ahead, ellipse):
+    """Return the length of the step on whose ellipse a pole lies; see the module.
+
+    Parameters
+    ----------
+    size, ahead : float
+        Distance of the pole from the start of the step, and its component along the step.
+    ellipse : float
+        E
+    """
+    return (ellipse * size - 2.0 * ahead) / (0.25 * ellipse**2 - 1.0)
+
+
+@kernel
+def stiffness_up_to(x, beta, rho):
+    """Return the largest stiffness of a contact up to a distance x past its stop.
+
+    The stiffness of a contact that is switched on is negative at first.
+    """
+    if rho * x >= STIFFEST:
+        return MAX_STIFFNESS * beta
+    return contact_stiffness(x, beta, rho) if rho * x > -FAR else 0.0
+
+
+@kernel
+def allowed_error(z, tolerance):
+    """Return the allowed error of a step that ends in state z."""
+    size = 1.0
+    for value in z:
+        size = max(size, abs(value))
+    return tolerance * size
+
+
+@inlined
+def less_linear(force, i, u, v, model):
+    """Subtract the linear forces on floor i at all stages from `force` (Lanes)."""
+    force = _less_products(force, i, model.stiffness, model.bandwidth, u)
+    return _less_products(force, i, model.damping, model.damping_bandwidth, v)
+
+
+@inlined
+def _less_products(force, i, matrix, bandwidth, values):
+    """Subtract the product of row i of a matrix with values from `force`."""
+    for k in range(max(i - bandwidth, 0), min(i + bandwidth + 1, values.shape[0])):
+        force = fma(-matrix[i, k], load(values, k * N_STAGES), force)
+    return force
+
+
+@inlined
+def less_linear_of_four(i, u, v, model, out):
+    """Subtract like `less_linear` from the rows i to i + 3 of `out`.
+
+    Each sum waits for its terms one by one; four sums wait together.
+    """
+    row = i * N_STAGES
+    forces = (
+        load(out, row),
+        load(out, row + N_STAGES),
+        load(out, row + 2 * N_STAGES),
+        load(out, row + 3 * N_STAGES),
+    )
+    forces = _less_products_of_four(forces, i, model.stiffness, model.bandwidth, u)
+    forces = _less_products_of_four(forces, i, model.damping, model.damping_bandwidth, v)
+    store(out, row, forces[0])
+    store(out, row + N_STAGES, forces[1])
+    store(out, row + 2 * N_STAGES, forces[2])
+    store(out, row + 3 * N_STAGES, forces[3])
+
+
+@inlined
+def _less_products_of_four(forces, i, matrix, bandwidth, values):
+    """Subtract the products of the rows i to i + 3 of a matrix with values from four Lanes."""
+    first, second, third, fourth = forces
+    for k in range(max(i - bandwidth, 0), min(i + bandwidth + 4, values.shape[0])):
+        x = load(values, k * N_STAGES)
+        first = fma(-matrix[i, k], x, first)
+        second = fma(-matrix[i + 1, k], x, second)
+        third = fma(-matrix[i + 2, k], x, third)
+        fourth = fma(-matrix[i + 3, k], x, fourth)
+    return first, second, third, fourth
+
 
 MAX_ITERATIONS = 40
 UNCHECKED = 1e-9
@@ -194,21 +312,21 @@ def replace(g, fresh):
 
 
 @inlined
-def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
+def collocate(step, z, a, amplitude, pairs, stiffness, model, work):
     """Solve the collocation equations of one step.
 
     Parameters
     ----------
-    tau, h : float
-        Start and length of the step.
+    step : tuple of float
+        Start and length.
     z : ndarray, shape (2R,)
-        State at `tau`; not changed.
+        State at the start; not changed.
     a : ndarray, shape (n,)
-        Accelerations at `tau`, the first guess.
+        Accelerations there, the first guess.
     amplitude : float
         A.
     pairs : ndarray
-        The forcing at `tau`, see `forcing`.
+        The forcing there, see `forcing`.
     stiffness : float
         Largest |dG/du| expected.
     work : LayerWorkspace
@@ -220,7 +338,7 @@ def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
         Whether the iteration converged.
     """
     u, v, g, fresh, ground, active = (work.u, work.v, work.g, work.fresh, work.ground, work.active)
-    free, speeds = work.free, work.speeds
+    (tau, h), free, speeds = step, work.free, work.speeds
     n = a.shape[0]
     _forcing_at_stages(tau, h, amplitude, pairs, model, ground)
     _find_active(h, z, a, model, active)
@@ -278,3 +396,29 @@ def finish(h, z, g, out):
         du, dv = integrals(g, i)
         out[i] = fma(h, fma(h, du, z[n + i]), z[i])
         out[n + i] = fma(h, dv, z[n + i])
+
+
+@inlined
+def quadrature_error(h, z, model, work):
+    """Estimate the velocity error of the step from z that `collocate` has left in `work`.
+
+    See the module. Only the forces of contacts inside their layers count: all others are
+    linear, and resolved far better. That of the integral of each force is left in ``missed``.
+    """
+    contacts, rho = model.contacts, model.rho
+    worst = 0.0
+    for k in range(contacts.row.shape[0]):
+        if work.active[k] != 2:
+            continue
+        sign, beta = contacts.sign[k], contacts.beta[k]
+        x0 = distance(k, z, contacts)
+        start = contact_force(x0, beta * CHECK_START, rho)
+        gauss = contact_forces(distances(k, work.u, contacts), beta, rho) * load(CHECK_GAUSS, 0)
+        x = fma(load(CHECK_NODES, 0), h * approach_speed(k, z, contacts), x0)
+        x = fma(weighted(CHECK_ROWS, work.g, contacts.row[k]), h * h * sign, x)
+        added = contact_forces(x, beta, rho) * load(CHECK_ADDED, 0)
+        mean = start + total(gauss + added)
+        slope = total(gauss * load(GAUSS_SLOPE, 0) + added * load(ADDED_SLOPE, 0)) - start
+        worst = max(worst, max(abs(mean), abs(slope)) * contacts.gain[k])
+        work.missed[k] = h * abs(mean)
+    return h * worst

@@ -4,17 +4,22 @@ import math
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import fma, load, maximum, store
-from hpcsweep.model.contact import contact_stiffnesses
-from hpcsweep.solvers.flow.layer.linear_forces import less_linear
+from hpcsweep.model.contact import (
+    contact_stiffnesses,
+)
 from hpcsweep.solvers.flow.layer.scheme import (
     MAX_ITERATIONS,
     distances,
     integrals,
     iterations_needed,
+    less_linear,
     replace,
     stages,
 )
-from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES
+from hpcsweep.solvers.flow.rules.tableau import (
+    N_STAGES,
+    NODES,
+)
 
 CONVERGED = 1e-13
 """Last change of the stage accelerations, or the next one, relative."""

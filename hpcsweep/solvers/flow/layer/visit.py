@@ -29,20 +29,29 @@ from hpcsweep.kernels.compile.entry_points import (
     entry_point,
     type_of,
 )
-from hpcsweep.solvers.flow.layer.error import quadrature_error
-from hpcsweep.solvers.flow.layer.limits import allowed_error, reach, stiffness_up_to
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.layer.observation import observe_layer_step
-from hpcsweep.solvers.flow.layer.scheme import accelerations_at_stages, collocate, finish
+from hpcsweep.solvers.flow.layer.scheme import (
+    accelerations_at_stages,
+    allowed_error,
+    collocate,
+    finish,
+    quadrature_error,
+    reach,
+    stiffness_up_to,
+)
 from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
-from hpcsweep.solvers.flow.state.accelerations import accelerations
-from hpcsweep.solvers.flow.state.contacts import approach_speed, distance
-from hpcsweep.solvers.flow.state.shared import read_shared
-from hpcsweep.solvers.flow.state.state import copy_state, is_ordinary
-from hpcsweep.solvers.flow.state.tally import ANY_MEASURE, NO_TALLY
+from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared
+from hpcsweep.solvers.flow.state.state import (
+    accelerations,
+    approach_speed,
+    copy_state,
+    distance,
+    is_ordinary,
+)
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 ELLIPSE = 5.5
@@ -155,7 +164,7 @@ def _collocated_step(interval, most, z, amplitude, shared):
     if not tau + h > tau:
         return h, SOLVER_FAILED, 0
     for steps in range(1, interval.steps_left + 1):
-        if collocate(tau, h, z, work.a, amplitude, work.forcing, stiffness, model, work.layer):
+        if collocate((tau, h), z, work.a, amplitude, work.forcing, stiffness, model, work.layer):
             finish(h, z, work.layer.g, work.z_end)
             error = quadrature_error(h, z, model, work.layer)
             allowed = allowed_error(work.z_end, shared.tolerance)

@@ -1,5 +1,16 @@
 """Build the table of a contact set: the propagators of `tables`, from its generator M.
 
+Taylor series about any state
+-----------------------------
+
+With x' = M x of `tables` and e the unit impulse of a contact (it moves velocities, d . e = 1)::
+
+    d . u(s) = sum_k s^k (d M^k / k!) x,        exp(M s) e = sum_k s^k M^k e / k!
+
+The first is the distance of a contact, the second the effect at time s of an impulse at time 0.
+
+Loops
+-----
 All loops are our own, in a workspace: calling a library for matrices of ten rows is slow, and
 products differ between libraries in the last bit.
 """
@@ -21,10 +32,9 @@ from hpcsweep.kernels.simd.vectors import (
     store,
 )
 from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.linear.series import build_series, place_of
-from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
-from hpcsweep.solvers.flow.state.responses import forget
-from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.linear.algebra import spectral_radius
+from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
+from hpcsweep.solvers.flow.state.state import renew_outputs
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
     ECONOMISATION,
@@ -36,7 +46,68 @@ from hpcsweep.solvers.flow.state.tables import (
     THETA,
     THETA_FREE,
     ZERO,
+    forget,
 )
+
+
+@kernel
+def place_of(k, n, n_rows):
+    """Return where component k of n coordinates lies in an augmented state of all rows."""
+    if k < n:
+        return k
+    return k + n_rows - n if k < 2 * n else k + 2 * (n_rows - n)
+
+
+@kernel
+def build_series(generator, vectors, model, series, impulses):
+    """Fill both series of all contacts for one contact set.
+
+    Parameters
+    ----------
+    generator : ndarray, shape (2n + 2H + 1, padded)
+        M, balanced.
+    vectors : ndarray, shape (3, 2n + 2H + 1)
+        The units of the balanced state; the others are workspace.
+    model : Model
+    series : ndarray, shape (m, N, LANES)
+        Receives d M^k / k!.
+    impulses : ndarray, shape (m, LANES, padded 2R)
+        Receives M^k e / k!.
+    """
+    n = model.modal_transform.shape[0]
+    n_rows = model.stiffness.shape[0]
+    size = generator.shape[0]
+    contacts = model.contacts
+    unit, vector, spare = vectors[0], vectors[1], vectors[2]
+    for contact in range(contacts.row.shape[0]):
+        for i in range(size):
+            vector[i] = contacts.reach[contact, i] * unit[i] if i < n else 0.0
+        for k in range(LANES):
+            if k > 0:
+                _multiply(generator.T, vector, k, spare)
+            for j in range(size):
+                series[contact, place_of(j, n, n_rows), k] = vector[j] / unit[j]
+        for i in range(size):
+            vector[i] = contacts.kick[contact, i - n] / unit[i] if n <= i < 2 * n else 0.0
+        for k in range(LANES):
+            if k > 0:
+                _multiply(generator, vector, k, spare)
+            kicked = impulses[contact, k]
+            for i in range(n):
+                kicked[i], kicked[n_rows + i] = vector[i] * unit[i], vector[n + i] * unit[n + i]
+            renew_outputs(kicked[: 2 * n_rows], model)
+
+
+@inlined
+def _multiply(matrix, vector, k, spare):
+    """Multiply a vector by a matrix over k, in place."""
+    size = vector.shape[0]
+    for i in range(size):
+        spare[i] = 0.0
+        for j in range(size):
+            spare[i] += matrix[i, j] * vector[j]
+    for i in range(size):
+        vector[i] = spare[i] / k
 
 
 @inlined
@@ -85,7 +156,7 @@ def lookup(key, packed):
         forget(shared.responses)
     index = tables.count[0]
     _build(key, shared.model, tables, index)
-    shared.counts[4] += 1
+    shared.counts[TABLES] += 1
     tables.keys[index] = key
     tables.count[0] = index + 1
     return index

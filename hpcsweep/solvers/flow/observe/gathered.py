@@ -5,15 +5,14 @@ import math
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.state.shared import Shared
-from hpcsweep.solvers.flow.state.tally import Tally
+from hpcsweep.solvers.flow.state.shared import Shared, Tally
 from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation, window_growth
 
 
 def reset(tally: Tally) -> None:
-    """Reset a tally, as `hpcsweep.solvers.flow.state.tally.clear` does within kernels."""
+    """Reset a tally, as `hpcsweep.solvers.flow.state.shared.clear` does within kernels."""
     for array in tally:
         array.fill(0)
 

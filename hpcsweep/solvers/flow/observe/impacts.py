@@ -32,7 +32,7 @@ from hpcsweep.model.kernel_model import FLOOR
 from hpcsweep.solvers.flow.linear.polynomials import expand_row, integral, value_and_slope
 from hpcsweep.solvers.flow.passage.crossing import at_stop, half_passage, since_linear, sums
 from hpcsweep.solvers.flow.passage.passage import ARRIVED, FAST, SLOW
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
 from hpcsweep.solvers.measures import CLOSINGS, FORCE, ROUNDING, SPEED, TIME
 
 

@@ -19,7 +19,7 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.linear.propagators import max_fourth_derivative
-from hpcsweep.solvers.flow.state.contacts import contact_bit
+from hpcsweep.solvers.flow.state.state import contact_bit
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, product, product_of_moduli
 
 
@@ -35,10 +35,9 @@ def _fill(index, model, tables, outputs):
     """Fill table `index` of the accelerations."""
     key = tables.keys[index]
     outputs.filled[index], outputs.key[index] = True, key
-    rows, constant = outputs.functionals, outputs.constant
-    _write_functionals(key, model, rows, constant)
-    _write_accelerations(key, model, outputs.accelerations)
-    _write_pairs(rows, constant, outputs.accelerations, model, outputs.pair[index])
+    rows, n_rows = outputs.accelerations, model.stiffness.shape[0]
+    _write_accelerations(key, model, rows)
+    _write_pairs(rows, model, outputs.pair[index])
     poly, h, last = tables.poly[index], tables.h[index], tables.poly.shape[2] - 1
     for i in range(model.ground.shape[0]):
         own = outputs.poly[index, i]
@@ -46,14 +45,14 @@ def _fill(index, model, tables, outputs):
             for c in range(N_COEFFICIENTS):
                 own[column, c] = 0.0
             if model.forcing[i] + model.ground[i] != 0.0:
-                differentiate(poly[model.stiffness.shape[0] + i, column], h, own[column])
+                differentiate(poly[n_rows + i, column], h, own[column])
             else:
-                for j in range(rows.shape[1]):
+                for j in range(2 * n_rows):
                     if rows[i, j] != 0.0:
                         for c in range(N_COEFFICIENTS):
                             own[column, c] += rows[i, j] * poly[j, column, c]
                 if column == last:
-                    own[column, 0] += constant[i]
+                    own[column, 0] += rows[i, last]
             outputs.bound4[index, column, i] = max_fourth_derivative(own[column], h)
 
 
@@ -63,27 +62,6 @@ def differentiate(polynomial, h, out):
     for c in range(N_COEFFICIENTS - 1):
         out[c] = (c + 1) * polynomial[c + 1] * (2.0 / h)
     out[N_COEFFICIENTS - 1] = 0.0
-
-
-@kernel
-def _write_functionals(key, model, rows, constant):
-    """Write l and c of all floors."""
-    n, n_rows = model.modal_transform.shape[0], model.stiffness.shape[0]
-    contacts = model.contacts
-    for i in range(n):
-        constant[i] = 0.0
-        for j in range(rows.shape[1]):
-            rows[i, j] = 0.0
-        for j in range(n):
-            rows[i, j] = -model.stiffness[i, j]
-            rows[i, n_rows + j] = -model.damping[i, j]
-        for k in range(contacts.row.shape[0]):
-            if key & contact_bit(k) != np.uint64(0):
-                push = contacts.beta[k] * contacts.kick[k, i]
-                rows[i, contacts.row[k]] -= push * contacts.sign[k]
-                drag = contacts.edges[k, DRAG] * contacts.kick[k, i]
-                rows[i, n_rows + contacts.row[k]] -= drag * contacts.sign[k]
-                constant[i] += push * contacts.gap[k]
 
 
 @kernel
@@ -109,9 +87,9 @@ def _write_accelerations(key, model, out):
 
 
 @kernel
-def _write_pairs(rows, constant, accelerations, model, pair):
+def _write_pairs(rows, model, pair):
     """Write the columns of values and slopes."""
-    n_rows = accelerations.shape[0]
+    n_rows = rows.shape[0]
     last = pair.shape[0] - 1
     for i in range(model.ground.shape[0]):
         value_at = i + i // LANES * LANES
@@ -120,9 +98,9 @@ def _write_pairs(rows, constant, accelerations, model, pair):
             value = rows[i, column] if column < 2 * n_rows else 0.0
             slope = rows[i, column - n_rows] if n_rows <= column < 2 * n_rows else 0.0
             for j in range(n_rows):
-                slope += rows[i, n_rows + j] * accelerations[j, column]
+                slope += rows[i, n_rows + j] * rows[j, column]
             pair[column, value_at], pair[column, slope_at] = value, slope
-        pair[last, value_at] = constant[i]
+        pair[last, value_at] = rows[i, last]
         # of a harmonic the pair (sine, cosine), of a ramp (G, G')
         own = model.forcing[i] + model.ground[i]
         for h in range((last - 2 * n_rows) // 2):

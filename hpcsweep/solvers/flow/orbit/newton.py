@@ -8,8 +8,7 @@ it is tried and when the orbit is that of the motion.
 import math
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.solvers.flow.linear.elimination import solve
-from hpcsweep.solvers.flow.linear.spectrum import spectral_radius
+from hpcsweep.solvers.flow.linear.algebra import solve, spectral_radius
 from hpcsweep.solvers.flow.period.march import advance
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state, make_unit
 from hpcsweep.solvers.outcome import COMPLETE

@@ -1,7 +1,7 @@
 """Find points of branches of periodic orbits along the amplitude by compiled kernels."""
 
+from hpcsweep.solvers.flow.orbit.corrector import TRACE, new_trace
 from hpcsweep.solvers.flow.orbit.walk import AT_EVENT, MORE, WITH_MULTIPLIERS
-from hpcsweep.solvers.flow.state.trace import TRACE, new_trace
 
 BLOCK, BLOCK_SIZE = 64, 2**17
 """Most points of one call, and most numbers that they hold."""

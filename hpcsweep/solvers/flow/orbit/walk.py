@@ -25,10 +25,14 @@ from hpcsweep.solvers.branch_rule import (
     ON_DIVISOR,
     REACHED,
 )
-from hpcsweep.solvers.flow.orbit.corrector import correct_point, find_point
-from hpcsweep.solvers.flow.orbit.multipliers import find_closings, find_multipliers
+from hpcsweep.solvers.flow.orbit.corrector import (
+    correct_point,
+    find_closings,
+    find_multipliers,
+    find_point,
+    read_trace,
+)
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state
-from hpcsweep.solvers.flow.state.trace import read_trace
 
 PRIMES = (2, 3, 5, 7)
 MORE, AT_EVENT, REFUSED = range(3)

@@ -12,6 +12,7 @@ length and a table of its own (`passing_contacts`).
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,17 +41,24 @@ from hpcsweep.solvers.flow.period.gather import (
     segment_tangent,
 )
 from hpcsweep.solvers.flow.search.events import (
+    coast,
     contact_key,
     first_event,
     layer_edge,
+    take_step,
 )
 from hpcsweep.solvers.flow.search.search import UNDECIDED, Bracket, Curve, Level, rising_root
-from hpcsweep.solvers.flow.search.steps import coast, take_step
-from hpcsweep.solvers.flow.state.augmented import start
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.segment import Ending, Segment, Stretch
-from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
-from hpcsweep.solvers.flow.state.tally import NO_TALLY
+from hpcsweep.solvers.flow.state.shared import LAYER_STEPS, NO_TALLY, PASSAGES, STEPS, VISITS
+from hpcsweep.solvers.flow.state.state import (
+    OVERFLOW,
+    Ending,
+    Segment,
+    contact_bit,
+    copy_state,
+    is_ordinary,
+    passing_with,
+    start,
+)
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 NO_TABLE, AT_EDGE = -1, -2
@@ -58,8 +66,17 @@ NO_TABLE, AT_EDGE = -1, -2
 layer, possibly just outside it by rounding."""
 SHORTEST = 0.01
 """Fraction of a step after which a contact that reaches its stop beyond the step is tried again."""
-SAME_INSTANT = 2.0**-40
-"""Fraction of a step within which contacts of infinite sharpness reach their stops at once."""
+
+
+class Begin(NamedTuple):
+    """Begin of a part of a forcing period or of a sample interval, and its end."""
+
+    tau: float
+    end: float
+    key: np.uint64
+    """Contact set, ..."""
+    index: int
+    """... and its table, which may be `NO_TABLE`."""
 
 
 @inlined
@@ -99,37 +116,32 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
         how, jerk, promised = pass_layer(
             contact, segment, tau + at_stop, z, promised, amplitude, packed
         )
-    if how != INTEGRATED:
-        return Ending(at_stop, contact, how, False, False, jerk, promised)
-    span = rising_root(curve, bracket, edge)
-    beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
-    rounded = model.rho == math.inf and at_stop < bracket.a
-    evaluate_rows(rows, h, span, work.z_end)
-    return Ending(span, contact, INTEGRATED, beyond, rounded, jerk, promised)
+    span, beyond, rounded = at_stop, False, False
+    if how == INTEGRATED:
+        span = rising_root(curve, bracket, edge)
+        beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
+        rounded = model.rho == math.inf and at_stop < bracket.a
+        evaluate_rows(rows, h, span, work.z_end)
+    return Ending(
+        span=span,
+        contact=contact,
+        how=how,
+        beyond=beyond,
+        rounded=rounded,
+        jerk=jerk,
+        promised=promised,
+    )
 
 
 @inlined
 def passing_contacts(segment, ending, z, model):
-    """Return the contacts, a set, that pass their stops at the end of a segment, in state z.
-
-    A contact of infinite sharpness whose force begins or ends by the time t too early changes the
-    speed by no more than beta |w| t^2 / 2, w its own: with t = `SAME_INSTANT` h and beta h^2 of the
-    order of 10 that is 1e-23 |w|.
-    """
+    """Return the contacts, a set, that pass their stops at the end of a segment, in state z."""
     contacts, contact = model.contacts, ending.contact
     if contact < 0 or ending.beyond or not (ending.how in (FAST, SLOW) or ending.rounded):
         return np.uint64(0)
-    passing = contact_bit(contact)
     if model.rho != math.inf:
-        return passing
-    for k in range(contacts.row.shape[0]):
-        bit = contact_bit(k)
-        w = approach_speed(k, z, contacts)
-        goes_on = w < 0.0 if segment.key & bit else w > 0.0
-        near = SAME_INSTANT * segment.h * abs(w)
-        if k != contact and goes_on and abs(distance(k, z, contacts)) <= near:
-            passing |= bit
-    return passing
+        return contact_bit(contact)
+    return passing_with(contact, segment.key, segment.h, z, contacts)
 
 
 @inlined
@@ -179,7 +191,15 @@ def take_segment(segment, known, promised, z, amplitude, packed, shared):
     event = first_event(segment, span, shared.model, shared.tables.poly, shared.work)
     if event[0] >= 0:
         return _end_at_event(segment, event, promised, z, amplitude, packed, shared)
-    return Ending(span, event[0], INTEGRATED, False, False, 0.0, promised)
+    return Ending(
+        span=span,
+        contact=event[0],
+        how=INTEGRATED,
+        beyond=False,
+        rounded=False,
+        jerk=0.0,
+        promised=promised,
+    )
 
 
 @inlined
@@ -209,21 +229,17 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
     """
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    stretch, key = Stretch(0.0, shared.model.period), np.uint64(0)
-    return march_segments(
-        packed, stretch, key, NO_TABLE, z, amplitude, shared, wanted, tangent, measures
-    )
+    begin = Begin(0.0, shared.model.period, np.uint64(0), NO_TABLE)
+    return march_segments(packed, begin, z, amplitude, shared, wanted, tangent, measures)
 
 
 @inlined
-def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, tangent, measures):
+def march_segments(packed, begin, z, amplitude, shared, wanted, tangent, measures):
     """Advance z over a part of a period or of a sample interval, in place; return the outcome.
 
     Parameters
     ----------
-    stretch : Stretch
-    key, index : uint64, int
-        Contact set at its start and its table, which may be `NO_TABLE`.
+    begin : Begin
     wanted : int
         Of a record only `PEAKS` and `IMPACTS`, together.
     tangent : ndarray, shape (2R, m), or None
@@ -232,7 +248,7 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
         See `march_period`.
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    tau, end = stretch
+    tau, end, key, index = begin
     steps = 0
     promised = np.uint64(0)
     while tau < end:
@@ -241,13 +257,13 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
             return STEP_LIMIT
         if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
             interval = Interval(tau, end, shared.max_steps - steps)
-            counts[3] += 1
+            counts[VISITS] += 1
             if tangent is None:
                 nothing = shared.no_tangent
                 tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, nothing)
             else:
                 tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
-            counts[2] += used
+            counts[LAYER_STEPS] += used
             steps += used
             if outcome != COMPLETE:
                 return outcome
@@ -265,14 +281,14 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
             tau, coasted, known = coast(segment, steps_left, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)
-            counts[0] += coasted
+            counts[STEPS] += coasted
             steps += coasted
-        counts[0] += 1
+        counts[STEPS] += 1
         ending = take_segment(segment, known, promised, z, amplitude, packed, shared)
         if ending.contact == UNDECIDED:
             return SOLVER_FAILED
         promised = ending.promised
-        counts[1] += ending.how != INTEGRATED
+        counts[PASSAGES] += ending.how != INTEGRATED
         if tangent is not None and tangent.shape[1] > 0:
             segment_tangent(segment, ending, packed, shared, tangent)
         if ending.how != INTEGRATED:

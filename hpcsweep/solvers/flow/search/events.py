@@ -1,4 +1,4 @@
-"""Events that end a linear step: the first contact at the edge of its layer.
+"""Steps of a linear motion, and the event that ends one: a contact at the edge of its layer.
 
 Each contact is cleared by a proof or searched (`search`); the contact set and the side of each
 layer are those of the motion at hand.
@@ -7,8 +7,13 @@ layer are those of the motion at hand.
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
-from hpcsweep.solvers.flow.linear.polynomials import expand_row, value_and_slope
+from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
+from hpcsweep.solvers.flow.linear.polynomials import (
+    evaluate_rows,
+    expand_row,
+    expand_rows,
+    value_and_slope,
+)
 from hpcsweep.solvers.flow.search.search import (
     UNDECIDED,
     Bracket,
@@ -20,8 +25,8 @@ from hpcsweep.solvers.flow.search.search import (
     may_reach,
     rising_root,
 )
-from hpcsweep.solvers.flow.state.accelerations import accelerations
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.state import accelerations, approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
 
 
 @kernel
@@ -129,3 +134,60 @@ def first_event(segment, span, model, poly, work):
             found = Bracket(b, 0.0, b, 0.0)
         contact, first = k, found
     return contact, first, near
+
+
+@inlined
+def coast(segment, steps_left, model, tables, work):
+    """Take linear steps while no contact can reach the edge of its layer (proved) and time remains.
+
+    Returns
+    -------
+    tau : float
+    n_steps : int
+        ``work.x`` holds the augmented state there.
+    known : bool
+        Whether ``work.wide`` and ``work.bounds`` are those of a step from there.
+    """
+    key, index, h, tau, end = segment
+    x, wide, bounds = work.x, work.wide, work.bounds
+    places = model.contacts.places
+    n_steps = 0
+    while tau + h < end and n_steps < steps_left:
+        product(tables.step, index, x, wide)
+        product_of_moduli(tables.bound4, index, x, bounds)
+        for k in range(places.shape[0]):
+            if not is_clear(key, k, h, x, wide, model, bounds[places[k, 0]]):
+                return tau, n_steps, True
+        for row in range(work.z_end.shape[0]):
+            x[row] = wide[row]
+        turn_forcing(x, work.z_end.shape[0], tables, index)
+        tau += h
+        n_steps += 1
+    return tau, n_steps, False
+
+
+@inlined
+def take_step(segment, known, tables, work):
+    """Take one linear step from ``work.x`` to ``work.z_end``, at most to the end of the period.
+
+    Returns
+    -------
+    float
+        Length of the step.
+    """
+    index, x = segment.index, work.x
+    for row in range(work.z_end.shape[0]):
+        work.expanded[row] = False
+    span = segment.h
+    if segment.tau + segment.h < segment.end:
+        if not known:
+            product(tables.step, index, x, work.wide)
+        for row in range(work.z_end.shape[0]):
+            work.z_end[row] = work.wide[row]
+    else:
+        span = segment.end - segment.tau
+        expand_rows(tables.poly, index, x, work.rows, work.expanded, work.z_end.shape[0])
+        evaluate_rows(work.rows, segment.h, span, work.z_end)
+    if not known:
+        product_of_moduli(tables.bound4, index, x, work.bounds)
+    return span

@@ -1,5 +1,13 @@
-"""Data shared by the kernels of one structure and frequency, passed as one array.
+"""What kernels share: the data of a structure, and the tally of a motion.
 
+Tally: contact set, drift, modal norms, peaks, impacts
+------------------------------------------------------
+
+`drift`, `peaks`, `impacts` and `modal_norm` update it on linear segments, `layer.observation`
+inside a layer.
+
+Data shared by the kernels of one structure and frequency, passed as one array
+------------------------------------------------------------------------------
 numba unpacks every array of a call. For the fifty of a flow map that takes as long as several
 forcing periods. `SHARED.place` and `WATCH.place` therefore copy the whole tuple into a buffer once,
 in the kernels' form, from which they read it: `read_shared`, `read_watch`.
@@ -11,81 +19,134 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.arena import Arena
-from hpcsweep.kernels.compile.places import Pattern, Shapes, zeros
-from hpcsweep.model.kernel_model import Model, kernel_model, model_at_frequency
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile.places import Pattern, Shapes, allocate, part, zeros
+from hpcsweep.model.kernel_model import PEAK_FLAGS, Model, kernel_model, model_at_frequency
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.state.outputs import Outputs, new_outputs
-from hpcsweep.solvers.flow.state.responses import Responses, empty_responses
-from hpcsweep.solvers.flow.state.tables import Tables, empty_tables
-from hpcsweep.solvers.flow.state.tally import Tally, new_tally
-from hpcsweep.solvers.flow.state.workspace import Workspace, new_workspace
+from hpcsweep.solvers.flow.state.tables import (
+    LEVELS,
+    Outputs,
+    Responses,
+    Tables,
+    outputs_of,
+    sizes_of,
+)
+from hpcsweep.solvers.flow.state.workspace import Workspace
+from hpcsweep.solvers.measures import IMPACT_FLAG, N_IMPACTS
+
+STEPS, PASSAGES, LAYER_STEPS, VISITS, TABLES = range(5)
+"""Entries of `Shared.counts`: linear steps, passages in closed form, steps inside layers, visits to
+layers, and tables built."""
+NO_TALLY, MAXIMA, NORMS = range(3)
+PEAKS, IMPACTS = sum(PEAK_FLAGS), IMPACT_FLAG
+ANY_MEASURE = PEAKS | IMPACTS
+"""What to gather: nothing; contact set and drift; these and the modal norms. To the latter two
+`PEAK_FLAGS` may be added, for the peaks of watched rows, and `IMPACT_FLAG`, for impacts."""
+
+
+class Tally(NamedTuple):
+    """Quantities gathered over a window."""
+
+    contact: np.ndarray = zeros(1, dtype=np.uint64)
+    """Bit k is set once contact k has closed."""
+    peak_drift: np.ndarray = zeros(1)
+    free_time: np.ndarray = zeros(1)
+    """Time without contact."""
+    modal: np.ndarray = zeros("n")
+    """Integral of |q_j| / ||q|| over that time."""
+    peaks: np.ndarray = zeros("W")
+    """Of each row of `Model.watched`, of a contact past its stop; they start from 0 ..."""
+    times: np.ndarray = zeros("W")
+    """... and when they are."""
+    impacts: np.ndarray = zeros(N_IMPACTS, "m")
+    """See `hpcsweep.solvers.measures`."""
+    closed: np.ndarray = zeros(1, dtype=np.uint64)
+    """The contacts that are closed now."""
+    beside: np.ndarray = zeros(1, dtype=np.uint64)
+    """Those that have not come apart since they have last been closed ..."""
+    size: np.ndarray = zeros(1)
+    """... by the rounding of this largest displacement or speed, see `measures.ROUNDING`."""
+
+
+@inlined
+def wants_norms(wanted):
+    """Return whether modal norms are requested."""
+    return wanted & 3 == NORMS
+
+
+@kernel
+def clear(tally):
+    """Reset the tally."""
+    tally.contact[0] = 0
+    tally.peak_drift[0] = 0.0
+    tally.free_time[0] = 0.0
+    for j in range(tally.modal.shape[0]):
+        tally.modal[j] = 0.0
+    for w in range(tally.peaks.shape[0]):
+        tally.peaks[w] = tally.times[w] = 0.0
+    tally.closed[0] = tally.beside[0] = 0
+    tally.size[0] = 0.0
+    for i in range(tally.impacts.shape[0]):
+        for k in range(tally.impacts.shape[1]):
+            tally.impacts[i, k] = 0.0
 
 
 class Shared(NamedTuple):
     """Constants of all motions of one structure at one frequency, and workspace."""
 
     model: Model
-    tables: Tables
     responses: Responses
-    work: Workspace
-    tally: Tally
     outputs: Outputs
-    counts: np.ndarray
-    """(5,) int: linear steps, fast passages, layer steps, layer visits and tables built so far."""
-    previous: np.ndarray
-    """(2R,): workspace for the start of a period."""
-    no_points: np.ndarray
-    """(0, 2R)"""
-    no_tangent: np.ndarray
-    """(2R, 0)"""
-    no_growth: np.ndarray
-    """(0,)"""
     tolerance: float
     """Allowed local error of a step inside a layer, relative to max(1, |z|)."""
     max_steps: int
     """Most steps in one forcing period."""
+    tables: Tables = part(Tables)
+    work: Workspace = part(Workspace)
+    tally: Tally = part(Tally)
+    counts: np.ndarray = zeros(5, dtype=int)
+    """Of the work so far, see `STEPS`."""
+    previous: np.ndarray = zeros("2R")
+    """Workspace for the start of a period."""
+    no_points: np.ndarray = zeros(0, "2R")
+    no_tangent: np.ndarray = zeros("2R", 0)
+    no_growth: np.ndarray = zeros(0)
 
 
 class Watch(NamedTuple):
     """Record of the points of a motion, and workspace for Newton's method."""
 
-    since: np.ndarray
-    """(1,) int: forcing periods since the watch began; 0 restarts it."""
-    history: np.ndarray
-    """(2 max_period + 1, 2R): the last points, cyclic."""
-    distance: np.ndarray
-    """(max_period + 1, max_period + 1): the last e_k (`transient`), cyclic, of every p."""
-    close: np.ndarray
-    """(max_period + 1,) int: for how many points each p has been closed ..."""
-    falling: np.ndarray
+    since: np.ndarray = zeros(1, dtype=int)
+    """Forcing periods since the watch began; 0 restarts it."""
+    history: np.ndarray = zeros("points", "2R")
+    """The last points, cyclic."""
+    distance: np.ndarray = zeros("ring", "ring")
+    """The last e_k (`transient`), cyclic, of every p."""
+    close: np.ndarray = zeros("ring", dtype=int)
+    """For how many points each p has been closed ..."""
+    falling: np.ndarray = zeros("ring", dtype=int)
     """... or approached."""
-    previous: np.ndarray
-    point: np.ndarray
-    """(2R,): start of a step of Newton's method, after a jump the orbit's point."""
-    taken: np.ndarray
-    """(2R,): point at which `matrix` was computed."""
-    matrix: np.ndarray
-    """(2R, 2R): tangent map over an orbit."""
-    factors: np.ndarray
-    left: np.ndarray
+    previous: np.ndarray = zeros("2R")
+    point: np.ndarray = zeros("2R")
+    """Start of a step of Newton's method, after a jump the orbit's point."""
+    taken: np.ndarray = zeros("2R")
+    """Point at which `matrix` was computed."""
+    matrix: np.ndarray = zeros("2R", "2R")
+    """Tangent map over an orbit."""
+    factors: np.ndarray = zeros("2R", "2R")
+    left: np.ndarray = zeros("2R")
 
 
 def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
     """Allocate tables and workspace for a structure."""
-    n = model.stiffness.shape[0]
-    tables = empty_tables(model)
-    return Shared(
+    sizes = sizes_of(model)
+    place = np.full((sizes["T"], sizes["m"], LEVELS), -1)
+    return allocate(
+        Shared,
+        sizes,
         model=model,
-        tables=tables,
-        responses=empty_responses(model, tables.keys.shape[0]),
-        work=new_workspace(model),
-        tally=new_tally(model.modal_transform.shape[0], model),
-        outputs=new_outputs(model, tables),
-        counts=zeros(5, dtype=int),
-        previous=zeros(2 * n),
-        no_points=zeros(0, 2 * n),
-        no_tangent=zeros(2 * n, 0),
-        no_growth=zeros(0),
+        responses=allocate(Responses, sizes, place=place),
+        outputs=outputs_of(model, sizes),
         tolerance=float(tolerance),
         max_steps=int(max_steps),
     )
@@ -93,21 +154,7 @@ def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
 
 def new_watch(n: int, max_period: int) -> Watch:
     """Allocate the workspace for n rows and orbits of up to `max_period` forcing periods."""
-    size = 2 * n
-    ring = max_period + 1
-    return Watch(
-        since=zeros(1, dtype=int),
-        history=zeros(2 * max_period + 1, size),
-        distance=zeros(ring, ring),
-        close=zeros(ring, dtype=int),
-        falling=zeros(ring, dtype=int),
-        previous=zeros(size),
-        point=zeros(size),
-        taken=zeros(size),
-        matrix=zeros(size, size),
-        factors=zeros(size, size),
-        left=zeros(size),
-    )
+    return allocate(Watch, {"2R": 2 * n, "points": 2 * max_period + 1, "ring": max_period + 1})
 
 
 # of any structure: the types are the same for all

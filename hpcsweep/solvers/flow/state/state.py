@@ -1,6 +1,14 @@
-"""Copy states of motions and matrices, and test their size."""
+"""States of motions: their contacts, accelerations, augmented form, and the segments they begin."""
 
-from hpcsweep.kernels.compile import kernel
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile.entry_points import type_of
+from hpcsweep.model.contact import FAR, contact_force
+from hpcsweep.model.kernel_contacts import DRAG
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -35,3 +43,231 @@ def make_unit(matrix):
     matrix[:] = 0.0
     for i in range(matrix.shape[0]):
         matrix[i, i] = 1.0
+
+
+@kernel
+def start(x, z, pairs):
+    """Write the augmented state: z, the pairs of the forcing, 1."""
+    size = z.shape[0]
+    copy_state(z, x)
+    for k in range(pairs.shape[0]):
+        x[size + k] = pairs[k]
+    x[x.shape[0] - 1] = 1.0
+
+
+@kernel
+def renew_rows(z, tangent, model):
+    """Recompute the rows beyond n from the first n, in z and in the columns of `tangent`."""
+    renew_outputs(z, model)
+    for column in range(tangent.shape[1]):
+        renew_outputs(tangent[:, column], model)
+
+
+@kernel
+def renew_outputs(z, model):
+    """Recompute the rows beyond n from the first n, in one state."""
+    n = model.modal_transform.shape[0]
+    half = z.shape[0] // 2
+    for begin in range(0, 2 * half, half):
+        for extra in range(half - n):
+            value = 0.0
+            for j in range(n):
+                value += model.rows[extra, j] * z[begin + j]
+            z[begin + n + extra] = value
+
+
+@kernel
+def contact_bit(k):
+    """Return the bit of a contact in a contact set."""
+    return np.uint64(1) << np.uint64(k)
+
+
+@inlined
+def distance(k, z, contacts):
+    """Return the distance of contact k past its stop."""
+    return contacts.edges[k, 0] * z[contacts.places[k, 0]] - contacts.edges[k, 3]
+
+
+@inlined
+def approach_speed(k, z, contacts):
+    """Return the speed of that distance."""
+    return contacts.edges[k, 0] * z[contacts.places[k, 1]]
+
+
+SAME_INSTANT = 2.0**-40
+"""Part of a step within which contacts of infinite sharpness are at their stops at one instant."""
+
+
+@inlined
+def passing_with(contact, past, h, z, contacts):
+    """Return the contacts, a set, that pass their stops together with one, in state z.
+
+    A contact whose force begins or ends by the time t too early changes the speed by no more than
+    beta |w| t^2 / 2, w its own: with t = `SAME_INSTANT` h and beta h^2 of the order of 10 that is
+    1e-23 |w|.
+
+    Parameters
+    ----------
+    past : uint64
+        Contacts past their stops before.
+    h : float
+        Length of a step.
+    """
+    passing = contact_bit(contact)
+    for k in range(contacts.row.shape[0]):
+        bit = contact_bit(k)
+        w = approach_speed(k, z, contacts)
+        goes_on = w < 0.0 if past & bit else w > 0.0
+        near = SAME_INSTANT * h * abs(w)
+        if k != contact and goes_on and abs(distance(k, z, contacts)) <= near:
+            passing |= bit
+    return passing
+
+
+@kernel
+def accelerations(ground, z, model, out):
+    """Evaluate u'' at one state into `out`, shape (R,), `ground` being G(tau)."""
+    n = out.shape[0]
+    contacts = model.contacts
+    stiffness, damping = model.stiffness, model.damping
+    for i in range(n):
+        force = model.forcing[i] * ground
+        k = contacts.solo[i]
+        if k >= 0:
+            force -= contacts.sign[k] * push_of(k, z, model)
+        out[i] = force
+    in_fours = n - n % 4
+    for i in range(0, in_fours, 4):
+        # four sums wait for their terms together, see `less_linear_of_four`
+        first, second, third, fourth = out[i], out[i + 1], out[i + 2], out[i + 3]
+        for j in range(n):
+            x, v = z[j], z[n + j]
+            first -= stiffness[i, j] * x + damping[i, j] * v
+            second -= stiffness[i + 1, j] * x + damping[i + 1, j] * v
+            third -= stiffness[i + 2, j] * x + damping[i + 2, j] * v
+            fourth -= stiffness[i + 3, j] * x + damping[i + 3, j] * v
+        out[i], out[i + 1], out[i + 2], out[i + 3] = first, second, third, fourth
+    for i in range(in_fours, n):
+        force = out[i]
+        for j in range(n):
+            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
+        out[i] = force
+    for other in range(contacts.others.shape[0]):
+        k = contacts.others[other]
+        force = push_of(k, z, model)
+        for p in range(contacts.first[k], contacts.first[k + 1]):
+            out[contacts.push_row[p]] -= contacts.push[p] * force
+
+
+@kernel
+def linear_accelerations(key, ground, z, model, out):
+    """Evaluate u'' at one state into `out` where the contacts of a set push, and no others."""
+    contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
+    n = out.shape[0]
+    for i in range(n):
+        force = model.forcing[i] * ground
+        k = contacts.solo[i]
+        if k >= 0 and key & contact_bit(k):
+            force -= contacts.sign[k] * linear_push_of(k, z, contacts)
+        for j in range(n):
+            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
+        out[i] = force
+    for other in range(contacts.others.shape[0]):
+        k = contacts.others[other]
+        if key & contact_bit(k):
+            force = linear_push_of(k, z, contacts)
+            for p in range(contacts.first[k], contacts.first[k + 1]):
+                out[contacts.push_row[p]] -= contacts.push[p] * force
+
+
+@inlined
+def linear_push_of(k, z, contacts):
+    """Evaluate the force of spring and dashpot of contact k, on its distance, at one state."""
+    drag = contacts.edges[k, DRAG] * approach_speed(k, z, contacts)
+    return contacts.beta[k] * distance(k, z, contacts) + drag
+
+
+@inlined
+def push_of(k, z, model):
+    """Evaluate the force of contact k, on its distance, at one state."""
+    contacts = model.contacts
+    x = distance(k, z, contacts)
+    if not model.rho * abs(x) > FAR:
+        return contact_force(x, contacts.beta[k], model.rho)
+    return contacts.beta[k] * x if x > 0.0 else 0.0
+
+
+@inlined
+def begin_period(z, tangent, shared):
+    """Keep the state at the start of a period, and renew the rows beyond n."""
+    copy_state(z, shared.previous)
+    if shared.model.rows.shape[0] > 0:
+        renew_rows(z, tangent, shared.model)
+
+
+@inlined
+def end_period(period, z, points, tangent, growth):
+    """Write the point that a period has reached, and the growth of the first tangent vector."""
+    if growth.shape[0] > 0:
+        square = 0.0
+        for k in range(z.shape[0]):
+            square += tangent[k, 0] ** 2
+        size = math.sqrt(square)
+        growth[period] = math.log(size) if size > 0.0 else -math.inf
+        for k in range(z.shape[0]):
+            tangent[k, 0] /= size if size > 0.0 else 1.0
+    if points.shape[0] > 0:
+        copy_state(z, points[period])
+
+
+class Segment(NamedTuple):
+    """A step of the linear motion of one contact set."""
+
+    key: np.uint64
+    """Contact set."""
+    index: int
+    """Of its table."""
+    h: float
+    """Length of a full step."""
+    tau: float
+    """Start."""
+    end: float
+    """End of the period."""
+
+
+class Stretch(NamedTuple):
+    """A part of a forcing period or of a sample interval of a record."""
+
+    tau: float
+    """Start."""
+    end: float
+
+
+class Ending(NamedTuple):
+    """Ending of a segment."""
+
+    span: float
+    """Its length."""
+    contact: int
+    """The contact at its end, -1 if there is none."""
+    how: int
+    """How it passes its stop (`passage`). Unless the passage is integrated the state after it is in
+    z, that before it in ``work.z_end``, the forcing is in ``work.forcing``."""
+    beyond: bool
+    """Whether the stop is reached after this step: try again from the edge of the layer."""
+    rounded: bool
+    """Whether it is passing a stop without layer, already past it by rounding: the contact set
+    changes, the state does not. Testing distances again would also change all contacts with stops
+    at the same place."""
+    jerk: float
+    """At the stop, see `pass_layer`."""
+    promised: np.uint64
+
+
+SEGMENT = type_of(Segment(np.uint64(0), 0, 0.0, 0.0, 0.0))
+
+
+@inlined
+def time_of(tau, model):
+    """Return the time at tau of a sample interval of a record; tau of a forcing period."""
+    return model.ramp[0, 2] + tau if model.ramp.shape[0] > 0 else tau

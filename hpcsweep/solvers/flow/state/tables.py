@@ -24,15 +24,41 @@ terms (theta/2)^k / k! never exceed 1.7 (no cancellation), economised to degree 
 Chebyshev basis. Velocities are scaled by the largest frequency first, so that M is balanced.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.compile.places import zeros
+from hpcsweep.kernels.compile.places import allocate, zeros
 from hpcsweep.kernels.simd.vectors import LANES, combine, combine_moduli
-from hpcsweep.model.kernel_model import Model, forcing_size
-from hpcsweep.solvers.flow.rules.economisation import economisation
+from hpcsweep.model.kernel_model import ACCELERATION, Model, forcing_size
+from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
+
+
+def economisation(taylor: int, degree: int) -> np.ndarray:
+    """Return the map of monomial coefficients up to x^taylor on [-1, 1] to degree + 1 ones.
+
+    x^k = 2^(1-k) sum_j binomial(k, j) T_(k-2j)(x), the term T_0 halved; terms above T_degree are
+    dropped. All numbers are integers over 2^(taylor-1); a double holds them up to taylor = 30.
+
+    Returns
+    -------
+    ndarray, shape (taylor + 1, degree + 1)
+    """
+    chebyshev = np.zeros((degree + 1, degree + 1))  # column d: coefficients of T_d
+    chebyshev[0, 0] = chebyshev[1, 1] = 1.0
+    for d in range(2, degree + 1):
+        chebyshev[1:, d] = 2.0 * chebyshev[:-1, d - 1]
+        chebyshev[:, d] -= chebyshev[:, d - 2]
+    parts = np.zeros((degree + 1, taylor + 1))
+    for k in range(taylor + 1):
+        for j in range(k // 2 + 1):
+            if k - 2 * j <= degree:
+                half = 0.5 if k == 2 * j else 1.0
+                parts[k - 2 * j, k] = half * math.comb(k, j) * 2.0 ** (1 - k)
+    return np.ascontiguousarray((chebyshev @ parts).T)
+
 
 DEGREE = 15
 N_COEFFICIENTS = DEGREE + 1
@@ -55,73 +81,61 @@ ECONOMISATION = economisation(TAYLOR, DEGREE)
 """(TAYLOR + 1, N_COEFFICIENTS)"""
 
 
-class Tables(NamedTuple):
-    """Propagators of the contact sets so far; `count[0]` of them are valid."""
-
-    count: np.ndarray
-    keys: np.ndarray
-    h: np.ndarray
-    step: np.ndarray
-    """(MAX_TABLES, N, padded 2R): column k of exp(M h), its first 2R rows, contiguous; rows are
-    padded with zeros to a multiple of `LANES`."""
-    powers: np.ndarray
-    """(MAX_TABLES, N_POWERS, 2R, padded 2R): the same over 2, 4, .. steps, without the forcing."""
-    poly: np.ndarray
-    """(MAX_TABLES, 2R, N, N_COEFFICIENTS)"""
-    columns: np.ndarray
-    """(MAX_TABLES, N_COEFFICIENTS, 2R, padded 2R): the same again, without the forcing, by
-    coefficient, column, then row."""
-    bound4: np.ndarray
-    """(MAX_TABLES, N, padded R): column k bounds the fourth derivatives per |x_k|."""
-    rotation: np.ndarray
-    """(MAX_TABLES, 2 H): cos and sin of h Omega times the step, for each harmonic."""
-    series: np.ndarray
-    """(MAX_TABLES, m, N, LANES): Taylor series of the distance of each contact, see `series` ..."""
-    impulses: np.ndarray
-    """(MAX_TABLES, m, LANES, padded 2R): ... and of the effect of its unit impulse."""
-    work: np.ndarray
-    """(4, 2n + 2H + 1, padded): workspace for building a table: matrices ..."""
-    vectors: np.ndarray
-    """(3, 2n + 2H + 1): ... vectors ..."""
-    energy: np.ndarray
-    """(n, n): ... the stiffness of all closed contacts ..."""
-    rows: np.ndarray
-    """(2R,): ... and a column of all rows."""
-    modal: np.ndarray
-    """(1, N, padded n N_MODAL): the modal coordinates at the nodes `MODAL_NODES` of a step of free
-    flight, column k per x_k, rows by mode, then node."""
-
-
 def padded(n: int) -> int:
     """Round a number of rows up to a multiple of `LANES`."""
     return -(-n // LANES) * LANES
 
 
-def empty_tables(model: Model) -> Tables:
-    """Allocate the tables of a structure at one frequency; pages are touched on first use."""
-    capacity = min(2**model.contacts.row.size, MAX_TABLES)
-    n, n_forcing = model.stiffness.shape[0], forcing_size(model)
-    n_modes = model.modal_transform.shape[0]
-    size = 2 * n + n_forcing + 1
-    base = 2 * n_modes + n_forcing + 1
-    return Tables(
-        count=zeros(1, dtype=int),
-        keys=zeros(capacity, dtype=np.uint64),
-        h=zeros(capacity),
-        step=zeros(capacity, size, padded(2 * n)),
-        powers=zeros(capacity, N_POWERS, 2 * n, padded(2 * n)),
-        poly=zeros(capacity, 2 * n, size, N_COEFFICIENTS),
-        columns=zeros(capacity, N_COEFFICIENTS, 2 * n, padded(2 * n)),
-        bound4=zeros(capacity, size, padded(n)),
-        rotation=zeros(capacity, 2 * len(model.harmonics)),
-        series=zeros(capacity, model.contacts.row.size, size, LANES),
-        impulses=zeros(capacity, model.contacts.row.size, LANES, padded(2 * n)),
-        work=zeros(4, base, padded(base)),
-        vectors=zeros(3, base),
-        energy=zeros(n_modes, n_modes),
-        rows=zeros(2 * n),
-        modal=zeros(1, size, padded(n_modes * N_MODAL)),
-    )
+def sizes_of(model: Model) -> dict[str, int]:
+    """Return the lengths of the arrays of a structure, by their names in `places.zeros`.
+
+    n floors and modes, R rows of displacements, H pairs of the forcing, m contacts; N of the
+    augmented state, B of that without rows beyond n; T tables; W watched rows.
+    """
+    n, rows, forcing = len(model.modal_transform), model.stiffness.shape[0], forcing_size(model)
+    m = model.contacts.row.size
+    sizes = {"n": n, "2n": 2 * n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
+    sizes |= {"N": 2 * rows + forcing + 1, "B": 2 * n + forcing + 1}
+    sizes |= {"T": min(2**m, MAX_TABLES), "W": len(model.watched)}
+    sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
+    sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
+    sizes["2 padded n"] = 2 * sizes["padded n"]
+    return sizes
+
+
+class Tables(NamedTuple):
+    """Propagators of the contact sets so far; `count[0]` of them are valid."""
+
+    count: np.ndarray = zeros(1, dtype=int)
+    keys: np.ndarray = zeros("T", dtype=np.uint64)
+    h: np.ndarray = zeros("T")
+    step: np.ndarray = zeros("T", "N", "padded 2R")
+    """Column k of exp(M h), its first 2R rows, contiguous; rows are padded with zeros to a multiple
+    of `LANES`."""
+    powers: np.ndarray = zeros("T", N_POWERS, "2R", "padded 2R")
+    """The same over 2, 4, .. steps, without the forcing."""
+    poly: np.ndarray = zeros("T", "2R", "N", N_COEFFICIENTS)
+    columns: np.ndarray = zeros("T", N_COEFFICIENTS, "2R", "padded 2R")
+    """The same again, without the forcing, by coefficient, column, then row."""
+    bound4: np.ndarray = zeros("T", "N", "padded R")
+    """Column k bounds the fourth derivatives per |x_k|."""
+    rotation: np.ndarray = zeros("T", "harmonics")
+    """cos and sin of h Omega times the step, for each harmonic."""
+    series: np.ndarray = zeros("T", "m", "N", LANES)
+    """Taylor series of the distance of each contact, see `propagators` ..."""
+    impulses: np.ndarray = zeros("T", "m", LANES, "padded 2R")
+    """... and of the effect of its unit impulse."""
+    work: np.ndarray = zeros(4, "B", "padded B")
+    """Workspace for building a table: matrices ..."""
+    vectors: np.ndarray = zeros(3, "B")
+    """... vectors ..."""
+    energy: np.ndarray = zeros("n", "n")
+    """... the stiffness of all closed contacts ..."""
+    rows: np.ndarray = zeros("2R")
+    """... and a column of all rows."""
+    modal: np.ndarray = zeros(1, "N", "padded n nodes")
+    """The modal coordinates at the nodes `MODAL_NODES` of a step of free flight, column k per x_k,
+    rows by mode, then node."""
 
 
 @kernel
@@ -140,3 +154,81 @@ def product_of_moduli(table, index, x, out):
     start = index * table.shape[1] * rows
     for first in range(0, out.shape[0], LANES):
         combine_moduli(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
+
+
+LEVELS = 24
+"""Number of step lengths: the last is 1/3,000 of the first."""
+CAPACITY = 512
+"""Most tables; when more occur the store is emptied and refilled."""
+
+
+class Responses(NamedTuple):
+    """Tables of steps so far; `count[0]` of them are valid."""
+
+    place: np.ndarray
+    """(T, m, LEVELS) int: table of a contact set, contact and length, or -1."""
+    count: np.ndarray = zeros(1, dtype=int)
+    linear: np.ndarray = zeros(CAPACITY, "N", N_NODES)
+    """The displacement of the contact at the nodes, column k per x_k."""
+    response: np.ndarray = zeros(CAPACITY, N_NODES, N_NODES)
+    """Row k, by a unit force at node k."""
+    step: np.ndarray = zeros(CAPACITY, "N", "padded 2R")
+    """The state at the end, column k per x_k."""
+    kick: np.ndarray = zeros(CAPACITY, N_NODES, "padded 2R")
+    """Row k, by a unit force at node k."""
+    impulse: np.ndarray = zeros(N_COEFFICIENTS)
+    values: np.ndarray = zeros(N_NODES)
+    column: np.ndarray = zeros(N_NODES)
+    """Workspace for building a table."""
+
+
+@kernel
+def forget(responses):
+    """Empty the store."""
+    responses.count[0] = 0
+    responses.place[:] = -1
+
+
+class Outputs(NamedTuple):
+    """Tables of the n floors, see `observe.peaks`, and workspace."""
+
+    first_floor: int
+    """Place of the floors in `Model.watched`, ..."""
+    first: int
+    """... of their accelerations ..."""
+    first_contact: int
+    """... and of the contacts."""
+    place: np.ndarray
+    """Table and time of `end`."""
+    key: np.ndarray = zeros("T", dtype=np.uint64)
+    """Contact set of each table ..."""
+    filled: np.ndarray = zeros("T", dtype=bool)
+    """... and which are filled."""
+    pair: np.ndarray = zeros("T", "N", "2 padded n")
+    """Column k of values and slopes per x_k, `LANES` of each in turns."""
+    poly: np.ndarray = zeros("T", "n", "N", N_COEFFICIENTS)
+    """Polynomials on a step per x_k."""
+    bound4: np.ndarray = zeros("T", "N", "padded n")
+    """Column k bounds |q''''| per |x_k|."""
+    start: np.ndarray = zeros("2 padded n")
+    """Values and slopes at the start of a step ..."""
+    end: np.ndarray = zeros("2 padded n")
+    """... and at its end."""
+    bounds: np.ndarray = zeros("padded n")
+    rows: np.ndarray = zeros("n", N_COEFFICIENTS)
+    x_end: np.ndarray = zeros("N")
+    pairs: np.ndarray = zeros("2H")
+    accelerations: np.ndarray = zeros("R", "N")
+    """Workspace: a step, the state and the forcing at its end, and what builds a table."""
+
+
+def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:
+    """Allocate the outputs of a structure."""
+    return allocate(
+        Outputs,
+        sizes,
+        first_floor=padded(len(model.drift_rows)),
+        first=int(np.argmax(model.watched[:, 3] == ACCELERATION)),
+        first_contact=len(model.watched) - padded(len(model.contacts.row)),
+        place=np.full(2, -1.0),
+    )

@@ -4,132 +4,133 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.compile.places import zeros
+from hpcsweep.kernels.compile.places import part, zeros
 from hpcsweep.kernels.simd.vectors import LANES
-from hpcsweep.model.kernel_model import Model, forcing_size
+from hpcsweep.solvers.flow.rules.gauss import N_PASSAGE
+from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
-from hpcsweep.solvers.flow.state.layer_workspace import (
-    LayerWorkspace,
-    SolitaryWorkspace,
-    new_layer_workspace,
-    new_solitary_workspace,
-)
-from hpcsweep.solvers.flow.state.slow_workspace import HalfPassage, new_half_passage
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, N_MODAL, padded
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, N_MODAL
+
+
+class HalfPassage(NamedTuple):
+    """Workspace of half a passage, also used by its tangent map."""
+
+    x: np.ndarray = zeros("N")
+    """Augmented state at the stop."""
+    kicked: np.ndarray = zeros("padded 2R")
+    """Effect of the force of this side on it."""
+    series: np.ndarray = zeros(LANES)
+    """Of the distance."""
+    moments: np.ndarray = zeros(LANES)
+    """Of the force."""
+    times: np.ndarray = zeros(N_PASSAGE)
+    """At the nodes: times from the stop, ..."""
+    forces: np.ndarray = zeros(N_PASSAGE)
+    slopes: np.ndarray = zeros(N_PASSAGE)
+    """... forces and their derivatives by the distance, as smooth factors of the weight; ..."""
+    shares: np.ndarray = zeros(N_PASSAGE)
+    moved: np.ndarray = zeros(N_PASSAGE)
+    """... workspace."""
+    response: np.ndarray = zeros(N_PASSAGE, N_PASSAGE)
+    """Row j: displacement at all nodes per unit force at node j."""
+
+
+class LayerWorkspace(NamedTuple):
+    """Stages of a step, and workspace."""
+
+    u: np.ndarray = zeros("R", N_STAGES)
+    v: np.ndarray = zeros("R", N_STAGES)
+    g: np.ndarray = zeros("R", N_STAGES)
+    """Displacements, velocities and accelerations at the stages."""
+    fresh: np.ndarray = zeros("R", N_STAGES)
+    ground: np.ndarray = zeros(N_STAGES)
+    active: np.ndarray = zeros("m", dtype=int)
+    free: np.ndarray = zeros("R", N_STAGES)
+    speeds: np.ndarray = zeros("R", N_STAGES)
+    """u_0 + c_j h v_0 and v_0: the stages without acceleration."""
+    spring: np.ndarray = zeros("m", N_STAGES)
+    """The stiffness of each contact."""
+    missed: np.ndarray = zeros("m")
+    """Estimated error of the integral of the force of each active contact over a step."""
+    between: np.ndarray = zeros("2R")
+    """State between both halves of a step."""
+    values: np.ndarray = zeros(N_STAGES + 2)
+    """Of one component at ends and stages."""
+    state: np.ndarray = zeros("2R")
+    rates: np.ndarray = zeros("R")
+    """A state and its accelerations."""
+
+
+class SolitaryWorkspace(NamedTuple):
+    """Node values of a step with one contact in its layer."""
+
+    free: np.ndarray = zeros(N_NODES)
+    """Distances without the force of the contact."""
+    x: np.ndarray = zeros(N_NODES)
+    forces: np.ndarray = zeros(N_NODES)
+    """Distances, and the force beyond that in the linear motion."""
+    moments: np.ndarray = zeros(LANES, N_STAGES)
+    halves: np.ndarray = zeros(2, N_NODES, N_STAGES)
+    middle: np.ndarray = zeros(N_NODES)
+    powers: np.ndarray = zeros(N_NODES)
+    """Workspace, and that of the halves of a step."""
+
 
 MAX_DEPTH = 16
 """Cuts of a step that is searched for a contact."""
 
 
 class TangentWorkspace(NamedTuple):
-    """Workspace.
+    """Workspace of tangent maps."""
 
-    Attributes
-    ----------
-    propagator : ndarray, shape (2R, padded 2R)
-        By columns.
-    powers : ndarray, shape (N_COEFFICIENTS,)
-    column, product : ndarray, shape (padded 2R,)
-    kicks : ndarray, shape (3, 2R)
-        Of a fast passage: two derivatives of the kick, and the kick.
-    drift : ndarray, shape (2R,)
-        M_+ k
-    """
-
-    propagator: np.ndarray
-    powers: np.ndarray
-    column: np.ndarray
-    product: np.ndarray
-    kicks: np.ndarray
-    drift: np.ndarray
-
-
-def new_tangent_workspace(n: int) -> TangentWorkspace:
-    """Allocate the workspace for n rows of displacements."""
-    rows = padded(2 * n)
-    return TangentWorkspace(
-        zeros(2 * n, rows),
-        zeros(N_COEFFICIENTS),
-        zeros(rows),
-        zeros(rows),
-        zeros(3, 2 * n),
-        zeros(2 * n),
-    )
+    propagator: np.ndarray = zeros("2R", "padded 2R")
+    """By columns."""
+    powers: np.ndarray = zeros(N_COEFFICIENTS)
+    column: np.ndarray = zeros("padded 2R")
+    product: np.ndarray = zeros("padded 2R")
+    kicks: np.ndarray = zeros(3, "2R")
+    """Of a fast passage: two derivatives of the kick, and the kick."""
+    drift: np.ndarray = zeros("2R")
+    """M_+ k"""
 
 
 class Workspace(NamedTuple):
     """Workspace for the kernels; contents mean nothing between calls."""
 
-    x: np.ndarray
-    z_end: np.ndarray
-    moved: np.ndarray
-    """(2R,): a trial state."""
-    wide: np.ndarray
-    """Padded 2R: the end of a step."""
-    bounds: np.ndarray
-    """Padded R: bounds of the fourth derivatives on a step."""
-    rows: np.ndarray
-    """(2R, N_COEFFICIENTS): polynomials of the present step, valid where `expanded`."""
-    expanded: np.ndarray
-    drift_rows: np.ndarray
-    modal_rows: np.ndarray
-    modal_nodes: np.ndarray
-    """Padded n N_MODAL: modal coordinates at the nodes of an interval, by mode, then node."""
-    modal_part: np.ndarray
-    modal_series: np.ndarray
-    modal_powers: np.ndarray
-    """(N_COEFFICIENTS, N_MODAL): powers of the nodes of an interval."""
-    modal_summary: np.ndarray
-    """(LANES,): see `modal_norm.SUMMARY`."""
-    forcing: np.ndarray
-    """(2 H,): pairs of the forcing, see `forcing`."""
-    ways: np.ndarray
-    stack: np.ndarray
-    a: np.ndarray
-    a_end: np.ndarray
-    arriving: HalfPassage
-    departing: HalfPassage
-    tangent: TangentWorkspace
-    layer: LayerWorkspace
-    solitary: SolitaryWorkspace
-    stage_u: np.ndarray
-    stage_v: np.ndarray
-    stage_a: np.ndarray
-    newton: np.ndarray
-    """(2 (N_STAGES + 2),): a polynomial of a layer step."""
-
-
-def new_workspace(model: Model) -> Workspace:
-    """Allocate the workspace for a structure."""
-    n, n_modes = model.stiffness.shape[0], model.modal_transform.shape[0]
-    n_forcing = forcing_size(model)
-    return Workspace(
-        x=zeros(2 * n + n_forcing + 1),
-        z_end=zeros(2 * n),
-        moved=zeros(2 * n),
-        wide=zeros(padded(2 * n)),
-        bounds=zeros(padded(n)),
-        rows=zeros(2 * n, N_COEFFICIENTS),
-        expanded=zeros(2 * n, dtype=bool),
-        drift_rows=zeros(1, N_COEFFICIENTS),
-        modal_rows=zeros(n_modes, N_COEFFICIENTS),
-        modal_nodes=zeros(padded(n_modes * N_MODAL)),
-        modal_part=zeros(n_modes),
-        modal_series=zeros(LANES),
-        modal_powers=zeros(N_COEFFICIENTS, N_MODAL),
-        modal_summary=zeros(LANES),
-        forcing=zeros(n_forcing),
-        ways=zeros(n),
-        stack=zeros(MAX_DEPTH + 2, 3),
-        a=zeros(n),
-        a_end=zeros(n),
-        arriving=new_half_passage(n, 2 * n + n_forcing + 1),
-        departing=new_half_passage(n, 2 * n + n_forcing + 1),
-        tangent=new_tangent_workspace(n),
-        layer=new_layer_workspace(n, model.contacts.row.size),
-        solitary=new_solitary_workspace(),
-        stage_u=zeros(N_STAGES),
-        stage_v=zeros(N_STAGES),
-        stage_a=zeros(N_STAGES),
-        newton=zeros(2 * (N_STAGES + 2)),
-    )
+    x: np.ndarray = zeros("N")
+    z_end: np.ndarray = zeros("2R")
+    moved: np.ndarray = zeros("2R")
+    """A trial state."""
+    wide: np.ndarray = zeros("padded 2R")
+    """The end of a step."""
+    bounds: np.ndarray = zeros("padded R")
+    """Of the fourth derivatives on a step."""
+    rows: np.ndarray = zeros("2R", N_COEFFICIENTS)
+    """Polynomials of the present step, valid where `expanded`."""
+    expanded: np.ndarray = zeros("2R", dtype=bool)
+    drift_rows: np.ndarray = zeros(1, N_COEFFICIENTS)
+    modal_rows: np.ndarray = zeros("n", N_COEFFICIENTS)
+    modal_nodes: np.ndarray = zeros("padded n nodes")
+    """Modal coordinates at the nodes of an interval, by mode, then node."""
+    modal_part: np.ndarray = zeros("n")
+    modal_series: np.ndarray = zeros(LANES)
+    modal_powers: np.ndarray = zeros(N_COEFFICIENTS, N_MODAL)
+    """Powers of the nodes of an interval."""
+    modal_summary: np.ndarray = zeros(LANES)
+    """See `modal_norm.SUMMARY`."""
+    forcing: np.ndarray = zeros("2H")
+    """Pairs of the forcing, see `forcing`."""
+    ways: np.ndarray = zeros("R")
+    stack: np.ndarray = zeros(MAX_DEPTH + 2, 3)
+    a: np.ndarray = zeros("R")
+    a_end: np.ndarray = zeros("R")
+    arriving: HalfPassage = part(HalfPassage)
+    departing: HalfPassage = part(HalfPassage)
+    tangent: TangentWorkspace = part(TangentWorkspace)
+    layer: LayerWorkspace = part(LayerWorkspace)
+    solitary: SolitaryWorkspace = part(SolitaryWorkspace)
+    stage_u: np.ndarray = zeros(N_STAGES)
+    stage_v: np.ndarray = zeros(N_STAGES)
+    stage_a: np.ndarray = zeros(N_STAGES)
+    newton: np.ndarray = zeros(2 * (N_STAGES + 2))
+    """A polynomial of a layer step."""

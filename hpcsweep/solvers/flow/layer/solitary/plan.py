@@ -15,19 +15,27 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.solvers.flow.layer.limits import reach, stiffness_up_to
+from hpcsweep.solvers.flow.layer.scheme import reach, stiffness_up_to
 from hpcsweep.solvers.flow.linear.propagators import table_of
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.responses import LEVELS
+from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.tables import LEVELS
 
 ELLIPSE = 3.0
 """kappa + 1 / kappa with kappa = 2.62: kappa^-32 = 4e-14."""
+
+
 CONTRACTION = 4.0
 """Largest h sqrt(|df/dd|)."""
+
+
 SURE = 1.5
 """Factor by which another contact may move further on a step than estimated."""
+
+
 AT_EDGE = 1.001
 """Distance, in half-widths of the layer, of a contact that counts as being inside."""
+
+
 MIN_PART = 0.1
 """Least fraction of a step that is shortened because another contact comes near its layer."""
 

@@ -11,12 +11,20 @@ import numpy as np
 
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
+from hpcsweep.kernels.compile.entry_points import (
+    BYTES,
+    FLOAT,
+    INT,
+    MATRIX,
+    VECTOR,
+    entry_point,
+    type_of,
+)
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots, past_stops, pushing
-from hpcsweep.solvers.flow.dashpot.period import march_with_dashpots
+from hpcsweep.solvers.flow.dashpot.march import march_with_dashpots
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
@@ -24,25 +32,35 @@ from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
 from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
-from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
+from hpcsweep.solvers.flow.period.period import NO_TABLE, Begin, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
-from hpcsweep.solvers.flow.state.accelerations import accelerations
-from hpcsweep.solvers.flow.state.augmented import renew_rows, start
-from hpcsweep.solvers.flow.state.contacts import approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.segment import Segment, Stretch
-from hpcsweep.solvers.flow.state.shared import read_shared
-from hpcsweep.solvers.flow.state.state import OVERFLOW, copy_state, is_ordinary
+from hpcsweep.solvers.flow.state.shared import IMPACTS, NO_TALLY, PEAKS, STEPS, read_shared
+from hpcsweep.solvers.flow.state.state import (
+    OVERFLOW,
+    Segment,
+    Stretch,
+    accelerations,
+    approach_speed,
+    contact_bit,
+    copy_state,
+    distance,
+    is_ordinary,
+    renew_rows,
+    start,
+)
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
-from hpcsweep.solvers.flow.state.tally import IMPACTS, NO_TALLY, PEAKS
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE
 
 PEAKS_AT_SAMPLES, ALL_PEAKS = 1, 2
 """What is gathered: peaks at the samples, or over continuous time, and impacts; 0: nothing."""
 
 
-@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, INT, INT, FLOAT, INT, MATRIX)
-def march_record(shared, z, samples, amplitude, first, last, length, wanted, points):
-    """Advance z over the intervals `first`, .., `last` - 1 of a record, in place.
+INTERVALS = type_of((0, 0, 0.0))
+
+
+@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, INTERVALS, INT, MATRIX)
+def march_record(shared, z, samples, amplitude, intervals, wanted, points):
+    """Advance z over some intervals of a record, in place.
 
     Parameters
     ----------
@@ -53,9 +71,9 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
         Of the ground; from the last one on there is none.
     amplitude : float
         By which they are multiplied.
-    first, last : int
-    length : float
-        Of each interval: that of a sample, or a part of it.
+    intervals : tuple
+        The first and the one behind the last, and the length of each: that of a sample, or a part
+        of it.
     wanted : int
     points : ndarray, shape (last - first, 2R) or (0, 2R)
         Receives the states at the ends of the intervals; not written if empty.
@@ -69,23 +87,20 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
     z = as_long_as(z, common.previous)
     model, tables, work = common.model, common.tables, common.work
     key, index = np.uint64(0), NO_TABLE
+    first, last, length = intervals
     with_dashpots = has_dashpots(model)
+    flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
     for j in range(first, last):
-        model.ramp[0, 0] = model.ramp[0, 1] = 0.0
-        model.ramp[0, 2] = j * model.period
-        if j + 1 < samples.shape[0]:
-            model.ramp[0, 0] = samples[j]
-            model.ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
+        _write_ramp(j, samples, model)
         if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
             return j - first, NON_FINITE
         if model.rows.shape[0] > 0:
             # at every one, so that nothing depends on where a call begins
             renew_rows(z, common.no_tangent, model)
-        if index == NO_TABLE and with_dashpots:
-            if past_stops(0.0, z, amplitude, model, work) == np.uint64(0):
-                index = table_of(key, tables, shared)
-        elif index == NO_TABLE and not inside_layer(z, model):
-            key = contact_key(0.0, z, amplitude, model, work)
+        if index == NO_TABLE and _is_linear(z, amplitude, model, work):
+            key = np.uint64(0)
+            if not with_dashpots:
+                key = contact_key(0.0, z, amplitude, model, work)
             index = table_of(key, tables, shared)
         tau = 0.0
         if index != NO_TABLE:
@@ -96,14 +111,12 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
-            rest = Stretch(tau, length)
-            flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
             if with_dashpots:
+                rest = Stretch(tau, length)
                 outcome = march_with_dashpots(shared, rest, z, amplitude, common, flags, None)
             else:
-                outcome = march_segments(
-                    shared, rest, key, index, z, amplitude, common, flags, None, True
-                )
+                begin = Begin(tau, length, key, index)
+                outcome = march_segments(shared, begin, z, amplitude, common, flags, None, True)
             if outcome != COMPLETE:
                 return j - first, outcome
             index = NO_TABLE
@@ -112,6 +125,25 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
         if points.shape[0] > 0:
             copy_state(z, points[j - first])
     return last - first, COMPLETE
+
+
+@inlined
+def _write_ramp(j, samples, model):
+    """Write the ground of interval j: its first sample, its slope, and the time of its start."""
+    ramp = model.ramp
+    ramp[0, 0] = ramp[0, 1] = 0.0
+    ramp[0, 2] = j * model.period
+    if j + 1 < samples.shape[0]:
+        ramp[0, 0] = samples[j]
+        ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
+
+
+@inlined
+def _is_linear(z, amplitude, model, work):
+    """Return whether a motion begins linearly: outside all layers, with no dashpot at work."""
+    if has_dashpots(model):
+        return past_stops(0.0, z, amplitude, model, work) == np.uint64(0)
+    return not inside_layer(z, model)
 
 
 @inlined
@@ -147,7 +179,7 @@ def _coast(segment, amplitude, wanted, shared):
         for row in range(work.z_end.shape[0]):
             x[row] = wide[row]
         turn_forcing(x, work.z_end.shape[0], tables, index)
-        shared.counts[0] += 1
+        shared.counts[STEPS] += 1
     reached = n_steps * h
     return end if abs(reached - end) <= 1e-12 * end else reached
 

@@ -1,1 +1,0 @@
-"""Motions under a ground-motion record: consecutive sample intervals, and peaks of outputs."""

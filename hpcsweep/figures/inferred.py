@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
-from hpcsweep.figures.style import PlotError, classes_of, percent
+from hpcsweep.figures import style
 from hpcsweep.studies.refine.refinement import LABELS, Source, refinement_of
 from hpcsweep.studies.refine.variables import CELL, SOURCE, inferred_name
 
@@ -45,7 +45,7 @@ def filled_classes(results, computed=None) -> tuple[np.ndarray, np.ndarray]:
     computed : ndarray of int, optional
         Classes of the computed runs; by default they are classified.
     """
-    computed = classes_of(results) if computed is None else computed
+    computed = style.classes_of(results) if computed is None else computed
     kinds, periods = filled(results, MOTION, computed), filled(results, "orbit_period")
     if is_by_period(results):
         classes = np.where(periods > 0, MotionClass.PERIODIC, MotionClass.UNDECIDED)
@@ -81,7 +81,9 @@ def drawn_names(names: Mapping[str, Any], by_period: bool) -> dict[str, Any]:
 
 def share_note(share: float) -> str:
     """Format what share of a map is inferred; '' if nothing is."""
-    return f"{percent(1 - share)} of the points computed, the others inferred" if share else ""
+    return (
+        f"{style.percent(1 - share)} of the points computed, the others inferred" if share else ""
+    )
 
 
 def note_of(results) -> str:
@@ -91,7 +93,8 @@ def note_of(results) -> str:
         return ""
     audit: Mapping | None = results.attrs.get("audit")
     if audit:
-        text += f"; {percent(audit['low'])} to {percent(audit['high'])} of these wrong (95 %)"
+        low, high = style.percent(audit["low"]), style.percent(audit["high"])
+        text += f"; {low} to {high} of these wrong (95 %)"
     return text
 
 
@@ -103,7 +106,7 @@ def need_cells(frames) -> None:
     PlotError
     """
     if refinement_of(frames.study) is None:
-        raise PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
+        raise style.PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
 
 
 def draw_cells(axis, results, vertical=None, horizontal=None) -> None:

@@ -152,8 +152,8 @@ def save(figure, path: Path) -> None:
         pyplot.close(figure)
 
 
-def head(figure, text: str, fontsize: float = 10) -> None:
-    """Write the head of a figure, broken between its parts where it is too wide."""
+def head(figure, text: str, fontsize: float = 10):
+    """Write the head of a figure, broken between its parts where it is too wide; return it."""
     title = figure.suptitle(text, fontsize=fontsize)
     renderer = figure.canvas.get_renderer()
 
@@ -162,6 +162,7 @@ def head(figure, text: str, fontsize: float = 10) -> None:
         return title.get_window_extent(renderer).width <= WIDEST * figure.bbox.width
 
     title.set_text(broken(text, fits))
+    return figure
 
 
 def roman(number: int) -> str:

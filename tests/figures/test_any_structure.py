@@ -141,7 +141,7 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
         (benefit, {}),
         *((period_map, {"value": value}) for value in period_map.VALUES),
     ):
-        module.draw(results, picture, **options)
+        style.save(module.draw(results, **options), picture)
         assert picture.stat().st_size > 10_000
     found = summarize(path)
     assert found["structure"] == CAPTIONS[name]

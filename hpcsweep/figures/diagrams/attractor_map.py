@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams.attractor_diagram import starts_words
 from hpcsweep.figures.diagrams.mesh import (
     by_frequency,
@@ -17,16 +18,6 @@ from hpcsweep.figures.diagrams.mesh import (
 from hpcsweep.figures.inferred import VARIABLES as INFERRED
 from hpcsweep.figures.inferred import draw_cells, filled, inferred, need_cells, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
-from hpcsweep.figures.palette import NOTHING, OTHER_MOTION, count_colour
-from hpcsweep.figures.style import (
-    caption,
-    head,
-    new_grid,
-    percent,
-    save,
-    structure_of,
-    study_of,
-)
 from hpcsweep.studies.attractors.attractors import Attractors
 
 NAME = "number"
@@ -55,8 +46,8 @@ def load(frames, sweep: Path | None = None, cells: bool | None = None):
     return results.assign({MISSED: (("omega", "amplitude"), missed_attractors(frames, sweep))})
 
 
-def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = None) -> None:
-    """Draw what `load` returned and write it to `path`.
+def draw(results, sweep: Path | None = None, cells: bool | None = None):
+    """Draw what `load` returned.
 
     Raises
     ------
@@ -73,19 +64,22 @@ def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = No
     if MISSED in results:
         counts.append(("attractors that no sweep ends on", results[MISSED].values, 0))
     size = (7.2 if len(counts) == 1 else 10.6, map_height(results, 5.2))
-    figure, axes = new_grid(1, len(counts), size, sharex=True, sharey=True)
+    figure, axes = style.new_grid(1, len(counts), size, sharex=True, sharey=True)
     for axis, (name, values, least) in zip(axes.flat, counts, strict=True):
         _panel(axis, results, name, values, least)
-        draw_grazing(axis, results, structure_of(results))
+        draw_grazing(axis, results, style.structure_of(results))
         mark_strip(axis, results)
         if cells:
             draw_cells(axis, results)
         axis.label_outer()
-    study = study_of(results, Attractors)
+    study = style.study_of(results, Attractors)
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * study.starts, 1)
-    note = f"{starts_words(study)}; undecided {percent(float(undecided))}"
-    head(figure, "\n".join(filter(None, (caption(results), note, note_of(results)))), fontsize=10)
-    save(figure, path)
+    note = f"{starts_words(study)}; undecided {style.percent(float(undecided))}"
+    return style.head(
+        figure,
+        "\n".join(filter(None, (style.caption(results), note, note_of(results)))),
+        fontsize=10,
+    )
 
 
 def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
@@ -93,7 +87,10 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
     from matplotlib.patches import Patch
 
     top = least + MOST - 1
-    colours = [OTHER_MOTION, *(count_colour(place, MOST - 1) for place in range(MOST - 1))]
+    colours = [
+        palette.OTHER_MOTION,
+        *(palette.count_colour(place, MOST - 1) for place in range(MOST - 1)),
+    ]
     index = np.where(values < 0, -1, np.clip(values, least, top) - least)
     draw_classes(axis, results, index, colours)
     handles = [
@@ -102,14 +99,14 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
             edgecolor="0.3",
             linewidth=0.5,
             label=f"{least + place}{' or more' if place == MOST - 1 else ''}  "
-            f"{percent(int((index == place).sum()) / index.size)}",
+            f"{style.percent(int((index == place).sum()) / index.size)}",
         )
         for place, colour in enumerate(colours)
         if (index == place).any() or place < 2
     ]
     if (index < 0).any():
-        blank = Patch(facecolor=NOTHING, edgecolor="0.55", hatch="xxxx", linewidth=0.5)
-        blank.set_label(f"none, or not computed  {percent(float((index < 0).mean()))}")
+        blank = Patch(facecolor=palette.NOTHING, edgecolor="0.55", hatch="xxxx", linewidth=0.5)
+        blank.set_label(f"none, or not computed  {style.percent(float((index < 0).mean()))}")
         handles.append(blank)
     handles += grazing_keys(results)
     axis.set_title(name, fontsize=9)

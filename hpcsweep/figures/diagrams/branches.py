@@ -7,13 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.special_curves import MARKS
 from hpcsweep.figures.fitting import legend_below
-from hpcsweep.figures.labels import amplitude, choose_floors, displacement, frequency
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
 from hpcsweep.figures.overlay import Drawn, branches_of, run_of
-from hpcsweep.figures.palette import DARK_INK, MOTION_COLOURS
-from hpcsweep.figures.style import PlotError, head, new_figure, parameters, save
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
@@ -59,17 +57,17 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
 
     study = as_kind(frames.study, Branches)
     if line >= study.n_frames:
-        raise PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
+        raise style.PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
     runs = None
     if sweep is not None:
         if study.parameter != "amplitude":
-            raise PlotError(f"--sweep {sweep}: goes with branches of the amplitude alone")
+            raise style.PlotError(f"--sweep {sweep}: goes with branches of the amplitude alone")
         held = Frames(sweep)
         try:
             there = np.flatnonzero(as_kind(held.study, RunGrid).omega == study.omega[line])
             if not there.size or "poincare" not in held:
                 what = f"has no stroboscopic points at Omega = {study.omega[line]:g}"
-                raise PlotError(f"--sweep {sweep}: {what}")
+                raise style.PlotError(f"--sweep {sweep}: {what}")
             runs = held.dataset(int(there[0]))
         finally:
             held.close()
@@ -79,41 +77,38 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
 
 def draw(
     results: Read,
-    path: Path,
     floors: Sequence[int] = (),
     line: int = 0,
     sweep: Path | None = None,
-) -> None:
-    """Draw a line, as `load` has read it, and write it to `path`."""
+):
+    """Draw a line, as `load` has read it."""
     del line, sweep
     found, branches, runs, study = results
     run = run_of(found)
     if not branches:
-        raise PlotError("no branch of this line is computed")
+        raise style.PlotError("no branch of this line is computed")
     structure = study.structure
-    shown = choose_floors(structure.n_floors, floors)
-    figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
+    shown = labels.choose_floors(structure.n_floors, floors)
+    figure, axes = style.new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
     for floor, axis in zip(shown[::-1], axes, strict=True):
         if runs is not None:
             _draw_runs(axis, runs, floor)
         _draw_branches(axis, branches, floor)
         _draw_specials(axis, run, floor)
-        axis.set_ylabel(displacement(structure, floor, "(jT)"))
+        axis.set_ylabel(labels.displacement(structure, floor, "(jT)"))
         axis.margins(y=0.08)
     axes[-1].set_xlabel(_label(study, structure))
     axes[-1].set_xlim(*study.span)
     fixed = float(found["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
-    head(figure, parameters(structure, omega), fontsize=10)
-    handles = _handles(run, runs is not None)
-    legend_below(figure, handles, "", COLUMNS)
-    save(figure, path)
+    legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
+    return style.head(figure, style.parameters(structure, omega), fontsize=10)
 
 
 def _label(study: Branches, structure) -> str:
     if study.parameter == "amplitude":
-        return amplitude(structure)
-    return frequency(structure) if study.parameter == "omega" else study.parameter
+        return labels.amplitude(structure)
+    return labels.frequency(structure) if study.parameter == "omega" else study.parameter
 
 
 def _draw_runs(axis, runs, floor: int) -> None:
@@ -121,7 +116,13 @@ def _draw_runs(axis, runs, floor: int) -> None:
     points = runs["poincare"].values[..., floor]
     at = np.broadcast_to(runs["amplitude"].values[:, None], points.shape)
     axis.plot(
-        at.ravel(), points.ravel(), ".", color=DARK_INK, markersize=0.8, zorder=3, rasterized=True
+        at.ravel(),
+        points.ravel(),
+        ".",
+        color=palette.DARK_INK,
+        markersize=0.8,
+        zorder=3,
+        rasterized=True,
     )
 
 
@@ -173,7 +174,7 @@ def _looks(kind: Kind, size: float) -> dict[str, Any]:
 
 def _colour(period: int) -> str:
     """Return the colour of orbits of a period, as in all figures."""
-    return MOTION_COLOURS[min(period, 9)]
+    return palette.MOTION_COLOURS[min(period, 9)]
 
 
 def _handles(run: dict, runs: bool) -> list:
@@ -183,14 +184,22 @@ def _handles(run: dict, runs: bool) -> list:
     names = {p: f"P{p}" if p < 9 else "P9 and longer" for p in periods}
     handles = [Line2D([], [], color=_colour(p), lw=STABLE, label=names[p]) for p in periods]
     handles += [
-        Line2D([], [], color=DARK_INK, lw=STABLE, label="stable"),
-        Line2D([], [], color=DARK_INK, lw=UNSTABLE, label="unstable"),
+        Line2D([], [], color=palette.DARK_INK, lw=STABLE, label="stable"),
+        Line2D([], [], color=palette.DARK_INK, lw=UNSTABLE, label="unstable"),
     ]
     for kind, (word, _, _) in MARKS.items():
         if (run["special_kind"] == kind).any():
             handles.append(Line2D([], [], label=word, **_looks(kind, 4)))
     if runs:
         handles.append(
-            Line2D([], [], linestyle="none", marker=".", markersize=3, color=DARK_INK, label="runs")
+            Line2D(
+                [],
+                [],
+                linestyle="none",
+                marker=".",
+                markersize=3,
+                color=palette.DARK_INK,
+                label="runs",
+            )
         )
     return handles

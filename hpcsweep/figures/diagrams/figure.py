@@ -5,7 +5,6 @@ its colours from `hpcsweep.figures.palette`, so that a motion, a contact set or 
 the same as everywhere, and its labels from `hpcsweep.figures.style`.
 """
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from hpcsweep.figures.options import PICTURE, Option
@@ -61,13 +60,18 @@ class Figure(Protocol):
             If what was requested cannot be drawn; one line for the user.
         """
 
-    def draw(self, results, path: Path, **options) -> None:
-        """Draw what `load` returned, or all results, and write the picture to `path`.
+    def draw(self, results, **options):
+        """Draw what `load` returned, or all results.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            For `hpcsweep.figures.style.save`.
 
         Raises
         ------
         PlotError
-            If what was requested cannot be drawn; then nothing is written.
+            If what was requested cannot be drawn.
         """
 
 

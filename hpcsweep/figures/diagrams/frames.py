@@ -1,30 +1,12 @@
 """Small orbit diagrams of several frames side by side."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import DIRECTION, FLOORS, Option
-from hpcsweep.figures.palette import MOTIONS, motion_index
-from hpcsweep.figures.style import (
-    PlotError,
-    caption,
-    classes_of,
-    direction_index,
-    foot,
-    head,
-    job_of,
-    limit_amplitudes,
-    need,
-    need_amplitudes,
-    new_grid,
-    save,
-    structure_of,
-    words_of,
-)
 from hpcsweep.solvers.outcome import Outcome
 
 MAX_FRAMES = 12
@@ -52,17 +34,15 @@ def load(reader, frames: int | None = None, **_options):
 
 def draw(
     results,
-    path: Path,
     direction: str | None = None,
     frames: int | None = None,
     floors: Sequence[int] = (),
-) -> None:
-    """Draw frames spread evenly over frequency and write them to `path`.
+):
+    """Draw frames spread evenly over frequency.
 
     Parameters
     ----------
     results : xarray.Dataset
-    path : Path
     direction : {"up", "down"}, optional
         Default the first.
     frames : int, optional
@@ -75,34 +55,33 @@ def draw(
     PlotError
         If the file does not hold the variables to draw.
     """
-    need(results, "poincare")
-    need_amplitudes(job_of(results).study)
-    structure = structure_of(results)
+    style.need(results, "poincare")
+    style.need_amplitudes(style.job_of(results).study)
+    structure = style.structure_of(results)
     if len(floors) > 1:
-        raise PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
-    floor = choose_floors(structure.n_floors, floors)[-1] + 1
+        raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
+    floor = labels.choose_floors(structure.n_floors, floors)[-1] + 1
     chosen = choose(results["omega"].values, frames)
     count = len(chosen)
-    results = results.isel(omega=chosen, direction=[direction_index(results, direction)])
-    classes = classes_of(results)
-    motions = motion_index(classes[0], results["orbit_period"].values[0])
+    results = results.isel(omega=chosen, direction=[style.direction_index(results, direction)])
+    classes = style.classes_of(results)
+    motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
     columns = min(COLUMNS, count)
     rows = -(-count // columns)
     size = max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0
-    figure, axes = new_grid(rows, columns, size, sharex=True)
+    figure, axes = style.new_grid(rows, columns, size, sharex=True)
     for place, axis in enumerate(axes.flat):
         if place >= count:
             axis.set_visible(False)
             continue
         _panel(axis, results.isel(omega=place, direction=0), motions[place], floor)
-    figure.supylabel(displacement(structure, floor - 1, "(jT)"), fontsize=10)
+    figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)
     for column in range(columns):
         last = max(place for place in range(count) if place % columns == column)
-        axes.flat[last].set_xlabel(amplitude(structure).removeprefix("forcing amplitude "))
+        axes.flat[last].set_xlabel(labels.amplitude(structure).removeprefix("forcing amplitude "))
         axes.flat[last].tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
-    head(figure, f"{caption(results)},  {words_of(results)}", fontsize=8.5)
-    save(figure, path)
+    return style.head(figure, f"{style.caption(results)},  {style.words_of(results)}", fontsize=8.5)
 
 
 def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
@@ -116,7 +95,9 @@ def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
     there = omegas.size
     count = min(there, MAX_FRAMES) if frames is None else frames
     if not 1 <= count <= there:
-        raise PlotError(f"--frames {count}: must be from 1 to {there}, the frames of the results")
+        raise style.PlotError(
+            f"--frames {count}: must be from 1 to {there}, the frames of the results"
+        )
     order = np.argsort(omegas, kind="stable")
     return order[np.linspace(0, there - 1, count).round().astype(int)]
 
@@ -128,7 +109,7 @@ def _panel(axis, frame, motions, floor: int) -> None:
     size = float(np.clip(300 / max(amplitude.size, 1), 0.5, 4.0))
     sizes = np.where(frame["orbit_period"].values > 0, ORBIT * size, size)
     points = np.where(frame["outcome"].values == Outcome.COMPLETE, counts, 0)
-    for place, (_name, colour) in enumerate(MOTIONS):
+    for place, (_name, colour) in enumerate(palette.MOTIONS):
         runs = np.flatnonzero((motions == place) & (points > 0))
         if runs.size:
             axis.scatter(
@@ -143,7 +124,7 @@ def _panel(axis, frame, motions, floor: int) -> None:
     axis.set_axisbelow(True)
     axis.set_title(rf"$\Omega$ = {float(frame['omega']):.4g}", fontsize=8.5, pad=3)
     axis.tick_params(labelsize=8)
-    limit_amplitudes(axis, amplitude)
+    style.limit_amplitudes(axis, amplitude)
 
 
 def _legend(figure, results, classes, motions) -> None:
@@ -152,9 +133,9 @@ def _legend(figure, results, classes, motions) -> None:
     failed = (classes == MotionClass.FAILED).any()
     handles = [
         Line2D([], [], linestyle="none", marker="o", markersize=4, color=colour, label=name)
-        for place, (name, colour) in enumerate(MOTIONS)
+        for place, (name, colour) in enumerate(palette.MOTIONS)
         if (motions[classes[0] != MotionClass.FAILED] == place).any()
     ]
     if failed:
         handles.append(Line2D([], [], linestyle="none", label="failed: blank"))
-    foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))
+    style.foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.inferred import VARIABLES as INFERRED
-from hpcsweep.figures.labels import amplitude as amplitude_label
-from hpcsweep.figures.labels import frequency as frequency_label
-from hpcsweep.figures.palette import GRAZING, NOTHING
-from hpcsweep.figures.style import PlotError, classes_of, percent, pixels, structure_of
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -47,9 +44,9 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
     direction = study.directions[0] if direction is None else direction
     if direction not in study.directions:
         there = " and ".join(study.directions)
-        raise PlotError(f"--direction {direction}: the results hold {there} only")
+        raise style.PlotError(f"--direction {direction}: the results hold {there} only")
     names = (*VARIABLES, *INFERRED, *further)
-    results = frames.gather(names, direction=direction, derive={MOTION: classes_of})
+    results = frames.gather(names, direction=direction, derive={MOTION: style.classes_of})
     return results.assign_attrs(frames.audit())
 
 
@@ -62,7 +59,7 @@ def least_cells(amplitudes: int) -> None:
         If there are fewer than two amplitudes.
     """
     if amplitudes < 2:
-        raise PlotError(f"a map needs at least 2 amplitudes, the results hold {amplitudes}")
+        raise style.PlotError(f"a map needs at least 2 amplitudes, the results hold {amplitudes}")
 
 
 def by_frequency(results):
@@ -92,10 +89,10 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
     -------
     matplotlib.collections.QuadMesh or PathCollection
     """
-    axis.set_facecolor(NOTHING)
-    structure = structure_of(results)
-    axis.set_xlabel(amplitude_label(structure))
-    axis.set_ylabel(frequency_label(structure))
+    axis.set_facecolor(palette.NOTHING)
+    structure = style.structure_of(results)
+    axis.set_xlabel(labels.amplitude(structure))
+    axis.set_ylabel(labels.frequency(structure))
     if SCATTERED in results:
         size = float(np.clip(6e3 / len(values), 3.0, 40.0))
         rim = {"edgecolors": "0.2", "linewidths": 0.3 if size > 10 else 0.0}
@@ -103,7 +100,7 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
         return axis.scatter(*where, s=size, c=values[:, 0], plotnonfinite=False, **rim, **options)
     if np.ma.getmaskarray(values).any():
         axis.patch.set(hatch="xxxx", edgecolor="0.55")
-    width, height = pixels(axis.get_figure())
+    width, height = style.pixels(axis.get_figure())
     rows = _thinned(values.shape[0], height)
     columns = _thinned(values.shape[1], width)
     return axis.pcolormesh(
@@ -139,14 +136,14 @@ def draw_grazing(axis, results, structure) -> None:
     limits = axis.get_xlim(), axis.get_ylim()
     amplitude, omega = _curve(structure, *limits[1])
     axis.plot(amplitude, omega, color="white", linewidth=1.6)
-    axis.plot(amplitude, omega, color=GRAZING, linewidth=0.9)
+    axis.plot(amplitude, omega, color=palette.GRAZING, linewidth=0.9)
     axis.set(xlim=limits[0], ylim=limits[1])
 
 
 def grazing_keys(results) -> list:
     """Return the legend key of the grazing curve; none where it does not cross the map."""
     omega, across = results["omega"].values, amplitudes(results)
-    reached, _ = _curve(structure_of(results), omega.min(), omega.max())
+    reached, _ = _curve(style.structure_of(results), omega.min(), omega.max())
     if not ((across.min() <= reached) & (reached <= across.max())).any():
         return []
     return [grazing_key()]
@@ -156,7 +153,7 @@ def grazing_key():
     """Return the legend key of the grazing curve."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")
+    return Line2D([], [], color=palette.GRAZING, linewidth=1.2, label="grazing, closed form")
 
 
 def legend_of_shares(
@@ -183,17 +180,22 @@ def legend_of_shares(
     from matplotlib.patches import Patch
 
     handles = [
-        Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=f"{name}  {percent(share)}")
+        Patch(
+            facecolor=colour,
+            edgecolor="0.3",
+            linewidth=0.5,
+            label=f"{name}  {style.percent(share)}",
+        )
         for name, colour, share in entries
     ]
     if blank:
         handles.append(
             Patch(
-                facecolor=NOTHING,
+                facecolor=palette.NOTHING,
                 edgecolor="0.55",
                 hatch="xxxx",
                 linewidth=0.5,
-                label=f"{blank_name}  {percent(blank)}",
+                label=f"{blank_name}  {style.percent(blank)}",
             )
         )
     handles += more

@@ -1,31 +1,12 @@
 """Drift and mean modal norms of one frame against the amplitude, with those without a stop."""
 
-from pathlib import Path
-
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.benefit import free_drift
 from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.labels import MAX_MODES
-from hpcsweep.figures.labels import amplitude as amplitude_label
 from hpcsweep.figures.options import OMEGA
-from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, mode_colour, motion_place
-from hpcsweep.figures.style import (
-    MARKERS,
-    PlotError,
-    caption,
-    classes_of,
-    foot,
-    head,
-    job_of,
-    nearest_frame,
-    need,
-    need_amplitudes,
-    new_figure,
-    save,
-    structure_of,
-)
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
@@ -37,38 +18,37 @@ load = load_frame
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 
 
-def draw(results, path: Path, omega: float | None = None) -> None:
-    """Draw the frame nearest to `omega`, default the first, and write it to `path`.
+def draw(results, omega: float | None = None):
+    """Draw the frame nearest to `omega`, default the first.
 
     Raises
     ------
     PlotError
         If the file does not hold the variables to draw.
     """
-    need(results, "drift", "modal_norm")
-    need_amplitudes(job_of(results).study)
-    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
+    style.need(results, "drift", "modal_norm")
+    style.need_amplitudes(style.job_of(results).study)
+    results = results.isel(omega=[style.nearest_frame(results["omega"].values, omega)])
     frame = results.isel(omega=0)
     if not (frame["outcome"].values == Outcome.COMPLETE).any():
-        raise PlotError("no run of this frame is complete yet")
-    classes = classes_of(results)
-    structure, value = structure_of(results), float(frame["omega"])
-    figure, axes = new_figure(2, 6.6)
+        raise style.PlotError("no run of this frame is complete yet")
+    classes = style.classes_of(results)
+    structure, value = style.structure_of(results), float(frame["omega"])
+    figure, axes = style.new_figure(2, 6.6)
     _drift(axes[0], frame, classes[:, 0], free_drift(structure, value))
     _norms(axes[1], frame, free_modal_norms(structure, value))
-    axes[1].set_xlabel(amplitude_label(structure))
+    axes[1].set_xlabel(labels.amplitude(structure))
     span = frame["amplitude"].values
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     for axis, letter in zip(axes, "ab", strict=True):
         axis.set_title(f"({letter})", loc="left", fontsize=9)
-    head(figure, caption(results, value), fontsize=10)
     axes[0].legend(fontsize=8, markerscale=1.5)
     handles = axes[1].get_legend_handles_labels()[0]
     # a column for each direction and one without stop: legends are filled column by column
     n_columns = frame.sizes["direction"] + 1
     handles = [handle for k in range(n_columns) for handle in handles[k::n_columns]]
-    foot(figure, handles, results, classes, n_columns)
-    save(figure, path)
+    style.foot(figure, handles, results, classes, n_columns)
+    return style.head(figure, style.caption(results, value), fontsize=10)
 
 
 def free_modal_norms(structure, omega: float) -> np.ndarray:
@@ -95,8 +75,12 @@ def _drift(axis, frame, classes, free: float) -> None:
         name = str(direction)
         chaos = classes[d] == MotionClass.CHAOTIC
         for chosen, colour, label in (
-            (~chaos, DIRECTIONS[name], name),
-            (chaos, MOTION_COLOURS[motion_place(MotionClass.CHAOTIC, 0)], f"{name}, chaotic"),
+            (~chaos, palette.DIRECTIONS[name], name),
+            (
+                chaos,
+                palette.MOTION_COLOURS[palette.motion_place(MotionClass.CHAOTIC, 0)],
+                f"{name}, chaotic",
+            ),
         ):
             if not chosen.any():
                 continue
@@ -104,7 +88,7 @@ def _drift(axis, frame, classes, free: float) -> None:
                 amplitude[chosen],
                 frame["drift"].values[d][chosen],
                 linestyle="none",
-                marker=MARKERS[name],
+                marker=style.MARKERS[name],
                 markersize=2.4,
                 color=colour,
                 markerfacecolor="none" if name == DOWN else colour,
@@ -117,9 +101,9 @@ def _drift(axis, frame, classes, free: float) -> None:
 
 def _norms(axis, frame, free: np.ndarray) -> None:
     amplitude = frame["amplitude"].values
-    shown = min(frame.sizes["mode"], MAX_MODES)
+    shown = min(frame.sizes["mode"], labels.MAX_MODES)
     for mode in range(shown):
-        colour = mode_colour(mode, shown)
+        colour = palette.mode_colour(mode, shown)
         for d, direction in enumerate(frame["direction"].values):
             filled = str(direction) != DOWN
             axis.plot(

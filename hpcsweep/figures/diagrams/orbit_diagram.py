@@ -2,38 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from textwrap import wrap
 
 import numpy as np
 
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
-from hpcsweep.figures.labels import amplitude, choose_floors, contacts_text, displacement
 from hpcsweep.figures.options import FLOORS, OMEGA, Option
-from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, STOP, contact_colour, motion_index
-from hpcsweep.figures.style import (
-    CAPTION_ROOM,
-    MARKERS,
-    PlotError,
-    caption,
-    classes_of,
-    contact_name,
-    foot,
-    head,
-    job_of,
-    limit_amplitudes,
-    nearest_frame,
-    need,
-    need_amplitudes,
-    new_figure,
-    rarer_sets,
-    roman,
-    save,
-    set_names,
-    structure_of,
-    words_of,
-)
 from hpcsweep.model.description import stops
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
@@ -92,19 +68,16 @@ class Group:
 
 def draw(
     results,
-    path: Path,
     omega: float | None = None,
     color: str = "direction",
     floors: Sequence[int] = (),
-) -> None:
-    """Draw one frame of a campaign and write it to `path`.
+):
+    """Draw one frame of a campaign.
 
     Parameters
     ----------
     results : xarray.Dataset
         From `hpcsweep.open_results`.
-    path : Path
-        Its ending chooses the format.
     omega : float, optional
         The frame nearest to this frequency; default the first.
     color : {"direction", "contact", "period"}
@@ -117,35 +90,34 @@ def draw(
     PlotError
         If the file does not hold the variables to draw.
     """
-    need(results, "poincare", *(("contact",) if color == "contact" else ()))
-    need_amplitudes(job_of(results).study)
-    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
+    style.need(results, "poincare", *(("contact",) if color == "contact" else ()))
+    style.need_amplitudes(style.job_of(results).study)
+    results = results.isel(omega=[style.nearest_frame(results["omega"].values, omega)])
     frame = results.isel(omega=0)
-    structure = structure_of(results)
-    shown = choose_floors(structure.n_floors, floors)
+    structure = style.structure_of(results)
+    shown = labels.choose_floors(structure.n_floors, floors)
     done = frame["outcome"].values == Outcome.COMPLETE
     if not done.any():
-        raise PlotError("no run of this frame is complete yet")
-    classes = classes_of(results)
-    figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
+        raise style.PlotError("no run of this frame is complete yet")
+    classes = style.classes_of(results)
+    figure, axes = style.new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
     groups = _groups(color, results, classes[:, 0], done, structure.contact_labels)
     low = PANEL * len(shown) > PAGE
     for floor, axis in zip(shown[::-1], axes, strict=True):
         for group in groups:
             _scatter(axis, frame, group, floor)
-        axis.set_ylabel(displacement(structure, floor, "" if low else "(jT)"))
+        axis.set_ylabel(labels.displacement(structure, floor, "" if low else "(jT)"))
         axis.margins(y=0.08)
         mark_stops(axis, structure, floor)
-    axes[-1].set_xlabel(amplitude(structure))
-    limit_amplitudes(axes[-1], frame["amplitude"].values)
+    axes[-1].set_xlabel(labels.amplitude(structure))
+    style.limit_amplitudes(axes[-1], frame["amplitude"].values)
     note = ""
     if "contact" in frame:
         apart = coexistence(frame, classes[:, 0], structure.units_at)
         note = _mark_regions(axes, frame, done, structure.contact_labels, apart)
-        note = "\n".join(filter(None, (note, contacts_text(structure))))
+        note = "\n".join(filter(None, (note, labels.contacts_text(structure))))
     _legend(figure, groups, color, results, classes, note)
-    head(figure, caption(results, float(frame["omega"])), fontsize=10)
-    save(figure, path)
+    return style.head(figure, style.caption(results, float(frame["omega"])), fontsize=10)
 
 
 def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) -> list[Group]:
@@ -154,14 +126,14 @@ def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) 
     if color == "direction":
         own = np.eye(len(done), dtype=bool)[:, :, None]
         return [
-            Group(DIRECTIONS[str(name)], words_of(results, str(name)), done & own[d])
+            Group(palette.DIRECTIONS[str(name)], style.words_of(results, str(name)), done & own[d])
             for d, name in enumerate(frame["direction"].values)
         ]
     if color == "period":
-        index = motion_index(classes, frame["orbit_period"].values)
+        index = palette.motion_index(classes, frame["orbit_period"].values)
         return [
             Group(colour, name, done & (index == place))
-            for place, (name, colour) in enumerate(MOTIONS)
+            for place, (name, colour) in enumerate(palette.MOTIONS)
             if (done & (index == place)).any()
         ]
     contact = frame["contact"].values
@@ -169,10 +141,10 @@ def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) 
     named = set(np.argsort(-counts, kind="stable")[:MAX_SETS])
     order = sorted(range(sets.size), key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
     shown = [k for k in order if k in named]
-    names = dict(zip(shown, set_names([int(sets[k]) for k in shown], labels), strict=True))
+    names = dict(zip(shown, style.set_names([int(sets[k]) for k in shown], labels), strict=True))
     return [
         Group(
-            contact_colour(int(sets[k]), labels),
+            palette.contact_colour(int(sets[k]), labels),
             names.get(k, ""),
             done & (contact == sets[k]),
         )
@@ -195,13 +167,13 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
         filled = str(direction) != DOWN
         large = {
             "s": size if filled else 1.6 * size,
-            "marker": MARKERS[str(direction)],
+            "marker": style.MARKERS[str(direction)],
             "facecolors": group.colour if filled else "none",
             "edgecolors": "none" if filled else group.colour,
             "linewidths": 0 if filled else 0.35,
         }
         fine = {"s": FINE * size, "color": group.colour, "linewidths": 0}
-        for chosen, style in ((~repeats[d], fine), (repeats[d], large)):
+        for chosen, looks in ((~repeats[d], fine), (repeats[d], large)):
             runs = np.flatnonzero(group.runs[d] & chosen)
             if runs.size:
                 axis.scatter(
@@ -209,7 +181,7 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
                     displacement[d, runs][point < counts[d, runs, None]],
                     rasterized=True,
                     zorder=2 if filled else 3,
-                    **style,
+                    **looks,
                 )
 
 
@@ -218,7 +190,7 @@ def mark_stops(axis, structure, floor: int) -> None:
     limits = axis.get_ylim()
     for place in (place for side in stops(structure, floor) for place in side):
         if limits[0] < place < limits[1]:
-            axis.axhline(place, color=STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
+            axis.axhline(place, color=palette.STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
     axis.set_ylim(limits)
 
 
@@ -242,12 +214,14 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
         share = (right - left) / total if total > 0 else 0.0
         wide = share > MIN_WIDTH
         room = max(int(LETTERS * share), MIN_LETTERS)
-        names = [contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
-        whole = [contact_name(c, labels).replace("none", "–") for c in region.contacts]
+        names = [style.contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
+        whole = [style.contact_name(c, labels).replace("none", "–") for c in region.contacts]
         if not wide or names != whole:
-            shortened.append(f"({roman(number)}) {' / '.join(whole)}".replace("–", "no contact"))
+            shortened.append(
+                f"({style.roman(number)}) {' / '.join(whole)}".replace("–", "no contact")
+            )
         sets = "\n".join(names)
-        label = f"({roman(number)})\n{sets}" if wide else f"({roman(number)})"
+        label = f"({style.roman(number)})\n{sets}" if wide else f"({style.roman(number)})"
         middle = 0.5 * (left + right)
         longest = (max(map(len, names)) + APART) / LETTERS
         half = 0.5 * (max(WIDE_LABEL, longest) if wide else NARROW_LABEL) * total
@@ -275,14 +249,14 @@ def _words_of_regions(count: int, shortened: list[str]) -> str:
     if count < 2:
         return ""
     text = (
-        f"(i) to ({roman(count)}): amplitudes of one contact set, C: contacts that close; "
+        f"(i) to ({style.roman(count)}): amplitudes of one contact set, C: contacts that close; "
         "two sets: sweeps on two motions"
     )
     if len(shortened) > MAX_SHORTENED:
         more = f"and {len(shortened) - MAX_SHORTENED} more"
         shortened = [*shortened[:MAX_SHORTENED], more]
     unbroken = [entry.replace(" ", "\u00a0") for entry in shortened]
-    return "\n".join([text, *wrap(",  ".join(unbroken), CAPTION_ROOM)])
+    return "\n".join([text, *wrap(",  ".join(unbroken), style.CAPTION_ROOM)])
 
 
 def _legend(figure, groups: list[Group], color: str, results, classes, note: str) -> None:
@@ -303,15 +277,17 @@ def _legend(figure, groups: list[Group], color: str, results, classes, note: str
     directions = [str(name) for name in results["direction"].values]
     if color == "direction":
         handles = [
-            key(group.label, MARKERS[name], group.colour, name == DOWN)
+            key(group.label, style.MARKERS[name], group.colour, name == DOWN)
             for name, group in zip(directions, groups, strict=True)
         ]
     else:
         handles = [key(group.label, "s", group.colour) for group in groups if group.label]
         rest = sum(not group.label for group in groups)
         if rest:
-            handles.append(Line2D([], [], linestyle="none", label=rarer_sets(rest)))
-        handles += [key(words_of(results, d), MARKERS[d], "0.3", d == DOWN) for d in directions]
+            handles.append(Line2D([], [], linestyle="none", label=style.rarer_sets(rest)))
+        handles += [
+            key(style.words_of(results, d), style.MARKERS[d], "0.3", d == DOWN) for d in directions
+        ]
     if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
         handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))
-    foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS), note)
+    style.foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS), note)

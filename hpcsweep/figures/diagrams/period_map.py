@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.mesh import (
     by_frequency,
     draw_classes,
@@ -31,29 +32,7 @@ from hpcsweep.figures.inferred import (
     need_cells,
     note_of,
 )
-from hpcsweep.figures.labels import exponent as exponent_label
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
-from hpcsweep.figures.palette import (
-    MOTION_COLOURS,
-    MOTIONS,
-    NUMBERS,
-    contact_colour,
-    motion_index,
-)
-from hpcsweep.figures.style import (
-    caption,
-    classes_of,
-    direction_index,
-    foot,
-    head,
-    need,
-    new_grid,
-    rarer_sets,
-    save,
-    set_names,
-    structure_of,
-    words_of,
-)
 from hpcsweep.solvers.outcome import Outcome
 
 VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov")
@@ -98,18 +77,16 @@ def load(
 
 def draw(
     results,
-    path: Path,
     value: str = "period",
     direction: str | None = None,
     cells: bool | None = None,
     branches: Path | None = None,
-) -> None:
-    """Draw the map of one direction and write it to `path`.
+):
+    """Draw the map of one direction.
 
     Parameters
     ----------
     results : xarray.Dataset
-    path : Path
     value : {"period", "drift", "contact", "modal_norm", "lyapunov"}
         Meaning of the colours; period: the motion classes.
     direction : {"up", "down"}, optional
@@ -126,14 +103,14 @@ def draw(
     """
     del branches
     if value != "period":
-        need(results, value)
+        style.need(results, value)
     results = by_frequency(results)
-    results = results.isel(direction=[direction_index(results, direction)])
+    results = results.isel(direction=[style.direction_index(results, direction)])
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
     columns = min(panels, MAX_COLUMNS)
     rows = -(-panels // columns)
     size = (7.2, map_height(results, 5.2)) if panels == 1 else (3.6 * columns, 3.6 * rows + 0.6)
-    figure, axes = new_grid(rows, columns, size, sharex=True, sharey=True)
+    figure, axes = style.new_grid(rows, columns, size, sharex=True, sharey=True)
     {
         "period": _classes,
         "contact": _contact_sets,
@@ -142,9 +119,14 @@ def draw(
         "modal_norm": _modal_norms,
     }[value](figure, axes, results)
     if value != "period":
-        foot(figure, grazing_keys(results) + special_keys(results), results, classes_of(results))
+        style.foot(
+            figure,
+            grazing_keys(results) + special_keys(results),
+            results,
+            style.classes_of(results),
+        )
     for axis in axes.flat[:panels]:
-        draw_grazing(axis, results, structure_of(results))
+        draw_grazing(axis, results, style.structure_of(results))
         mark_strip(axis, results)
         if "special_kind" in results:
             draw_specials(axis, results)
@@ -153,20 +135,19 @@ def draw(
         axis.label_outer()
     for axis in axes.flat[panels:]:
         axis.set_visible(False)
-    notes = [f"{caption(results)},  {words_of(results)}", note_of(results)]
-    head(figure, "\n".join(filter(None, notes)), fontsize=10)
-    save(figure, path)
+    notes = [f"{style.caption(results)},  {style.words_of(results)}", note_of(results)]
+    return style.head(figure, "\n".join(filter(None, notes)), fontsize=10)
 
 
 def _classes(figure, axes, results) -> None:
     classes, periods = (values[0] for values in drawn_classes(results))
-    index = motion_index(classes, periods)
-    draw_classes(axes[0, 0], results, index, MOTION_COLOURS)
+    index = palette.motion_index(classes, periods)
+    draw_classes(axes[0, 0], results, index, palette.MOTION_COLOURS)
     missing = classes == MotionClass.NOT_COMPUTED
     computed = max(int((~missing).sum()), 1)
     shown = {
         name: (colour, int((index == place).sum()) / computed)
-        for place, (name, colour) in enumerate(MOTIONS)
+        for place, (name, colour) in enumerate(palette.MOTIONS)
         if name in ALWAYS or (index == place).any()
     }
     named = drawn_names(shown, is_by_period(results))
@@ -181,14 +162,14 @@ def _contact_sets(figure, axes, results) -> None:
     known_from_cells = inferred(results, "contact")[0]
     done = (results["outcome"].values[0] == Outcome.COMPLETE) | known_from_cells
     sets = np.union1d(contact[done], np.zeros(1, contact.dtype))
-    labels = structure_of(results).contact_labels
+    labels = style.structure_of(results).contact_labels
     index = np.where(done, np.searchsorted(sets, contact), -1)
     counts = np.bincount(index[done], minlength=sets.size)
-    colours = [contact_colour(int(c), labels) for c in sets]
+    colours = [palette.contact_colour(int(c), labels) for c in sets]
     draw_classes(axes[0, 0], results, index, colours)
     named = np.argsort(-counts, kind="stable")[:MAX_SETS]
     order = sorted(named, key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
-    names = set_names([int(sets[k]) for k in order], labels)
+    names = style.set_names([int(sets[k]) for k in order], labels)
     entries = [
         (name, colours[k], counts[k] / done.size)
         for k, name in zip(order, names, strict=True)
@@ -197,7 +178,7 @@ def _contact_sets(figure, axes, results) -> None:
     rest = sets.size - named.size
     if rest:
         share = (counts.sum() - counts[named].sum()) / done.size
-        entries.append((rarer_sets(rest), "none", float(share)))
+        entries.append((style.rarer_sets(rest), "none", float(share)))
     of = "points" if known_from_cells.any() else "runs"
     legend_of_shares(figure, entries, float((~done).mean()), "failed or not computed", of=of)
 
@@ -205,7 +186,7 @@ def _contact_sets(figure, axes, results) -> None:
 def _drift(figure, axes, results) -> None:
     drift = np.ma.masked_invalid(results["drift"].values[0])
     top = float(np.percentile(drift.compressed(), 99)) if drift.count() else 1.0
-    mesh = draw_mesh(axes[0, 0], results, drift, cmap=NUMBERS, vmin=0, vmax=top)
+    mesh = draw_mesh(axes[0, 0], results, drift, cmap=palette.NUMBERS, vmin=0, vmax=top)
     figure.colorbar(mesh, ax=axes, extend="max", label=r"normalised drift $\delta$  [$A/\Omega^2$]")
 
 
@@ -216,8 +197,8 @@ def _exponent(figure, axes, results) -> None:
     inside = exponent.compressed()
     low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
     norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
-    mesh = draw_mesh(axes[0, 0], results, exponent, cmap=NUMBERS, norm=norm)
-    label = exponent_label(structure_of(results))
+    mesh = draw_mesh(axes[0, 0], results, exponent, cmap=palette.NUMBERS, norm=norm)
+    label = labels.exponent(style.structure_of(results))
     figure.colorbar(mesh, ax=axes, extend="both", label=label)
 
 
@@ -225,6 +206,6 @@ def _modal_norms(figure, axes, results) -> None:
     norms = np.ma.masked_invalid(results["modal_norm"].values[0])
     for mode in range(min(results.sizes["mode"], MAX_PANELS)):
         axis = axes.flat[mode]
-        mesh = draw_mesh(axis, results, norms[..., mode], cmap=NUMBERS, vmin=0, vmax=1)
+        mesh = draw_mesh(axis, results, norms[..., mode], cmap=palette.NUMBERS, vmin=0, vmax=1)
         axis.set_title(f"mode {mode + 1}", fontsize=9)
     figure.colorbar(mesh, ax=axes, label=r"mean modal norm $\eta_j$ free of contact", aspect=30)

@@ -3,32 +3,13 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.labels import choose_floors, displacement, velocity
 from hpcsweep.figures.options import DIRECTION, FLOORS, OMEGA, Option
-from hpcsweep.figures.palette import MOTIONS, motion_place
-from hpcsweep.figures.style import (
-    LEGEND_ROOM,
-    PlotError,
-    classes_of,
-    contact_name,
-    direction_index,
-    foot,
-    head,
-    job_of,
-    nearest_frame,
-    need,
-    need_amplitudes,
-    new_grid,
-    parameters,
-    save,
-    structure_of,
-)
 from hpcsweep.model.description import stops
 from hpcsweep.solvers.outcome import Outcome
 
@@ -79,19 +60,17 @@ class Motion:
 
 def draw(
     results,
-    path: Path,
     omega: float | None = None,
     amplitudes: Sequence[float] = (),
     periods: Sequence[int] = (),
     direction: str | None = None,
     floors: Sequence[int] = (),
-) -> None:
-    """Draw motions of one frame, one a row, and write them to `path`.
+):
+    """Draw motions of one frame, one a row.
 
     Parameters
     ----------
     results : xarray.Dataset
-    path : Path
     omega : float, optional
         The frame nearest to this frequency; default the first.
     amplitudes : sequence of float
@@ -108,32 +87,31 @@ def draw(
     PlotError
         If there is no such motion, or the file does not hold the variables to draw.
     """
-    need(results, "poincare")
-    need_amplitudes(job_of(results).study)
+    style.need(results, "poincare")
+    style.need_amplitudes(style.job_of(results).study)
     if not len(amplitudes) and not len(periods):
-        raise PlotError("--kind phase needs --amplitude or --period")
-    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
+        raise style.PlotError("--kind phase needs --amplitude or --period")
+    results = results.isel(omega=[style.nearest_frame(results["omega"].values, omega)])
     frame = results.isel(omega=0)
-    classes = classes_of(results)[:, 0]
+    classes = style.classes_of(results)[:, 0]
     motions = [_at_amplitude(frame, value, direction) for value in amplitudes]
     motions += [find_period(frame, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.amplitude, m.direction))
-    structure = structure_of(results)
-    shown = choose_floors(structure.n_floors, floors)
+    structure = style.structure_of(results)
+    shown = labels.choose_floors(structure.n_floors, floors)
     columns = len(shown)
     size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
-    figure, axes = new_grid(len(motions), columns, size, sharex="col")
+    figure, axes = style.new_grid(len(motions), columns, size, sharex="col")
     for row, motion in enumerate(motions):
         _row(dict(zip(shown, axes[row], strict=True)), frame, motion, classes, structure, row)
     for row_axes in axes:
         for floor, axis in zip(shown, row_axes, strict=True):
             _stops(axis, structure, floor)
     for floor, axis in zip(shown, axes[-1], strict=True):
-        axis.set_xlabel(displacement(structure, floor), fontsize=9)
+        axis.set_xlabel(labels.displacement(structure, floor), fontsize=9)
     _legend(figure, results, classes, {_motion(frame, m, classes) for m in motions})
-    title = parameters(structure, float(frame["omega"]), int(LETTERS * size[0]))
-    head(figure, title, fontsize=9)
-    save(figure, path)
+    title = style.parameters(structure, float(frame["omega"]), int(LETTERS * size[0]))
+    return style.head(figure, title, fontsize=9)
 
 
 def find_period(frame, classes: np.ndarray, period: int, direction: str | None = None) -> Motion:
@@ -161,7 +139,7 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     usable = np.isin(classes, kinds) & (found > 0)
     if direction is not None:
         own = np.zeros_like(usable)
-        own[direction_index(frame, direction)] = True
+        own[style.direction_index(frame, direction)] = True
         usable &= own
     for kind in kinds:
         best, length = None, 0
@@ -175,7 +153,9 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
             return best
     occur = ", ".join(str(p) for p in np.unique(found[usable])) or "none"
     swept = f"the sweep {direction}" if direction else "the sweeps"
-    raise PlotError(f"--period {period}: not in {swept} of this frame; periods that occur: {occur}")
+    raise style.PlotError(
+        f"--period {period}: not in {swept} of this frame; periods that occur: {occur}"
+    )
 
 
 def _stretches(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -188,12 +168,14 @@ def _at_amplitude(frame, value: float, direction: str | None) -> Motion:
     amplitude = frame["amplitude"].values
     step = float(np.diff(amplitude).max()) if amplitude.size > 1 else 0.0
     if not amplitude[0] - step <= value <= amplitude[-1] + step:
-        raise PlotError(
+        raise style.PlotError(
             f"--amplitude {value:g}: the sweep goes from {amplitude[0]:g} to {amplitude[-1]:g}"
         )
-    motion = Motion(direction_index(frame, direction), int(np.argmin(np.abs(amplitude - value))))
+    motion = Motion(
+        style.direction_index(frame, direction), int(np.argmin(np.abs(amplitude - value)))
+    )
     if frame["outcome"].values[motion.direction, motion.amplitude] != Outcome.COMPLETE:
-        raise PlotError(f"--amplitude {value:g}: that run is not complete")
+        raise style.PlotError(f"--amplitude {value:g}: that run is not complete")
     return motion
 
 
@@ -221,7 +203,7 @@ def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarr
 def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
     points, curves = orbit_curves(frame, motion, structure)
     n = structure.n_floors
-    colour = MOTIONS[_motion(frame, motion, classes)][1]
+    colour = palette.MOTIONS[_motion(frame, motion, classes)][1]
     many = len(points) > 16
     for floor, axis in axes.items():
         for curve in curves:
@@ -247,7 +229,7 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
         axis.grid(True, color="0.92", linewidth=0.6)
         axis.set_axisbelow(True)
         axis.tick_params(labelsize=8)
-        axis.set_ylabel(velocity(structure, floor), fontsize=8)
+        axis.set_ylabel(labels.velocity(structure, floor), fontsize=8)
     next(iter(axes.values())).annotate(
         _label(frame, motion, classes, structure.contact_labels, row),
         (0, 1),
@@ -283,7 +265,9 @@ def _stops(axis, structure, floor: int) -> None:
 def _motion(frame, motion: Motion, classes) -> int:
     """Return the index of a run's motion in `MOTIONS`."""
     at = motion.direction, motion.amplitude
-    return motion_place(MotionClass(int(classes[at])), int(frame["orbit_period"].values[at]))
+    return palette.motion_place(
+        MotionClass(int(classes[at])), int(frame["orbit_period"].values[at])
+    )
 
 
 def _label(frame, motion: Motion, classes, labels, row: int) -> str:
@@ -292,7 +276,7 @@ def _label(frame, motion: Motion, classes, labels, row: int) -> str:
     period = int(frame["orbit_period"].values[at])
     name = f"P{period}" if period else CLASS_NAMES[kind]
     if "contact" in frame:
-        sets = contact_name(int(frame["contact"].values[at]), labels, LEGEND_ROOM)
+        sets = style.contact_name(int(frame["contact"].values[at]), labels, style.LEGEND_ROOM)
         name += ", no contact" if sets == "none" else f", {sets}"
     direction = str(frame["direction"].values[at[0]])
     amplitude = float(frame["amplitude"].values[at[1]])
@@ -304,12 +288,12 @@ def _legend(figure, results, classes, drawn: set[int]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    foot(
+    style.foot(
         figure,
         [
             *(
                 Line2D([], [], color=colour, label=name)
-                for place, (name, colour) in enumerate(MOTIONS)
+                for place, (name, colour) in enumerate(palette.MOTIONS)
                 if place in drawn
             ),
             Line2D(

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from hpcsweep.figures.labels import unit
+from hpcsweep.figures import labels, style
 from hpcsweep.figures.options import Option
-from hpcsweep.figures.style import PlotError, study_of
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
 
@@ -47,11 +46,11 @@ def opened(results, response: str | None, place: str | None) -> Stripes:
     PlotError
     """
     try:
-        found = stripes_of(results, study_of(results, Records), response or "drift", place)
+        found = stripes_of(results, style.study_of(results, Records), response or "drift", place)
     except StripesError as error:
-        raise PlotError(str(error)) from None
+        raise style.PlotError(str(error)) from None
     if not np.isfinite(found.values).any():
-        raise PlotError("no run is complete yet")
+        raise style.PlotError("no run is complete yet")
     return found
 
 
@@ -87,7 +86,7 @@ def record_index(results, record: str | None) -> int:
         return 0
     if record not in names:
         shown = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
-        raise PlotError(f"--record {record}: must be one of {shown}")
+        raise style.PlotError(f"--record {record}: must be one of {shown}")
     return names.index(record)
 
 
@@ -102,7 +101,7 @@ def samples_of(study: Records, i: int):
     try:
         return study.record(i)
     except (ValueError, OSError) as error:
-        raise PlotError(f"the record is needed: {error}") from None
+        raise style.PlotError(f"the record is needed: {error}") from None
 
 
 def buildings(names) -> dict[str, list[int]]:
@@ -116,6 +115,6 @@ def buildings(names) -> dict[str, list[int]]:
 def at_scale(study: Records, place: int) -> str:
     """Write the intensity at one place of the scales."""
     quantity = study.measure.quantity
-    named = unit(study.structure, quantity).strip(" []") if quantity != "1" else ""
+    named = labels.unit(study.structure, quantity).strip(" []") if quantity != "1" else ""
     measure = study.measure.named(study.structure.unit_names.time)
     return f"{measure} = {study.scale[place]:.4g} {named}".strip()

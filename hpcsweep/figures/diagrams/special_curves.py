@@ -5,17 +5,17 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.figures import palette
 from hpcsweep.figures.overlay import Overlay
-from hpcsweep.figures.palette import GRAZING, series_colour
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.study import as_kind
 
 MARKS = {
-    Kind.FOLD: ("fold", "o", series_colour(1)),
-    Kind.DOUBLING: ("period doubling", "s", series_colour(0)),
-    Kind.TORUS: ("torus", "D", series_colour(2)),
-    Kind.BRANCH_POINT: ("branch point", "^", series_colour(3)),
-    Kind.GRAZING: ("grazing", "|", GRAZING),
+    Kind.FOLD: ("fold", "o", palette.series_colour(1)),
+    Kind.DOUBLING: ("period doubling", "s", palette.series_colour(0)),
+    Kind.TORUS: ("torus", "D", palette.series_colour(2)),
+    Kind.BRANCH_POINT: ("branch point", "^", palette.series_colour(3)),
+    Kind.GRAZING: ("grazing", "|", palette.GRAZING),
 }
 """Word, marker and colour of each kind of special point."""
 SPECIALS = ("special_kind", "special_value")

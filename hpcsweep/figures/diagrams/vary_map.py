@@ -1,28 +1,14 @@
 """Motions over the amplitude and a key that the job varies, at one frequency."""
 
 import itertools
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.mesh import edges_of, grazing_key, legend_of_shares
 from hpcsweep.figures.inferred import drawn_classes, drawn_names, inferred, is_by_period, share_note
-from hpcsweep.figures.labels import amplitude as amplitude_label
-from hpcsweep.figures.labels import unit
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option
-from hpcsweep.figures.palette import GRAZING, MOTION_COLOURS, MOTIONS, NOTHING, motion_index
-from hpcsweep.figures.style import (
-    PlotError,
-    check_omega,
-    direction_index,
-    frequency_words,
-    head,
-    nearest_frame,
-    need_amplitudes,
-    new_grid,
-    save,
-)
 
 NAME = "vary"
 DRAWS = "motions"
@@ -97,14 +83,16 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     """
     axes = frames.whole.study.axes
     if not axes:
-        raise PlotError(f"{frames.path}: --kind {NAME} shows a key that a job varies ([vary])")
-    need_amplitudes(frames.study)
+        raise style.PlotError(
+            f"{frames.path}: --kind {NAME} shows a key that a job varies ([vary])"
+        )
+    style.need_amplitudes(frames.study)
     names = [axis.name for axis in axes]
     free = [name for name in names if name not in frames.given]
     if over is None and free:
         over = max(free, key=lambda name: len(axes[names.index(name)].values))
     if over is None or over not in free:
-        raise PlotError(f"--over {over}: must be one of {', '.join(free)}")
+        raise style.PlotError(f"--over {over}: must be one of {', '.join(free)}")
     wanted = [[at] for at in frames.place]
     for name in free:
         wanted[names.index(name)] = [*range(len(axes[names.index(name)].values))]
@@ -113,10 +101,12 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     panels = list(itertools.product(*wanted))
     if len(panels) > MAX_PANELS:
         others = ", ".join(name for name in free if name != over)
-        raise PlotError(f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at")
+        raise style.PlotError(
+            f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at"
+        )
     if omega is not None:
-        check_omega(frames.study.omega, omega)
-    place = nearest_frame(frames.study.omega, omega)
+        style.check_omega(frames.study.omega, omega)
+    place = style.nearest_frame(frames.study.omega, omega)
     motion, grazing, titles, from_cells = [], [], [], []
     for panel in panels:
         for row in rows:
@@ -124,9 +114,9 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
                 tuple(row if n == over else at for n, at in zip(names, panel, strict=True))
             )
             frame = frames.dataset(place)
-            at = direction_index(frame, direction)
+            at = style.direction_index(frame, direction)
             from_cells.append(float(inferred(frame)[at, 0].mean()))
-            motion.append(motion_index(*(values[at, 0] for values in drawn_classes(frame))))
+            motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
             grazing.append(frames.study.structure.grazing_amplitude(float(frame["omega"].item())))
         pairs = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
@@ -135,7 +125,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         motion=np.array(motion).reshape(*shape, -1),
         grazing=np.array(grazing).reshape(shape),
         titles=tuple(titles),
-        key=_words(over) + unit(study.structure, axes[names.index(over)].units),
+        key=_words(over) + labels.unit(study.structure, axes[names.index(over)].units),
         values=axes[names.index(over)].values,
         amplitude=study.amplitude,
         omega=float(study.omega[place]),
@@ -149,12 +139,11 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
 
 def draw(
     results,
-    path: Path,
     omega: float | None = None,
     direction: str | None = None,
     over: str | None = None,
-) -> None:
-    """Draw what `load` returned and write it to `path`; the options are those of `load`.
+):
+    """Draw what `load` returned; the options are those of `load`.
 
     Raises
     ------
@@ -163,26 +152,27 @@ def draw(
     """
     del omega, direction, over
     if (results.motion < 0).all():
-        raise PlotError("no run of this frame is computed yet")
+        raise style.PlotError("no run of this frame is computed yet")
     count = len(results.titles)
     columns = min(count, COLUMNS)
     n_rows = -(-count // columns)
     size = (7.2, 5.2) if count == 1 else (3.5 * columns + 1.0, 3.2 * n_rows + 0.9)
-    figure, axes = new_grid(n_rows, columns, size, sharex=True, sharey=True)
+    figure, axes = style.new_grid(n_rows, columns, size, sharex=True, sharey=True)
     for panel, axis in enumerate(axes.flat):
         if panel >= count:
             axis.set_visible(False)
             continue
         _panel(axis, results, panel)
         axis.set_title(results.titles[panel], fontsize=9)
-        axis.set_xlabel(amplitude_label(results.structure))
+        axis.set_xlabel(labels.amplitude(results.structure))
         axis.set_ylabel(results.key)
         axis.label_outer()
     _legend(figure, results)
-    at = frequency_words(results.structure, results.omega)
+    at = style.frequency_words(results.structure, results.omega)
     title = rf"{results.name},  $\Omega$ = {at},  {results.direction}"
-    head(figure, "\n".join(filter(None, (title, share_note(results.inferred)))), fontsize=10)
-    save(figure, path)
+    return style.head(
+        figure, "\n".join(filter(None, (title, share_note(results.inferred)))), fontsize=10
+    )
 
 
 def _panel(axis, results: Panels, panel: int) -> None:
@@ -190,7 +180,7 @@ def _panel(axis, results: Panels, panel: int) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     cells, grazing, keys = results.motion[panel], results.grazing[panel], np.array(results.values)
-    axis.set_facecolor(NOTHING)
+    axis.set_facecolor(palette.NOTHING)
     if (cells < 0).any():
         axis.patch.set(hatch="xxxx", edgecolor="0.55")
     is_number = keys.dtype.kind in "if" and keys.size > 1 and bool(np.isfinite(keys).all())
@@ -202,8 +192,10 @@ def _panel(axis, results: Panels, panel: int) -> None:
         edges_of(results.amplitude),
         edges,
         np.ma.masked_less(cells, 0),
-        cmap=ListedColormap(MOTION_COLOURS),
-        norm=BoundaryNorm(np.arange(len(MOTION_COLOURS) + 1) - 0.5, len(MOTION_COLOURS)),
+        cmap=ListedColormap(palette.MOTION_COLOURS),
+        norm=BoundaryNorm(
+            np.arange(len(palette.MOTION_COLOURS) + 1) - 0.5, len(palette.MOTION_COLOURS)
+        ),
         rasterized=True,
     )
     if is_wide:
@@ -211,7 +203,7 @@ def _panel(axis, results: Panels, panel: int) -> None:
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):
         axis.set_yticks(heights, [_written(key) for key in keys])
     limits = axis.get_xlim()
-    for colour, width in (("white", 1.8), (GRAZING, 1.0)):
+    for colour, width in (("white", 1.8), (palette.GRAZING, 1.0)):
         axis.stairs(grazing, edges, baseline=None, orientation="horizontal", color=colour, lw=width)
     axis.set(xlim=limits, ylim=(edges[0], edges[-1]))
 
@@ -221,7 +213,7 @@ def _legend(figure, results: Panels) -> None:
     done = max(int((index >= 0).sum()), 1)
     shown = {
         name: (colour, int((index == place).sum()) / done)
-        for place, (name, colour) in enumerate(MOTIONS)
+        for place, (name, colour) in enumerate(palette.MOTIONS)
         if (index == place).any()
     }
     entries = [(name, *entry) for name, entry in drawn_names(shown, results.by_period).items()]

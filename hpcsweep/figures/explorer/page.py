@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.explorer.branches import pack_branches
 from hpcsweep.figures.explorer.encode import (
     predict_points,
@@ -19,20 +20,6 @@ from hpcsweep.figures.explorer.encode import (
     to_text,
 )
 from hpcsweep.figures.explorer.page_data import PageData
-from hpcsweep.figures.labels import unit
-from hpcsweep.figures.palette import (
-    DIRECTIONS,
-    GRAZING,
-    LONGEST,
-    MOTIONS,
-    NOTHING,
-    NUMBERS,
-    STOP,
-    contact_colour,
-    motion_place,
-    series_colour,
-)
-from hpcsweep.figures.style import with_members
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.unit_names import unit_of
@@ -172,16 +159,16 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         "motions": [
             {
                 "name": CLASS_NAMES[m],
-                "place": motion_place(m, 1),
+                "place": palette.motion_place(m, 1),
                 "periodic": m is MotionClass.PERIODIC,
                 "done": m not in (MotionClass.NOT_COMPUTED, MotionClass.FAILED),
             }
             for m in MotionClass
         ],
-        "motionLegend": [{"name": name, "colour": colour} for name, colour in MOTIONS],
-        "longest": LONGEST,
+        "motionLegend": [{"name": name, "colour": colour} for name, colour in palette.MOTIONS],
+        "longest": palette.LONGEST,
         "outcomes": [*(o.name.lower().replace("_", " ") for o in Outcome), INFERRED_WORDS],
-        "contacts": with_members(sets, study.structure, NAME_ROOM),
+        "contacts": style.with_members(sets, study.structure, NAME_ROOM),
         "colours": _colours(study, sets, grazes),
     }, texts
 
@@ -259,7 +246,7 @@ def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
 
 def _unit_names(structure) -> dict[str, str]:
     """Return the names of units as in labels of figures; '' where they have none."""
-    names = {name: _plain(unit(structure, name)).strip().strip("[]") for name in QUANTITIES}
+    names = {name: _plain(labels.unit(structure, name)).strip().strip("[]") for name in QUANTITIES}
     return names | {"cycles": unit_of(structure, "cycles") if structure.unit_names.time else ""}
 
 
@@ -316,13 +303,13 @@ def _colours(study: PageData, sets: list[int], grazes: bool) -> dict[str, str | 
     from matplotlib.colors import to_hex
 
     return {
-        "contacts": [contact_colour(s, study.structure.contact_labels) for s in sets],
+        "contacts": [palette.contact_colour(s, study.structure.contact_labels) for s in sets],
         "directions": [
-            DIRECTIONS.get(name, series_colour(place))
+            palette.DIRECTIONS.get(name, palette.series_colour(place))
             for place, name in enumerate(study.directions)
         ],
-        "numbers": [to_hex(c) for c in colormaps[NUMBERS](np.linspace(0, 1, 256))],
-        "nothing": NOTHING,
-        "grazing": GRAZING if grazes else "",
-        "stop": STOP,
+        "numbers": [to_hex(c) for c in colormaps[palette.NUMBERS](np.linspace(0, 1, 256))],
+        "nothing": palette.NOTHING,
+        "grazing": palette.GRAZING if grazes else "",
+        "stop": palette.STOP,
     }

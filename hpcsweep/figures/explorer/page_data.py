@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures import labels, style
 from hpcsweep.figures.explorer import attractors
 from hpcsweep.figures.inferred import filled, filled_classes, inferred
-from hpcsweep.figures.labels import MAX_MODES
 from hpcsweep.figures.measures import Measure, held_measures, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
-from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
@@ -181,14 +180,14 @@ def add_branches(study: PageData, path: Path) -> None:
 def _check_cells(path: Path, n_rows: int, grid) -> None:
     """Refuse a map of too many places."""
     if n_rows * grid.amplitude.size > MAX_CELLS:
-        raise PlotError(
+        raise style.PlotError(
             f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
             f"{grid.amplitude.size} amplitudes, more than {MAX_CELLS} places"
         )
 
 
 def _codes(frame) -> dict[str, np.ndarray]:
-    motion = frame[MOTION].values if MOTION in frame else classes_of(frame)
+    motion = frame[MOTION].values if MOTION in frame else style.classes_of(frame)
     motion, period = filled_classes(frame, motion)
     outcome = np.where(inferred(frame), INFERRED, frame["outcome"].values)
     codes = {
@@ -210,7 +209,7 @@ def _values(frame, measures: Mapping[str, Measure]) -> dict[str, np.ndarray]:
     }
     if "modal_norm" in frame:
         norms = frame["modal_norm"].values[:, 0].astype(np.float32)
-        shown = min(norms.shape[-1], MAX_MODES)
+        shown = min(norms.shape[-1], labels.MAX_MODES)
         values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(shown)}
     for name, measure in measures.items():
         sizes = frame[name].values[:, 0] * measure.factor

@@ -15,15 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.film import video
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.film.request import WIDTH, Request
 from hpcsweep.figures.film.workers import Workers
-from hpcsweep.figures.labels import choose_floors
 from hpcsweep.figures.measures import Measure, measure_of
 from hpcsweep.figures.overlay import Overlay
-from hpcsweep.figures.palette import motion_index
-from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
@@ -78,7 +76,7 @@ class Film:
         self.directions = known if request.direction == "both" else (request.direction,)
         self.order = [int(k) for k in np.argsort(self.study.omega, kind="stable")[:: request.every]]
         n = len(self.measure.places) if self.measure else self.structure.n_floors
-        self.floors = choose_floors(n, request.floors)
+        self.floors = labels.choose_floors(n, request.floors)
         self.overlay = Overlay(request.branches, self.structure) if request.branches else None
         self.width = request.width or WIDTH[request.is_gif]
         self._picture: Picture | None = None
@@ -103,8 +101,8 @@ class Film:
         values = found["poincare"] = values[..., self.floors]
         values[found["outcome"] != Outcome.COMPLETE] = np.nan
         if self.request.color == "period":
-            classes = classes_of(self.frames.dataset(frame))[rows, 0]
-            found["motion"] = motion_index(classes, found["orbit_period"])
+            classes = style.classes_of(self.frames.dataset(frame))[rows, 0]
+            found["motion"] = palette.motion_index(classes, found["orbit_period"])
         return found
 
     def survey(self, frames: list[int]) -> Found:
@@ -209,7 +207,7 @@ def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
             problem = f"{request.output}: cannot be written: {error.strerror or error}"
     result, problem = comm.bcast((result, problem))
     if problem is not None:
-        raise PlotError(problem)
+        raise style.PlotError(problem)
     return result
 
 
@@ -222,7 +220,7 @@ def _make(film: Film, comm, processes: int, advance: Callable[[int], None]) -> i
         found = comm.bcast(found)
         drawn = [k for k in film.order if k in found.richness]
         if not drawn:
-            raise PlotError(f"{film.request.file}: no run is complete yet")
+            raise style.PlotError(f"{film.request.file}: no run is complete yet")
         if not workers.run(Film.encode, _pieces(drawn), found):
             return None
     segments = [film.segment(piece[0]) for piece in _pieces(drawn)]

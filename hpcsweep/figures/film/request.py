@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures import labels, style
 from hpcsweep.figures.film import video
-from hpcsweep.figures.labels import choose_floors
 from hpcsweep.figures.measures import LABELS, measure_of
 from hpcsweep.figures.overlay import Overlay
-from hpcsweep.figures.style import PlotError, need_amplitudes
 from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
@@ -77,18 +76,22 @@ def check(request: Request) -> None:
         If the file is not a campaign file, or holds no stroboscopic points.
     """
     if request.output.suffix.lower() not in video.ENDINGS:
-        raise PlotError(f"--output {request.output}: must end in {' or '.join(video.ENDINGS)}")
+        raise style.PlotError(
+            f"--output {request.output}: must end in {' or '.join(video.ENDINGS)}"
+        )
     for path in (request.output, request.poster):
         if path is not None and not path.parent.is_dir():
-            raise PlotError(f"{path}: folder {path.parent} does not exist")
+            raise style.PlotError(f"{path}: folder {path.parent} does not exist")
         if path is not None and path.is_dir():
-            raise PlotError(f"{path}: is a folder")
+            raise style.PlotError(f"{path}: is a folder")
     if request.poster is not None and request.poster.suffix.lower() != ".png":
-        raise PlotError(f"--poster {request.poster}: must end in .png")
+        raise style.PlotError(f"--poster {request.poster}: must end in .png")
     if request.is_gif and request.fps > video.MAX_GIF_RATE:
-        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
+        raise style.PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
     if request.width and (request.width % 2 or not MIN_WIDTH <= request.width <= MAX_WIDTH):
-        raise PlotError(f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}")
+        raise style.PlotError(
+            f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}"
+        )
     frames = Frames(request.file, at=request.at)
     try:
         _check_file(request, frames)
@@ -99,20 +102,22 @@ def check(request: Request) -> None:
 
 def _check_file(request: Request, frames: Frames) -> None:
     if request.show and request.show not in LABELS:
-        raise PlotError(f"--show {request.show}: must be one of {', '.join(LABELS)}")
+        raise style.PlotError(f"--show {request.show}: must be one of {', '.join(LABELS)}")
     needed = (request.show or "poincare", *(("contact",) if request.color == "contact" else ()))
     for name in needed:
         if name not in frames:
-            raise PlotError(f"{request.file}: holds no {name}: set output.{name} = true in the job")
+            raise style.PlotError(
+                f"{request.file}: holds no {name}: set output.{name} = true in the job"
+            )
     study, structure = as_kind(frames.study, RunGrid), frames.job.structure
-    need_amplitudes(study)
+    style.need_amplitudes(study)
     n = structure.n_floors
     if request.show:
         n = len(measure_of(frames.dataset(0), structure, request.show).places)
-    choose_floors(n, request.floors)
+    labels.choose_floors(n, request.floors)
     if request.branches:
         if request.show:
-            raise PlotError(f"--branches {request.branches}: does not go with --show")
+            raise style.PlotError(f"--branches {request.branches}: does not go with --show")
         overlay = Overlay(request.branches, structure)
         try:
             overlay.need(np.sort(study.omega)[:: request.every])
@@ -120,4 +125,4 @@ def _check_file(request: Request, frames: Frames) -> None:
             overlay.close()
     if request.direction not in ("both", *study.directions):
         there = ", ".join(study.directions)
-        raise PlotError(f"--direction {request.direction}: {request.file} holds {there}")
+        raise style.PlotError(f"--direction {request.direction}: {request.file} holds {there}")

@@ -23,7 +23,7 @@ branches of periodic orbits along the parameter: stable full, unstable thin, spe
 points marked; with --sweep the stroboscopic points of a sweep over them"""
 OPTIONS = (
     FLOORS,
-    Option("--line", "line, from 0 (default: the first)", "line", {"type": whole_number(0, 10**9)}),
+    Option("--line", "line, from 0 (default: the first)", type=whole_number(0, 10**9)),
     SWEEP,
 )
 PANEL, PAGE = 1.75, 8.75

@@ -22,7 +22,7 @@ DRAWS = "motions"
 HELP = "small orbit diagrams of several frames, of one floor (default: the top)"
 OPTIONS = (
     DIRECTION,
-    Option("--frames", "number of frames", "frames", {"type": int, "metavar": "N"}),
+    Option("--frames", "number of frames", type=int, metavar="N"),
     FLOORS,
 )
 

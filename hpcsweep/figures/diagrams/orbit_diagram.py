@@ -25,8 +25,7 @@ OPTIONS = (
     Option(
         "--color",
         "what the colours show (default: direction)",
-        "color",
-        {"choices": ("direction", "contact", "period")},
+        choices=("direction", "contact", "period"),
     ),
 )
 load = load_frame

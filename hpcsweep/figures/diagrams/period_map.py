@@ -42,10 +42,7 @@ HELP = "motion classes over amplitude and frequency, or --value of each run"
 OPTIONS = (
     DIRECTION,
     Option(
-        "--value",
-        "what the colours show (default: period, the motion classes)",
-        "value",
-        {"choices": VALUES},
+        "--value", "what the colours show (default: period, the motion classes)", choices=VALUES
     ),
     CELLS,
     BRANCHES,

@@ -27,16 +27,15 @@ HELP = "phase portraits of the floors at --amplitude A ... or of orbit --period 
 OPTIONS = (
     OMEGA,
     Option(
-        "--amplitude",
-        "amplitudes drawn",
-        "amplitudes",
-        {"type": float, "nargs": "+", "metavar": "A"},
+        "--amplitude", "amplitudes drawn", dest="amplitudes", type=float, nargs="+", metavar="A"
     ),
     Option(
         "--period",
         "orbit periods; an example of each is found in the sweep",
-        "periods",
-        {"type": _period, "nargs": "+", "metavar": "P"},
+        dest="periods",
+        type=_period,
+        nargs="+",
+        metavar="P",
     ),
     DIRECTION,
     FLOORS,

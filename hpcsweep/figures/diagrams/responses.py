@@ -7,27 +7,16 @@ from hpcsweep.figures.options import Option
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
 
-RESPONSE = Option(
-    "--response",
-    "what is drawn (default: drift)",
-    "response",
-    {"choices": tuple(RESPONSES)},
-)
+RESPONSE = Option("--response", "what is drawn (default: drift)", choices=tuple(RESPONSES))
 PLACE = Option(
     "--place",
     "storey, floor or contact, or a building, of which it is (default: the largest of all)",
-    "place",
-    {"metavar": "NAME"},
+    metavar="NAME",
 )
-SCALE = Option(
-    "--scale", "intensity; the nearest there is (default: the middle one)", "scale", {"type": float}
-)
-RECORD = Option("--record", "record drawn, by name (default: the first)", "record", {})
+SCALE = Option("--scale", "intensity; the nearest there is (default: the middle one)", type=float)
+RECORD = Option("--record", "record drawn, by name (default: the first)")
 THRESHOLD = Option(
-    "--threshold",
-    "response that is a failure, in the unit of the figure; needed",
-    "threshold",
-    {"type": float},
+    "--threshold", "response that is a failure, in the unit of the figure; needed", type=float
 )
 MIN_LENGTH = 1e-12
 """Share of the largest response below which two are the same."""

@@ -18,12 +18,7 @@ for each value of another"""
 OPTIONS = (
     OMEGA,
     DIRECTION,
-    Option(
-        "--over",
-        "key on the vertical axis (default: the one with most values)",
-        "over",
-        {"metavar": "KEY"},
-    ),
+    Option("--over", "key on the vertical axis (default: the one with most values)", metavar="KEY"),
 )
 MAX_PANELS = 12
 COLUMNS = 3

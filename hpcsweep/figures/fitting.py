@@ -1,4 +1,4 @@
-"""Keep legends and the words above them within the width of a figure."""
+"""Keys of legends; legends and the words above them, kept within the width of a figure."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -36,6 +36,28 @@ def broken(text: str, fits: Callable[[str], bool], between: str = "(?<=,)  |(?<=
             else:
                 lines.append(part)
     return "\n".join(lines)
+
+
+def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str | None = None):
+    """Return the key of points; `face`: inside another colour, or none."""
+    from matplotlib.lines import Line2D
+
+    looks = {"markerfacecolor": face or colour, "markeredgecolor": colour}
+    return Line2D([], [], ls="none", marker=marker, markersize=size, label=label, **looks)
+
+
+def area(label: str, colour: str):
+    """Return the key of an area of a colour."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=label)
+
+
+def blank(label: str):
+    """Return the key of a hatched area, where nothing is drawn."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5, label=label)
 
 
 def legend_below(figure, handles: Sequence, title: str, most_columns: int | None = None):

@@ -1,7 +1,7 @@
 """Labels, panels and legends of all figures; colours are in `hpcsweep.figures.palette`."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -51,6 +51,26 @@ def set_names(
         seen = Counter(names.values())
         names |= {c: set_name(c, labels, room) for c, name in names.items() if seen[name] > 1}
     return [names[contact] for contact in contacts]
+
+
+def commonest_sets(
+    contacts: np.ndarray, labels: int | Sequence[str], most: int
+) -> list[tuple[int, int, str]]:
+    """Return the contact sets of runs, small ones first, with their numbers of runs and names.
+
+    Parameters
+    ----------
+    contacts : ndarray of int
+    labels : int or sequence of str
+        `Structure.contact_labels`.
+    most : int
+        Sets that have a name; that of rarer ones is empty.
+    """
+    sets, counts = (part.tolist() for part in np.unique(contacts, return_counts=True))
+    named = sorted(range(len(sets)), key=lambda k: -counts[k])[:most]
+    names = dict(zip(named, set_names([sets[k] for k in named], labels), strict=True))
+    order = sorted(range(len(sets)), key=lambda k: (sets[k].bit_count(), sets[k]))
+    return [(sets[k], counts[k], names.get(k, "")) for k in order]
 
 
 def with_members(contacts: Sequence[int], structure, room: int | None = LEGEND_ROOM) -> list[str]:
@@ -118,6 +138,28 @@ def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
     )
 
 
+def new_panels(
+    count: int, most_columns: int, size: Callable[[int, int], tuple[float, float]], **shared
+):
+    """Make a figure of equal panels, row by row.
+
+    Parameters
+    ----------
+    size : callable
+        Return the width and the height in inches for a number of columns and of rows.
+
+    Returns
+    -------
+    figure, list of axes
+    """
+    columns = min(count, most_columns)
+    rows = -(-count // columns)
+    figure, axes = new_grid(rows, columns, size(columns, rows), **shared)
+    for axis in axes.flat[count:]:
+        axis.set_visible(False)
+    return figure, list(axes.flat[:count])
+
+
 def limit_amplitudes(axis, amplitude: np.ndarray) -> None:
     """Limit the horizontal axis to the amplitudes, with room for the outer points of a few."""
     low, high = float(amplitude[0]), float(amplitude[-1])
@@ -152,8 +194,9 @@ def save(figure, path: Path) -> None:
         pyplot.close(figure)
 
 
-def head(figure, text: str, fontsize: float = 10):
-    """Write the head of a figure, broken between its parts where it is too wide; return it."""
+def head(figure, *lines: str, fontsize: float = 10):
+    """Write the head of a figure, without empty lines, broken where it is too wide; return it."""
+    text = "\n".join(filter(None, lines))
     title = figure.suptitle(text, fontsize=fontsize)
     renderer = figure.canvas.get_renderer()
 
@@ -336,16 +379,8 @@ def shares_text(results, classes: np.ndarray) -> str:
 
 
 def foot(
-    figure,
-    handles: list,
-    results,
-    classes: np.ndarray,
-    n_columns: int | None = None,
-    note: str = "",
+    figure, handles: list, results, classes: np.ndarray, most: int | None = None, note=""
 ) -> None:
-    """Add the shares of the motion classes, a note and a legend below the panels.
-
-    A legend of `n_columns`, or of fewer where these are too wide.
-    """
+    """Add a note, the shares of the motion classes and a legend of `most` columns below."""
     shares = shares_text(results, classes)
-    legend_below(figure, handles, f"{note}\n{shares}" if note else shares, n_columns)
+    legend_below(figure, handles, f"{note}\n{shares}" if note else shares, most)

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.diagrams.orbit_diagram import FINE, FINE_KEY, PAGE, PANEL, mark_stops
-from hpcsweep.figures.fitting import legend_below
+from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.options import FLOORS, OMEGA
 from hpcsweep.studies.attractors.attractors import Attractors
 from hpcsweep.studies.starting_range import starting_range
@@ -42,17 +42,14 @@ def draw(results, omega: float | None = None, floors: Sequence[int] = ()):
         If there is nothing to draw.
     """
     frame, index, structure = opened(results, omega)
-    shown = labels.choose_floors(structure.n_floors, floors)
-    figure, axes = style.new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
-    for floor, axis in zip(shown[::-1], axes, strict=True):
-        _scatter(axis, frame, index, floor)
-        axis.set_ylabel(labels.displacement(structure, floor, "(jT)"))
-        axis.margins(y=0.08)
-        mark_stops(axis, structure, floor)
-    axes[-1].set_xlabel(labels.amplitude(structure))
-    style.limit_amplitudes(axes[-1], frame["amplitude"].values)
+    figure, axes = orbits.floor_panels(structure, floors)
+    size = orbits.orbit_area(frame)
+    for floor, axis in axes.items():
+        orbits.scatter_motions(axis, frame, index, floor, orbits.FINE * size, size)
+        orbits.mark_stops(axis, structure, floor)
+    style.limit_amplitudes(axis, frame["amplitude"].values)
     legend(figure, frame, index, starts_text(results, frame), MAX_COLUMNS)
-    return style.head(figure, style.caption(results, float(frame["omega"])), fontsize=10)
+    return style.head(figure, style.caption(results, float(frame["omega"])))
 
 
 def opened(results, omega: float | None):
@@ -107,40 +104,7 @@ def starts_text(results, frame) -> str:
 
 def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=()) -> None:
     """Put the motions, further keys, and a title, below the panels."""
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], linestyle="none", marker="s", color=colour, markersize=5, label=name)
-        for place, (name, colour) in enumerate(palette.MOTIONS)
-        if (index == place).any()
-    ]
+    handles = orbits.motion_keys(index, "s", 5)
     if (frame["orbit_period"].values[index >= 0] == 0).any():
-        fine = Line2D([], [], linestyle="none", marker=".", color="0.3", label="no orbit")
-        fine.set_markersize(FINE_KEY)
-        handles.append(fine)
-    handles += further
-    legend_below(figure, handles, title, columns)
-
-
-def _scatter(axis, frame, index: np.ndarray, floor: int) -> None:
-    """Draw the points of all attractors: large ones for orbits, fine ones for other motions."""
-    amplitudes, counts = frame["amplitude"].values, frame["n_points"].values
-    size = float(np.clip(14000 / max(amplitudes.size, 1), 0.4, 7.0))
-    displacements = frame["poincare"].values[..., floor]
-    point = np.arange(displacements.shape[-1])
-    orbits = frame["orbit_period"].values > 0
-    for place, (_, colour) in enumerate(palette.MOTIONS):
-        for repeats, area in ((False, FINE * size), (True, size)):
-            chosen = np.argwhere((index == place) & (orbits == repeats))
-            if not chosen.size:
-                continue
-            at = tuple(chosen.T)
-            axis.scatter(
-                np.repeat(amplitudes[at[0]], counts[at]),
-                displacements[at][point < counts[at][:, None]],
-                s=area,
-                color=colour,
-                linewidths=0,
-                rasterized=True,
-                zorder=3 if repeats else 2,
-            )
+        handles.append(dot("no orbit", "0.3", ".", orbits.FINE_KEY))
+    legend_below(figure, [*handles, *further], title, columns)

@@ -8,6 +8,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.special_curves import MARKS
 from hpcsweep.figures.fitting import legend_below
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
@@ -26,8 +27,6 @@ OPTIONS = (
     Option("--line", "line, from 0 (default: the first)", type=whole_number(0, 10**9)),
     SWEEP,
 )
-PANEL, PAGE = 1.75, 8.75
-"""Height of a panel, and of all of them where there are many (inches)."""
 COLUMNS = 5
 STABLE, UNSTABLE, NOWHERE_STABLE = 1.8, 0.6, 0.2
 """Widths of lines, the last of a branch that is unstable all along."""
@@ -88,17 +87,14 @@ def draw(
     if not branches:
         raise style.PlotError("no branch of this line is computed")
     structure = study.structure
-    shown = labels.choose_floors(structure.n_floors, floors)
-    figure, axes = style.new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
-    for floor, axis in zip(shown[::-1], axes, strict=True):
+    figure, axes = orbits.floor_panels(structure, floors)
+    for floor, axis in axes.items():
         if runs is not None:
             _draw_runs(axis, runs, floor)
         _draw_branches(axis, branches, floor)
         _draw_specials(axis, run, floor)
-        axis.set_ylabel(labels.displacement(structure, floor, "(jT)"))
-        axis.margins(y=0.08)
-    axes[-1].set_xlabel(_label(study, structure))
-    axes[-1].set_xlim(*study.span)
+    axis.set_xlabel(_label(study, structure))
+    axis.set_xlim(*study.span)
     fixed = float(found["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
     legend_below(figure, _handles(run, runs is not None), "", COLUMNS)

@@ -6,6 +6,8 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import orbits
+from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import DIRECTION, FLOORS, Option
 from hpcsweep.solvers.outcome import Outcome
 
@@ -62,26 +64,24 @@ def draw(
         raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
     floor = labels.choose_floors(structure.n_floors, floors)[-1] + 1
     chosen = choose(results["omega"].values, frames)
-    count = len(chosen)
     results = results.isel(omega=chosen, direction=[style.direction_index(results, direction)])
     classes = style.classes_of(results)
     motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
-    columns = min(COLUMNS, count)
-    rows = -(-count // columns)
-    size = max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0
-    figure, axes = style.new_grid(rows, columns, size, sharex=True)
-    for place, axis in enumerate(axes.flat):
-        if place >= count:
-            axis.set_visible(False)
-            continue
-        _panel(axis, results.isel(omega=place, direction=0), motions[place], floor)
+    figure, axes = style.new_panels(
+        len(chosen),
+        COLUMNS,
+        lambda columns, rows: (max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0),
+        sharex=True,
+    )
+    for place, axis in enumerate(axes):
+        _panel(axis, results.isel(omega=place, direction=0), motions[place], floor - 1)
     figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)
-    for column in range(columns):
-        last = max(place for place in range(count) if place % columns == column)
-        axes.flat[last].set_xlabel(labels.amplitude(structure).removeprefix("forcing amplitude "))
-        axes.flat[last].tick_params(labelbottom=True)
+    for axis in axes[-COLUMNS:]:
+        axis.set_xlabel(labels.amplitude(structure).removeprefix("forcing amplitude "))
+        axis.tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
-    return style.head(figure, f"{style.caption(results)},  {style.words_of(results)}", fontsize=8.5)
+    title = f"{style.caption(results)},  {style.words_of(results)}"
+    return style.head(figure, title, fontsize=8.5)
 
 
 def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
@@ -103,23 +103,10 @@ def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
 
 
 def _panel(axis, frame, motions, floor: int) -> None:
-    counts = frame["n_points"].values
-    poincare = frame["poincare"].values[:, :, floor - 1]
     amplitude = frame["amplitude"].values
     size = float(np.clip(300 / max(amplitude.size, 1), 0.5, 4.0))
-    sizes = np.where(frame["orbit_period"].values > 0, ORBIT * size, size)
-    points = np.where(frame["outcome"].values == Outcome.COMPLETE, counts, 0)
-    for place, (_name, colour) in enumerate(palette.MOTIONS):
-        runs = np.flatnonzero((motions == place) & (points > 0))
-        if runs.size:
-            axis.scatter(
-                np.repeat(amplitude[runs], counts[runs]),
-                np.concatenate([poincare[run, : counts[run]] for run in runs]),
-                s=np.repeat(sizes[runs], counts[runs]),
-                color=colour,
-                linewidths=0,
-                rasterized=True,
-            )
+    done = np.where(frame["outcome"].values == Outcome.COMPLETE, motions, -1)
+    orbits.scatter_motions(axis, frame, done, floor, size, ORBIT * size)
     axis.grid(True, color="0.92", linewidth=0.6)
     axis.set_axisbelow(True)
     axis.set_title(rf"$\Omega$ = {float(frame['omega']):.4g}", fontsize=8.5, pad=3)
@@ -128,14 +115,8 @@ def _panel(axis, frame, motions, floor: int) -> None:
 
 
 def _legend(figure, results, classes, motions) -> None:
-    from matplotlib.lines import Line2D
-
-    failed = (classes == MotionClass.FAILED).any()
-    handles = [
-        Line2D([], [], linestyle="none", marker="o", markersize=4, color=colour, label=name)
-        for place, (name, colour) in enumerate(palette.MOTIONS)
-        if (motions[classes[0] != MotionClass.FAILED] == place).any()
-    ]
-    if failed:
-        handles.append(Line2D([], [], linestyle="none", label="failed: blank"))
+    failed = classes[0] == MotionClass.FAILED
+    handles = orbits.motion_keys(np.where(failed, -1, motions), "o", 4)
+    if failed.any():
+        handles.append(dot("failed: blank", "none"))
     style.foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))

@@ -5,9 +5,8 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.benefit import free_drift
-from hpcsweep.figures.diagrams.figure import load_frame
+from hpcsweep.figures.diagrams.figure import load_frame, open_frame
 from hpcsweep.figures.options import OMEGA
-from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "metrics"
@@ -26,17 +25,11 @@ def draw(results, omega: float | None = None):
     PlotError
         If the file does not hold the variables to draw.
     """
-    style.need(results, "drift", "modal_norm")
-    style.need_amplitudes(style.job_of(results).study)
-    results = results.isel(omega=[style.nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(omega=0)
-    if not (frame["outcome"].values == Outcome.COMPLETE).any():
-        raise style.PlotError("no run of this frame is complete yet")
-    classes = style.classes_of(results)
-    structure, value = style.structure_of(results), float(frame["omega"])
+    one = open_frame(results, omega, "drift", "modal_norm")
+    frame, structure = one.runs, one.structure
     figure, axes = style.new_figure(2, 6.6)
-    _drift(axes[0], frame, classes[:, 0], free_drift(structure, value))
-    _norms(axes[1], frame, free_modal_norms(structure, value))
+    _drift(axes[0], frame, one.classes, free_drift(structure, one.omega))
+    _norms(axes[1], frame, free_modal_norms(structure, one.omega))
     axes[1].set_xlabel(labels.amplitude(structure))
     span = frame["amplitude"].values
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
@@ -47,8 +40,8 @@ def draw(results, omega: float | None = None):
     # a column for each direction and one without stop: legends are filled column by column
     n_columns = frame.sizes["direction"] + 1
     handles = [handle for k in range(n_columns) for handle in handles[k::n_columns]]
-    style.foot(figure, handles, results, classes, n_columns)
-    return style.head(figure, style.caption(results, value), fontsize=10)
+    style.foot(figure, handles, one.results, one.classes, n_columns)
+    return style.head(figure, style.caption(one.results, one.omega))
 
 
 def free_modal_norms(structure, omega: float) -> np.ndarray:

@@ -1,17 +1,17 @@
 """Orbit diagram: stroboscopic displacement of each floor against the forcing amplitude."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from textwrap import wrap
+from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams.figure import load_frame
+from hpcsweep.figures.diagrams import orbits
+from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
+from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import FLOORS, OMEGA, Option
-from hpcsweep.model.description import stops
-from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "orbit"
@@ -35,11 +35,6 @@ MAX_SETS = 10
 """Contact sets that the legend names: the commonest."""
 MAX_COLUMNS = 6
 """Columns of the legend."""
-PANEL, PAGE = 1.75, 8.75
-"""Height of a panel, and of all of them where there are many (inches)."""
-FINE, FINE_KEY = 0.1, 3
-"""Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
-the legend."""
 MIN_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
 """Parts of the panel's width: least region whose label names its sets; room the labels take."""
 
@@ -47,8 +42,7 @@ LETTERS, MIN_LETTERS, APART = 110, 8, 1
 """Letters of such labels side by side, room of one for its sets' names, and between two."""
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     """Points of one colour.
 
     Attributes
@@ -89,65 +83,46 @@ def draw(
     PlotError
         If the file does not hold the variables to draw.
     """
-    style.need(results, "poincare", *(("contact",) if color == "contact" else ()))
-    style.need_amplitudes(style.job_of(results).study)
-    results = results.isel(omega=[style.nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(omega=0)
-    structure = style.structure_of(results)
-    shown = labels.choose_floors(structure.n_floors, floors)
-    done = frame["outcome"].values == Outcome.COMPLETE
-    if not done.any():
-        raise style.PlotError("no run of this frame is complete yet")
-    classes = style.classes_of(results)
-    figure, axes = style.new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
-    groups = _groups(color, results, classes[:, 0], done, structure.contact_labels)
-    low = PANEL * len(shown) > PAGE
-    for floor, axis in zip(shown[::-1], axes, strict=True):
+    one = open_frame(results, omega, "poincare", *(("contact",) if color == "contact" else ()))
+    structure = one.structure
+    figure, axes = orbits.floor_panels(structure, floors)
+    groups = _groups(color, one)
+    for floor, axis in axes.items():
         for group in groups:
-            _scatter(axis, frame, group, floor)
-        axis.set_ylabel(labels.displacement(structure, floor, "" if low else "(jT)"))
-        axis.margins(y=0.08)
-        mark_stops(axis, structure, floor)
-    axes[-1].set_xlabel(labels.amplitude(structure))
-    style.limit_amplitudes(axes[-1], frame["amplitude"].values)
+            _scatter(axis, one.runs, group, floor)
+        orbits.mark_stops(axis, structure, floor)
+    style.limit_amplitudes(axis, one.runs["amplitude"].values)
     note = ""
-    if "contact" in frame:
-        apart = coexistence(frame, classes[:, 0], structure.units_at)
-        note = _mark_regions(axes, frame, done, structure.contact_labels, apart)
-        note = "\n".join(filter(None, (note, labels.contacts_text(structure))))
-    _legend(figure, groups, color, results, classes, note)
-    return style.head(figure, style.caption(results, float(frame["omega"])), fontsize=10)
+    if "contact" in one.runs:
+        apart = coexistence(one.runs, one.classes, structure.units_at)
+        regions = _mark_regions(
+            [*axes.values()], one.runs, one.done, structure.contact_labels, apart
+        )
+        note = "\n".join(filter(None, (regions, labels.contacts_text(structure))))
+    _legend(figure, groups, color, one, note)
+    return style.head(figure, style.caption(one.results, one.omega))
 
 
-def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) -> list[Group]:
+def _groups(color: str, one: Frame) -> list[Group]:
     """Group the complete runs of one frame by colour, in legend order."""
-    frame = results.isel(omega=0)
     if color == "direction":
-        own = np.eye(len(done), dtype=bool)[:, :, None]
+        names = [str(name) for name in one.runs["direction"].values]
+        own = one.done & np.eye(len(names), dtype=bool)[:, :, None]
         return [
-            Group(palette.DIRECTIONS[str(name)], style.words_of(results, str(name)), done & own[d])
-            for d, name in enumerate(frame["direction"].values)
+            Group(palette.DIRECTIONS[name], style.words_of(one.results, name), runs)
+            for name, runs in zip(names, own, strict=True)
         ]
     if color == "period":
-        index = palette.motion_index(classes, frame["orbit_period"].values)
-        return [
-            Group(colour, name, done & (index == place))
+        index = palette.motion_index(one.classes, one.runs["orbit_period"].values)
+        groups = [
+            Group(colour, name, one.done & (index == place))
             for place, (name, colour) in enumerate(palette.MOTIONS)
-            if (done & (index == place)).any()
         ]
-    contact = frame["contact"].values
-    sets, counts = np.unique(contact[done], return_counts=True)
-    named = set(np.argsort(-counts, kind="stable")[:MAX_SETS])
-    order = sorted(range(sets.size), key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
-    shown = [k for k in order if k in named]
-    names = dict(zip(shown, style.set_names([int(sets[k]) for k in shown], labels), strict=True))
+        return [group for group in groups if group.runs.any()]
+    contact, numbers = one.runs["contact"].values, one.structure.contact_labels
     return [
-        Group(
-            palette.contact_colour(int(sets[k]), labels),
-            names.get(k, ""),
-            done & (contact == sets[k]),
-        )
-        for k in order
+        Group(palette.contact_colour(c, numbers), name, one.done & (contact == c))
+        for c, _, name in style.commonest_sets(contact[one.done], numbers, MAX_SETS)
     ]
 
 
@@ -157,11 +132,8 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
     Points of orbits are large, filled on the way up, hollow on the way down; those of aperiodic
     motions are fine, so that their density shows.
     """
-    amplitude, counts = frame["amplitude"].values, frame["n_points"].values
-    size = float(np.clip(14000 / max(amplitude.size, 1), 0.4, 7.0))
-    repeats = frame["orbit_period"].values > 0
-    displacement = frame["poincare"].values[..., floor]
-    point = np.arange(displacement.shape[-1])
+    size, repeats = orbits.orbit_area(frame), frame["orbit_period"].values > 0
+    fine = {"s": orbits.FINE * size, "color": group.colour, "linewidths": 0}
     for d, direction in enumerate(frame["direction"].values):
         filled = str(direction) != DOWN
         large = {
@@ -171,26 +143,9 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
             "edgecolors": "none" if filled else group.colour,
             "linewidths": 0 if filled else 0.35,
         }
-        fine = {"s": FINE * size, "color": group.colour, "linewidths": 0}
-        for chosen, looks in ((~repeats[d], fine), (repeats[d], large)):
-            runs = np.flatnonzero(group.runs[d] & chosen)
-            if runs.size:
-                axis.scatter(
-                    np.repeat(amplitude[runs], counts[d, runs]),
-                    displacement[d, runs][point < counts[d, runs, None]],
-                    rasterized=True,
-                    zorder=2 if filled else 3,
-                    **looks,
-                )
-
-
-def mark_stops(axis, structure, floor: int) -> None:
-    """Draw the floor's stops that lie within the panel."""
-    limits = axis.get_ylim()
-    for place in (place for side in stops(structure, floor) for place in side):
-        if limits[0] < place < limits[1]:
-            axis.axhline(place, color=palette.STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
-    axis.set_ylim(limits)
+        own = group.runs & (np.arange(len(repeats)) == d)[:, None]
+        for chosen, looks in ((~repeats, fine), (repeats, large)):
+            orbits.scatter(axis, frame, own & chosen, floor, zorder=2 if filled else 3, **looks)
 
 
 def _mark_regions(axes, frame, done, labels, coexisting) -> str:
@@ -258,35 +213,18 @@ def _words_of_regions(count: int, shortened: list[str]) -> str:
     return "\n".join([text, *wrap(",  ".join(unbroken), style.CAPTION_ROOM)])
 
 
-def _legend(figure, groups: list[Group], color: str, results, classes, note: str) -> None:
-    from matplotlib.lines import Line2D
-
-    def key(label: str, marker: str, colour: str, hollow: bool = False, size: float = 5):
-        return Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker=marker,
-            label=label,
-            markersize=size,
-            markerfacecolor="none" if hollow else colour,
-            markeredgecolor=colour,
-        )
-
-    directions = [str(name) for name in results["direction"].values]
+def _legend(figure, groups: list[Group], color: str, one: Frame, note: str) -> None:
+    directions = [str(name) for name in one.runs["direction"].values]
+    looks = [(style.MARKERS[d], 5, "none" if d == DOWN else None) for d in directions]
     if color == "direction":
-        handles = [
-            key(group.label, style.MARKERS[name], group.colour, name == DOWN)
-            for name, group in zip(directions, groups, strict=True)
-        ]
+        handles = [dot(g.label, g.colour, *look) for g, look in zip(groups, looks, strict=True)]
     else:
-        handles = [key(group.label, "s", group.colour) for group in groups if group.label]
+        handles = [dot(group.label, group.colour, "s") for group in groups if group.label]
         rest = sum(not group.label for group in groups)
         if rest:
-            handles.append(Line2D([], [], linestyle="none", label=style.rarer_sets(rest)))
-        handles += [
-            key(style.words_of(results, d), style.MARKERS[d], "0.3", d == DOWN) for d in directions
-        ]
-    if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
-        handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))
-    style.foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS), note)
+            handles.append(dot(style.rarer_sets(rest), "none"))
+        words = (style.words_of(one.results, name) for name in directions)
+        handles += [dot(word, "0.3", *look) for word, look in zip(words, looks, strict=True)]
+    if (one.runs["orbit_period"].values[one.done] == 0).any():
+        handles.append(dot("no orbit found", "0.3", ".", orbits.FINE_KEY))
+    style.foot(figure, handles, one.results, one.classes, min(len(handles), MAX_COLUMNS), note)

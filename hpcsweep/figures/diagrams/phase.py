@@ -1,25 +1,17 @@
 """Phase portraits of the floors, with stroboscopic points and their stops."""
 
-import argparse
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.options import DIRECTION, FLOORS, OMEGA, Option
+from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.fitting import dot
+from hpcsweep.figures.options import DIRECTION, FLOORS, OMEGA, Option, whole_number
 from hpcsweep.model.description import stops
 from hpcsweep.solvers.outcome import Outcome
-
-
-def _period(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, is {text}")
-    return value
-
 
 NAME = "phase"
 DRAWS = "motions"
@@ -33,7 +25,7 @@ OPTIONS = (
         "--period",
         "orbit periods; an example of each is found in the sweep",
         dest="periods",
-        type=_period,
+        type=whole_number(1),
         nargs="+",
         metavar="P",
     ),
@@ -49,8 +41,7 @@ MAX_CYCLES = 60
 """Forcing periods drawn of a motion that does not repeat: more would fill the panel."""
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """A run to draw: its index in the frame."""
 
     direction: int
@@ -86,30 +77,28 @@ def draw(
     PlotError
         If there is no such motion, or the file does not hold the variables to draw.
     """
-    style.need(results, "poincare")
-    style.need_amplitudes(style.job_of(results).study)
     if not len(amplitudes) and not len(periods):
         raise style.PlotError("--kind phase needs --amplitude or --period")
-    results = results.isel(omega=[style.nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(omega=0)
-    classes = style.classes_of(results)[:, 0]
+    one = open_frame(results, omega, "poincare")
+    frame, classes, structure = one.runs, one.classes, one.structure
+    index = palette.motion_index(classes, frame["orbit_period"].values)
     motions = [_at_amplitude(frame, value, direction) for value in amplitudes]
     motions += [find_period(frame, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.amplitude, m.direction))
-    structure = style.structure_of(results)
     shown = labels.choose_floors(structure.n_floors, floors)
     columns = len(shown)
     size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
     figure, axes = style.new_grid(len(motions), columns, size, sharex="col")
     for row, motion in enumerate(motions):
-        _row(dict(zip(shown, axes[row], strict=True)), frame, motion, classes, structure, row)
+        label, colour = _label(one, motion, row), palette.MOTION_COLOURS[index[motion]]
+        _row(dict(zip(shown, axes[row], strict=True)), one, motion, label, colour)
     for row_axes in axes:
         for floor, axis in zip(shown, row_axes, strict=True):
             _stops(axis, structure, floor)
     for floor, axis in zip(shown, axes[-1], strict=True):
         axis.set_xlabel(labels.displacement(structure, floor), fontsize=9)
-    _legend(figure, results, classes, {_motion(frame, m, classes) for m in motions})
-    title = style.parameters(structure, float(frame["omega"]), int(LETTERS * size[0]))
+    _legend(figure, one, {index[motion] for motion in motions})
+    title = style.parameters(structure, one.omega, int(LETTERS * size[0]))
     return style.head(figure, title, fontsize=9)
 
 
@@ -173,7 +162,7 @@ def _at_amplitude(frame, value: float, direction: str | None) -> Motion:
     motion = Motion(
         style.direction_index(frame, direction), int(np.argmin(np.abs(amplitude - value)))
     )
-    if frame["outcome"].values[motion.direction, motion.amplitude] != Outcome.COMPLETE:
+    if frame["outcome"].values[motion] != Outcome.COMPLETE:
         raise style.PlotError(f"--amplitude {value:g}: that run is not complete")
     return motion
 
@@ -189,20 +178,19 @@ def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarr
     curves : ndarray, shape (k, n_samples, 2n)
         Curve j goes from point j to point j + 1; after the last point to its successor.
     """
-    at = motion.direction, motion.amplitude
-    count = min(int(frame["n_points"].values[at]), MAX_CYCLES)
+    count = min(int(frame["n_points"].values[motion]), MAX_CYCLES)
     from hpcsweep.solvers.trajectory import trajectory  # imports the compiler
 
-    points = frame["poincare"].values[at][:count]
-    amplitude, omega = float(frame["amplitude"].values[at[1]]), float(frame["omega"])
+    points = frame["poincare"].values[motion][:count]
+    amplitude, omega = float(frame["amplitude"].values[motion.amplitude]), float(frame["omega"])
     curves = np.array([trajectory(structure, amplitude, omega, point) for point in points])
     return points, curves
 
 
-def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
-    points, curves = orbit_curves(frame, motion, structure)
-    n = structure.n_floors
-    colour = palette.MOTIONS[_motion(frame, motion, classes)][1]
+def _row(axes, one: Frame, motion: Motion, label: str, colour: str) -> None:
+    """Draw one motion on the axes of its floors."""
+    points, curves = orbit_curves(one.runs, motion, one.structure)
+    n = one.structure.n_floors
     many = len(points) > 16
     for floor, axis in axes.items():
         for curve in curves:
@@ -228,9 +216,9 @@ def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
         axis.grid(True, color="0.92", linewidth=0.6)
         axis.set_axisbelow(True)
         axis.tick_params(labelsize=8)
-        axis.set_ylabel(labels.velocity(structure, floor), fontsize=8)
+        axis.set_ylabel(labels.velocity(one.structure, floor), fontsize=8)
     next(iter(axes.values())).annotate(
-        _label(frame, motion, classes, structure.contact_labels, row),
+        label,
         (0, 1),
         xycoords="axes fraction",
         xytext=(-48, 4),
@@ -261,52 +249,26 @@ def _stops(axis, structure, floor: int) -> None:
     axis.set_xlim(low, high)
 
 
-def _motion(frame, motion: Motion, classes) -> int:
-    """Return the index of a run's motion in `MOTIONS`."""
-    at = motion.direction, motion.amplitude
-    return palette.motion_place(
-        MotionClass(int(classes[at])), int(frame["orbit_period"].values[at])
-    )
-
-
-def _label(frame, motion: Motion, classes, labels, row: int) -> str:
-    at = motion.direction, motion.amplitude
-    kind = MotionClass(int(classes[at]))
-    period = int(frame["orbit_period"].values[at])
-    name = f"P{period}" if period else CLASS_NAMES[kind]
+def _label(one: Frame, motion: Motion, row: int) -> str:
+    frame, period = one.runs, int(one.runs["orbit_period"].values[motion])
+    name = f"P{period}" if period else CLASS_NAMES[MotionClass(int(one.classes[motion]))]
     if "contact" in frame:
-        sets = style.contact_name(int(frame["contact"].values[at]), labels, style.LEGEND_ROOM)
-        name += ", no contact" if sets == "none" else f", {sets}"
-    direction = str(frame["direction"].values[at[0]])
-    amplitude = float(frame["amplitude"].values[at[1]])
+        contact = int(frame["contact"].values[motion])
+        name += f", {style.set_name(contact, one.structure.contact_labels)}"
+    direction = str(frame["direction"].values[motion.direction])
+    amplitude = float(frame["amplitude"].values[motion.amplitude])
     letter = chr(ord("a") + row) if row < 26 else str(row + 1)
     return f"({letter}) A = {amplitude:.5g}, {direction}: {name}"
 
 
-def _legend(figure, results, classes, drawn: set[int]) -> None:
+def _legend(figure, one: Frame, drawn: set[int]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    style.foot(
-        figure,
-        [
-            *(
-                Line2D([], [], color=colour, label=name)
-                for place, (name, colour) in enumerate(palette.MOTIONS)
-                if place in drawn
-            ),
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker="o",
-                markersize=5,
-                markerfacecolor="white",
-                markeredgecolor="black",
-                label="stroboscopic points",
-            ),
-            Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop"),
-        ],
-        results,
-        classes,
-    )
+    motions = [palette.MOTIONS[place] for place in sorted(drawn)]
+    handles = [
+        *(Line2D([], [], color=colour, label=name) for name, colour in motions),
+        dot("stroboscopic points", "black", face="white"),
+        Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop"),
+    ]
+    style.foot(figure, handles, one.results, one.classes)

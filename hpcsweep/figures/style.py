@@ -275,7 +275,16 @@ def need_amplitudes(study: Study) -> None:
 
 def direction_index(results, direction: str | None) -> int:
     """Return the index of a sweep direction, the first if none is requested."""
-    there = [str(name) for name in results["direction"].values]
+    return choose_direction([str(name) for name in results["direction"].values], direction)
+
+
+def choose_direction(there: Sequence[str], direction: str | None) -> int:
+    """Return the index of a direction among those there are, the first if none is requested.
+
+    Raises
+    ------
+    PlotError
+    """
     if direction is None:
         return 0
     if direction not in there:

@@ -5,18 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.figures import palette, style
+from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.attractor_diagram import starts_words
-from hpcsweep.figures.diagrams.mesh import (
-    by_frequency,
-    draw_classes,
-    draw_grazing,
-    grazing_keys,
-    least_cells,
-    map_height,
-    mark_strip,
-)
+from hpcsweep.figures.fitting import area, blank
 from hpcsweep.figures.inferred import VARIABLES as INFERRED
-from hpcsweep.figures.inferred import draw_cells, filled, inferred, need_cells, note_of
+from hpcsweep.figures.inferred import filled, inferred, need_cells, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
 from hpcsweep.studies.attractors.attractors import Attractors
 
@@ -34,7 +27,7 @@ MISSED = "missed"
 
 def load(frames, sweep: Path | None = None, cells: bool | None = None):
     """Read the numbers of attractors, and count those that a sweep misses."""
-    least_cells(frames.study.amplitude.size)
+    mesh.least_cells(frames.study.amplitude.size)
     if cells:
         need_cells(frames)
     results = frames.gather(("n_attractors", "outcome", "n_undecided", *INFERRED))
@@ -55,7 +48,7 @@ def draw(results, sweep: Path | None = None, cells: bool | None = None):
         If the points do not form a map.
     """
     del sweep
-    results = by_frequency(results)
+    results = mesh.by_frequency(results)
     done = results["outcome"].values[0] > 0
     known = done | inferred(results, "n_attractors")[0]
     number = np.where(known, filled(results, "n_attractors")[0], -1)
@@ -63,15 +56,11 @@ def draw(results, sweep: Path | None = None, cells: bool | None = None):
     counts = [("number of attractors", number, 1)]
     if MISSED in results:
         counts.append(("attractors that no sweep ends on", results[MISSED].values, 0))
-    size = (7.2 if len(counts) == 1 else 10.6, map_height(results, 5.2))
+    size = (7.2 if len(counts) == 1 else 10.6, mesh.map_height(results, 5.2))
     figure, axes = style.new_grid(1, len(counts), size, sharex=True, sharey=True)
     for axis, (name, values, least) in zip(axes.flat, counts, strict=True):
         _panel(axis, results, name, values, least)
-        draw_grazing(axis, results, style.structure_of(results))
-        mark_strip(axis, results)
-        if cells:
-            draw_cells(axis, results)
-        axis.label_outer()
+    mesh.finish(axes.flat, results, cells)
     study = style.study_of(results, Attractors)
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * study.starts, 1)
     note = f"{starts_words(study)}; undecided {style.percent(float(undecided))}"
@@ -84,31 +73,26 @@ def draw(results, sweep: Path | None = None, cells: bool | None = None):
 
 def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
     """Draw one map, with the share of the points by number below it."""
-    from matplotlib.patches import Patch
-
     top = least + MOST - 1
     colours = [
         palette.OTHER_MOTION,
         *(palette.count_colour(place, MOST - 1) for place in range(MOST - 1)),
     ]
     index = np.where(values < 0, -1, np.clip(values, least, top) - least)
-    draw_classes(axis, results, index, colours)
+    mesh.draw_classes(axis, results, index, colours)
     handles = [
-        Patch(
-            facecolor=colour,
-            edgecolor="0.3",
-            linewidth=0.5,
-            label=f"{least + place}{' or more' if place == MOST - 1 else ''}  "
+        area(
+            f"{least + place}{' or more' if place == MOST - 1 else ''}  "
             f"{style.percent(int((index == place).sum()) / index.size)}",
+            colour,
         )
         for place, colour in enumerate(colours)
         if (index == place).any() or place < 2
     ]
     if (index < 0).any():
-        blank = Patch(facecolor=palette.NOTHING, edgecolor="0.55", hatch="xxxx", linewidth=0.5)
-        blank.set_label(f"none, or not computed  {style.percent(float((index < 0).mean()))}")
-        handles.append(blank)
-    handles += grazing_keys(results)
+        share = style.percent(float((index < 0).mean()))
+        handles.append(blank(f"none, or not computed  {share}"))
+    handles += mesh.map_keys(results)
     axis.set_title(name, fontsize=9)
     axis.legend(
         handles=handles,

@@ -5,7 +5,8 @@ import numpy as np
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.fitting import legend_below
+from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.fitting import area, legend_below
 from hpcsweep.figures.inferred import VARIABLES as INFERRED
 from hpcsweep.figures.inferred import draw_cells, filled, need_cells, note_of
 from hpcsweep.figures.options import CELLS
@@ -52,32 +53,22 @@ def draw(results, cells: bool | None = None):
     PlotError
         If nothing is computed yet.
     """
-    from matplotlib.colors import ListedColormap
-
     study = style.study_of(results, SliceGrid)
-    labels = filled(results, "label")[0].reshape(study.vertical.size, study.horizontal.size)
-    if not labels.any():
+    reached = filled(results, "label")[0].reshape(study.vertical.size, study.horizontal.size)
+    if not reached.any():
         raise style.PlotError("no row of this slice is computed yet")
     if SOURCE in results and not results[SOURCE].values.any():
         raise style.PlotError("the attractors of a refined map are known when it is complete")
-    listed = attractors_of(results, int(np.argmax(labels.any(axis=1))))
+    listed = attractors_of(results, int(np.argmax(reached.any(axis=1))))
     keys = [(number, name, colour) for number, (name, colour, _) in listed.items()]
     keys += OTHERS
-    index = np.full(labels.shape, -1)
+    index = np.full(reached.shape, -1)
     for place, (number, _, _) in enumerate(keys):
-        index[labels == number] = place
+        index[reached == number] = place
     figure, axes = style.new_grid(1, 1, SIZE)
     axis = axes[0, 0]
-    axis.pcolormesh(
-        _edges(study.horizontal),
-        _edges(study.vertical),
-        np.ma.masked_less(index, 0),
-        cmap=ListedColormap([colour for _, _, colour in keys]),
-        vmin=-0.5,
-        vmax=len(keys) - 0.5,
-        rasterized=True,
-    )
-    axis.set_facecolor(palette.NOTHING)
+    looks = mesh.by_colour([colour for _, _, colour in keys])
+    mesh.paint(axis, study.horizontal, study.vertical, np.ma.masked_less(index, 0), **looks)
     if cells:
         draw_cells(axis, results, study.vertical, study.horizontal)
     for _, colour, point in listed.values():
@@ -94,7 +85,6 @@ def draw(results, cells: bool | None = None):
 def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
     """Put the attractors with their shares of the starts, and a title, below the panel."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     total = int((index >= 0).sum())
     handles: list = []
@@ -102,7 +92,7 @@ def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
         count = int((index == place).sum())
         if count or number > 0:
             text = f"{name}  {style.percent(count / total)}"
-            handles.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=text))
+            handles.append(area(text, colour))
     point = Line2D([], [], linestyle="none", marker="o", mfc="none", mec="0.1", markersize=5)
     point.set_label("a point of each (triangle: outside)")
     handles.append(point)
@@ -165,9 +155,3 @@ def _rest(study: SliceGrid) -> str:
     if not np.any(state[others]):
         return "all other components of the state 0 at the start"
     return ", ".join(f"{names[k]} = {state[k]:.4g}" for k in others)
-
-
-def _edges(centres: np.ndarray) -> np.ndarray:
-    middle = 0.5 * (centres[1:] + centres[:-1])
-    first, last = 1.5 * centres[0] - 0.5 * centres[1], 1.5 * centres[-1] - 0.5 * centres[-2]
-    return np.concatenate(([first], middle, [last]))

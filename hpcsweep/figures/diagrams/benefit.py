@@ -4,15 +4,8 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass, tells_chaos
 from hpcsweep.figures import palette, style
-from hpcsweep.figures.diagrams.mesh import (
-    by_frequency,
-    draw_classes,
-    draw_grazing,
-    grazing_keys,
-    map_height,
-    mark_strip,
-    open_map,
-)
+from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.fitting import area
 from hpcsweep.figures.options import DIRECTION
 
 NAME = "benefit"
@@ -34,7 +27,7 @@ SHADES = (
 
 def load(frames, direction: str | None = None):
     """Read the maps of one direction."""
-    return open_map(frames, direction=direction)
+    return mesh.open_map(frames, direction=direction)
 
 
 def draw(results, direction: str | None = None):
@@ -48,8 +41,7 @@ def draw(results, direction: str | None = None):
     style.need(results, "drift", "contact")
     if not tells_chaos(results):
         style.need(results, "lyapunov")
-    results = by_frequency(results)
-    results = results.isel(direction=[style.direction_index(results, direction)])
+    results = mesh.by_frequency(results, direction)
     classes = style.classes_of(results)
     ratio = drift_ratio(results)[0]
     period = results["orbit_period"].values[0]
@@ -58,12 +50,11 @@ def draw(results, direction: str | None = None):
         ("(b) P1 impacting", (classes[0] == MotionClass.PERIODIC) & (period == 1)),
     )
     figure, axes = style.new_grid(
-        1, 2, (7.2, min(4.3, map_height(results, 6.4))), sharex=True, sharey=True
+        1, 2, (7.2, min(4.3, mesh.map_height(results, 6.4))), sharex=True, sharey=True
     )
     for axis, (name, chosen) in zip(axes[0], panels, strict=True):
         _panel(axis, results, classes[0], chosen, ratio, name)
-        mark_strip(axis, results)
-    axes[0, 1].set_ylabel("")
+    mesh.finish(axes[0], results)
     _legend(figure, results, classes)
     return style.head(
         figure,
@@ -97,8 +88,7 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
     known = chosen & np.isfinite(ratio)
     index[known] = 2 + np.searchsorted(LEVELS, ratio[known], side="left")
     index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
-    draw_classes(axis, results, index, [colour for _, colour in SHADES])
-    draw_grazing(axis, results, style.structure_of(results))
+    mesh.draw_classes(axis, results, index, [colour for _, colour in SHADES])
     count = int(known.sum())
     note = "no such run"
     if count:
@@ -108,11 +98,5 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
 
 
 def _legend(figure, results, classes) -> None:
-    from matplotlib.patches import Patch
-
-    handles = [
-        Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=name)
-        for name, colour in (*SHADES[2:], *SHADES[:2])
-    ]
-    handles += grazing_keys(results)
-    style.foot(figure, handles, results, classes, 4)
+    handles = [area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
+    style.foot(figure, handles + mesh.map_keys(results), results, classes, 4)

@@ -58,7 +58,9 @@ def with_specials(results, path: Path, structure):
 
 
 def draw_specials(axis, results) -> None:
-    """Draw what `with_specials` has added, in the limits of the axis."""
+    """Draw what `with_specials` has added, if anything, in the limits of the axis."""
+    if "special_kind" not in results:
+        return
     limits = axis.get_xlim(), axis.get_ylim()
     for kind, (_, _, colour) in MARKS.items():
         own = results["special_kind"].values == kind

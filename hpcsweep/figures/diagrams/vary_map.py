@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams.mesh import edges_of, grazing_key, legend_of_shares
-from hpcsweep.figures.inferred import drawn_classes, drawn_names, inferred, is_by_period, share_note
+from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.inferred import drawn_classes, inferred, is_by_period, share_note
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option
 
 NAME = "vary"
@@ -112,7 +112,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
             at = style.direction_index(frame, direction)
             from_cells.append(float(inferred(frame)[at, 0].mean()))
             motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
-            grazing.append(frames.study.structure.grazing_amplitude(float(frame["omega"].item())))
+            grazing.append(mesh.grazing_amplitude(frames.study.structure, frame["omega"].item()))
         pairs = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
     study, shape = frames.study, (len(panels), len(rows))
@@ -149,20 +149,21 @@ def draw(
     if (results.motion < 0).all():
         raise style.PlotError("no run of this frame is computed yet")
     count = len(results.titles)
-    columns = min(count, COLUMNS)
-    n_rows = -(-count // columns)
-    size = (7.2, 5.2) if count == 1 else (3.5 * columns + 1.0, 3.2 * n_rows + 0.9)
-    figure, axes = style.new_grid(n_rows, columns, size, sharex=True, sharey=True)
-    for panel, axis in enumerate(axes.flat):
-        if panel >= count:
-            axis.set_visible(False)
-            continue
+    figure, axes = style.new_panels(
+        count,
+        COLUMNS,
+        lambda columns, n: (7.2, 5.2) if count == 1 else (3.5 * columns + 1.0, 3.2 * n + 0.9),
+        sharex=True,
+        sharey=True,
+    )
+    for panel, axis in enumerate(axes):
         _panel(axis, results, panel)
         axis.set_title(results.titles[panel], fontsize=9)
         axis.set_xlabel(labels.amplitude(results.structure))
         axis.set_ylabel(results.key)
         axis.label_outer()
-    _legend(figure, results)
+    notes = results.by_period, bool(results.inferred)
+    mesh.legend_of_motions(figure, results.motion, [mesh.grazing_key()], (), *notes)
     at = style.frequency_words(results.structure, results.omega)
     title = rf"{results.name},  $\Omega$ = {at},  {results.direction}"
     return style.head(
@@ -172,27 +173,16 @@ def draw(
 
 def _panel(axis, results: Panels, panel: int) -> None:
     """Draw the motions of one panel, and its grazing amplitude."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
     cells, grazing, keys = results.motion[panel], results.grazing[panel], np.array(results.values)
-    axis.set_facecolor(palette.NOTHING)
-    if (cells < 0).any():
-        axis.patch.set(hatch="xxxx", edgecolor="0.55")
     is_number = keys.dtype.kind in "if" and keys.size > 1 and bool(np.isfinite(keys).all())
     is_number = is_number and bool(np.all(np.diff(keys) > 0))
     is_wide = is_number and keys[0] > 0 and keys[-1] / keys[0] >= WIDE
     heights = keys.astype(float) if is_number else np.arange(keys.size, dtype=float)
-    edges = np.exp(edges_of(np.log(heights))) if is_wide else edges_of(heights)
-    axis.pcolormesh(
-        edges_of(results.amplitude),
-        edges,
-        np.ma.masked_less(cells, 0),
-        cmap=ListedColormap(palette.MOTION_COLOURS),
-        norm=BoundaryNorm(
-            np.arange(len(palette.MOTION_COLOURS) + 1) - 0.5, len(palette.MOTION_COLOURS)
-        ),
-        rasterized=True,
-    )
+    edges_to = (lambda y: np.exp(mesh.edges_of(np.log(y)))) if is_wide else mesh.edges_of
+    edges = edges_to(heights)
+    motions = np.ma.masked_less(cells, 0)
+    looks = mesh.by_colour(palette.MOTION_COLOURS)
+    mesh.paint(axis, results.amplitude, heights, motions, edges_to, **looks)
     if is_wide:
         axis.set_yscale("log")
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):
@@ -201,20 +191,6 @@ def _panel(axis, results: Panels, panel: int) -> None:
     for colour, width in (("white", 1.8), (palette.GRAZING, 1.0)):
         axis.stairs(grazing, edges, baseline=None, orientation="horizontal", color=colour, lw=width)
     axis.set(xlim=limits, ylim=(edges[0], edges[-1]))
-
-
-def _legend(figure, results: Panels) -> None:
-    index = results.motion
-    done = max(int((index >= 0).sum()), 1)
-    shown = {
-        name: (colour, int((index == place).sum()) / done)
-        for place, (name, colour) in enumerate(palette.MOTIONS)
-        if (index == place).any()
-    }
-    entries = [(name, *entry) for name, entry in drawn_names(shown, results.by_period).items()]
-    blank = float((index < 0).mean())
-    of = "points" if results.inferred else "runs"
-    legend_of_shares(figure, entries, blank, "not computed", [grazing_key()], of)
 
 
 def _words(name: str) -> str:

@@ -42,8 +42,9 @@ def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str
     """Return the key of points; `face`: inside another colour, or none."""
     from matplotlib.lines import Line2D
 
-    looks = {"markerfacecolor": face or colour, "markeredgecolor": colour}
-    return Line2D([], [], ls="none", marker=marker, markersize=size, label=label, **looks)
+    key = Line2D([], [], ls="none", marker=marker, markersize=size, color=colour, label=label)
+    key.set_markerfacecolor(face or colour)
+    return key
 
 
 def area(label: str, colour: str):

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from string import ascii_lowercase
 
 import numpy as np
 
@@ -102,18 +103,16 @@ def new_figure(n_rows: int, height: float, width: float = 7.2):
     -------
     figure, list of axes
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(
-        n_rows, 1, figsize=(width, height), sharex=True, squeeze=False, layout="constrained"
-    )
+    figure, axes = new_grid(n_rows, 1, (width, height), sharex=True)
     for axis in axes[:, 0]:
-        axis.grid(True, color="0.92", linewidth=0.6)
-        axis.set_axisbelow(True)
+        draw_lattice(axis)
     return figure, list(axes[:, 0])
+
+
+def draw_lattice(axis) -> None:
+    """Draw faint lines at the ticks, under all else."""
+    axis.grid(True, color="0.92", linewidth=0.6)
+    axis.set_axisbelow(True)
 
 
 def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
@@ -158,6 +157,12 @@ def new_panels(
     for axis in axes.flat[count:]:
         axis.set_visible(False)
     return figure, list(axes.flat[:count])
+
+
+def letter(axes: Sequence) -> None:
+    """Letter the panels of a figure, from (a)."""
+    for axis, name in zip(axes, ascii_lowercase, strict=False):
+        axis.set_title(f"({name})", loc="left", fontsize=9)
 
 
 def limit_amplitudes(axis, amplitude: np.ndarray) -> None:

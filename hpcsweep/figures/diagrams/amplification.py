@@ -39,6 +39,5 @@ def draw(results, response: str | None = None):
     axis.set_ylabel(whole.label.partition("  [")[0] + ", over that without contacts", fontsize=8)
     axis.set_ylim(bottom=0)
     axis.set_xlim(0, whole.intensity[-1])
-    title = f"{len(whole.records)} records, 16 to 84 %"
-    axis.legend(frameon=False, fontsize=8, title=title, title_fontsize=8)
+    responses.legend(axis, f"{len(whole.records)} records, 16 to 84 %")
     return style.head(figure, responses.title(results), fontsize=9)

@@ -39,7 +39,7 @@ def load(frames, sweep: Path | None = None, cells: bool | None = None):
     return results.assign({MISSED: (("omega", "amplitude"), missed_attractors(frames, sweep))})
 
 
-def draw(results, sweep: Path | None = None, cells: bool | None = None):
+def draw(results, cells: bool | None = None, **_options):
     """Draw what `load` returned.
 
     Raises
@@ -47,7 +47,6 @@ def draw(results, sweep: Path | None = None, cells: bool | None = None):
     PlotError
         If the points do not form a map.
     """
-    del sweep
     results = mesh.by_frequency(results)
     done = results["outcome"].values[0] > 0
     known = done | inferred(results, "n_attractors")[0]

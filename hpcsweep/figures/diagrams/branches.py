@@ -1,5 +1,6 @@
 """Branches of one line over an orbit diagram: stable full, unstable thin, special points marked."""
 
+import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.special_curves import MARKS
-from hpcsweep.figures.fitting import legend_below
+from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
 from hpcsweep.figures.overlay import Drawn, branches_of, run_of
 from hpcsweep.studies.branches.branches import Branches
@@ -61,27 +62,18 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
     if sweep is not None:
         if study.parameter != "amplitude":
             raise style.PlotError(f"--sweep {sweep}: goes with branches of the amplitude alone")
-        held = Frames(sweep)
-        try:
+        with contextlib.closing(Frames(sweep)) as held:
             there = np.flatnonzero(as_kind(held.study, RunGrid).omega == study.omega[line])
             if not there.size or "poincare" not in held:
                 what = f"has no stroboscopic points at Omega = {study.omega[line]:g}"
                 raise style.PlotError(f"--sweep {sweep}: {what}")
             runs = held.dataset(int(there[0]))
-        finally:
-            held.close()
     found = frames.dataset(line)
     return Read(found, list(branches_of(run_of(found), study, line)), runs, study)
 
 
-def draw(
-    results: Read,
-    floors: Sequence[int] = (),
-    line: int = 0,
-    sweep: Path | None = None,
-):
+def draw(results: Read, floors: Sequence[int] = (), **_options):
     """Draw a line, as `load` has read it."""
-    del line, sweep
     found, branches, runs, study = results
     run = run_of(found)
     if not branches:
@@ -111,15 +103,8 @@ def _draw_runs(axis, runs, floor: int) -> None:
     """Draw the stroboscopic points of all runs."""
     points = runs["poincare"].values[..., floor]
     at = np.broadcast_to(runs["amplitude"].values[:, None], points.shape)
-    axis.plot(
-        at.ravel(),
-        points.ravel(),
-        ".",
-        color=palette.DARK_INK,
-        markersize=0.8,
-        zorder=3,
-        rasterized=True,
-    )
+    looks = {"color": palette.DARK_INK, "markersize": 0.8, "zorder": 3, "rasterized": True}
+    axis.plot(at.ravel(), points.ravel(), ".", **looks)
 
 
 def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
@@ -128,7 +113,9 @@ def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
         unstable = UNSTABLE if one.stable.any() else NOWHERE_STABLE
         for piece, steady in one.pieces():
             shown, width = one.points[piece, :, floor], STABLE if steady else unstable
-            axis.plot(one.value[piece], shown, color=_colour(one.period), lw=width, zorder=2)
+            axis.plot(
+                one.value[piece], shown, color=palette.period_colour(one.period), lw=width, zorder=2
+            )
 
 
 def _draw_specials(axis, run: dict, floor: int) -> None:
@@ -168,34 +155,20 @@ def _looks(kind: Kind, size: float) -> dict[str, Any]:
     }
 
 
-def _colour(period: int) -> str:
-    """Return the colour of orbits of a period, as in all figures."""
-    return palette.MOTION_COLOURS[min(period, 9)]
-
-
 def _handles(run: dict, runs: bool) -> list:
     from matplotlib.lines import Line2D
 
-    periods = np.unique(np.minimum(run["branch_period"][run["branch_id"] > 0], 9)).tolist()
-    names = {p: f"P{p}" if p < 9 else "P9 and longer" for p in periods}
-    handles = [Line2D([], [], color=_colour(p), lw=STABLE, label=names[p]) for p in periods]
-    handles += [
-        Line2D([], [], color=palette.DARK_INK, lw=STABLE, label="stable"),
-        Line2D([], [], color=palette.DARK_INK, lw=UNSTABLE, label="unstable"),
+    periods = run["branch_period"][run["branch_id"] > 0]
+    lines = [
+        *(palette.MOTIONS[k] for k in np.unique(np.minimum(periods, palette.LONGEST + 1))),
+        ("stable", palette.DARK_INK),
+        ("unstable", palette.DARK_INK),
     ]
-    for kind, (word, _, _) in MARKS.items():
-        if (run["special_kind"] == kind).any():
-            handles.append(Line2D([], [], label=word, **_looks(kind, 4)))
-    if runs:
-        handles.append(
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker=".",
-                markersize=3,
-                color=palette.DARK_INK,
-                label="runs",
-            )
-        )
-    return handles
+    handles = [Line2D([], [], color=colour, lw=STABLE, label=name) for name, colour in lines]
+    handles[-1].set_linewidth(UNSTABLE)
+    handles += [
+        Line2D([], [], label=word, **_looks(kind, 4))
+        for kind, (word, _, _) in MARKS.items()
+        if (run["special_kind"] == kind).any()
+    ]
+    return [*handles, dot("runs", palette.DARK_INK, ".", 3)] if runs else handles

@@ -19,10 +19,7 @@ load = responses.load
 
 
 def draw(
-    results,
-    threshold: float | None = None,
-    response: str | None = None,
-    place: str | None = None,
+    results, threshold: float | None = None, response: str | None = None, place: str | None = None
 ):
     """Draw shares and curves.
 
@@ -61,9 +58,8 @@ def draw(
     axis.set_ylabel(f"share of records that reach {threshold:g} {stripes.unit}".rstrip())
     axis.set_xlim(0, stripes.intensity[-1])
     axis.set_ylim(0, 1.02)
-    axis.legend(frameon=False, fontsize=8, title=stripes.label, title_fontsize=8)
-    title = responses.title(results) + (f"\n{found.caution}" if found.caution else "")
-    return style.head(figure, title, fontsize=9)
+    responses.legend(axis, stripes.label)
+    return style.head(figure, responses.title(results), found.caution or "", fontsize=9)
 
 
 def _count(axis, found: Capacity, highest: float, **looks) -> None:

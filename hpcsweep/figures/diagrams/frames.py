@@ -22,11 +22,7 @@ MAX_COLUMNS = 7
 NAME = "frames"
 DRAWS = "motions"
 HELP = "small orbit diagrams of several frames, of one floor (default: the top)"
-OPTIONS = (
-    DIRECTION,
-    Option("--frames", "number of frames", type=int, metavar="N"),
-    FLOORS,
-)
+OPTIONS = (DIRECTION, Option("--frames", "number of frames", type=int, metavar="N"), FLOORS)
 
 
 def load(reader, frames: int | None = None, **_options):
@@ -35,10 +31,7 @@ def load(reader, frames: int | None = None, **_options):
 
 
 def draw(
-    results,
-    direction: str | None = None,
-    frames: int | None = None,
-    floors: Sequence[int] = (),
+    results, direction: str | None = None, frames: int | None = None, floors: Sequence[int] = ()
 ):
     """Draw frames spread evenly over frequency.
 
@@ -107,8 +100,7 @@ def _panel(axis, frame, motions, floor: int) -> None:
     size = float(np.clip(300 / max(amplitude.size, 1), 0.5, 4.0))
     done = np.where(frame["outcome"].values == Outcome.COMPLETE, motions, -1)
     orbits.scatter_motions(axis, frame, done, floor, size, ORBIT * size)
-    axis.grid(True, color="0.92", linewidth=0.6)
-    axis.set_axisbelow(True)
+    style.draw_lattice(axis)
     axis.set_title(rf"$\Omega$ = {float(frame['omega']):.4g}", fontsize=8.5, pad=3)
     axis.tick_params(labelsize=8)
     style.limit_amplitudes(axis, amplitude)

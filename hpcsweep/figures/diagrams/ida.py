@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.earthquakes.stripes import fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
 
@@ -12,8 +12,6 @@ HELP = """\
 response of each record against the intensity, with the 16, 50 and 84 % fractiles,
 and the median without contacts"""
 OPTIONS = (responses.RESPONSE, responses.PLACE)
-MAX_GREY = 200
-"""Records that are drawn one by one."""
 load = responses.load
 
 
@@ -26,17 +24,7 @@ def draw(results, response: str | None = None, place: str | None = None):
     def curve(values, *dashes, **looks) -> None:
         axis.plot(np.append(0.0, values), intensity, *dashes, **looks)
 
-    for values in stripes.values[:MAX_GREY]:
-        curve(values, color="0.75", linewidth=0.6)
-    parts = fractiles(stripes.values, PARTS)
-    for part, dashes, values in zip(PARTS, ("--", "-", "-."), parts, strict=True):
-        curve(
-            values,
-            dashes,
-            color=palette.series_colour(0),
-            linewidth=2.0,
-            label=f"{100 * part:g} % fractile",
-        )
+    responses.draw_suite(curve, stripes.values)
     if responses.touches(stripes):
         (median,) = fractiles(stripes.alone, (0.5,))
         curve(median, ":", color=palette.STOP, linewidth=2.0, label="50 %, no contact")
@@ -44,11 +32,5 @@ def draw(results, response: str | None = None, place: str | None = None):
     axis.set_ylabel(stripes.measure)
     axis.set_xlim(left=0)
     axis.set_ylim(0, intensity[-1])
-    axis.legend(
-        frameon=False,
-        fontsize=8,
-        handlelength=3.5,
-        title=f"{len(stripes.records)} records",
-        title_fontsize=8,
-    )
+    responses.legend(axis, f"{len(stripes.records)} records", handlelength=3.5)
     return style.head(figure, responses.title(results), fontsize=9)

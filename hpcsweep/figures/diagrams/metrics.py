@@ -1,5 +1,7 @@
 """Drift and mean modal norms of one frame against the amplitude, with those without a stop."""
 
+from typing import Any
+
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
@@ -33,8 +35,7 @@ def draw(results, omega: float | None = None):
     axes[1].set_xlabel(labels.amplitude(structure))
     span = frame["amplitude"].values
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left", fontsize=9)
+    style.letter(axes)
     axes[0].legend(fontsize=8, markerscale=1.5)
     handles = axes[1].get_legend_handles_labels()[0]
     # a column for each direction and one without stop: legends are filled column by column
@@ -80,16 +81,18 @@ def _drift(axis, frame, classes, free: float) -> None:
             axis.plot(
                 amplitude[chosen],
                 frame["drift"].values[d][chosen],
-                linestyle="none",
-                marker=style.MARKERS[name],
-                markersize=2.4,
-                color=colour,
-                markerfacecolor="none" if name == DOWN else colour,
-                markeredgewidth=0.5,
                 label=label,
+                **_looks(style.MARKERS[name], colour, name),
             )
     axis.axhline(free, color="black", linewidth=1.1, linestyle=DASHES[0], label="without stop")
     axis.set_ylabel(r"normalised drift $\delta$  [$A/\Omega^2$]")
+
+
+def _looks(marker: str, colour: str, direction: str) -> dict[str, Any]:
+    """Return the style of points, hollow on the way down."""
+    face = "none" if direction == DOWN else colour
+    size = {"markersize": 2.4, "markeredgewidth": 0.5}
+    return {"ls": "none", "marker": marker, "color": colour, "markerfacecolor": face, **size}
 
 
 def _norms(axis, frame, free: np.ndarray) -> None:
@@ -98,17 +101,11 @@ def _norms(axis, frame, free: np.ndarray) -> None:
     for mode in range(shown):
         colour = palette.mode_colour(mode, shown)
         for d, direction in enumerate(frame["direction"].values):
-            filled = str(direction) != DOWN
             axis.plot(
                 amplitude,
                 frame["modal_norm"].values[d, :, mode],
-                linestyle="none",
-                marker="os^D<>pX*h"[mode % 10],
-                markersize=2.4,
-                markeredgewidth=0.5,
-                color=colour,
-                markerfacecolor=colour if filled else "none",
                 label=f"mode {mode + 1}, {direction}",
+                **_looks("os^D<>pX*h"[mode % 10], colour, str(direction)),
             )
         axis.axhline(
             free[mode],

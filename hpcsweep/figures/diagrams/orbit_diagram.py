@@ -9,6 +9,7 @@ import numpy as np
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
 from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import FLOORS, OMEGA, Option
@@ -59,12 +60,7 @@ class Group(NamedTuple):
     runs: np.ndarray
 
 
-def draw(
-    results,
-    omega: float | None = None,
-    color: str = "direction",
-    floors: Sequence[int] = (),
-):
+def draw(results, omega: float | None = None, color: str = "direction", floors: Sequence[int] = ()):
     """Draw one frame of a campaign.
 
     Parameters
@@ -153,9 +149,7 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
     amplitude = frame["amplitude"].values
     least = max(3, amplitude.size // 100)
     regions = contact_regions(frame["contact"].values, done, least, coexisting)
-    edges = np.concatenate(
-        ([amplitude[0]], 0.5 * (amplitude[1:] + amplitude[:-1]), [amplitude[-1]])
-    )
+    edges = np.clip(edges_of(amplitude), amplitude[0], amplitude[-1])
     total = edges[-1] - edges[0]
     top = axes[0]
     taken: list[float] = []

@@ -6,9 +6,7 @@ import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
-from hpcsweep.figures.diagrams.special_curves import (
-    with_specials,
-)
+from hpcsweep.figures.diagrams.special_curves import with_specials
 from hpcsweep.figures.inferred import (
     drawn_classes,
     filled,
@@ -62,7 +60,7 @@ def draw(
     value: str = "period",
     direction: str | None = None,
     cells: bool | None = None,
-    branches: Path | None = None,
+    **_options,
 ):
     """Draw the map of one direction.
 
@@ -75,15 +73,12 @@ def draw(
         Default the first.
     cells : bool, optional
         Whether the cells of a refined map are outlined.
-    branches : Path, optional
-        File of branches, whose special points `load` has read.
 
     Raises
     ------
     PlotError
         If the file does not hold the variables to draw.
     """
-    del branches
     if value != "period":
         style.need(results, value)
     results = mesh.by_frequency(results, direction)

@@ -1,6 +1,6 @@
 """Phase portraits of the floors, with stroboscopic points and their stops."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -126,19 +126,15 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     kinds = (MotionClass.PERIODIC, MotionClass.NO_CONTACT)
     usable = np.isin(classes, kinds) & (found > 0)
     if direction is not None:
-        own = np.zeros_like(usable)
-        own[style.direction_index(frame, direction)] = True
-        usable &= own
+        usable &= (np.arange(len(found)) == style.direction_index(frame, direction))[:, None]
     for kind in kinds:
-        best, length = None, 0
-        for d in range(found.shape[0]):
-            here = usable[d] & (classes[d] == kind) & (found[d] == period)
-            starts, ends = _stretches(here)
-            for start, end in zip(starts, ends, strict=True):
-                if end - start > length:
-                    best, length = Motion(d, int(start + end - 1) // 2), end - start
-        if best is not None:
-            return best
+        here = usable & (classes == kind) & (found == period)
+        stretches = [
+            (end - start, d, start) for d, row in enumerate(here) for start, end in _stretches(row)
+        ]
+        if stretches:
+            length, d, start = max(stretches, key=lambda stretch: stretch[0])
+            return Motion(d, int(start + (length - 1) // 2))
     occur = ", ".join(str(p) for p in np.unique(found[usable])) or "none"
     swept = f"the sweep {direction}" if direction else "the sweeps"
     raise style.PlotError(
@@ -146,10 +142,10 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     )
 
 
-def _stretches(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _stretches(flags: np.ndarray) -> Iterator[tuple[int, int]]:
     """Return first and last-plus-one index of every stretch of true flags."""
     change = np.diff(np.concatenate(([0], flags.astype(int), [0])))
-    return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return zip(np.flatnonzero(change == 1), np.flatnonzero(change == -1), strict=True)
 
 
 def _at_amplitude(frame, value: float, direction: str | None) -> Motion:
@@ -192,29 +188,14 @@ def _row(axes, one: Frame, motion: Motion, label: str, colour: str) -> None:
     points, curves = orbit_curves(one.runs, motion, one.structure)
     n = one.structure.n_floors
     many = len(points) > 16
+    width, alpha = (0.25, 0.6) if many else (0.9, 1.0)
+    looks = {"color": colour, "linewidth": width, "alpha": alpha, "rasterized": many}
+    dots = {"mfc": "white", "mec": "black", "ms": 2.2 if many else 4, "mew": 0.4 if many else 0.8}
     for floor, axis in axes.items():
         for curve in curves:
-            axis.plot(
-                curve[:, floor],
-                curve[:, n + floor],
-                color=colour,
-                linewidth=0.25 if many else 0.9,
-                alpha=0.6 if many else 1.0,
-                rasterized=many,
-            )
-        axis.plot(
-            points[:, floor],
-            points[:, n + floor],
-            linestyle="none",
-            marker="o",
-            markersize=2.2 if many else 4,
-            markerfacecolor="white",
-            markeredgecolor="black",
-            markeredgewidth=0.4 if many else 0.8,
-            zorder=4,
-        )
-        axis.grid(True, color="0.92", linewidth=0.6)
-        axis.set_axisbelow(True)
+            axis.plot(curve[:, floor], curve[:, n + floor], **looks)
+        axis.plot(points[:, floor], points[:, n + floor], "o", zorder=4, **dots)
+        style.draw_lattice(axis)
         axis.tick_params(labelsize=8)
         axis.set_ylabel(labels.velocity(one.structure, floor), fontsize=8)
     next(iter(axes.values())).annotate(

@@ -47,7 +47,7 @@ def draw(results, response: str | None = None, scale: float | None = None):
         axis.set_ylim(0.5, tallest + 0.5)
     axes[0, 0].set_xlim(left=0)
     axes[0, 0].set_ylabel(dim)
-    axes[0, 0].legend(frameon=False, fontsize=8)
+    responses.legend(axes[0, 0])
     where = responses.at_scale(study, at)
     return style.head(
         figure, f"{where}, {len(whole.records)} records\n{responses.title(results)}", fontsize=9

@@ -22,12 +22,7 @@ def load(frames, **_options):
     return frames.gather(["outcome", "contact_force"])
 
 
-def draw(
-    results,
-    record: str | None = None,
-    scale: float | None = None,
-    place: str | None = None,
-):
+def draw(results, record: str | None = None, scale: float | None = None, place: str | None = None):
     """Draw the history of a contact, that of the largest force."""
     from hpcsweep.solvers.response import history
 

@@ -38,10 +38,7 @@ class Region:
 
 
 def contact_regions(
-    contact: np.ndarray,
-    valid: np.ndarray,
-    least: int = 3,
-    coexisting: np.ndarray | None = None,
+    contact: np.ndarray, valid: np.ndarray, least: int = 3, coexisting: np.ndarray | None = None
 ) -> list[Region]:
     """Divide the amplitudes into regions of equal contact sets.
 

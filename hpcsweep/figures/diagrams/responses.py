@@ -1,8 +1,12 @@
 """Common parts of the figures of responses to records: options and data."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from hpcsweep.figures import labels, style
+from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import Option
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
@@ -18,6 +22,8 @@ RECORD = Option("--record", "record drawn, by name (default: the first)")
 THRESHOLD = Option(
     "--threshold", "response that is a failure, in the unit of the figure; needed", type=float
 )
+MAX_GREY = 200
+"""Records that are drawn one by one."""
 MIN_LENGTH = 1e-12
 """Share of the largest response below which two are the same."""
 
@@ -41,6 +47,27 @@ def opened(results, response: str | None, place: str | None) -> Stripes:
     if not np.isfinite(found.values).any():
         raise style.PlotError("no run is complete yet")
     return found
+
+
+def draw_suite(plot: Callable[..., Any], curves: np.ndarray) -> None:
+    """Draw the curves of the records one by one, as far as they are few, and their fractiles.
+
+    Parameters
+    ----------
+    plot : callable
+        Draw one curve, from its values and the arguments of `Axes.plot`.
+    curves : ndarray, shape (n_records, k)
+    """
+    for values in curves[:MAX_GREY]:
+        plot(values, color="0.75", linewidth=0.6)
+    looks = {"color": palette.series_colour(0), "linewidth": 2.0}
+    for part, dashes, values in zip(PARTS, ("--", "-", "-."), fractiles(curves), strict=True):
+        plot(values, dashes, label=f"{100 * part:g} % fractile", **looks)
+
+
+def legend(axis, title: str | None = None, **looks) -> None:
+    """Put the legend of a panel where there is room."""
+    axis.legend(frameon=False, fontsize=8, title=title, title_fontsize=8, **looks)
 
 
 def title(results) -> str:

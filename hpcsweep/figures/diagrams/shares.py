@@ -3,12 +3,10 @@
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams.attractor_diagram import (
-    legend,
-    opened,
-    starts_text,
-)
+from hpcsweep.figures.diagrams.attractor_diagram import legend, opened, starts_text
 from hpcsweep.figures.diagrams.figure import load_frame
+from hpcsweep.figures.diagrams.mesh import edges_of
+from hpcsweep.figures.fitting import blank
 from hpcsweep.figures.options import OMEGA
 from hpcsweep.studies.attractors.attractors import Attractors
 
@@ -32,12 +30,11 @@ def draw(results, omega: float | None = None):
     PlotError
         If there is nothing to draw.
     """
-    from matplotlib.patches import Patch
-
     frame, index, structure = opened(results, omega)
     study = style.study_of(results, Attractors)
     figure, axes = style.new_figure(2, 6.6)
-    edges = _edges(frame["amplitude"].values)
+    amplitude = frame["amplitude"].values
+    edges = np.clip(edges_of(amplitude), amplitude[0], amplitude[-1])
     layers = _layers(frame, study.starts)
     _stack(axes[0], edges, layers, index)
     _name(axes[0], edges, layers, index, frame, structure.contact_labels)
@@ -48,18 +45,10 @@ def draw(results, omega: float | None = None):
     axes[1].set_ylim(-0.02, 1.02)
     axes[1].set_xlabel(labels.amplitude(structure))
     style.limit_amplitudes(axes[1], frame["amplitude"].values)
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left", fontsize=9)
-    rest = [Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5)]
-    rest[0].set_label("reached none of them")
+    style.letter(axes)
     note = f"{starts_text(results, frame)}; named in (a): identity and contact set"
-    legend(figure, frame, index, note, MAX_COLUMNS, rest)
+    legend(figure, frame, index, note, MAX_COLUMNS, [blank("reached none of them")])
     return style.head(figure, style.caption(results, float(frame["omega"])), fontsize=10)
-
-
-def _edges(amplitudes: np.ndarray) -> np.ndarray:
-    middle = 0.5 * (amplitudes[1:] + amplitudes[:-1])
-    return np.concatenate((amplitudes[:1], middle, amplitudes[-1:]))
 
 
 def _layers(frame, starts: int) -> dict[int, np.ndarray]:

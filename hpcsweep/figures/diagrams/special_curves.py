@@ -1,5 +1,6 @@
 """Special points of branches over amplitude and frequency, and their curves, laid over a map."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +31,10 @@ def with_specials(results, path: Path, structure):
     PlotError
         If the file holds no branches of the amplitude, or those of another structure.
     """
-    held = Overlay(path, structure)
-    try:
+    with contextlib.closing(Overlay(path, structure)) as held:
         study = as_kind(held.study, Branches)
         names = (*SPECIALS, *(CURVES if study.curves else ()))
         lines = held.frames.gather(names)
-    finally:
-        held.close()
     of = {name: lines[name].values[0, :, 0] for name in names}
     kind = of["special_kind"]
     line, place = np.nonzero(kind)

@@ -132,12 +132,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     )
 
 
-def draw(
-    results,
-    omega: float | None = None,
-    direction: str | None = None,
-    over: str | None = None,
-):
+def draw(results: Panels, **_options):
     """Draw what `load` returned; the options are those of `load`.
 
     Raises
@@ -145,7 +140,6 @@ def draw(
     PlotError
         If nothing is computed.
     """
-    del omega, direction, over
     if (results.motion < 0).all():
         raise style.PlotError("no run of this frame is computed yet")
     count = len(results.titles)

@@ -48,7 +48,7 @@ def pack_branches(
         told.append([])
         for one in frame:
             count = one.value.size
-            colour = palette.MOTION_COLOURS[min(one.period, 9)]
+            colour = palette.period_colour(one.period)
             told[-1].append(
                 {"number": one.number, "period": one.period, "colour": colour}
                 | {"count": count, "step": step, "state": state}

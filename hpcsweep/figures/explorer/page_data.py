@@ -1,5 +1,6 @@
 """Gather the data of the explorer from a results file, one frame at a time."""
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -169,12 +170,9 @@ def add_branches(study: PageData, path: Path) -> None:
     StoreError, PlotError
         If the file does not fit; one line for the user.
     """
-    overlay = Overlay(path, study.structure)
-    try:
+    with contextlib.closing(Overlay(path, study.structure)) as overlay:
         overlay.need(study.omega)
         study.branches = [overlay.at(one) for one in study.omega.tolist()]
-    finally:
-        overlay.close()
 
 
 def _check_cells(path: Path, n_rows: int, grid) -> None:

@@ -147,10 +147,7 @@ class Film:
 
 
 def make(
-    request: Request,
-    comm,
-    processes: int = 1,
-    progress: Callable[[int, int], Any] | None = None,
+    request: Request, comm, processes: int = 1, progress: Callable[[int, int], Any] | None = None
 ) -> int | None:
     """Make a film (collective).
 

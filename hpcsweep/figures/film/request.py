@@ -1,5 +1,6 @@
 """A film as it is requested, and checked before any work."""
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -92,11 +93,8 @@ def check(request: Request) -> None:
         raise style.PlotError(
             f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}"
         )
-    frames = Frames(request.file, at=request.at)
-    try:
+    with contextlib.closing(Frames(request.file, at=request.at)) as frames:
         _check_file(request, frames)
-    finally:
-        frames.close()
     video.find_ffmpeg()
 
 
@@ -118,11 +116,8 @@ def _check_file(request: Request, frames: Frames) -> None:
     if request.branches:
         if request.show:
             raise style.PlotError(f"--branches {request.branches}: does not go with --show")
-        overlay = Overlay(request.branches, structure)
-        try:
+        with contextlib.closing(Overlay(request.branches, structure)) as overlay:
             overlay.need(np.sort(study.omega)[:: request.every])
-        finally:
-            overlay.close()
     if request.direction not in ("both", *study.directions):
         there = ", ".join(study.directions)
         raise style.PlotError(f"--direction {request.direction}: {request.file} holds {there}")

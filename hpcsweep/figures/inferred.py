@@ -1,6 +1,6 @@
 """What figures show of points that are inferred from their cells, and how they say so."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -98,15 +98,26 @@ def note_of(results) -> str:
     return text
 
 
-def need_cells(frames) -> None:
-    """Refuse a file of a map that is not refined.
+def gather(frames, names: Iterable[str], cells: bool | None = None, **options):
+    """Read variables, of a refined map also what is inferred, with its audit as an attribute.
+
+    Parameters
+    ----------
+    frames : hpcsweep.store.Frames
+    names : iterable of str
+    cells : bool, optional
+        Whether its cells will be outlined.
+    **options
+        Of `Frames.gather`.
 
     Raises
     ------
     PlotError
+        If there are no cells to outline.
     """
-    if refinement_of(frames.study) is None:
+    if cells and refinement_of(frames.study) is None:
         raise style.PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
+    return frames.gather((*names, *VARIABLES), **options).assign_attrs(frames.audit())
 
 
 def draw_cells(axis, results, vertical=None, horizontal=None) -> None:

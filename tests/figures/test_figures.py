@@ -398,13 +398,14 @@ def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
     flags = {}
     for name, figure in known.items():
         assert f"\n  {name:10} {figure.HELP.splitlines()[0]}" in said
-        parameters = inspect.signature(figure.draw).parameters
+        load, draw = inspect.signature(figure.load), inspect.signature(figure.draw)
         for option in figure.OPTIONS:
-            assert option.keyword in parameters, (name, option.flag)
+            assert option.keyword in {**load.parameters, **draw.parameters}, (name, option.flag)
             assert option.flag in said
             # one flag is one option, so that its help and its meaning are the same everywhere
             assert flags.setdefault(option.flag, option) == option
-            inspect.signature(figure.load).bind("file", **{option.keyword: None})
+            load.bind("file", **{option.keyword: None})
+            draw.bind("results", **{option.keyword: None})
 
 
 def test_the_figures_are_loaded_only_for_plot():

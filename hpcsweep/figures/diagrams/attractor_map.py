@@ -8,8 +8,7 @@ from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.attractor_diagram import starts_words
 from hpcsweep.figures.fitting import area, blank
-from hpcsweep.figures.inferred import VARIABLES as INFERRED
-from hpcsweep.figures.inferred import filled, inferred, need_cells, note_of
+from hpcsweep.figures.inferred import filled, gather, inferred, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
 from hpcsweep.studies.attractors.attractors import Attractors
 
@@ -28,10 +27,7 @@ MISSED = "missed"
 def load(frames, sweep: Path | None = None, cells: bool | None = None):
     """Read the numbers of attractors, and count those that a sweep misses."""
     mesh.least_cells(frames.study.amplitude.size)
-    if cells:
-        need_cells(frames)
-    results = frames.gather(("n_attractors", "outcome", "n_undecided", *INFERRED))
-    results = results.assign_attrs(frames.audit())
+    results = gather(frames, ("n_attractors", "outcome", "n_undecided"), cells)
     if sweep is None:
         return results
     from hpcsweep.figures.missed import missed_attractors

@@ -7,8 +7,7 @@ from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.fitting import area, legend_below
-from hpcsweep.figures.inferred import VARIABLES as INFERRED
-from hpcsweep.figures.inferred import draw_cells, filled, need_cells, note_of
+from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.refine.variables import SOURCE
@@ -39,10 +38,8 @@ SIZE = 6.4, 6.9
 
 def load(frames, cells: bool | None = None):
     """Read the labels and the attractors, of a refined map also what is inferred."""
-    if cells:
-        need_cells(frames)
-    names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point")
-    return frames.gather((*names, "outcome", *INFERRED)).assign_attrs(frames.audit())
+    names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point", "outcome")
+    return gather(frames, names, cells)
 
 
 def draw(results, cells: bool | None = None):

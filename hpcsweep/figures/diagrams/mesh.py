@@ -10,8 +10,7 @@ from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
 from hpcsweep.figures.fitting import area, blank
-from hpcsweep.figures.inferred import VARIABLES as INFERRED
-from hpcsweep.figures.inferred import draw_cells, drawn_names
+from hpcsweep.figures.inferred import draw_cells, drawn_names, gather
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -20,7 +19,9 @@ SCATTERED = FORCING_AMPLITUDE.name
 """Variable of results whose frames share no amplitudes."""
 
 
-def open_map(frames, value: str | None = None, direction: str | None = None):
+def open_map(
+    frames, value: str | None = None, direction: str | None = None, cells: bool | None = None
+):
     """Read the variables of maps, one frame at a time, without the points behind the classes.
 
     Parameters
@@ -30,6 +31,8 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
         A further variable.
     direction : {"up", "down"}, optional
         Default the first.
+    cells : bool, optional
+        Whether the cells of a refined map will be outlined.
 
     Returns
     -------
@@ -46,9 +49,8 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
     least_cells(study.amplitude.size)
     further = () if value is None else (value,)
     direction = study.directions[style.choose_direction(study.directions, direction)]
-    names = (*VARIABLES, *INFERRED, *further)
-    results = frames.gather(names, direction=direction, derive={MOTION: style.classes_of})
-    return results.assign_attrs(frames.audit())
+    names = (*VARIABLES, *further)
+    return gather(frames, names, cells, direction=direction, derive={MOTION: style.classes_of})
 
 
 def least_cells(amplitudes: int) -> None:

@@ -12,7 +12,6 @@ from hpcsweep.figures.inferred import (
     filled,
     inferred,
     is_by_period,
-    need_cells,
     note_of,
 )
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
@@ -47,9 +46,7 @@ def load(
     branches: Path | None = None,
 ):
     """Read the map of one direction, and special points of branches."""
-    if cells:
-        need_cells(frames)
-    results = mesh.open_map(frames, value, direction)
+    results = mesh.open_map(frames, value, direction, cells)
     if branches is not None:
         results = with_specials(results, branches, frames.study.structure)
     return results

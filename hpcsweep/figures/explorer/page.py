@@ -25,17 +25,6 @@ from hpcsweep.model.modes import per_mass
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 
-SCRIPTS = (
-    "codec.js",
-    "integrate.js",
-    "colours.js",
-    "map.js",
-    "diagrams.js",
-    "portraits.js",
-    "branches.js",
-    "words.js",
-    "main.js",
-)
 DEFAULT_BITS = 12
 VALUE_BITS = {"drift": 16, "lyapunov": 16}
 NORM_BITS = 12
@@ -67,22 +56,22 @@ def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str
         Bytes of each part.
     """
     meta, texts = _pack(study, bits)
-    assets = files(__package__) / "assets"
-    vendor = files(__package__) / "vendor"
     parts = {
         "TITLE": html.escape(f"{study.name}: explorer"),
-        "STYLE": (vendor / "uPlot.min.css").read_text() + (assets / "explorer.css").read_text(),
-        "LICENCE": (vendor / "uPlot.LICENSE").read_text(),
-        "LIBRARY": (vendor / "uPlot.iife.min.js").read_text(),
-        "PROGRAM": "\n".join((assets / name).read_text() for name in SCRIPTS),
         "META": json.dumps(meta, allow_nan=False).replace("<", "\\u003c"),
         "DATA": "\n".join(
             f'<script type="text/plain" id="data-{name}">{text}</script>'
             for name, text in texts.items()
         ),
     }
-    template = (assets / "page.html").read_text()
-    page = re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], template)
+
+    def filled(place: re.Match) -> str:
+        """Return one of the parts, or else the text of a file."""
+        name = place[1]
+        return parts[name] if name in parts else (files(__package__) / name).read_text()
+
+    template = (files(__package__) / "assets/page.html").read_text()
+    page = re.sub(r"\{\{([\w/.]+)\}\}", filled, template)
     sizes = {name: len(text) for name, text in texts.items()}
     return page, {"program": len(page) - sum(sizes.values()), **sizes}
 

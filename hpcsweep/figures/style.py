@@ -28,6 +28,8 @@ LEGEND_ROOM = 24
 """Letters of a contact set's name in a legend."""
 FEW, FEW_ROOM = 25, 0.02
 """Amplitudes whose outer points get room within the frame, and that room, in spans."""
+COLUMNS = 3
+"""Of equal panels, at most."""
 CAPTION_ROOM = 92
 """Letters of a line of a caption."""
 SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "zeta_i": r"\zeta_i", "g_L": "g_L"}
@@ -137,9 +139,7 @@ def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
     )
 
 
-def new_panels(
-    count: int, most_columns: int, size: Callable[[int, int], tuple[float, float]], **shared
-):
+def new_panels(count: int, size: Callable[[int, int], tuple[float, float]], **shared):
     """Make a figure of equal panels, row by row.
 
     Parameters
@@ -151,7 +151,7 @@ def new_panels(
     -------
     figure, list of axes
     """
-    columns = min(count, most_columns)
+    columns = min(count, COLUMNS)
     rows = -(-count // columns)
     figure, axes = new_grid(rows, columns, size(columns, rows), **shared)
     for axis in axes.flat[count:]:

@@ -51,19 +51,15 @@ def draw(results, cells: bool | None = None, **_options):
     counts = [("number of attractors", number, 1)]
     if MISSED in results:
         counts.append(("attractors that no sweep ends on", results[MISSED].values, 0))
-    size = (7.2 if len(counts) == 1 else 10.6, mesh.map_height(results, 5.2))
-    figure, axes = style.new_grid(1, len(counts), size, sharex=True, sharey=True)
-    for axis, (name, values, least) in zip(axes.flat, counts, strict=True):
+    height = mesh.map_height(results, 5.2)
+    figure, axes = mesh.panels(len(counts), (7.2, height), (5.3, height))
+    for axis, (name, values, least) in zip(axes, counts, strict=True):
         _panel(axis, results, name, values, least)
-    mesh.finish(axes.flat, results, cells)
+    mesh.finish(axes, results, cells)
     study = style.study_of(results, Attractors)
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * study.starts, 1)
     note = f"{starts_words(study)}; undecided {style.percent(float(undecided))}"
-    return style.head(
-        figure,
-        "\n".join(filter(None, (style.caption(results), note, note_of(results)))),
-        fontsize=10,
-    )
+    return style.head(figure, style.caption(results), note, note_of(results))
 
 
 def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:

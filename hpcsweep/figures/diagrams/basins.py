@@ -20,14 +20,8 @@ start goes to"""
 OPTIONS = (CELLS,)
 OTHERS = [
     (ELSEWHERE, "other attractors", palette.OTHER_MOTION),
-    *(
-        (
-            number,
-            CLASS_NAMES[kind],
-            palette.MOTION_COLOURS[palette.MOTION_NAMES.index(CLASS_NAMES[kind])],
-        )
-        for number, kind in ((UNDECIDED, MotionClass.UNDECIDED), (FAILED, MotionClass.FAILED))
-    ),
+    (UNDECIDED, *palette.MOTIONS[palette.motion_place(MotionClass.UNDECIDED, 0)]),
+    (FAILED, *palette.MOTIONS[palette.motion_place(MotionClass.FAILED, 0)]),
 ]
 """Labels of starts that go to none of the attractors listed, with names and colours."""
 MAX_COLUMNS = 3
@@ -76,7 +70,7 @@ def draw(results, cells: bool | None = None):
     _legend(figure, study, keys, index)
     amplitude = f"$A$ = {study.amplitude[0]:.6g}{labels.named(study.structure, 'acceleration')}"
     notes = f"{style.caption(results, float(study.omega[0]))},  {amplitude}", note_of(results)
-    return style.head(figure, "\n".join(filter(None, notes)), fontsize=10)
+    return style.head(figure, *notes)
 
 
 def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:

@@ -49,19 +49,15 @@ def draw(results, direction: str | None = None):
         ("(a) chaotic impacting", classes[0] == MotionClass.CHAOTIC),
         ("(b) P1 impacting", (classes[0] == MotionClass.PERIODIC) & (period == 1)),
     )
-    figure, axes = style.new_grid(
-        1, 2, (7.2, min(4.3, mesh.map_height(results, 6.4))), sharex=True, sharey=True
-    )
-    for axis, (name, chosen) in zip(axes[0], panels, strict=True):
+    size = 3.6, min(4.3, mesh.map_height(results, 6.4))
+    figure, axes = mesh.panels(len(panels), size, size)
+    for axis, (name, chosen) in zip(axes, panels, strict=True):
         _panel(axis, results, classes[0], chosen, ratio, name)
-    mesh.finish(axes[0], results)
+    mesh.finish(axes, results)
     _legend(figure, results, classes)
-    return style.head(
-        figure,
-        f"{style.caption(results)},  {style.words_of(results)}\n"
-        r"$r$ = drift with the stop / drift without it",
-        fontsize=9,
-    )
+    title = f"{style.caption(results)},  {style.words_of(results)}"
+    meaning = r"$r$ = drift with the stop / drift without it"
+    return style.head(figure, title, meaning, fontsize=9)
 
 
 def free_drift(structure, omega: float) -> float:

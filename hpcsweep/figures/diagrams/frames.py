@@ -12,7 +12,6 @@ from hpcsweep.figures.options import DIRECTION, FLOORS, Option
 from hpcsweep.solvers.outcome import Outcome
 
 MAX_FRAMES = 12
-COLUMNS = 3
 ORBIT = 2.5
 """Area of the points of an orbit, in areas of those of a motion that does not repeat."""
 MIN_WIDTH = 4.8
@@ -62,14 +61,13 @@ def draw(
     motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
     figure, axes = style.new_panels(
         len(chosen),
-        COLUMNS,
         lambda columns, rows: (max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0),
         sharex=True,
     )
     for place, axis in enumerate(axes):
         _panel(axis, results.isel(omega=place, direction=0), motions[place], floor - 1)
     figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)
-    for axis in axes[-COLUMNS:]:
+    for axis in axes[-style.COLUMNS :]:
         axis.set_xlabel(labels.amplitude(structure).removeprefix("forcing amplitude "))
         axis.tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)

@@ -84,6 +84,33 @@ def amplitudes(results) -> np.ndarray:
     return results[SCATTERED if SCATTERED in results else "amplitude"].values
 
 
+def panels(
+    count: int,
+    one: tuple[float, float],
+    each: tuple[float, float],
+    more: tuple[float, float] = (0.0, 0.0),
+):
+    """Make a figure of maps with common axes.
+
+    Parameters
+    ----------
+    count : int
+    one : tuple of float
+        Width and height (inches) of a figure of one map.
+    each, more : tuple of float
+        Of each of several maps, and of what is beside them.
+
+    Returns
+    -------
+    figure, list of axes
+    """
+
+    def size(columns: int, rows: int) -> tuple[float, float]:
+        return one if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
+
+    return style.new_panels(count, size, sharex=True, sharey=True)
+
+
 def edges_of(centres: np.ndarray) -> np.ndarray:
     """Return the borders of cells around ascending values; close ones of a single value."""
     if centres.size == 1:

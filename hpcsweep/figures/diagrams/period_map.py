@@ -33,7 +33,6 @@ ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
 """Motions whose share the legend states even if it is 0."""
 MAX_SETS = 14
 """Contact sets the legend names: the commonest."""
-MAX_COLUMNS = 3
 MAX_PANELS = 9
 """Modes shown, the lowest."""
 
@@ -80,14 +79,8 @@ def draw(
         style.need(results, value)
     results = mesh.by_frequency(results, direction)
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
-    one = 7.2, mesh.map_height(results, 5.2)
-    figure, axes = style.new_panels(
-        panels,
-        MAX_COLUMNS,
-        lambda columns, rows: one if panels == 1 else (3.6 * columns, 3.6 * rows + 0.6),
-        sharex=True,
-        sharey=True,
-    )
+    size = 7.2, mesh.map_height(results, 5.2)
+    figure, axes = mesh.panels(panels, size, (3.6, 3.6), (0.0, 0.6))
     {
         "period": _classes,
         "contact": _contact_sets,

@@ -21,7 +21,6 @@ OPTIONS = (
     Option("--over", "key on the vertical axis (default: the one with most values)", metavar="KEY"),
 )
 MAX_PANELS = 12
-COLUMNS = 3
 MAX_TICKS = 8
 """Values that are all marked on the vertical axis."""
 WIDE = 30.0
@@ -88,11 +87,12 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         over = max(free, key=lambda name: len(axes[names.index(name)].values))
     if over is None or over not in free:
         raise style.PlotError(f"--over {over}: must be one of {', '.join(free)}")
-    wanted = [[at] for at in frames.place]
-    for name in free:
-        wanted[names.index(name)] = [*range(len(axes[names.index(name)].values))]
-    rows = wanted[names.index(over)]
-    wanted[names.index(over)] = [0]
+    wanted = [
+        range(len(axis.values)) if axis.name in free else (at,)
+        for axis, at in zip(axes, frames.place, strict=True)
+    ]
+    key = names.index(over)
+    rows, wanted[key] = wanted[key], (0,)
     panels = list(itertools.product(*wanted))
     if len(panels) > MAX_PANELS:
         others = ", ".join(name for name in free if name != over)
@@ -105,9 +105,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     motion, grazing, titles, from_cells = [], [], [], []
     for panel in panels:
         for row in rows:
-            frames.choose(
-                tuple(row if n == over else at for n, at in zip(names, panel, strict=True))
-            )
+            frames.choose((*panel[:key], row, *panel[key + 1 :]))
             frame = frames.dataset(place)
             at = style.direction_index(frame, direction)
             from_cells.append(float(inferred(frame)[at, 0].mean()))
@@ -120,8 +118,8 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         motion=np.array(motion).reshape(*shape, -1),
         grazing=np.array(grazing).reshape(shape),
         titles=tuple(titles),
-        key=_words(over) + labels.unit(study.structure, axes[names.index(over)].units),
-        values=axes[names.index(over)].values,
+        key=_words(over) + labels.unit(study.structure, axes[key].units),
+        values=axes[key].values,
         amplitude=study.amplitude,
         omega=float(study.omega[place]),
         direction=study.words[study.directions[at]],
@@ -142,14 +140,7 @@ def draw(results: Panels, **_options):
     """
     if (results.motion < 0).all():
         raise style.PlotError("no run of this frame is computed yet")
-    count = len(results.titles)
-    figure, axes = style.new_panels(
-        count,
-        COLUMNS,
-        lambda columns, n: (7.2, 5.2) if count == 1 else (3.5 * columns + 1.0, 3.2 * n + 0.9),
-        sharex=True,
-        sharey=True,
-    )
+    figure, axes = mesh.panels(len(results.titles), (7.2, 5.2), (3.5, 3.2), (1.0, 0.9))
     for panel, axis in enumerate(axes):
         _panel(axis, results, panel)
         axis.set_title(results.titles[panel], fontsize=9)
@@ -160,9 +151,7 @@ def draw(results: Panels, **_options):
     mesh.legend_of_motions(figure, results.motion, [mesh.grazing_key()], (), *notes)
     at = style.frequency_words(results.structure, results.omega)
     title = rf"{results.name},  $\Omega$ = {at},  {results.direction}"
-    return style.head(
-        figure, "\n".join(filter(None, (title, share_note(results.inferred)))), fontsize=10
-    )
+    return style.head(figure, title, share_note(results.inferred))
 
 
 def _panel(axis, results: Panels, panel: int) -> None:

@@ -24,19 +24,15 @@ OPTIONS = (
         default=12,
         metavar="B",
     ),
-    Option(
-        "--frame-step",
-        "keep every Nth frame",
-        type=whole_number(1, 10_000_000),
-        default=1,
-        metavar="N",
-    ),
-    Option(
-        "--amplitude-step",
-        "keep every Nth amplitude",
-        type=whole_number(1, 10_000_000),
-        default=1,
-        metavar="N",
+    *(
+        Option(
+            f"--{each}-step",
+            f"keep every Nth {each}",
+            type=whole_number(1, 10_000_000),
+            default=1,
+            metavar="N",
+        )
+        for each in ("frame", "amplitude")
     ),
     Option(
         "--max-mb",

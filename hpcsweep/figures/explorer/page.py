@@ -11,6 +11,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams.mesh import grazing_amplitude
 from hpcsweep.figures.explorer.branches import pack_branches
 from hpcsweep.figures.explorer.encode import (
     predict_points,
@@ -34,10 +35,6 @@ INFERRED_WORDS = "inferred from its cell"
 NAME_ROOM = 40
 """Letters of a contact set's name."""
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
-
-
-class PageTooLarge(ValueError):
-    """Raised where the page would be larger than allowed; the message is one line for the user."""
 
 
 def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str, int]]:
@@ -91,11 +88,11 @@ def check_size(sizes: dict[str, int], limit: float) -> None:
 
     Raises
     ------
-    PageTooLarge
+    PlotError
     """
     total = sum(sizes.values())
     if total > limit:
-        raise PageTooLarge(
+        raise style.PlotError(
             f"the page would have {total / 1e6:.3g} MB, the limit is {limit / 1e6:.3g} MB: use "
             "fewer --points or --bits, a --frame-step or --amplitude-step, or raise --max-mb"
         )
@@ -246,10 +243,7 @@ def _plain(words: str) -> str:
 
 def _grazing(structure, omega: float) -> float | None:
     """Return the grazing amplitude; None where there is none."""
-    try:
-        amplitude = float(structure.grazing_amplitude(omega))
-    except ZeroDivisionError:
-        return 0.0
+    amplitude = grazing_amplitude(structure, omega)
     return amplitude if math.isfinite(amplitude) else None
 
 

@@ -11,7 +11,7 @@ from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, style
 from hpcsweep.figures.explorer import attractors
 from hpcsweep.figures.inferred import filled, filled_classes, inferred
-from hpcsweep.figures.measures import Measure, held_measures, measure_of
+from hpcsweep.figures.measures import held_measures, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -122,10 +122,8 @@ def gather(
         if several:
             chosen = attractors.as_runs(chosen)
         codes.append(_codes(chosen))
-        measures = {
-            name: measure_of(chosen, study.structure, name) for name in held_measures(chosen)
-        }
-        values.append(_values(chosen, measures))
+        numbers, words = _values(chosen, study.structure)
+        values.append(numbers)
         kept, u, v = _points(chosen, n, limit)
         counts.append(kept)
         points.append(u)
@@ -148,7 +146,7 @@ def gather(
         words=tuple(study.words[name] for name in study.directions),
         codes={name: np.stack([c[name] for c in codes]) for name in codes[0]},
         values={name: np.stack([v[name] for v in values]) for name in values[0]},
-        labels=_labels(measures),
+        labels=words,
         counts=np.stack(counts),
         points=np.concatenate(points),
         speed=np.stack(speed),
@@ -199,7 +197,8 @@ def _codes(frame) -> dict[str, np.ndarray]:
     return codes
 
 
-def _values(frame, measures: Mapping[str, Measure]) -> dict[str, np.ndarray]:
+def _values(frame, structure) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, str, str]]]:
+    """Return the numbers of each run, and label, place and unit of those that are measures."""
     values = {
         name: frame[name].values[:, 0].astype(np.float32)
         for name in ("drift", "lyapunov", *attractors.VALUES)
@@ -209,19 +208,14 @@ def _values(frame, measures: Mapping[str, Measure]) -> dict[str, np.ndarray]:
         norms = frame["modal_norm"].values[:, 0].astype(np.float32)
         shown = min(norms.shape[-1], labels.MAX_MODES)
         values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(shown)}
-    for name, measure in measures.items():
+    words = {}
+    for name in held_measures(frame):
+        measure = measure_of(frame, structure, name)
         sizes = frame[name].values[:, 0] * measure.factor
-        for i in range(min(len(measure.places), MAX_PLACES)):
+        for i, place in enumerate(measure.places[:MAX_PLACES]):
             values[f"{name}_{i + 1}"] = sizes[..., i].astype(np.float32)
-    return values
-
-
-def _labels(measures: Mapping[str, Measure]) -> dict[str, tuple[str, str, str]]:
-    return {
-        f"{name}_{i + 1}": (measure.label, place, measure.unit)
-        for name, measure in measures.items()
-        for i, place in enumerate(measure.places[:MAX_PLACES])
-    }
+            words[f"{name}_{i + 1}"] = measure.label, place, measure.unit
+    return values, words
 
 
 def _points(frame, n: int, limit: int):

@@ -38,6 +38,19 @@ def broken(text: str, fits: Callable[[str], bool], between: str = "(?<=,)  |(?<=
     return "\n".join(lines)
 
 
+def fitter(figure, fontsize: float, edges: float = 0.0) -> Callable[[str], bool]:
+    """Return whether a line of a size is no wider than a figure without `edges` (pixels)."""
+    renderer = figure.canvas.get_renderer()
+
+    def fits(line: str) -> bool:
+        probe = figure.text(0, 0, line, fontsize=fontsize)
+        width = probe.get_window_extent(renderer).width
+        probe.remove()
+        return bool(width <= WIDEST * figure.bbox.width - edges)
+
+    return fits
+
+
 def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str | None = None):
     """Return the key of points; `face`: inside another colour, or none."""
     from matplotlib.lines import Line2D
@@ -78,16 +91,8 @@ def legend_below(figure, handles: Sequence, title: str, most_columns: int | None
     -------
     matplotlib.legend.Legend
     """
-    room = WIDEST * figure.bbox.width
     edges = 2 * SMALL * figure.dpi / 72  # of the legend around its title
-    renderer = figure.canvas.get_renderer()
-
-    def fits(line: str) -> bool:
-        probe = figure.text(0, 0, line, fontsize=SMALLER)
-        width = probe.get_window_extent(renderer).width
-        probe.remove()
-        return bool(width <= room - edges)
-
+    fits = fitter(figure, SMALLER, edges)
     title = broken(broken(title, fits, "(?<=;) "), fits, " ")
     for columns in range(max(min(len(handles), most_columns or len(handles)), 1), 0, -1):
         legend = figure.legend(
@@ -99,7 +104,7 @@ def legend_below(figure, handles: Sequence, title: str, most_columns: int | None
             title=title,
             title_fontsize=SMALLER,
         )
-        if columns == 1 or legend.get_window_extent(renderer).width <= room:
+        if columns == 1 or legend.get_window_extent().width <= WIDEST * figure.bbox.width:
             return legend
         legend.remove()
     raise AssertionError("a legend of one column is always drawn")

@@ -141,10 +141,8 @@ def draw_cells(axis, results, vertical=None, horizontal=None) -> None:
     end = np.minimum(begin + size, last[:, None])
     if vertical is None or horizontal is None:
         vertical, horizontal = results["omega"].values, results["amplitude"].values
-    low, high = (np.stack((horizontal[k[1]], vertical[k[0]]), axis=1) for k in (begin, end))
-    corners = np.stack(
-        (low, np.stack((high[:, 0], low[:, 1]), 1), high, np.stack((low[:, 0], high[:, 1]), 1)), 1
-    )
+    x, y = (at[np.stack((begin[k], end[k]))] for k, at in ((1, horizontal), (0, vertical)))
+    corners = np.stack((x[[0, 1, 1, 0]], y[[0, 0, 1, 1]]), axis=2).swapaxes(0, 1)
     limits = axis.get_xlim(), axis.get_ylim()
     for colour, width in OUTLINES:
         cells = PolyCollection([*corners], facecolors="none", edgecolors=colour, linewidths=width)

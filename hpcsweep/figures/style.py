@@ -10,7 +10,7 @@ from string import ascii_lowercase
 import numpy as np
 
 from hpcsweep.dynamics.classify import contact_name
-from hpcsweep.figures.fitting import WIDEST, broken, legend_below
+from hpcsweep.figures.fitting import broken, fitter, legend_below
 from hpcsweep.job import Job, parse_job, part_of
 from hpcsweep.model.arguments import real
 from hpcsweep.model.structure import Structure
@@ -202,14 +202,7 @@ def save(figure, path: Path) -> None:
 def head(figure, *lines: str, fontsize: float = 10):
     """Write the head of a figure, without empty lines, broken where it is too wide; return it."""
     text = "\n".join(filter(None, lines))
-    title = figure.suptitle(text, fontsize=fontsize)
-    renderer = figure.canvas.get_renderer()
-
-    def fits(line: str) -> bool:
-        title.set_text(line)
-        return title.get_window_extent(renderer).width <= WIDEST * figure.bbox.width
-
-    title.set_text(broken(text, fits))
+    figure.suptitle(broken(text, fitter(figure, fontsize)), fontsize=fontsize)
     return figure
 
 

@@ -7,13 +7,7 @@ import numpy as np
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.special_curves import with_specials
-from hpcsweep.figures.inferred import (
-    drawn_classes,
-    filled,
-    inferred,
-    is_by_period,
-    note_of,
-)
+from hpcsweep.figures.inferred import drawn_classes, filled, inferred, is_by_period, note_of
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
 from hpcsweep.solvers.outcome import Outcome
 

@@ -12,14 +12,8 @@ import numpy as np
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.mesh import grazing_amplitude
+from hpcsweep.figures.explorer import encode
 from hpcsweep.figures.explorer.branches import pack_branches
-from hpcsweep.figures.explorer.encode import (
-    predict_points,
-    predict_rows,
-    quantise,
-    resolution,
-    to_text,
-)
 from hpcsweep.figures.explorer.page_data import PageData
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.modes import per_mass
@@ -104,7 +98,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
     arrays: dict[str, dict] = {}
 
     def add(name: str, codes: np.ndarray, row: int = 0, **notes) -> None:
-        texts[name] = to_text(predict_rows(codes) if row else codes)
+        texts[name] = encode.to_text(encode.predict_rows(codes) if row else codes)
         arrays[name] = {"bytes": codes.dtype.itemsize, "length": codes.size, "row": row, **notes}
 
     n_amplitudes = study.amplitude.size
@@ -115,8 +109,8 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         low, high = _range(values)
         own = VALUE_BITS.get(name, NORM_BITS)
         colour = _range(values, 1.0)
-        codes = quantise(values, low, high, own)
-        step = float(resolution(low, high, own))
+        codes = encode.quantise(values, low, high, own)
+        step = float(encode.resolution(low, high, own))
         notes = {"low": low, "high": high, "step": step, "colour": colour}
         if name in study.labels:
             label, place, unit_name = study.labels[name]
@@ -170,16 +164,16 @@ def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
     steps = {}
     low, high, codes = _quantise_frames(study.points, per_frame, bits)
     ranges = np.stack([low, high], axis=-1)
-    add("points", predict_points(codes, sweeps), ranges=ranges.tolist())
-    steps["points"] = float(resolution(low, high, bits).max())
+    add("points", encode.predict_points(codes, sweeps), ranges=ranges.tolist())
+    steps["points"] = float(encode.resolution(low, high, bits).max())
     speed = np.moveaxis(study.speed, -1, 0)
     with np.errstate(invalid="ignore"):
         low = np.nan_to_num(np.fmin.reduce(speed, axis=(2, 3)).T).astype(float)
         high = np.nan_to_num(np.fmax.reduce(speed, axis=(2, 3)).T).astype(float)
-    codes = quantise(speed, low.T[:, :, None, None], high.T[:, :, None, None], bits)
+    codes = encode.quantise(speed, low.T[:, :, None, None], high.T[:, :, None, None], bits)
     ranges = np.stack([low, high], axis=-1)
     add("speed", codes, study.amplitude.size, ranges=ranges.tolist())
-    steps["speed"] = float(resolution(low, high, bits).max())
+    steps["speed"] = float(encode.resolution(low, high, bits).max())
     return steps
 
 
@@ -200,7 +194,7 @@ def _quantise_frames(points: np.ndarray, per_frame: np.ndarray, bits: int):
         if count:
             own = points[end - count : end].T
             low[frame], high[frame] = own.min(axis=1), own.max(axis=1)
-            codes[:, end - count : end] = quantise(
+            codes[:, end - count : end] = encode.quantise(
                 own, low[frame, :, None], high[frame, :, None], bits
             )
     return low, high, codes

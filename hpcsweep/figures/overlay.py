@@ -9,7 +9,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.dynamics.continuation.forced import ForcedMap
-from hpcsweep.figures import style
+from hpcsweep.figures.style import PlotError
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.study import as_kind
 
@@ -67,9 +67,9 @@ class Overlay:
         self.frames = Frames(path, holds="branches")
         self.study = as_kind(self.frames.study, Branches)
         if self.study.parameter != "amplitude":
-            raise style.PlotError(f"--branches {path}: holds branches along {self.study.parameter}")
+            raise PlotError(f"--branches {path}: holds branches along {self.study.parameter}")
         if self.study.structure != structure:
-            raise style.PlotError(f"--branches {path}: is of another structure")
+            raise PlotError(f"--branches {path}: is of another structure")
 
     def at(self, omega: float) -> list[Drawn]:
         """Return the branches at a frequency, none where the file has no line."""
@@ -88,7 +88,7 @@ class Overlay:
             If there are none.
         """
         if not np.isclose(self.study.omega[:, None], omega, rtol=1e-12, atol=0.0).any():
-            raise style.PlotError(
+            raise PlotError(
                 f"--branches {self.frames.path}: has no line at any frequency that is drawn"
             )
 

@@ -78,19 +78,15 @@ def commonest_sets(
 
 def with_members(contacts: Sequence[int], structure, room: int | None = LEGEND_ROOM) -> list[str]:
     """Return `set_names`, followed by the contacts of each where these have names of their own."""
+    own = structure.contact_names.items() if structure.names.contacts else ()
+    members = (
+        ", ".join(name for number, name in own if contact >> (number - 1) & 1)
+        for contact in contacts
+    )
     names = set_names(contacts, structure.contact_labels, room)
-    if not structure.names.contacts:
-        return names
     return [
-        name + (f": {members_of(contact, structure)}" if contact else "")
-        for contact, name in zip(contacts, names, strict=True)
+        f"{name}: {words}" if words else name for name, words in zip(names, members, strict=True)
     ]
-
-
-def members_of(contact: int, structure) -> str:
-    """Return the names of the contacts of a set, as a structure of named contacts has them."""
-    own = structure.contact_names.items()
-    return ", ".join(name for number, name in own if contact >> (number - 1) & 1)
 
 
 def rarer_sets(count: int) -> str:

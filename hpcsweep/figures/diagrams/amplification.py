@@ -17,9 +17,8 @@ OPTIONS = (responses.RESPONSE,)
 load = responses.load
 
 
-def draw(results, response: str | None = None):
+def draw(results, response: str = "drift"):
     """Draw a band for each building."""
-    response = response or "drift"
     whole = responses.opened(results, response, None)
     if whole.alone is None:
         raise style.PlotError(

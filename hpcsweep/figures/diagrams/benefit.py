@@ -25,9 +25,7 @@ SHADES = (
 """(name, colour)."""
 
 
-def load(frames, direction: str | None = None):
-    """Read the maps of one direction."""
-    return mesh.open_map(frames, direction=direction)
+load = mesh.open_map
 
 
 def draw(results, direction: str | None = None):
@@ -54,7 +52,8 @@ def draw(results, direction: str | None = None):
     for axis, (name, chosen) in zip(axes, panels, strict=True):
         _panel(axis, results, classes[0], chosen, ratio, name)
     mesh.finish(axes, results)
-    _legend(figure, results, classes)
+    handles = [area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
+    style.foot(figure, handles + mesh.map_keys(results), results, classes, 4)
     title = f"{style.caption(results)},  {style.words_of(results)}"
     meaning = r"$r$ = drift with the stop / drift without it"
     return style.head(figure, title, meaning, fontsize=9)
@@ -91,8 +90,3 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
         share = style.percent(float((ratio[known] <= 1).mean()))
         note = f"beneficial: {share} of {count} runs"
     axis.set_title(f"{name}\n{note}", fontsize=9)
-
-
-def _legend(figure, results, classes) -> None:
-    handles = [area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
-    style.foot(figure, handles + mesh.map_keys(results), results, classes, 4)

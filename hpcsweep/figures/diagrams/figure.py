@@ -63,7 +63,7 @@ class Figure(Protocol):
         ------
         StoreError
             If the file lacks what is needed.
-        PlotError
+        style.PlotError
             If what was requested cannot be drawn; one line for the user.
         """
 
@@ -77,7 +77,7 @@ class Figure(Protocol):
 
         Raises
         ------
-        PlotError
+        style.PlotError
             If what was requested cannot be drawn.
         """
 

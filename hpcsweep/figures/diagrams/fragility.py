@@ -19,7 +19,7 @@ load = responses.load
 
 
 def draw(
-    results, threshold: float | None = None, response: str | None = None, place: str | None = None
+    results, threshold: float | None = None, response: str = "drift", place: str | None = None
 ):
     """Draw shares and curves.
 

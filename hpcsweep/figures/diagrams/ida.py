@@ -15,7 +15,7 @@ OPTIONS = (responses.RESPONSE, responses.PLACE)
 load = responses.load
 
 
-def draw(results, response: str | None = None, place: str | None = None):
+def draw(results, response: str = "drift", place: str | None = None):
     """Draw the curves of all records, intensity upwards."""
     stripes = responses.opened(results, response, place)
     figure, (axis,) = style.new_figure(1, 5.0)

@@ -141,7 +141,9 @@ def _exponent(figure, axes, results) -> None:
     low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
     norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
     cells = mesh.draw_mesh(axes[0], results, exponent, cmap=palette.NUMBERS, norm=norm)
-    label = labels.exponent(style.structure_of(results))
+    label = r"largest Lyapunov exponent $\lambda$" + labels.unit(
+        style.structure_of(results), "rate"
+    )
     figure.colorbar(cells, ax=axes, extend="both", label=label)
 
 

@@ -17,9 +17,8 @@ OPTIONS = (responses.RESPONSE, responses.SCALE)
 load = responses.load
 
 
-def draw(results, response: str | None = None, scale: float | None = None):
+def draw(results, response: str = "drift", scale: float | None = None):
     """Draw a panel for each building, storeys upwards."""
-    response = response or "drift"
     if response not in ("drift", "displacement", "acceleration"):
         raise style.PlotError(f"--response {response}: has no profile over the height")
     at, study = responses.scale_index(results, scale), style.study_of(results, Records)

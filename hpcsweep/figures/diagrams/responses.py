@@ -33,7 +33,7 @@ def load(frames, **_options):
     return frames.gather([*frames])
 
 
-def opened(results, response: str | None, place: str | None) -> Stripes:
+def opened(results, response: str, place: str | None) -> Stripes:
     """Return the stripes that are to be drawn.
 
     Raises
@@ -41,7 +41,7 @@ def opened(results, response: str | None, place: str | None) -> Stripes:
     PlotError
     """
     try:
-        found = stripes_of(results, style.study_of(results, Records), response or "drift", place)
+        found = stripes_of(results, style.study_of(results, Records), response, place)
     except StripesError as error:
         raise style.PlotError(str(error)) from None
     if not np.isfinite(found.values).any():

@@ -9,6 +9,7 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.inferred import drawn_classes, inferred, is_by_period, share_note
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option
+from hpcsweep.figures.style import PlotError
 
 NAME = "vary"
 DRAWS = "motions"
@@ -77,16 +78,14 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     """
     axes = frames.whole.study.axes
     if not axes:
-        raise style.PlotError(
-            f"{frames.path}: --kind {NAME} shows a key that a job varies ([vary])"
-        )
+        raise PlotError(f"{frames.path}: --kind {NAME} shows a key that a job varies ([vary])")
     style.need_amplitudes(frames.study)
     names = [axis.name for axis in axes]
     free = [name for name in names if name not in frames.given]
     if over is None and free:
         over = max(free, key=lambda name: len(axes[names.index(name)].values))
     if over is None or over not in free:
-        raise style.PlotError(f"--over {over}: must be one of {', '.join(free)}")
+        raise PlotError(f"--over {over}: must be one of {', '.join(free)}")
     wanted = [
         range(len(axis.values)) if axis.name in free else (at,)
         for axis, at in zip(axes, frames.place, strict=True)
@@ -96,9 +95,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     panels = list(itertools.product(*wanted))
     if len(panels) > MAX_PANELS:
         others = ", ".join(name for name in free if name != over)
-        raise style.PlotError(
-            f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at"
-        )
+        raise PlotError(f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at")
     if omega is not None:
         style.check_omega(frames.study.omega, omega)
     place = style.nearest_frame(frames.study.omega, omega)
@@ -139,7 +136,7 @@ def draw(results: Panels, **_options):
         If nothing is computed.
     """
     if (results.motion < 0).all():
-        raise style.PlotError("no run of this frame is computed yet")
+        raise PlotError("no run of this frame is computed yet")
     figure, axes = mesh.panels(len(results.titles), (7.2, 5.2), (3.5, 3.2), (1.0, 0.9))
     for panel, axis in enumerate(axes):
         _panel(axis, results, panel)

@@ -11,6 +11,7 @@ from hpcsweep.figures import labels, style
 from hpcsweep.figures.film import video
 from hpcsweep.figures.measures import LABELS, measure_of
 from hpcsweep.figures.overlay import Overlay
+from hpcsweep.figures.style import PlotError
 from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
@@ -77,22 +78,18 @@ def check(request: Request) -> None:
         If the file is not a campaign file, or holds no stroboscopic points.
     """
     if request.output.suffix.lower() not in video.ENDINGS:
-        raise style.PlotError(
-            f"--output {request.output}: must end in {' or '.join(video.ENDINGS)}"
-        )
+        raise PlotError(f"--output {request.output}: must end in {' or '.join(video.ENDINGS)}")
     for path in (request.output, request.poster):
         if path is not None and not path.parent.is_dir():
-            raise style.PlotError(f"{path}: folder {path.parent} does not exist")
+            raise PlotError(f"{path}: folder {path.parent} does not exist")
         if path is not None and path.is_dir():
-            raise style.PlotError(f"{path}: is a folder")
+            raise PlotError(f"{path}: is a folder")
     if request.poster is not None and request.poster.suffix.lower() != ".png":
-        raise style.PlotError(f"--poster {request.poster}: must end in .png")
+        raise PlotError(f"--poster {request.poster}: must end in .png")
     if request.is_gif and request.fps > video.MAX_GIF_RATE:
-        raise style.PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
+        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
     if request.width and (request.width % 2 or not MIN_WIDTH <= request.width <= MAX_WIDTH):
-        raise style.PlotError(
-            f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}"
-        )
+        raise PlotError(f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}")
     with contextlib.closing(Frames(request.file, at=request.at)) as frames:
         _check_file(request, frames)
     video.find_ffmpeg()
@@ -100,13 +97,11 @@ def check(request: Request) -> None:
 
 def _check_file(request: Request, frames: Frames) -> None:
     if request.show and request.show not in LABELS:
-        raise style.PlotError(f"--show {request.show}: must be one of {', '.join(LABELS)}")
+        raise PlotError(f"--show {request.show}: must be one of {', '.join(LABELS)}")
     needed = (request.show or "poincare", *(("contact",) if request.color == "contact" else ()))
     for name in needed:
         if name not in frames:
-            raise style.PlotError(
-                f"{request.file}: holds no {name}: set output.{name} = true in the job"
-            )
+            raise PlotError(f"{request.file}: holds no {name}: set output.{name} = true in the job")
     study, structure = as_kind(frames.study, RunGrid), frames.job.structure
     style.need_amplitudes(study)
     n = structure.n_floors
@@ -115,9 +110,9 @@ def _check_file(request: Request, frames: Frames) -> None:
     labels.choose_floors(n, request.floors)
     if request.branches:
         if request.show:
-            raise style.PlotError(f"--branches {request.branches}: does not go with --show")
+            raise PlotError(f"--branches {request.branches}: does not go with --show")
         with contextlib.closing(Overlay(request.branches, structure)) as overlay:
             overlay.need(np.sort(study.omega)[:: request.every])
     if request.direction not in ("both", *study.directions):
         there = ", ".join(study.directions)
-        raise style.PlotError(f"--direction {request.direction}: {request.file} holds {there}")
+        raise PlotError(f"--direction {request.direction}: {request.file} holds {there}")

@@ -15,8 +15,8 @@ from typing import BinaryIO, cast
 
 import numpy as np
 
-from hpcsweep.figures import style
 from hpcsweep.figures.cielab import rgb
+from hpcsweep.figures.style import PlotError
 
 ENDINGS = (".mp4", ".gif")
 QUALITY = "20"
@@ -48,7 +48,7 @@ def find_ffmpeg() -> str:
 
         return imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError):
-        raise style.PlotError(
+        raise PlotError(
             "no ffmpeg: install the extra 'video' (pip install 'hpcsweep[video]', that is "
             "imageio-ffmpeg)"
         ) from None

@@ -1,10 +1,8 @@
 """Drift and mean modal norms of one frame against the amplitude, with those without a stop."""
 
-from typing import Any
-
 import numpy as np
 
-from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.benefit import free_drift
 from hpcsweep.figures.diagrams.figure import load_frame, open_frame
@@ -64,56 +62,44 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
 
 
 def _drift(axis, frame, classes, free: float) -> None:
-    amplitude = frame["amplitude"].values
-    for d, direction in enumerate(frame["direction"].values):
-        name = str(direction)
-        chaos = classes[d] == MotionClass.CHAOTIC
+    amplitude, chaotic = (
+        frame["amplitude"].values,
+        dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]],
+    )
+    names = _directions(frame)
+    for direction, drift, row in zip(names, frame["drift"].values, classes, strict=True):
+        chaos, marker = row == MotionClass.CHAOTIC, style.MARKERS[direction]
         for chosen, colour, label in (
-            (~chaos, palette.DIRECTIONS[name], name),
-            (
-                chaos,
-                palette.MOTION_COLOURS[palette.motion_place(MotionClass.CHAOTIC, 0)],
-                f"{name}, chaotic",
-            ),
+            (~chaos, palette.DIRECTIONS[direction], direction),
+            (chaos, chaotic, f"{direction}, chaotic"),
         ):
-            if not chosen.any():
-                continue
-            axis.plot(
-                amplitude[chosen],
-                frame["drift"].values[d][chosen],
-                label=label,
-                **_looks(style.MARKERS[name], colour, name),
-            )
+            if chosen.any():
+                _plot(axis, amplitude[chosen], drift[chosen], marker, colour, direction, label)
     axis.axhline(free, color="black", linewidth=1.1, linestyle=DASHES[0], label="without stop")
     axis.set_ylabel(r"normalised drift $\delta$  [$A/\Omega^2$]")
 
 
-def _looks(marker: str, colour: str, direction: str) -> dict[str, Any]:
-    """Return the style of points, hollow on the way down."""
+def _directions(frame) -> list[str]:
+    return [str(name) for name in frame["direction"].values]
+
+
+def _plot(axis, x, y, marker: str, colour: str, direction: str, label: str) -> None:
+    """Draw points, hollow on the way down."""
     face = "none" if direction == DOWN else colour
-    size = {"markersize": 2.4, "markeredgewidth": 0.5}
-    return {"ls": "none", "marker": marker, "color": colour, "markerfacecolor": face, **size}
+    looks = {"color": colour, "markerfacecolor": face, "markersize": 2.4, "markeredgewidth": 0.5}
+    axis.plot(x, y, marker, label=label, **looks)
 
 
 def _norms(axis, frame, free: np.ndarray) -> None:
     amplitude = frame["amplitude"].values
     shown = min(frame.sizes["mode"], labels.MAX_MODES)
     for mode in range(shown):
-        colour = palette.mode_colour(mode, shown)
-        for d, direction in enumerate(frame["direction"].values):
-            axis.plot(
-                amplitude,
-                frame["modal_norm"].values[d, :, mode],
-                label=f"mode {mode + 1}, {direction}",
-                **_looks("os^D<>pX*h"[mode % 10], colour, str(direction)),
-            )
-        axis.axhline(
-            free[mode],
-            color=colour,
-            linewidth=1.1,
-            linestyle=DASHES[mode % len(DASHES)],
-            label=f"mode {mode + 1}, without stop",
-        )
+        colour, marker = palette.mode_colour(mode, shown), "os^D<>pX*h"[mode % 10]
+        for direction, norm in zip(_directions(frame), frame["modal_norm"].values, strict=True):
+            label = f"mode {mode + 1}, {direction}"
+            _plot(axis, amplitude, norm[:, mode], marker, colour, direction, label)
+        looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
+        axis.axhline(free[mode], label=f"mode {mode + 1}, without stop", **looks)
     axis.set_ylabel(r"mean modal norm $\eta_j$ free of contact")
     if shown < frame.sizes["mode"]:
         title = f"the lowest {shown} of {frame.sizes['mode']} modes"

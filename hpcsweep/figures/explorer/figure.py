@@ -8,7 +8,6 @@ WRITES = (".html",)
 HELP = """\
 Make one self-contained page: the map over (A, Omega); pointing at it shows the orbit diagram of
 that frame, clicking the phase portrait and numbers of that run."""
-MAX_MB = 150.0
 OPTIONS = (
     BRANCHES,
     Option(
@@ -38,7 +37,7 @@ OPTIONS = (
         "--max-mb",
         "refuse to write a larger page (default: %(default)g)",
         type=positive,
-        default=MAX_MB,
+        default=150.0,
         metavar="MB",
     ),
 )

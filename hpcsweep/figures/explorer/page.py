@@ -162,18 +162,19 @@ def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
     if not per_frame.any():
         return {}
     steps = {}
+
+    def add_ranged(name: str, codes: np.ndarray, low, high, row: int = 0) -> None:
+        add(name, codes, row, ranges=np.stack([low, high], axis=-1).tolist())
+        steps[name] = float(encode.resolution(low, high, bits).max())
+
     low, high, codes = _quantise_frames(study.points, per_frame, bits)
-    ranges = np.stack([low, high], axis=-1)
-    add("points", encode.predict_points(codes, sweeps), ranges=ranges.tolist())
-    steps["points"] = float(encode.resolution(low, high, bits).max())
+    add_ranged("points", encode.predict_points(codes, sweeps), low, high)
     speed = np.moveaxis(study.speed, -1, 0)
     with np.errstate(invalid="ignore"):
         low = np.nan_to_num(np.fmin.reduce(speed, axis=(2, 3)).T).astype(float)
         high = np.nan_to_num(np.fmax.reduce(speed, axis=(2, 3)).T).astype(float)
     codes = encode.quantise(speed, low.T[:, :, None, None], high.T[:, :, None, None], bits)
-    ranges = np.stack([low, high], axis=-1)
-    add("speed", codes, study.amplitude.size, ranges=ranges.tolist())
-    steps["speed"] = float(encode.resolution(low, high, bits).max())
+    add_ranged("speed", codes, low, high, study.amplitude.size)
     return steps
 
 

@@ -10,6 +10,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -173,8 +174,8 @@ def make(
         On every rank, if no run is complete.
     """
     name = f".{request.output.name}."
-    new_folder = lambda: Path(tempfile.mkdtemp(prefix=name, dir=request.output.parent))  # noqa: E731
-    folder = _on_first(request, comm, new_folder)
+    new_folder = partial(tempfile.mkdtemp, prefix=name, dir=request.output.parent)
+    folder = Path(_on_first(request, comm, new_folder))
     try:
         film = Film(request, folder)
         shown = progress(2 * len(film.order), 0) if progress and comm.rank == 0 else None

@@ -6,7 +6,7 @@ from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
-from hpcsweep.figures.fitting import area, legend_below
+from hpcsweep.figures.fitting import area, dot, legend_below
 from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS
 from hpcsweep.studies.basins.slice import SliceGrid
@@ -75,8 +75,6 @@ def draw(results, cells: bool | None = None):
 
 def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
     """Put the attractors with their shares of the starts, and a title, below the panel."""
-    from matplotlib.lines import Line2D
-
     total = int((index >= 0).sum())
     handles: list = []
     for place, (number, name, colour) in enumerate(keys):
@@ -84,9 +82,7 @@ def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
         if count or number > 0:
             text = f"{name}  {style.percent(count / total)}"
             handles.append(area(text, colour))
-    point = Line2D([], [], linestyle="none", marker="o", mfc="none", mec="0.1", markersize=5)
-    point.set_label("a point of each (triangle: outside)")
-    handles.append(point)
+    handles.append(dot("a point of each (triangle: outside)", "0.1", face="none"))
     legend_below(figure, handles, f"{total:,} starts; {_rest(study)}", MAX_COLUMNS)
 
 

@@ -35,16 +35,9 @@ def draw(results, omega: float | None = None, direction: str | None = None):
     for axis, name in zip(axes, shown, strict=True):
         measure = measure_of(results, structure, name)
         for place, words in enumerate(measure.places[:MAX_LINES]):
-            values = frame[name].isel({measure.dim: place}).where(done)
-            axis.plot(
-                frame["amplitude"],
-                values * measure.factor[place],
-                ".-",
-                markersize=3,
-                linewidth=0.8,
-                color=palette.series_colour(place),
-                label=words,
-            )
+            values = frame[name].isel({measure.dim: place}).where(done) * measure.factor[place]
+            looks = {"markersize": 3, "linewidth": 0.8, "color": palette.series_colour(place)}
+            axis.plot(frame["amplitude"], values, ".-", label=words, **looks)
         axis.set_ylabel(measure.label + measure.unit)
         axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)

@@ -165,9 +165,8 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
         names = [style.contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
         whole = [style.contact_name(c, labels).replace("none", "–") for c in region.contacts]
         if not wide or names != whole:
-            shortened.append(
-                f"({style.roman(number)}) {' / '.join(whole)}".replace("–", "no contact")
-            )
+            sets = " / ".join(whole).replace("–", "no contact")
+            shortened.append(f"({style.roman(number)}) {sets}")
         sets = "\n".join(names)
         label = f"({style.roman(number)})\n{sets}" if wide else f"({style.roman(number)})"
         middle = 0.5 * (left + right)
@@ -177,18 +176,10 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
         while level < len(taken) and middle - half < taken[level]:
             level += 1
         taken[level:] = [middle + half]
-        top.annotate(
-            label,
-            (middle, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, 3 + 30 * level),
-            textcoords="offset points",
-            ha="center",
-            va="bottom",
-            fontsize=7,
-            linespacing=1.05,
-            rotation=0 if wide else 90,
-        )
+        at = (middle, 1.0), (0, 3 + 30 * level)
+        where = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
+        looks = {"fontsize": 7, "linespacing": 1.05, "rotation": 0 if wide else 90}
+        top.annotate(label, *at, ha="center", va="bottom", **where, **looks)
     return _words_of_regions(len(regions), shortened)
 
 

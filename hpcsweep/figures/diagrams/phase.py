@@ -198,17 +198,9 @@ def _row(axes, one: Frame, motion: Motion, label: str, colour: str) -> None:
         style.draw_lattice(axis)
         axis.tick_params(labelsize=8)
         axis.set_ylabel(labels.velocity(one.structure, floor), fontsize=8)
-    next(iter(axes.values())).annotate(
-        label,
-        (0, 1),
-        xycoords="axes fraction",
-        xytext=(-48, 4),
-        textcoords="offset points",
-        fontsize=8,
-        va="bottom",
-        ha="left",
-        annotation_clip=False,
-    )
+    where = {"xycoords": "axes fraction", "textcoords": "offset points", "annotation_clip": False}
+    first = next(iter(axes.values()))
+    first.annotate(label, (0, 1), (-48, 4), fontsize=8, va="bottom", ha="left", **where)
 
 
 def _stops(axis, structure, floor: int) -> None:

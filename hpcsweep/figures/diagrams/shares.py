@@ -111,15 +111,9 @@ def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
             text = str(number)
             if "contact" in frame:
                 text += f"\n{style.set_name(int(contact[middle]), labels)}"
-            axis.text(
-                0.5 * (edges[first] + edges[last + 1]),
-                0.5 * (layer[middle, 0] + layer[middle, 1]),
-                text,
-                ha="center",
-                va="center",
-                fontsize=7,
-                color=palette.ink(palette.MOTION_COLOURS[motion[middle]]),
-            )
+            at = 0.5 * (edges[first] + edges[last + 1]), 0.5 * layer[middle, :2].sum()
+            ink = palette.ink(palette.MOTION_COLOURS[motion[middle]])
+            axis.text(*at, text, ha="center", va="center", fontsize=7, color=ink)
 
 
 def _intervals(axis, frame, index: np.ndarray) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.mesh import edges_of
+from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.overlay import Drawn
 from hpcsweep.solvers.outcome import Outcome
 
@@ -250,8 +251,7 @@ class Picture:
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
-        dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 5}
-        points = [Line2D([], [], color=c, label=name, **dot) for c, name in self.keys.values()]
+        points = [dot(name, colour) for colour, name in self.keys.values()]
         if self._film.overlay:
             for (colour, width), word in ((STABLE, "stable branch"), (UNSTABLE, "unstable")):
                 points.append(Line2D([], [], color=colour, linewidth=0.72 * width, label=word))

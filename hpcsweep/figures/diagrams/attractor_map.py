@@ -71,14 +71,13 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
     ]
     index = np.where(values < 0, -1, np.clip(values, least, top) - least)
     mesh.draw_classes(axis, results, index, colours)
+    names = [str(least + place) for place in range(MOST)]
+    names[-1] += " or more"
+    shares = [float((index == place).mean()) for place in range(MOST)]
     handles = [
-        area(
-            f"{least + place}{' or more' if place == MOST - 1 else ''}  "
-            f"{style.percent(int((index == place).sum()) / index.size)}",
-            colour,
-        )
-        for place, colour in enumerate(colours)
-        if (index == place).any() or place < 2
+        area(f"{name}  {style.percent(share)}", colour)
+        for place, (name, colour, share) in enumerate(zip(names, colours, shares, strict=True))
+        if share or place < 2
     ]
     if (index < 0).any():
         share = style.percent(float((index < 0).mean()))

@@ -65,8 +65,7 @@ def draw(results, cells: bool | None = None):
     for _, colour, point in listed.values():
         _mark(axis, study, point, colour)
     first, second = (_label(study.structure, component) for component in study.components)
-    axis.set_xlabel(first)
-    axis.set_ylabel(second)
+    axis.set(xlabel=first, ylabel=second)
     _legend(figure, study, keys, index)
     amplitude = f"$A$ = {study.amplitude[0]:.6g}{labels.named(study.structure, 'acceleration')}"
     notes = f"{style.caption(results, float(study.omega[0]))},  {amplitude}", note_of(results)

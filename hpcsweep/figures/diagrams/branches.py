@@ -85,8 +85,7 @@ def draw(results: Read, floors: Sequence[int] = (), **_options):
             _draw_runs(axis, runs, floor)
         _draw_branches(axis, branches, floor)
         _draw_specials(axis, run, floor)
-    axis.set_xlabel(_label(study, structure))
-    axis.set_xlim(*study.span)
+    axis.set(xlabel=_label(study, structure), xlim=study.span)
     fixed = float(found["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
     legend_below(figure, _handles(run, runs is not None), "", COLUMNS)

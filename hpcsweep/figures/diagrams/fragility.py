@@ -54,10 +54,9 @@ def draw(
         _count(
             axis, free, fine[-1], color=palette.STOP, label=f"without, counted  median {median:.4g}"
         )
-    axis.set_xlabel(stripes.measure)
-    axis.set_ylabel(f"share of records that reach {threshold:g} {stripes.unit}".rstrip())
-    axis.set_xlim(0, stripes.intensity[-1])
-    axis.set_ylim(0, 1.02)
+    reach = f"share of records that reach {threshold:g} {stripes.unit}".rstrip()
+    axis.set(xlabel=stripes.measure, ylabel=reach)
+    axis.set(xlim=(0, stripes.intensity[-1]), ylim=(0, 1.02))
     responses.legend(axis, stripes.label)
     return style.head(figure, responses.title(results), found.caution or "", fontsize=9)
 

@@ -28,9 +28,6 @@ def draw(results, response: str = "drift", place: str | None = None):
     if responses.touches(stripes):
         (median,) = fractiles(stripes.alone, (0.5,))
         curve(median, ":", color=palette.STOP, linewidth=2.0, label="50 %, no contact")
-    axis.set_xlabel(stripes.label)
-    axis.set_ylabel(stripes.measure)
-    axis.set_xlim(left=0)
-    axis.set_ylim(0, intensity[-1])
+    axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, None), ylim=(0, intensity[-1]))
     responses.legend(axis, f"{len(stripes.records)} records", handlelength=3.5)
     return style.head(figure, responses.title(results), fontsize=9)

@@ -131,8 +131,7 @@ def draw_mesh(axis, results, values: np.ndarray, **options):
     matplotlib.collections.QuadMesh or PathCollection
     """
     structure = style.structure_of(results)
-    axis.set_xlabel(labels.amplitude(structure))
-    axis.set_ylabel(labels.frequency(structure))
+    axis.set(xlabel=labels.amplitude(structure), ylabel=labels.frequency(structure))
     if SCATTERED not in results:
         return paint(axis, results["amplitude"].values, results["omega"].values, values, **options)
     axis.set_facecolor(palette.NOTHING)

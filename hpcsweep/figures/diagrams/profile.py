@@ -44,8 +44,7 @@ def draw(results, response: str = "drift", scale: float | None = None):
     tallest = max(map(len, found.values()))
     for axis in axes[0]:
         axis.set_ylim(0.5, tallest + 0.5)
-    axes[0, 0].set_xlim(left=0)
-    axes[0, 0].set_ylabel(dim)
+    axes[0, 0].set(xlim=(0, None), ylabel=dim)
     responses.legend(axes[0, 0])
     where = responses.at_scale(study, at)
     return style.head(

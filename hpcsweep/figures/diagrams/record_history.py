@@ -64,6 +64,5 @@ def draw(results, record: str | None = None, scale: float | None = None, place: 
         moving.plot([], [], ":", color=palette.STOP, label="no contact")
     moving.set_ylabel("displacement" + labels.unit(structure, "length"), fontsize=8)
     moving.legend(frameon=False, fontsize=7, ncols=4, loc="upper right")
-    axes[-1].set_xlabel("time" + labels.unit(structure, "time"))
-    axes[-1].set_xlim(0, seen.time[-1])
+    axes[-1].set(xlabel="time" + labels.unit(structure, "time"), xlim=(0, seen.time[-1]))
     return style.head(figure, f"{samples.name},  {responses.at_scale(study, at)}", fontsize=9)

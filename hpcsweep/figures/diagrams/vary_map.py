@@ -141,8 +141,7 @@ def draw(results: Panels, **_options):
     for panel, axis in enumerate(axes):
         _panel(axis, results, panel)
         axis.set_title(results.titles[panel], fontsize=9)
-        axis.set_xlabel(labels.amplitude(results.structure))
-        axis.set_ylabel(results.key)
+        axis.set(xlabel=labels.amplitude(results.structure), ylabel=results.key)
         axis.label_outer()
     notes = results.by_period, bool(results.inferred)
     mesh.legend_of_motions(figure, results.motion, [mesh.grazing_key()], (), *notes)

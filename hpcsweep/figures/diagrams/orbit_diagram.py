@@ -130,15 +130,11 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
     """
     size, repeats = orbits.orbit_area(frame), frame["orbit_period"].values > 0
     fine = {"s": orbits.FINE * size, "color": group.colour, "linewidths": 0}
+    solid = {"s": size, "facecolors": group.colour, "edgecolors": "none", "linewidths": 0}
+    hollow = {"s": 1.6 * size, "facecolors": "none", "edgecolors": group.colour, "linewidths": 0.35}
     for d, direction in enumerate(frame["direction"].values):
         filled = str(direction) != DOWN
-        large = {
-            "s": size if filled else 1.6 * size,
-            "marker": style.MARKERS[str(direction)],
-            "facecolors": group.colour if filled else "none",
-            "edgecolors": "none" if filled else group.colour,
-            "linewidths": 0 if filled else 0.35,
-        }
+        large = {"marker": style.MARKERS[str(direction)], **(solid if filled else hollow)}
         own = group.runs & (np.arange(len(repeats)) == d)[:, None]
         for chosen, looks in ((~repeats, fine), (repeats, large)):
             orbits.scatter(axis, frame, own & chosen, floor, zorder=2 if filled else 3, **looks)

@@ -62,11 +62,8 @@ def draw_specials(axis, results) -> None:
     limits = axis.get_xlim(), axis.get_ylim()
     for kind, (_, _, colour) in MARKS.items():
         own = results["special_kind"].values == kind
-        axis.plot(
-            results["special_amplitude"].values[own],
-            results["special_omega"].values[own],
-            **_looks(colour, 2.6),
-        )
+        at = results["special_amplitude"].values[own], results["special_omega"].values[own]
+        axis.plot(*at, **_looks(colour, 2.6))
     if "curve_number" in results:
         for _, one in results.groupby("curve_number"):
             colour = MARKS[Kind(int(one["curve_kind"][0]))][-1]

@@ -10,6 +10,8 @@ from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.inferred import drawn_classes, inferred, is_by_period, share_note
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option
 from hpcsweep.figures.style import PlotError
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 NAME = "vary"
 DRAWS = "motions"
@@ -41,13 +43,12 @@ class Panels(NamedTuple):
     key : str
         Name of the key on the vertical axis; its values are `values`.
     values : tuple
-    amplitude : ndarray, shape (n_amplitudes,)
     omega : float
     direction : str
         In words.
     name : str
         Of the job.
-    structure : hpcsweep.Structure
+    study : RunGrid
         Of one part.
     by_period : bool
         Whether motions without a period share one class.
@@ -60,11 +61,10 @@ class Panels(NamedTuple):
     titles: tuple[str, ...]
     key: str
     values: tuple[Any, ...]
-    amplitude: np.ndarray
     omega: float
     direction: str
     name: str
-    structure: Any
+    study: RunGrid
     by_period: bool
     inferred: float
 
@@ -117,11 +117,10 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         titles=tuple(titles),
         key=_words(over) + labels.unit(study.structure, axes[key].units),
         values=axes[key].values,
-        amplitude=study.amplitude,
         omega=float(study.omega[place]),
         direction=study.words[study.directions[at]],
         name=frames.whole.name,
-        structure=study.structure,
+        study=as_kind(study, RunGrid),
         by_period=is_by_period(frame),
         inferred=float(np.mean(from_cells)),
     )
@@ -141,11 +140,11 @@ def draw(results: Panels, **_options):
     for panel, axis in enumerate(axes):
         _panel(axis, results, panel)
         axis.set_title(results.titles[panel], fontsize=9)
-        axis.set(xlabel=labels.amplitude(results.structure), ylabel=results.key)
+        axis.set(xlabel=labels.amplitude(results.study.structure), ylabel=results.key)
         axis.label_outer()
     notes = results.by_period, bool(results.inferred)
     mesh.legend_of_motions(figure, results.motion, [mesh.grazing_key()], (), *notes)
-    at = style.frequency_words(results.structure, results.omega)
+    at = style.frequency_words(results.study.structure, results.omega)
     title = rf"{results.name},  $\Omega$ = {at},  {results.direction}"
     return style.head(figure, title, share_note(results.inferred))
 
@@ -161,7 +160,7 @@ def _panel(axis, results: Panels, panel: int) -> None:
     edges = edges_to(heights)
     motions = np.ma.masked_less(cells, 0)
     looks = mesh.by_colour(palette.MOTION_COLOURS)
-    mesh.paint(axis, results.amplitude, heights, motions, edges_to, **looks)
+    mesh.paint(axis, results.study.amplitude, heights, motions, edges_to, **looks)
     if is_wide:
         axis.set_yscale("log")
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):

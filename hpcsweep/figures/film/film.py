@@ -5,6 +5,7 @@ of the axes and the classes that occur, the second paints the pieces and encodes
 The film's bytes do not depend on the number of ranks or processes.
 """
 
+import contextlib
 import shutil
 import tempfile
 from collections import Counter
@@ -179,12 +180,9 @@ def make(
     try:
         film = Film(request, folder)
         shown = progress(2 * len(film.order), 0) if progress and comm.rank == 0 else None
-        try:
+        with contextlib.closing(shown) if shown else contextlib.nullcontext():
             advance = shown.advance if shown else lambda frames: None
             n_frames = _make(film, comm, processes, advance)
-        finally:
-            if shown:
-                shown.close()
     except BaseException:
         # no other rank is waited for: the caller ends them all
         shutil.rmtree(folder, ignore_errors=True)

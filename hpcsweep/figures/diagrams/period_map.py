@@ -102,23 +102,20 @@ def _contact_sets(figure, axes, results) -> None:
     done = (results["outcome"].values[0] == Outcome.COMPLETE) | from_cells
     numbers = style.structure_of(results).contact_labels
     found = style.commonest_sets(contact[done], numbers, MAX_SETS)
-    colours = [palette.contact_colour(c, numbers) for c, _, _ in found]
     index = np.full(done.shape, -1)
     if found:
         sets = np.array([c for c, _, _ in found], contact.dtype)
         order = np.argsort(sets)
         index[done] = order[np.searchsorted(sets, contact[done], sorter=order)]
-    mesh.draw_classes(axes[0], results, index, colours or [palette.NO_CONTACT])
-    shares = [count / done.size for _, count, _ in found]
     entries = [
-        (name, colour, share)
-        for (_, _, name), colour, share in zip(found, colours, shares, strict=True)
-        if name
+        (name, palette.contact_colour(c, numbers), count / done.size) for c, count, name in found
     ]
-    rest = len(found) - len(entries)
-    if rest:
-        named = sum(share for _, _, share in entries)
-        entries.append((style.rarer_sets(rest), "none", sum(shares) - named))
+    colours = [colour for _, colour, _ in entries]
+    mesh.draw_classes(axes[0], results, index, colours or [palette.NO_CONTACT])
+    rarer = [share for name, _, share in entries if not name]
+    entries = [entry for entry in entries if entry[0]]
+    if rarer:
+        entries.append((style.rarer_sets(len(rarer)), "none", sum(rarer)))
     missing = float((~done).mean())
     is_inferred = bool(from_cells.any())
     mesh.legend_of_shares(figure, entries, missing, "failed or not computed", inferred=is_inferred)

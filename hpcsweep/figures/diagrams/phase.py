@@ -92,9 +92,8 @@ def draw(
     for row, motion in enumerate(motions):
         label, colour = _label(one, motion, row), palette.MOTION_COLOURS[index[motion]]
         _row(dict(zip(shown, axes[row], strict=True)), one, motion, label, colour)
-    for row_axes in axes:
-        for floor, axis in zip(shown, row_axes, strict=True):
-            _stops(axis, structure, floor)
+    for floor, axis in zip(shown * len(motions), axes.flat, strict=True):
+        _stops(axis, structure, floor)
     for floor, axis in zip(shown, axes[-1], strict=True):
         axis.set_xlabel(labels.displacement(structure, floor), fontsize=9)
     _legend(figure, one, {index[motion] for motion in motions})

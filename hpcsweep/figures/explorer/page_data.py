@@ -111,7 +111,11 @@ def gather(
     reader = Frames(path, ("motions", "attractors"), at)
     study, grid = as_kind(reader.study, RunGrid), Grid(reader)
     rows = range(0, grid.omega.size, frame_step)
-    _check_cells(path, len(rows), grid)
+    if len(rows) * grid.amplitude.size > MAX_CELLS:
+        raise style.PlotError(
+            f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
+            f"{grid.amplitude.size} amplitudes, more than {MAX_CELLS} places"
+        )
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points
@@ -171,15 +175,6 @@ def add_branches(study: PageData, path: Path) -> None:
     with contextlib.closing(Overlay(path, study.structure)) as overlay:
         overlay.need(study.omega)
         study.branches = [overlay.at(one) for one in study.omega.tolist()]
-
-
-def _check_cells(path: Path, n_rows: int, grid) -> None:
-    """Refuse a map of too many places."""
-    if n_rows * grid.amplitude.size > MAX_CELLS:
-        raise style.PlotError(
-            f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
-            f"{grid.amplitude.size} amplitudes, more than {MAX_CELLS} places"
-        )
 
 
 def _codes(frame) -> dict[str, np.ndarray]:

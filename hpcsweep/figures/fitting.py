@@ -2,11 +2,14 @@
 
 import re
 from collections.abc import Callable, Sequence
+from typing import Any
 
 WIDEST = 0.98
 """Share of a figure's width that its head or its legend may take."""
 SMALL, SMALLER = 8, 7.5
 """Sizes of the entries of a legend, and of the words above them (points)."""
+LEGEND: dict[str, Any] = {"fontsize": SMALL, "frameon": False}
+"""Style of legends."""
 
 
 def broken(text: str, fits: Callable[[str], bool], between: str = "(?<=,)  |(?<=;) ") -> str:
@@ -94,16 +97,9 @@ def legend_below(figure, handles: Sequence, title: str, most_columns: int | None
     edges = 2 * SMALL * figure.dpi / 72  # of the legend around its title
     fits = fitter(figure, SMALLER, edges)
     title = broken(broken(title, fits, "(?<=;) "), fits, " ")
+    looks = {"loc": "outside lower center", "title_fontsize": SMALLER, **LEGEND}
     for columns in range(max(min(len(handles), most_columns or len(handles)), 1), 0, -1):
-        legend = figure.legend(
-            handles=handles,
-            loc="outside lower center",
-            ncols=columns,
-            fontsize=SMALL,
-            frameon=False,
-            title=title,
-            title_fontsize=SMALLER,
-        )
+        legend = figure.legend(handles=handles, ncols=columns, title=title, **looks)
         if columns == 1 or legend.get_window_extent().width <= WIDEST * figure.bbox.width:
             return legend
         legend.remove()

@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.attractor_diagram import starts_words
-from hpcsweep.figures.fitting import area, blank
+from hpcsweep.figures.fitting import LEGEND, area, blank
 from hpcsweep.figures.inferred import filled, gather, inferred, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
 from hpcsweep.studies.attractors.attractors import Attractors
@@ -84,11 +84,5 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
         handles.append(blank(f"none, or not computed  {share}"))
     handles += mesh.map_keys(results)
     axis.set_title(name, fontsize=9)
-    axis.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.13),
-        ncols=3,
-        fontsize=8,
-        frameon=False,
-    )
+    where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
+    axis.legend(handles=handles, **where, **LEGEND)

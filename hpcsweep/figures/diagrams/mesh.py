@@ -9,7 +9,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
-from hpcsweep.figures.fitting import area, blank
+from hpcsweep.figures.fitting import LEGEND, area, blank
 from hpcsweep.figures.inferred import draw_cells, drawn_names, gather
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
@@ -270,15 +270,9 @@ def legend_of_shares(
     handles = [area(f"{name}  {style.percent(share)}", colour) for name, colour, share in entries]
     if missing:
         handles.append(blank(f"{missing_name}  {style.percent(missing)}"))
-    figure.legend(
-        handles=[*handles, *more],
-        loc="outside right center",
-        fontsize=8,
-        frameon=False,
-        title=f"share of {'points' if inferred else 'runs'}",
-        title_fontsize=8,
-        alignment="left",
-    )
+    title = f"share of {'points' if inferred else 'runs'}"
+    looks = {"loc": "outside right center", "alignment": "left", "title_fontsize": 8, **LEGEND}
+    figure.legend(handles=[*handles, *more], title=title, **looks)
 
 
 @functools.lru_cache(maxsize=8)

@@ -263,18 +263,12 @@ class Picture:
         y = self._bottom + below
         if keys:
             self._label(LEFT - 70, y, title, fontsize=9)
+        corner = (LEFT + 46) / WIDTH, 1 - y / self._size[1]
+        looks: dict[str, Any] = {"loc": "center left", "fontsize": 9, "frameon": False}
+        looks |= {"handletextpad": 0.3, "columnspacing": 1.1, "borderpad": 0}
         for count in range(min(len(keys), MAX_KEYS), 0, -1):
-            legend = self.figure.legend(
-                handles=keys[:count],
-                loc="center left",
-                bbox_to_anchor=((LEFT + 46) / WIDTH, 1 - y / self._size[1]),
-                ncols=count,
-                fontsize=9,
-                frameon=False,
-                handletextpad=0.3,
-                columnspacing=1.1,
-                borderpad=0,
-            )
+            keys = keys[:count]
+            legend = self.figure.legend(handles=keys, ncols=count, bbox_to_anchor=corner, **looks)
             if legend.get_window_extent().x1 < 0.99 * self.figure.bbox.width:
                 return
             legend.remove()

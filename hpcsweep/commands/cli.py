@@ -75,7 +75,6 @@ FOR_USERS = {
     "hpcsweep.store.layout": "StoreError",
     "hpcsweep.studies.ground_motion.stripes": "StripesError",
     "hpcsweep.figures.style": "PlotError",
-    "hpcsweep.figures.explorer.page": "PageTooLarge",
     "hpcsweep.parallel.mpi": "LauncherError",
 }
 """Errors that tell users on one line what is wrong, by their modules."""

@@ -67,7 +67,7 @@ def _describe(figure, default: dict[str, str]) -> str:
 
 
 def _plot(options) -> int:
-    from hpcsweep.figures.style import resolution
+    from hpcsweep.figures.style import resolution, save
     from hpcsweep.store import Frames, job_of
     from hpcsweep.studies.refine.refinement import refinement_of
 
@@ -96,6 +96,6 @@ def _plot(options) -> int:
     check_overwriting(output, PICTURE)
     frames = Frames(options.file, figure.DRAWS, options.at)
     with contextlib.closing(frames), resolution(options.dpi), writing(output):
-        figure.draw(figure.load(frames, **given), output, **given)
+        save(figure.draw(figure.load(frames, **given), **given), output)
     print(output)
     return 0

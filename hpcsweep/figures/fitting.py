@@ -1,12 +1,15 @@
-"""Keep legends and the words above them within the width of a figure."""
+"""Keys of legends; legends and the words above them, kept within the width of a figure."""
 
 import re
 from collections.abc import Callable, Sequence
+from typing import Any
 
 WIDEST = 0.98
 """Share of a figure's width that its head or its legend may take."""
 SMALL, SMALLER = 8, 7.5
 """Sizes of the entries of a legend, and of the words above them (points)."""
+LEGEND: dict[str, Any] = {"fontsize": SMALL, "frameon": False}
+"""Style of legends."""
 
 
 def broken(text: str, fits: Callable[[str], bool], between: str = "(?<=,)  |(?<=;) ") -> str:
@@ -38,6 +41,42 @@ def broken(text: str, fits: Callable[[str], bool], between: str = "(?<=,)  |(?<=
     return "\n".join(lines)
 
 
+def fitter(figure, fontsize: float, edges: float = 0.0) -> Callable[[str], bool]:
+    """Return whether a line of a size is no wider than a figure without `edges` (pixels)."""
+    renderer = figure.canvas.get_renderer()
+
+    def fits(line: str) -> bool:
+        probe = figure.text(0, 0, line, fontsize=fontsize)
+        width = probe.get_window_extent(renderer).width
+        probe.remove()
+        return bool(width <= WIDEST * figure.bbox.width - edges)
+
+    return fits
+
+
+def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str | None = None):
+    """Return the key of points; `face`: inside another colour, or none."""
+    from matplotlib.lines import Line2D
+
+    key = Line2D([], [], ls="none", marker=marker, markersize=size, color=colour, label=label)
+    key.set_markerfacecolor(face or colour)
+    return key
+
+
+def area(label: str, colour: str):
+    """Return the key of an area of a colour."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=label)
+
+
+def blank(label: str):
+    """Return the key of a hatched area, where nothing is drawn."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5, label=label)
+
+
 def legend_below(figure, handles: Sequence, title: str, most_columns: int | None = None):
     """Put a legend with a title below the panels, no wider than the figure.
 
@@ -55,28 +94,13 @@ def legend_below(figure, handles: Sequence, title: str, most_columns: int | None
     -------
     matplotlib.legend.Legend
     """
-    room = WIDEST * figure.bbox.width
     edges = 2 * SMALL * figure.dpi / 72  # of the legend around its title
-    renderer = figure.canvas.get_renderer()
-
-    def fits(line: str) -> bool:
-        probe = figure.text(0, 0, line, fontsize=SMALLER)
-        width = probe.get_window_extent(renderer).width
-        probe.remove()
-        return bool(width <= room - edges)
-
+    fits = fitter(figure, SMALLER, edges)
     title = broken(broken(title, fits, "(?<=;) "), fits, " ")
+    looks = {"loc": "outside lower center", "title_fontsize": SMALLER, **LEGEND}
     for columns in range(max(min(len(handles), most_columns or len(handles)), 1), 0, -1):
-        legend = figure.legend(
-            handles=handles,
-            loc="outside lower center",
-            ncols=columns,
-            fontsize=SMALL,
-            frameon=False,
-            title=title,
-            title_fontsize=SMALLER,
-        )
-        if columns == 1 or legend.get_window_extent(renderer).width <= room:
+        legend = figure.legend(handles=handles, ncols=columns, title=title, **looks)
+        if columns == 1 or legend.get_window_extent().width <= WIDEST * figure.bbox.width:
             return legend
         legend.remove()
     raise AssertionError("a legend of one column is always drawn")

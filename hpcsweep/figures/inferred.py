@@ -1,12 +1,12 @@
 """What figures show of points that are inferred from their cells, and how they say so."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
-from hpcsweep.figures.style import PlotError, classes_of, percent
+from hpcsweep.figures import style
 from hpcsweep.studies.refine.refinement import LABELS, Source, refinement_of
 from hpcsweep.studies.refine.variables import CELL, SOURCE, inferred_name
 
@@ -45,7 +45,7 @@ def filled_classes(results, computed=None) -> tuple[np.ndarray, np.ndarray]:
     computed : ndarray of int, optional
         Classes of the computed runs; by default they are classified.
     """
-    computed = classes_of(results) if computed is None else computed
+    computed = style.classes_of(results) if computed is None else computed
     kinds, periods = filled(results, MOTION, computed), filled(results, "orbit_period")
     if is_by_period(results):
         classes = np.where(periods > 0, MotionClass.PERIODIC, MotionClass.UNDECIDED)
@@ -81,7 +81,9 @@ def drawn_names(names: Mapping[str, Any], by_period: bool) -> dict[str, Any]:
 
 def share_note(share: float) -> str:
     """Format what share of a map is inferred; '' if nothing is."""
-    return f"{percent(1 - share)} of the points computed, the others inferred" if share else ""
+    return (
+        f"{style.percent(1 - share)} of the points computed, the others inferred" if share else ""
+    )
 
 
 def note_of(results) -> str:
@@ -91,19 +93,31 @@ def note_of(results) -> str:
         return ""
     audit: Mapping | None = results.attrs.get("audit")
     if audit:
-        text += f"; {percent(audit['low'])} to {percent(audit['high'])} of these wrong (95 %)"
+        low, high = style.percent(audit["low"]), style.percent(audit["high"])
+        text += f"; {low} to {high} of these wrong (95 %)"
     return text
 
 
-def need_cells(frames) -> None:
-    """Refuse a file of a map that is not refined.
+def gather(frames, names: Iterable[str], cells: bool | None = None, **options):
+    """Read variables, of a refined map also what is inferred, with its audit as an attribute.
+
+    Parameters
+    ----------
+    frames : hpcsweep.store.Frames
+    names : iterable of str
+    cells : bool, optional
+        Whether its cells will be outlined.
+    **options
+        Of `Frames.gather`.
 
     Raises
     ------
     PlotError
+        If there are no cells to outline.
     """
-    if refinement_of(frames.study) is None:
-        raise PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
+    if cells and refinement_of(frames.study) is None:
+        raise style.PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
+    return frames.gather((*names, *VARIABLES), **options).assign_attrs(frames.audit())
 
 
 def draw_cells(axis, results, vertical=None, horizontal=None) -> None:
@@ -127,10 +141,8 @@ def draw_cells(axis, results, vertical=None, horizontal=None) -> None:
     end = np.minimum(begin + size, last[:, None])
     if vertical is None or horizontal is None:
         vertical, horizontal = results["omega"].values, results["amplitude"].values
-    low, high = (np.stack((horizontal[k[1]], vertical[k[0]]), axis=1) for k in (begin, end))
-    corners = np.stack(
-        (low, np.stack((high[:, 0], low[:, 1]), 1), high, np.stack((low[:, 0], high[:, 1]), 1)), 1
-    )
+    x, y = (at[np.stack((begin[k], end[k]))] for k, at in ((1, horizontal), (0, vertical)))
+    corners = np.stack((x[[0, 1, 1, 0]], y[[0, 0, 1, 1]]), axis=2).swapaxes(0, 1)
     limits = axis.get_xlim(), axis.get_ylim()
     for colour, width in OUTLINES:
         cells = PolyCollection([*corners], facecolors="none", edgecolors=colour, linewidths=width)

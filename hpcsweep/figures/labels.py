@@ -39,11 +39,6 @@ def frequency(structure) -> str:
     return r"forcing frequency $\Omega$" + unit(structure, "frequency")
 
 
-def exponent(structure) -> str:
-    """Label the largest Lyapunov exponent."""
-    return r"largest Lyapunov exponent $\lambda$" + unit(structure, "rate")
-
-
 def unit(structure, quantity: str) -> str:
     """Format the unit that follows a label; empty where it has no name."""
     is_length = quantity in ("length", "velocity", "acceleration")

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.figures.labels import unit
+from hpcsweep.figures import labels
 from hpcsweep.studies.variables import DRIFT_RATIO, percent_of_height
 
 LABELS = {
@@ -55,5 +55,5 @@ def measure_of(results, structure, name: str) -> Measure:
     percent = percent_of_height(results)
     if name == "storey_drift" and percent is not None:
         return Measure(DRIFT_RATIO, "  [%]", dim, places, percent)
-    own = "" if quantity == "1" else unit(structure, quantity)
+    own = "" if quantity == "1" else labels.unit(structure, quantity)
     return Measure(label, own, dim, places, np.ones(len(places)))

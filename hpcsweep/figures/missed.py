@@ -4,6 +4,7 @@ A run of the sweep is taken to end on the attractor nearest to its last points, 
 these points. The sweep misses an attractor on which no run ends.
 """
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +40,9 @@ def missed_attractors(found: Frames, sweep: Path) -> np.ndarray:
     StoreError
         If the files are of other kinds or of different structures, or the sweep lacks a point.
     """
-    runs = Frames(sweep, at=found.at)
-    try:
+    with contextlib.closing(Frames(sweep, at=found.at)) as runs:
         rows = _common(found, runs, sweep)
         return np.array([_of_frame(found, runs, k, *rows[k]) for k in range(len(rows))])
-    finally:
-        runs.close()
 
 
 def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndarray]]:

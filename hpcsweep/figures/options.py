@@ -6,8 +6,7 @@ import.
 """
 
 import argparse
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -40,26 +39,23 @@ file holds is the default."""
 PICTURE = (".png",)
 
 
-@dataclass(frozen=True)
 class Option:
     """An option of the command line.
 
-    Attributes
+    Parameters
     ----------
     flag : str
         Such as ``--omega``. Figures that share a flag share the whole option.
     help : str
         Meaning and default; the command adds the figures that know it.
-    keyword : str
-        Name under which the figure takes the value.
-    arguments : dict
-        Further arguments of `argparse.ArgumentParser.add_argument`.
+    **arguments
+        Further ones of `argparse.ArgumentParser.add_argument`; the figure takes the value under
+        the name ``dest``, by default that of the flag.
     """
 
-    flag: str
-    help: str
-    keyword: str
-    arguments: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    def __init__(self, flag: str, help: str, **arguments: Any):
+        self.flag, self.help, self.arguments = flag, help, arguments
+        self.keyword = arguments.setdefault("dest", flag.removeprefix("--").replace("-", "_"))
 
 
 def figures(writes: tuple[str, ...] = PICTURE) -> dict[str, Any]:
@@ -76,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser, known: Iterable[Any], named: bo
     for option in options_of(known):
         kinds = ", ".join(figure.NAME for figure in known if option in figure.OPTIONS)
         words = f"{option.help}; {kinds}" if named else option.help
-        parser.add_argument(option.flag, dest=option.keyword, help=words, **option.arguments)
+        parser.add_argument(option.flag, help=words, **option.arguments)
 
 
 def options_of(known: Iterable[Any]) -> list[Option]:
@@ -113,41 +109,33 @@ def positive(text: str) -> float:
     return value
 
 
-OMEGA = Option(
-    "--omega",
-    "frequency; the nearest frame is drawn (default: the first)",
-    "omega",
-    {"type": float},
-)
+OMEGA = Option("--omega", "frequency; the nearest frame is drawn (default: the first)", type=float)
 SWEEP = Option(
     "--sweep",
     "results of an amplitude sweep over the same points, or amplitudes",
-    "sweep",
-    {"type": Path, "metavar": "FILE"},
+    type=Path,
+    metavar="FILE",
 )
 FLOORS = Option(
     "--floor",
     "floor shown; may be given several times (default: all of up to 5; of more the first, the "
     "middle and the top)",
-    "floors",
-    {"type": int, "action": "append", "metavar": "I"},
+    dest="floors",
+    type=int,
+    action="append",
+    metavar="I",
 )
 BRANCHES = Option(
     "--branches",
     "branches along the amplitude, of the same structure, laid over it: stable full, unstable "
     "thin; over a map their special points and curves",
-    "branches",
-    {"type": Path, "metavar": "FILE"},
+    type=Path,
+    metavar="FILE",
 )
 CELLS = Option(
     "--cells",
     "outline the cells of a refined map from which points are inferred",
-    "cells",
-    {"action": "store_true", "default": None},
+    action="store_true",
+    default=None,
 )
-DIRECTION = Option(
-    "--direction",
-    "sweep drawn (default: the first)",
-    "direction",
-    {"choices": ("up", "down")},
-)
+DIRECTION = Option("--direction", "sweep drawn (default: the first)", choices=("up", "down"))

@@ -117,6 +117,11 @@ def motion_place(kind: MotionClass, period: int) -> int:
     return int(motion_index(np.array([kind]), np.array([period]))[0])
 
 
+def period_colour(period: int) -> str:
+    """Return the colour of orbits of a period."""
+    return MOTION_COLOURS[min(period, LONGEST + 1)]
+
+
 @lru_cache(maxsize=4096)
 def contact_colour(contact: int, labels: int | tuple[str, ...]) -> str:
     """Return the colour of a contact set, which depends on the set alone.
@@ -165,19 +170,19 @@ def series_colour(place: int) -> str:
 
 def mode_colour(mode: int, n_modes: int) -> str:
     """Return the colour of a mode (from 0), dark to light."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex as hex_of
-
     first, last = _MODE_RANGE
-    return hex_of(colormaps["viridis"](first + (last - first) * mode / max(n_modes - 1, 1)))
+    return _of_map("viridis", first + (last - first) * mode / max(n_modes - 1, 1))
 
 
 def count_colour(place: int, n_places: int) -> str:
     """Return the colour of a small count (from 0): of the colour map of numbers, light to dark."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex as hex_of
+    return _of_map(NUMBERS, 0.85 * (1.0 - place / max(n_places - 1, 1)))
 
-    return hex_of(colormaps[NUMBERS](0.85 * (1.0 - place / max(n_places - 1, 1))))
+
+def _of_map(name: str, share: float) -> str:
+    from matplotlib import colormaps, colors
+
+    return colors.to_hex(colormaps[name](share))
 
 
 def ink(colour: str) -> str:

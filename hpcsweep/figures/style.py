@@ -1,15 +1,16 @@
 """Labels, panels and legends of all figures; colours are in `hpcsweep.figures.palette`."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from string import ascii_lowercase
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import contact_name
-from hpcsweep.figures.fitting import WIDEST, broken, legend_below
+from hpcsweep.figures.fitting import broken, fitter, legend_below
 from hpcsweep.job import Job, parse_job, part_of
 from hpcsweep.model.arguments import real
 from hpcsweep.model.structure import Structure
@@ -27,6 +28,8 @@ LEGEND_ROOM = 24
 """Letters of a contact set's name in a legend."""
 FEW, FEW_ROOM = 25, 0.02
 """Amplitudes whose outer points get room within the frame, and that room, in spans."""
+COLUMNS = 3
+"""Of equal panels, at most."""
 CAPTION_ROOM = 92
 """Letters of a line of a caption."""
 SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "zeta_i": r"\zeta_i", "g_L": "g_L"}
@@ -53,21 +56,37 @@ def set_names(
     return [names[contact] for contact in contacts]
 
 
+def commonest_sets(
+    contacts: np.ndarray, labels: int | Sequence[str], most: int
+) -> list[tuple[int, int, str]]:
+    """Return the contact sets of runs, small ones first, with their numbers of runs and names.
+
+    Parameters
+    ----------
+    contacts : ndarray of int
+    labels : int or sequence of str
+        `Structure.contact_labels`.
+    most : int
+        Sets that have a name; that of rarer ones is empty.
+    """
+    sets, counts = (part.tolist() for part in np.unique(contacts, return_counts=True))
+    named = sorted(range(len(sets)), key=lambda k: -counts[k])[:most]
+    names = dict(zip(named, set_names([sets[k] for k in named], labels), strict=True))
+    order = sorted(range(len(sets)), key=lambda k: (sets[k].bit_count(), sets[k]))
+    return [(sets[k], counts[k], names.get(k, "")) for k in order]
+
+
 def with_members(contacts: Sequence[int], structure, room: int | None = LEGEND_ROOM) -> list[str]:
     """Return `set_names`, followed by the contacts of each where these have names of their own."""
+    own = structure.contact_names.items() if structure.names.contacts else ()
+    members = (
+        ", ".join(name for number, name in own if contact >> (number - 1) & 1)
+        for contact in contacts
+    )
     names = set_names(contacts, structure.contact_labels, room)
-    if not structure.names.contacts:
-        return names
     return [
-        name + (f": {members_of(contact, structure)}" if contact else "")
-        for contact, name in zip(contacts, names, strict=True)
+        f"{name}: {words}" if words else name for name, words in zip(names, members, strict=True)
     ]
-
-
-def members_of(contact: int, structure) -> str:
-    """Return the names of the contacts of a set, as a structure of named contacts has them."""
-    own = structure.contact_names.items()
-    return ", ".join(name for number, name in own if contact >> (number - 1) & 1)
 
 
 def rarer_sets(count: int) -> str:
@@ -82,18 +101,16 @@ def new_figure(n_rows: int, height: float, width: float = 7.2):
     -------
     figure, list of axes
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(
-        n_rows, 1, figsize=(width, height), sharex=True, squeeze=False, layout="constrained"
-    )
+    figure, axes = new_grid(n_rows, 1, (width, height), sharex=True)
     for axis in axes[:, 0]:
-        axis.grid(True, color="0.92", linewidth=0.6)
-        axis.set_axisbelow(True)
+        draw_lattice(axis)
     return figure, list(axes[:, 0])
+
+
+def draw_lattice(axis) -> None:
+    """Draw faint lines at the ticks, under all else."""
+    axis.grid(True, color="0.92", linewidth=0.6)
+    axis.set_axisbelow(True)
 
 
 def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
@@ -116,6 +133,32 @@ def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
     return pyplot.subplots(
         n_rows, n_columns, figsize=size, squeeze=False, layout="constrained", **shared
     )
+
+
+def new_panels(count: int, size: Callable[[int, int], tuple[float, float]], **shared):
+    """Make a figure of equal panels, row by row.
+
+    Parameters
+    ----------
+    size : callable
+        Return the width and the height in inches for a number of columns and of rows.
+
+    Returns
+    -------
+    figure, list of axes
+    """
+    columns = min(count, COLUMNS)
+    rows = -(-count // columns)
+    figure, axes = new_grid(rows, columns, size(columns, rows), **shared)
+    for axis in axes.flat[count:]:
+        axis.set_visible(False)
+    return figure, list(axes.flat[:count])
+
+
+def letter(axes: Sequence) -> None:
+    """Letter the panels of a figure, from (a)."""
+    for axis, name in zip(axes, ascii_lowercase, strict=False):
+        axis.set_title(f"({name})", loc="left", fontsize=9)
 
 
 def limit_amplitudes(axis, amplitude: np.ndarray) -> None:
@@ -152,16 +195,11 @@ def save(figure, path: Path) -> None:
         pyplot.close(figure)
 
 
-def head(figure, text: str, fontsize: float = 10) -> None:
-    """Write the head of a figure, broken between its parts where it is too wide."""
-    title = figure.suptitle(text, fontsize=fontsize)
-    renderer = figure.canvas.get_renderer()
-
-    def fits(line: str) -> bool:
-        title.set_text(line)
-        return title.get_window_extent(renderer).width <= WIDEST * figure.bbox.width
-
-    title.set_text(broken(text, fits))
+def head(figure, *lines: str, fontsize: float = 10):
+    """Write the head of a figure, without empty lines, broken where it is too wide; return it."""
+    text = "\n".join(filter(None, lines))
+    figure.suptitle(broken(text, fitter(figure, fontsize)), fontsize=fontsize)
+    return figure
 
 
 def roman(number: int) -> str:
@@ -231,7 +269,16 @@ def need_amplitudes(study: Study) -> None:
 
 def direction_index(results, direction: str | None) -> int:
     """Return the index of a sweep direction, the first if none is requested."""
-    there = [str(name) for name in results["direction"].values]
+    return choose_direction([str(name) for name in results["direction"].values], direction)
+
+
+def choose_direction(there: Sequence[str], direction: str | None) -> int:
+    """Return the index of a direction among those there are, the first if none is requested.
+
+    Raises
+    ------
+    PlotError
+    """
     if direction is None:
         return 0
     if direction not in there:
@@ -335,16 +382,8 @@ def shares_text(results, classes: np.ndarray) -> str:
 
 
 def foot(
-    figure,
-    handles: list,
-    results,
-    classes: np.ndarray,
-    n_columns: int | None = None,
-    note: str = "",
+    figure, handles: list, results, classes: np.ndarray, most: int | None = None, note=""
 ) -> None:
-    """Add the shares of the motion classes, a note and a legend below the panels.
-
-    A legend of `n_columns`, or of fewer where these are too wide.
-    """
+    """Add a note, the shares of the motion classes and a legend of `most` columns below."""
     shares = shares_text(results, classes)
-    legend_below(figure, handles, f"{note}\n{shares}" if note else shares, n_columns)
+    legend_below(figure, handles, f"{note}\n{shares}" if note else shares, most)

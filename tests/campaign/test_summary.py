@@ -156,8 +156,8 @@ def test_maps_read_frame_by_frame_are_the_same_pictures(file, tmp_path):
         for draw in (period_map.draw, benefit.draw):
             left, right = tmp_path / "left.png", tmp_path / "right.png"
             with style.resolution(100):
-                draw(few, left)
-                draw(whole, right, direction=direction)
+                style.save(draw(few), left)
+                style.save(draw(whole, direction=direction), right)
             assert left.read_bytes() == right.read_bytes()
 
 

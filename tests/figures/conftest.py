@@ -41,22 +41,16 @@ def results(file):
 
 
 @pytest.fixture
-def drawn_figure(monkeypatch, tmp_path):
+def drawn_figure(tmp_path):
     """Draw with a module, and give the figure that was saved."""
     from hpcsweep.figures import style
 
     def draw(module, results, **options):
-        kept = []
-
-        def keep(figure, path):
-            kept.append(figure)
-            style.save(figure, path)
-
-        monkeypatch.setattr(module, "save", keep)
         path = tmp_path / "drawn.png"
-        module.draw(results, path, **options)
+        figure = module.draw(results, **options)
+        style.save(figure, path)
         assert path.stat().st_size > 10_000
-        return kept[0]
+        return figure
 
     return draw
 

@@ -141,7 +141,7 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
         (benefit, {}),
         *((period_map, {"value": value}) for value in period_map.VALUES),
     ):
-        module.draw(results, picture, **options)
+        style.save(module.draw(results, **options), picture)
         assert picture.stat().st_size > 10_000
     found = summarize(path)
     assert found["structure"] == CAPTIONS[name]
@@ -156,7 +156,7 @@ def test_the_key_of_grazing_is_there_where_the_curve_is(general):
     from hpcsweep import open_results
 
     name, path = general
-    assert bool(mesh.grazing_keys(open_results(path))) == (name not in ("bilinear", "no stop"))
+    assert bool(mesh.map_keys(open_results(path))) == (name not in ("bilinear", "no stop"))
 
 
 def test_a_page_tells_the_modal_norms_of_the_lowest_modes(tmp_path):

@@ -162,7 +162,7 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
 
     path = tmp_path / "o.png"
     with style.resolution(style.DPI):
-        orbit_diagram.draw(results, path, omega=0.7, color=color)
+        style.save(orbit_diagram.draw(results, omega=0.7, color=color), path)
     with Image.open(path) as picture:
         assert picture.width > 1000
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
@@ -172,12 +172,11 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
     assert tuple(int(expected[color][k : k + 2], 16) for k in (1, 3, 5)) in colours
 
 
-def test_what_is_not_in_the_file_cannot_be_drawn(results, tmp_path):
+def test_what_is_not_in_the_file_cannot_be_drawn(results):
     with pytest.raises(style.PlotError, match=r"output\.poincare"):
-        orbit_diagram.draw(results.drop_vars("poincare"), tmp_path / "o.png")
+        orbit_diagram.draw(results.drop_vars("poincare"))
     with pytest.raises(style.PlotError, match="no run"):
-        orbit_diagram.draw(results.assign(outcome=results["outcome"] * 0), tmp_path / "o.png")
-    assert list(tmp_path.iterdir()) == []
+        orbit_diagram.draw(results.assign(outcome=results["outcome"] * 0))
 
 
 KINDS = [
@@ -399,13 +398,14 @@ def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
     flags = {}
     for name, figure in known.items():
         assert f"\n  {name:10} {figure.HELP.splitlines()[0]}" in said
-        parameters = inspect.signature(figure.draw).parameters
+        load, draw = inspect.signature(figure.load), inspect.signature(figure.draw)
         for option in figure.OPTIONS:
-            assert option.keyword in parameters, (name, option.flag)
+            assert option.keyword in {**load.parameters, **draw.parameters}, (name, option.flag)
             assert option.flag in said
             # one flag is one option, so that its help and its meaning are the same everywhere
             assert flags.setdefault(option.flag, option) == option
-            inspect.signature(figure.load).bind("file", **{option.keyword: None})
+            load.bind("file", **{option.keyword: None})
+            draw.bind("results", **{option.keyword: None})
 
 
 def test_the_figures_are_loaded_only_for_plot():
@@ -415,20 +415,19 @@ def test_the_figures_are_loaded_only_for_plot():
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
-def test_a_map_needs_two_amplitudes_and_a_direction_that_is_there(results, tmp_path):
+def test_a_map_needs_two_amplitudes_and_a_direction_that_is_there(results):
     with pytest.raises(style.PlotError, match="at least 2 amplitudes"):
-        period_map.draw(results.isel(amplitude=[0]), tmp_path / "o.png")
+        period_map.draw(results.isel(amplitude=[0]))
     with pytest.raises(style.PlotError, match="up only"):
-        benefit.draw(results.isel(direction=[0]), tmp_path / "o.png", direction="down")
+        benefit.draw(results.isel(direction=[0]), direction="down")
     with pytest.raises(style.PlotError, match=r"output\.lyapunov"):
-        benefit.draw(results.drop_vars(["lyapunov", "motion"]), tmp_path / "o.png")
-    assert list(tmp_path.iterdir()) == []
+        benefit.draw(results.drop_vars(["lyapunov", "motion"]))
 
 
 def test_a_map_of_one_frequency_is_a_strip(results, tmp_path):
     heights = []
     for name, shown in (("map", results), ("strip", results.isel(omega=[0]))):
-        period_map.draw(shown, tmp_path / f"{name}.png")
+        style.save(period_map.draw(shown), tmp_path / f"{name}.png")
         heights.append(image.imread(tmp_path / f"{name}.png").shape[0])
     assert heights[1] < 0.6 * heights[0]
 
@@ -537,13 +536,13 @@ def test_chaos_is_told_by_decided_motions_or_by_the_exponent(tmp_path, cycles):
     if cycles:
         assert chaotic > 0
         assert hint not in said + captions
-        benefit.draw(results, tmp_path / "b.png")
+        benefit.draw(results)
     else:
         assert chaotic == 0
         assert hint in said
         assert hint in captions
         with pytest.raises(style.PlotError, match="hold no lyapunov"):
-            benefit.draw(results, tmp_path / "b.png")
+            benefit.draw(results)
 
 
 def test_a_frequency_far_from_every_frame_is_refused(file, tmp_path, capsys):

@@ -1,13 +1,10 @@
 """What contacts do: the response of each building over that without them, at each intensity."""
 
-from pathlib import Path
-
 import numpy as np
 
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
-from hpcsweep.figures.palette import series_colour
-from hpcsweep.figures.style import PlotError, head, new_figure, save, study_of
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import stripes_of
 
@@ -20,27 +17,24 @@ OPTIONS = (responses.RESPONSE,)
 load = responses.load
 
 
-def draw(results, path: Path, response: str | None = None) -> None:
-    """Draw a band for each building, and write them to `path`."""
-    response = response or "drift"
+def draw(results, response: str = "drift"):
+    """Draw a band for each building."""
     whole = responses.opened(results, response, None)
     if whole.alone is None:
-        raise PlotError("the file holds no responses without contacts: set output.alone = true")
-    study = study_of(results, Records)
+        raise style.PlotError(
+            "the file holds no responses without contacts: set output.alone = true"
+        )
+    study = style.study_of(results, Records)
     dim = "storey" if response == "drift" else "floor"
-    figure, (axis,) = new_figure(1, 4.2)
+    figure, (axis,) = style.new_figure(1, 4.2)
     axis.axhline(1.0, color="0.4", linewidth=0.8)
     for series, building in enumerate(responses.buildings(results[dim].values)):
         one = stripes_of(results, study, response, building or None)
         low, median, high = fractiles(one.values / np.asarray(one.alone), PARTS)
-        colour = series_colour(series)
+        colour = palette.series_colour(series)
         axis.fill_between(one.intensity, low, high, color=colour, alpha=0.2, linewidth=0)
         axis.plot(one.intensity, median, color=colour, label=f"building {building}".strip())
-    axis.set_xlabel(whole.measure)
     axis.set_ylabel(whole.label.partition("  [")[0] + ", over that without contacts", fontsize=8)
-    axis.set_ylim(bottom=0)
-    axis.set_xlim(0, whole.intensity[-1])
-    title = f"{len(whole.records)} records, 16 to 84 %"
-    axis.legend(frameon=False, fontsize=8, title=title, title_fontsize=8)
-    head(figure, responses.title(results), fontsize=9)
-    save(figure, path)
+    axis.set(xlabel=whole.measure, xlim=(0, whole.intensity[-1]), ylim=(0, None))
+    responses.legend(axis, f"{len(whole.records)} records, 16 to 84 %")
+    return style.head(figure, responses.title(results), fontsize=9)

@@ -1,28 +1,14 @@
 """Orbit diagram of all attractors of one frequency: displacement against forcing amplitude."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.diagrams.orbit_diagram import FINE, FINE_KEY, PAGE, PANEL, mark_stops
-from hpcsweep.figures.fitting import legend_below
-from hpcsweep.figures.labels import WORD, amplitude, choose_floors, displacement
+from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.options import FLOORS, OMEGA
-from hpcsweep.figures.palette import MOTIONS, motion_index
-from hpcsweep.figures.style import (
-    PlotError,
-    caption,
-    head,
-    limit_amplitudes,
-    nearest_frame,
-    new_figure,
-    percent,
-    save,
-    structure_of,
-    study_of,
-)
 from hpcsweep.studies.attractors.attractors import Attractors
 from hpcsweep.studies.report import starting_range
 
@@ -39,13 +25,12 @@ MAX_COLUMNS = 6
 """Columns of the legend."""
 
 
-def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] = ()) -> None:
-    """Draw one frame and write it to `path`; colours show the motion.
+def draw(results, omega: float | None = None, floors: Sequence[int] = ()):
+    """Draw one frame; colours show the motion.
 
     Parameters
     ----------
     results : xarray.Dataset
-    path : Path
     omega : float, optional
         The frame nearest to this frequency; default the first.
     floors : sequence of int, optional
@@ -57,18 +42,14 @@ def draw(results, path: Path, omega: float | None = None, floors: Sequence[int] 
         If there is nothing to draw.
     """
     frame, index, structure = opened(results, omega)
-    shown = choose_floors(structure.n_floors, floors)
-    figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
-    for floor, axis in zip(shown[::-1], axes, strict=True):
-        _scatter(axis, frame, index, floor)
-        axis.set_ylabel(displacement(structure, floor, "(jT)"))
-        axis.margins(y=0.08)
-        mark_stops(axis, structure, floor)
-    axes[-1].set_xlabel(amplitude(structure))
-    limit_amplitudes(axes[-1], frame["amplitude"].values)
+    figure, axes = orbits.floor_panels(structure, floors)
+    size = orbits.orbit_area(frame)
+    for floor, axis in axes.items():
+        orbits.scatter_motions(axis, frame, index, floor, orbits.FINE * size, size)
+        orbits.mark_stops(axis, structure, floor)
+    style.limit_amplitudes(axis, frame["amplitude"].values)
     legend(figure, frame, index, starts_text(results, frame), MAX_COLUMNS)
-    head(figure, caption(results, float(frame["omega"])), fontsize=10)
-    save(figure, path)
+    return style.head(figure, style.caption(results, float(frame["omega"])))
 
 
 def opened(results, omega: float | None):
@@ -82,11 +63,11 @@ def opened(results, omega: float | None):
     ------
     PlotError
     """
-    place = nearest_frame(results["omega"].values, omega)
+    place = style.nearest_frame(results["omega"].values, omega)
     frame = results.isel(direction=0, omega=place)
     if not (frame["outcome"].values > 0).any():
-        raise PlotError("no point of this frame is computed yet")
-    return frame, motions_of(frame), structure_of(results)
+        raise style.PlotError("no point of this frame is computed yet")
+    return frame, motions_of(frame), style.structure_of(results)
 
 
 def motions_of(frame) -> np.ndarray:
@@ -96,7 +77,7 @@ def motions_of(frame) -> np.ndarray:
     -------
     ndarray of int, shape (n_amplitudes, n_attractors)
     """
-    index = motion_index(frame["motion_class"].values, frame["orbit_period"].values)
+    index = palette.motion_index(frame["motion_class"].values, frame["orbit_period"].values)
     free = frame["contact"].values == 0 if "contact" in frame else np.zeros(index.shape, bool)
     index = np.where(free, 0, index)
     return np.where(frame["attractor_id"].values > 0, index, -1)
@@ -104,59 +85,26 @@ def motions_of(frame) -> np.ndarray:
 
 def starts_words(study: Attractors) -> str:
     """Format the number of starts of a point, and where they lie."""
-    box = [line.replace("omega_0", WORD) for line in starting_range(study)]
+    box = [line.replace("omega_0", labels.WORD) for line in starting_range(study)]
     where = " and ".join(box) if len(box) <= MAX_RANGES else "a box, each floor its own range"
     return f"{study.starts:,} starts a point: {where}"
 
 
 def starts_text(results, frame) -> str:
     """Format the starts, and the share of them that reached no drawn attractor."""
-    study = study_of(results, Attractors)
+    study = style.study_of(results, Attractors)
     done = max(int((frame["outcome"].values > 0).sum()), 1) * study.starts
     parts = []
     for name in ("undecided", "failed", "elsewhere"):
         count = int(frame[f"n_{name}"].values.sum())
         if count or name == "undecided":
-            parts.append(f"{name} {percent(count / done)}")
+            parts.append(f"{name} {style.percent(count / done)}")
     return f"{starts_words(study)}; {', '.join(parts)}"
 
 
 def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=()) -> None:
     """Put the motions, further keys, and a title, below the panels."""
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], linestyle="none", marker="s", color=colour, markersize=5, label=name)
-        for place, (name, colour) in enumerate(MOTIONS)
-        if (index == place).any()
-    ]
+    handles = orbits.motion_keys(index, "s", 5)
     if (frame["orbit_period"].values[index >= 0] == 0).any():
-        fine = Line2D([], [], linestyle="none", marker=".", color="0.3", label="no orbit")
-        fine.set_markersize(FINE_KEY)
-        handles.append(fine)
-    handles += further
-    legend_below(figure, handles, title, columns)
-
-
-def _scatter(axis, frame, index: np.ndarray, floor: int) -> None:
-    """Draw the points of all attractors: large ones for orbits, fine ones for other motions."""
-    amplitudes, counts = frame["amplitude"].values, frame["n_points"].values
-    size = float(np.clip(14000 / max(amplitudes.size, 1), 0.4, 7.0))
-    displacements = frame["poincare"].values[..., floor]
-    point = np.arange(displacements.shape[-1])
-    orbits = frame["orbit_period"].values > 0
-    for place, (_, colour) in enumerate(MOTIONS):
-        for repeats, area in ((False, FINE * size), (True, size)):
-            chosen = np.argwhere((index == place) & (orbits == repeats))
-            if not chosen.size:
-                continue
-            at = tuple(chosen.T)
-            axis.scatter(
-                np.repeat(amplitudes[at[0]], counts[at]),
-                displacements[at][point < counts[at][:, None]],
-                s=area,
-                color=colour,
-                linewidths=0,
-                rasterized=True,
-                zorder=3 if repeats else 2,
-            )
+        handles.append(dot("no orbit", "0.3", ".", orbits.FINE_KEY))
+    legend_below(figure, [*handles, *further], title, columns)

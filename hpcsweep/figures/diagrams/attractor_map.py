@@ -4,29 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures import palette, style
+from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.attractor_diagram import starts_words
-from hpcsweep.figures.diagrams.mesh import (
-    by_frequency,
-    draw_classes,
-    draw_grazing,
-    grazing_keys,
-    least_cells,
-    map_height,
-    mark_strip,
-)
-from hpcsweep.figures.inferred import VARIABLES as INFERRED
-from hpcsweep.figures.inferred import draw_cells, filled, inferred, need_cells, note_of
+from hpcsweep.figures.fitting import LEGEND, area, blank
+from hpcsweep.figures.inferred import filled, gather, inferred, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
-from hpcsweep.figures.palette import NOTHING, OTHER_MOTION, count_colour
-from hpcsweep.figures.style import (
-    caption,
-    head,
-    new_grid,
-    percent,
-    save,
-    structure_of,
-    study_of,
-)
 from hpcsweep.studies.attractors.attractors import Attractors
 
 NAME = "number"
@@ -43,11 +26,8 @@ MISSED = "missed"
 
 def load(frames, sweep: Path | None = None, cells: bool | None = None):
     """Read the numbers of attractors, and count those that a sweep misses."""
-    least_cells(frames.study.amplitude.size)
-    if cells:
-        need_cells(frames)
-    results = frames.gather(("n_attractors", "outcome", "n_undecided", *INFERRED))
-    results = results.assign_attrs(frames.audit())
+    mesh.least_cells(frames.study.amplitude.size)
+    results = gather(frames, ("n_attractors", "outcome", "n_undecided"), cells)
     if sweep is None:
         return results
     from hpcsweep.figures.missed import missed_attractors
@@ -55,16 +35,15 @@ def load(frames, sweep: Path | None = None, cells: bool | None = None):
     return results.assign({MISSED: (("omega", "amplitude"), missed_attractors(frames, sweep))})
 
 
-def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = None) -> None:
-    """Draw what `load` returned and write it to `path`.
+def draw(results, cells: bool | None = None, **_options):
+    """Draw what `load` returned.
 
     Raises
     ------
     PlotError
         If the points do not form a map.
     """
-    del sweep
-    results = by_frequency(results)
+    results = mesh.by_frequency(results)
     done = results["outcome"].values[0] > 0
     known = done | inferred(results, "n_attractors")[0]
     number = np.where(known, filled(results, "n_attractors")[0], -1)
@@ -72,52 +51,38 @@ def draw(results, path: Path, sweep: Path | None = None, cells: bool | None = No
     counts = [("number of attractors", number, 1)]
     if MISSED in results:
         counts.append(("attractors that no sweep ends on", results[MISSED].values, 0))
-    size = (7.2 if len(counts) == 1 else 10.6, map_height(results, 5.2))
-    figure, axes = new_grid(1, len(counts), size, sharex=True, sharey=True)
-    for axis, (name, values, least) in zip(axes.flat, counts, strict=True):
+    height = mesh.map_height(results, 5.2)
+    figure, axes = mesh.panels(len(counts), (7.2, height), (5.3, height))
+    for axis, (name, values, least) in zip(axes, counts, strict=True):
         _panel(axis, results, name, values, least)
-        draw_grazing(axis, results, structure_of(results))
-        mark_strip(axis, results)
-        if cells:
-            draw_cells(axis, results)
-        axis.label_outer()
-    study = study_of(results, Attractors)
+    mesh.finish(axes, results, cells)
+    study = style.study_of(results, Attractors)
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * study.starts, 1)
-    note = f"{starts_words(study)}; undecided {percent(float(undecided))}"
-    head(figure, "\n".join(filter(None, (caption(results), note, note_of(results)))), fontsize=10)
-    save(figure, path)
+    note = f"{starts_words(study)}; undecided {style.percent(float(undecided))}"
+    return style.head(figure, style.caption(results), note, note_of(results))
 
 
 def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
     """Draw one map, with the share of the points by number below it."""
-    from matplotlib.patches import Patch
-
     top = least + MOST - 1
-    colours = [OTHER_MOTION, *(count_colour(place, MOST - 1) for place in range(MOST - 1))]
+    colours = [
+        palette.OTHER_MOTION,
+        *(palette.count_colour(place, MOST - 1) for place in range(MOST - 1)),
+    ]
     index = np.where(values < 0, -1, np.clip(values, least, top) - least)
-    draw_classes(axis, results, index, colours)
+    mesh.draw_classes(axis, results, index, colours)
+    names = [str(least + place) for place in range(MOST)]
+    names[-1] += " or more"
+    shares = [float((index == place).mean()) for place in range(MOST)]
     handles = [
-        Patch(
-            facecolor=colour,
-            edgecolor="0.3",
-            linewidth=0.5,
-            label=f"{least + place}{' or more' if place == MOST - 1 else ''}  "
-            f"{percent(int((index == place).sum()) / index.size)}",
-        )
-        for place, colour in enumerate(colours)
-        if (index == place).any() or place < 2
+        area(f"{name}  {style.percent(share)}", colour)
+        for place, (name, colour, share) in enumerate(zip(names, colours, shares, strict=True))
+        if share or place < 2
     ]
     if (index < 0).any():
-        blank = Patch(facecolor=NOTHING, edgecolor="0.55", hatch="xxxx", linewidth=0.5)
-        blank.set_label(f"none, or not computed  {percent(float((index < 0).mean()))}")
-        handles.append(blank)
-    handles += grazing_keys(results)
+        share = style.percent(float((index < 0).mean()))
+        handles.append(blank(f"none, or not computed  {share}"))
+    handles += mesh.map_keys(results)
     axis.set_title(name, fontsize=9)
-    axis.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.13),
-        ncols=3,
-        fontsize=8,
-        frameon=False,
-    )
+    where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
+    axis.legend(handles=handles, **where, **LEGEND)

@@ -1,35 +1,14 @@
 """Basins of attraction on a slice of the initial states: the attractor of each start."""
 
-from pathlib import Path
-
 import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
-from hpcsweep.figures.fitting import legend_below
-from hpcsweep.figures.inferred import VARIABLES as INFERRED
-from hpcsweep.figures.inferred import draw_cells, filled, need_cells, note_of
-from hpcsweep.figures.labels import displacement, named, velocity
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.fitting import area, dot, legend_below
+from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS
-from hpcsweep.figures.palette import (
-    MOTION_COLOURS,
-    MOTION_NAMES,
-    NOTHING,
-    OTHER_MOTION,
-    motion_place,
-    shade,
-)
-from hpcsweep.figures.style import (
-    PlotError,
-    caption,
-    head,
-    job_of,
-    new_grid,
-    percent,
-    save,
-    set_names,
-    study_of,
-)
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.refine.variables import SOURCE
 
@@ -40,11 +19,9 @@ basins of attraction on a slice of the initial states: the attractor that each
 start goes to"""
 OPTIONS = (CELLS,)
 OTHERS = [
-    (ELSEWHERE, "other attractors", OTHER_MOTION),
-    *(
-        (number, CLASS_NAMES[kind], MOTION_COLOURS[MOTION_NAMES.index(CLASS_NAMES[kind])])
-        for number, kind in ((UNDECIDED, MotionClass.UNDECIDED), (FAILED, MotionClass.FAILED))
-    ),
+    (ELSEWHERE, "other attractors", palette.OTHER_MOTION),
+    (UNDECIDED, *palette.MOTIONS[palette.motion_place(MotionClass.UNDECIDED, 0)]),
+    (FAILED, *palette.MOTIONS[palette.motion_place(MotionClass.FAILED, 0)]),
 ]
 """Labels of starts that go to none of the attractors listed, with names and colours."""
 MAX_COLUMNS = 3
@@ -55,75 +32,56 @@ SIZE = 6.4, 6.9
 
 def load(frames, cells: bool | None = None):
     """Read the labels and the attractors, of a refined map also what is inferred."""
-    if cells:
-        need_cells(frames)
-    names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point")
-    return frames.gather((*names, "outcome", *INFERRED)).assign_attrs(frames.audit())
+    names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point", "outcome")
+    return gather(frames, names, cells)
 
 
-def draw(results, path: Path, cells: bool | None = None) -> None:
-    """Draw what `load` returned and write it to `path`; colours show the motion.
+def draw(results, cells: bool | None = None):
+    """Draw what `load` returned; colours show the motion.
 
     Raises
     ------
     PlotError
         If nothing is computed yet.
     """
-    from matplotlib.colors import ListedColormap
-
-    study = study_of(results, SliceGrid)
-    labels = filled(results, "label")[0].reshape(study.vertical.size, study.horizontal.size)
-    if not labels.any():
-        raise PlotError("no row of this slice is computed yet")
+    study = style.study_of(results, SliceGrid)
+    reached = filled(results, "label")[0].reshape(study.vertical.size, study.horizontal.size)
+    if not reached.any():
+        raise style.PlotError("no row of this slice is computed yet")
     if SOURCE in results and not results[SOURCE].values.any():
-        raise PlotError("the attractors of a refined map are known when it is complete")
-    listed = attractors_of(results, int(np.argmax(labels.any(axis=1))))
+        raise style.PlotError("the attractors of a refined map are known when it is complete")
+    listed = attractors_of(results, int(np.argmax(reached.any(axis=1))))
     keys = [(number, name, colour) for number, (name, colour, _) in listed.items()]
     keys += OTHERS
-    index = np.full(labels.shape, -1)
+    index = np.full(reached.shape, -1)
     for place, (number, _, _) in enumerate(keys):
-        index[labels == number] = place
-    figure, axes = new_grid(1, 1, SIZE)
+        index[reached == number] = place
+    figure, axes = style.new_grid(1, 1, SIZE)
     axis = axes[0, 0]
-    axis.pcolormesh(
-        _edges(study.horizontal),
-        _edges(study.vertical),
-        np.ma.masked_less(index, 0),
-        cmap=ListedColormap([colour for _, _, colour in keys]),
-        vmin=-0.5,
-        vmax=len(keys) - 0.5,
-        rasterized=True,
-    )
-    axis.set_facecolor(NOTHING)
+    looks = mesh.by_colour([colour for _, _, colour in keys])
+    mesh.paint(axis, study.horizontal, study.vertical, np.ma.masked_less(index, 0), **looks)
     if cells:
         draw_cells(axis, results, study.vertical, study.horizontal)
     for _, colour, point in listed.values():
         _mark(axis, study, point, colour)
     first, second = (_label(study.structure, component) for component in study.components)
-    axis.set_xlabel(first)
-    axis.set_ylabel(second)
+    axis.set(xlabel=first, ylabel=second)
     _legend(figure, study, keys, index)
-    amplitude = f"$A$ = {study.amplitude[0]:.6g}{named(study.structure, 'acceleration')}"
-    notes = f"{caption(results, float(study.omega[0]))},  {amplitude}", note_of(results)
-    head(figure, "\n".join(filter(None, notes)), fontsize=10)
-    save(figure, path)
+    amplitude = f"$A$ = {study.amplitude[0]:.6g}{labels.named(study.structure, 'acceleration')}"
+    notes = f"{style.caption(results, float(study.omega[0]))},  {amplitude}", note_of(results)
+    return style.head(figure, *notes)
 
 
 def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
     """Put the attractors with their shares of the starts, and a title, below the panel."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     total = int((index >= 0).sum())
     handles: list = []
     for place, (number, name, colour) in enumerate(keys):
         count = int((index == place).sum())
         if count or number > 0:
-            text = f"{name}  {percent(count / total)}"
-            handles.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=text))
-    point = Line2D([], [], linestyle="none", marker="o", mfc="none", mec="0.1", markersize=5)
-    point.set_label("a point of each (triangle: outside)")
-    handles.append(point)
+            text = f"{name}  {style.percent(count / total)}"
+            handles.append(area(text, colour))
+    handles.append(dot("a point of each (triangle: outside)", "0.1", face="none"))
     legend_below(figure, handles, f"{total:,} starts; {_rest(study)}", MAX_COLUMNS)
 
 
@@ -133,20 +91,20 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
     The first of a motion has the motion's colour, further ones have shades of it.
     """
     one = results.isel({"direction": 0, "row": row, "amplitude": 0}, missing_dims="ignore")
-    labels = job_of(results).structure.contact_labels
+    labels = style.job_of(results).structure.contact_labels
     found: dict[int, tuple[str, str, np.ndarray]] = {}
     seen: dict[int, int] = {}
     slots = np.flatnonzero(one["attractor_id"].values).tolist()
     sets = [int(one["contact"].values[slot]) if "contact" in one else 0 for slot in slots]
-    for slot, contact, words in zip(slots, sets, set_names(sets, labels), strict=True):
+    for slot, contact, words in zip(slots, sets, style.set_names(sets, labels), strict=True):
         kind = MotionClass(int(one["motion_class"].values[slot]))
         period = int(one["orbit_period"].values[slot])
         name = f"P{period}" if period else CLASS_NAMES[kind]
-        place = motion_place(kind, period)
+        place = palette.motion_place(kind, period)
         if "contact" in one:
             name += f" {words}"
             place = place if contact else 0
-        colour = shade(MOTION_COLOURS[place], seen.get(place, 0))
+        colour = palette.shade(palette.MOTION_COLOURS[place], seen.get(place, 0))
         seen[place] = seen.get(place, 0) + 1
         found[slot + 1] = (name, colour, one["point"].values[slot])
     return found
@@ -171,8 +129,8 @@ def _label(structure, component: int) -> str:
     n = structure.n_floors
     at = "(0)"
     if component < n:
-        return displacement(structure, component, at)
-    return velocity(structure, component - n, at)
+        return labels.displacement(structure, component, at)
+    return labels.velocity(structure, component - n, at)
 
 
 def _rest(study: SliceGrid) -> str:
@@ -183,9 +141,3 @@ def _rest(study: SliceGrid) -> str:
     if not np.any(state[others]):
         return "all other components of the state 0 at the start"
     return ", ".join(f"{names[k]} = {state[k]:.4g}" for k in others)
-
-
-def _edges(centres: np.ndarray) -> np.ndarray:
-    middle = 0.5 * (centres[1:] + centres[:-1])
-    first, last = 1.5 * centres[0] - 0.5 * centres[1], 1.5 * centres[-1] - 0.5 * centres[-2]
-    return np.concatenate(([first], middle, [last]))

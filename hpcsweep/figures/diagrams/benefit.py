@@ -1,34 +1,12 @@
 """Map of where impact lowers and where it raises the drift, for chaos and for period 1."""
 
-from pathlib import Path
-
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass, tells_chaos
-from hpcsweep.figures.diagrams.mesh import (
-    by_frequency,
-    draw_classes,
-    draw_grazing,
-    grazing_keys,
-    map_height,
-    mark_strip,
-    open_map,
-)
+from hpcsweep.figures import palette, style
+from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.fitting import area
 from hpcsweep.figures.options import DIRECTION
-from hpcsweep.figures.palette import NO_CONTACT, OTHER_MOTION, RATIOS
-from hpcsweep.figures.style import (
-    caption,
-    classes_of,
-    direction_index,
-    foot,
-    head,
-    need,
-    new_grid,
-    percent,
-    save,
-    structure_of,
-    words_of,
-)
 
 NAME = "benefit"
 DRAWS = "motions"
@@ -37,56 +15,48 @@ OPTIONS = (DIRECTION,)
 LEVELS = (0.8, 1.0, 1.25)
 """Ratios of drift with impact to drift without at which the shade changes."""
 SHADES = (
-    ("other motion", OTHER_MOTION),
-    ("no contact", NO_CONTACT),
-    (r"beneficial, $r \leq$ 0.8", RATIOS[0]),
-    (r"beneficial, 0.8 < $r \leq$ 1", RATIOS[1]),
-    (r"adverse, 1 < $r \leq$ 1.25", RATIOS[2]),
-    (r"adverse, $r$ > 1.25", RATIOS[3]),
+    ("other motion", palette.OTHER_MOTION),
+    ("no contact", palette.NO_CONTACT),
+    (r"beneficial, $r \leq$ 0.8", palette.RATIOS[0]),
+    (r"beneficial, 0.8 < $r \leq$ 1", palette.RATIOS[1]),
+    (r"adverse, 1 < $r \leq$ 1.25", palette.RATIOS[2]),
+    (r"adverse, $r$ > 1.25", palette.RATIOS[3]),
 )
 """(name, colour)."""
 
 
-def load(frames, direction: str | None = None):
-    """Read the maps of one direction."""
-    return open_map(frames, direction=direction)
+load = mesh.open_map
 
 
-def draw(results, path: Path, direction: str | None = None) -> None:
-    """Draw the two maps of one direction and write them to `path`.
+def draw(results, direction: str | None = None):
+    """Draw the two maps of one direction.
 
     Raises
     ------
     PlotError
         If the file does not hold the variables to draw.
     """
-    need(results, "drift", "contact")
+    style.need(results, "drift", "contact")
     if not tells_chaos(results):
-        need(results, "lyapunov")
-    results = by_frequency(results)
-    results = results.isel(direction=[direction_index(results, direction)])
-    classes = classes_of(results)
+        style.need(results, "lyapunov")
+    results = mesh.by_frequency(results, direction)
+    classes = style.classes_of(results)
     ratio = drift_ratio(results)[0]
     period = results["orbit_period"].values[0]
     panels = (
         ("(a) chaotic impacting", classes[0] == MotionClass.CHAOTIC),
         ("(b) P1 impacting", (classes[0] == MotionClass.PERIODIC) & (period == 1)),
     )
-    figure, axes = new_grid(
-        1, 2, (7.2, min(4.3, map_height(results, 6.4))), sharex=True, sharey=True
-    )
-    for axis, (name, chosen) in zip(axes[0], panels, strict=True):
+    size = 3.6, min(4.3, mesh.map_height(results, 6.4))
+    figure, axes = mesh.panels(len(panels), size, size)
+    for axis, (name, chosen) in zip(axes, panels, strict=True):
         _panel(axis, results, classes[0], chosen, ratio, name)
-        mark_strip(axis, results)
-    axes[0, 1].set_ylabel("")
-    _legend(figure, results, classes)
-    head(
-        figure,
-        f"{caption(results)},  {words_of(results)}\n"
-        r"$r$ = drift with the stop / drift without it",
-        fontsize=9,
-    )
-    save(figure, path)
+    mesh.finish(axes, results)
+    handles = [area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
+    style.foot(figure, handles + mesh.map_keys(results), results, classes, 4)
+    title = f"{style.caption(results)},  {style.words_of(results)}"
+    meaning = r"$r$ = drift with the stop / drift without it"
+    return style.head(figure, title, meaning, fontsize=9)
 
 
 def free_drift(structure, omega: float) -> float:
@@ -102,7 +72,7 @@ def free_drift(structure, omega: float) -> float:
 
 def drift_ratio(results) -> np.ndarray:
     """Return the drift over the drift without stop at the same A and Omega, shape of the runs."""
-    structure = structure_of(results)
+    structure = style.structure_of(results)
     free = np.array([free_drift(structure, float(omega)) for omega in results["omega"].values])
     return results["drift"].values / free[None, :, None]
 
@@ -113,22 +83,10 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
     known = chosen & np.isfinite(ratio)
     index[known] = 2 + np.searchsorted(LEVELS, ratio[known], side="left")
     index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
-    draw_classes(axis, results, index, [colour for _, colour in SHADES])
-    draw_grazing(axis, results, structure_of(results))
+    mesh.draw_classes(axis, results, index, [colour for _, colour in SHADES])
     count = int(known.sum())
     note = "no such run"
     if count:
-        share = percent(float((ratio[known] <= 1).mean()))
+        share = style.percent(float((ratio[known] <= 1).mean()))
         note = f"beneficial: {share} of {count} runs"
     axis.set_title(f"{name}\n{note}", fontsize=9)
-
-
-def _legend(figure, results, classes) -> None:
-    from matplotlib.patches import Patch
-
-    handles = [
-        Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=name)
-        for name, colour in (*SHADES[2:], *SHADES[:2])
-    ]
-    handles += grazing_keys(results)
-    foot(figure, handles, results, classes, 4)

@@ -1,5 +1,6 @@
 """Branches of one line over an orbit diagram: stable full, unstable thin, special points marked."""
 
+import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -7,13 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.special_curves import MARKS
-from hpcsweep.figures.fitting import legend_below
-from hpcsweep.figures.labels import amplitude, choose_floors, displacement, frequency
+from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
 from hpcsweep.figures.overlay import Drawn, branches_of, run_of
-from hpcsweep.figures.palette import DARK_INK, MOTION_COLOURS
-from hpcsweep.figures.style import PlotError, head, new_figure, parameters, save
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
@@ -25,11 +25,9 @@ branches of periodic orbits along the parameter: stable full, unstable thin, spe
 points marked; with --sweep the stroboscopic points of a sweep over them"""
 OPTIONS = (
     FLOORS,
-    Option("--line", "line, from 0 (default: the first)", "line", {"type": whole_number(0, 10**9)}),
+    Option("--line", "line, from 0 (default: the first)", type=whole_number(0, 10**9)),
     SWEEP,
 )
-PANEL, PAGE = 1.75, 8.75
-"""Height of a panel, and of all of them where there are many (inches)."""
 COLUMNS = 5
 STABLE, UNSTABLE, NOWHERE_STABLE = 1.8, 0.6, 0.2
 """Widths of lines, the last of a branch that is unstable all along."""
@@ -59,70 +57,53 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
 
     study = as_kind(frames.study, Branches)
     if line >= study.n_frames:
-        raise PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
+        raise style.PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
     runs = None
     if sweep is not None:
         if study.parameter != "amplitude":
-            raise PlotError(f"--sweep {sweep}: goes with branches of the amplitude alone")
-        held = Frames(sweep)
-        try:
+            raise style.PlotError(f"--sweep {sweep}: goes with branches of the amplitude alone")
+        with contextlib.closing(Frames(sweep)) as held:
             there = np.flatnonzero(as_kind(held.study, RunGrid).omega == study.omega[line])
             if not there.size or "poincare" not in held:
                 what = f"has no stroboscopic points at Omega = {study.omega[line]:g}"
-                raise PlotError(f"--sweep {sweep}: {what}")
+                raise style.PlotError(f"--sweep {sweep}: {what}")
             runs = held.dataset(int(there[0]))
-        finally:
-            held.close()
     found = frames.dataset(line)
     return Read(found, list(branches_of(run_of(found), study, line)), runs, study)
 
 
-def draw(
-    results: Read,
-    path: Path,
-    floors: Sequence[int] = (),
-    line: int = 0,
-    sweep: Path | None = None,
-) -> None:
-    """Draw a line, as `load` has read it, and write it to `path`."""
-    del line, sweep
+def draw(results: Read, floors: Sequence[int] = (), **_options):
+    """Draw a line, as `load` has read it."""
     found, branches, runs, study = results
     run = run_of(found)
     if not branches:
-        raise PlotError("no branch of this line is computed")
+        raise style.PlotError("no branch of this line is computed")
     structure = study.structure
-    shown = choose_floors(structure.n_floors, floors)
-    figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
-    for floor, axis in zip(shown[::-1], axes, strict=True):
+    figure, axes = orbits.floor_panels(structure, floors)
+    for floor, axis in axes.items():
         if runs is not None:
             _draw_runs(axis, runs, floor)
         _draw_branches(axis, branches, floor)
         _draw_specials(axis, run, floor)
-        axis.set_ylabel(displacement(structure, floor, "(jT)"))
-        axis.margins(y=0.08)
-    axes[-1].set_xlabel(_label(study, structure))
-    axes[-1].set_xlim(*study.span)
+    axis.set(xlabel=_label(study, structure), xlim=study.span)
     fixed = float(found["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
-    head(figure, parameters(structure, omega), fontsize=10)
-    handles = _handles(run, runs is not None)
-    legend_below(figure, handles, "", COLUMNS)
-    save(figure, path)
+    legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
+    return style.head(figure, style.parameters(structure, omega), fontsize=10)
 
 
 def _label(study: Branches, structure) -> str:
     if study.parameter == "amplitude":
-        return amplitude(structure)
-    return frequency(structure) if study.parameter == "omega" else study.parameter
+        return labels.amplitude(structure)
+    return labels.frequency(structure) if study.parameter == "omega" else study.parameter
 
 
 def _draw_runs(axis, runs, floor: int) -> None:
     """Draw the stroboscopic points of all runs."""
     points = runs["poincare"].values[..., floor]
     at = np.broadcast_to(runs["amplitude"].values[:, None], points.shape)
-    axis.plot(
-        at.ravel(), points.ravel(), ".", color=DARK_INK, markersize=0.8, zorder=3, rasterized=True
-    )
+    looks = {"color": palette.DARK_INK, "markersize": 0.8, "zorder": 3, "rasterized": True}
+    axis.plot(at.ravel(), points.ravel(), ".", **looks)
 
 
 def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
@@ -131,7 +112,9 @@ def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
         unstable = UNSTABLE if one.stable.any() else NOWHERE_STABLE
         for piece, steady in one.pieces():
             shown, width = one.points[piece, :, floor], STABLE if steady else unstable
-            axis.plot(one.value[piece], shown, color=_colour(one.period), lw=width, zorder=2)
+            axis.plot(
+                one.value[piece], shown, color=palette.period_colour(one.period), lw=width, zorder=2
+            )
 
 
 def _draw_specials(axis, run: dict, floor: int) -> None:
@@ -171,26 +154,20 @@ def _looks(kind: Kind, size: float) -> dict[str, Any]:
     }
 
 
-def _colour(period: int) -> str:
-    """Return the colour of orbits of a period, as in all figures."""
-    return MOTION_COLOURS[min(period, 9)]
-
-
 def _handles(run: dict, runs: bool) -> list:
     from matplotlib.lines import Line2D
 
-    periods = np.unique(np.minimum(run["branch_period"][run["branch_id"] > 0], 9)).tolist()
-    names = {p: f"P{p}" if p < 9 else "P9 and longer" for p in periods}
-    handles = [Line2D([], [], color=_colour(p), lw=STABLE, label=names[p]) for p in periods]
-    handles += [
-        Line2D([], [], color=DARK_INK, lw=STABLE, label="stable"),
-        Line2D([], [], color=DARK_INK, lw=UNSTABLE, label="unstable"),
+    periods = run["branch_period"][run["branch_id"] > 0]
+    lines = [
+        *(palette.MOTIONS[k] for k in np.unique(np.minimum(periods, palette.LONGEST + 1))),
+        ("stable", palette.DARK_INK),
+        ("unstable", palette.DARK_INK),
     ]
-    for kind, (word, _, _) in MARKS.items():
-        if (run["special_kind"] == kind).any():
-            handles.append(Line2D([], [], label=word, **_looks(kind, 4)))
-    if runs:
-        handles.append(
-            Line2D([], [], linestyle="none", marker=".", markersize=3, color=DARK_INK, label="runs")
-        )
-    return handles
+    handles = [Line2D([], [], color=colour, lw=STABLE, label=name) for name, colour in lines]
+    handles[-1].set_linewidth(UNSTABLE)
+    handles += [
+        Line2D([], [], label=word, **_looks(kind, 4))
+        for kind, (word, _, _) in MARKS.items()
+        if (run["special_kind"] == kind).any()
+    ]
+    return [*handles, dot("runs", palette.DARK_INK, ".", 3)] if runs else handles

@@ -5,10 +5,16 @@ its colours from `hpcsweep.figures.palette`, so that a motion, a contact set or 
 the same as everywhere, and its labels from `hpcsweep.figures.style`.
 """
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import numpy as np
+
+from hpcsweep.figures import style
 from hpcsweep.figures.options import PICTURE, Option
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 if TYPE_CHECKING:
     from hpcsweep.store import Frames
@@ -57,27 +63,71 @@ class Figure(Protocol):
         ------
         StoreError
             If the file lacks what is needed.
-        PlotError
+        style.PlotError
             If what was requested cannot be drawn; one line for the user.
         """
 
-    def draw(self, results, path: Path, **options) -> None:
-        """Draw what `load` returned, or all results, and write the picture to `path`.
+    def draw(self, results, **options):
+        """Draw what `load` returned, or all results.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            For `hpcsweep.figures.style.save`.
 
         Raises
         ------
-        PlotError
-            If what was requested cannot be drawn; then nothing is written.
+        style.PlotError
+            If what was requested cannot be drawn.
         """
+
+
+class Frame(NamedTuple):
+    """One frame of a sweep over amplitudes, as `open_frame` finds it.
+
+    Attributes
+    ----------
+    results, runs : xarray.Dataset
+        With the dimension of the frequency, and without.
+    classes : ndarray of int, shape (n_directions, n_amplitudes)
+        `MotionClass` of its runs.
+    done : ndarray of bool, same shape
+        Complete ones.
+    structure : Structure
+    omega : float
+    """
+
+    results: Any
+    runs: Any
+    classes: np.ndarray
+    done: np.ndarray
+    structure: Structure
+    omega: float
+
+
+def open_frame(results, omega: float | None, *needed: str) -> Frame:
+    """Choose the frame nearest to a frequency, default the first.
+
+    Raises
+    ------
+    PlotError
+        If it lacks a needed variable, its points have no amplitudes in common, or no run of it is
+        complete.
+    """
+    style.need(results, *needed)
+    style.need_amplitudes(style.job_of(results).study)
+    results = results.isel(omega=[style.nearest_frame(results["omega"].values, omega)])
+    runs = results.isel(omega=0)
+    done = runs["outcome"].values == Outcome.COMPLETE
+    if not done.any():
+        raise style.PlotError("no run of this frame is complete yet")
+    classes = style.classes_of(results)[:, 0]
+    return Frame(results, runs, classes, done, style.structure_of(results), float(runs["omega"]))
 
 
 def load_frame(frames: "Frames", omega: float | None = None, **_options):
     """Read the frame nearest to a frequency, default the first."""
-    from hpcsweep.figures.style import check_omega, nearest_frame
-    from hpcsweep.studies.grid import RunGrid
-    from hpcsweep.studies.study import as_kind
-
     omegas = as_kind(frames.study, RunGrid).omega
     if omega is not None:
-        check_omega(omegas, omega)
-    return frames.gather([*frames], [nearest_frame(omegas, omega)])
+        style.check_omega(omegas, omega)
+    return frames.gather([*frames], [style.nearest_frame(omegas, omega)])

@@ -1,13 +1,10 @@
 """Fragility: the share of records that reach a threshold at each intensity, and its curve."""
 
-from pathlib import Path
-
 import numpy as np
 
 from hpcsweep.earthquakes.stripes import Capacity, fractiles
+from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
-from hpcsweep.figures.palette import STOP, series_colour
-from hpcsweep.figures.style import PlotError, head, new_figure, save
 from hpcsweep.studies.ground_motion.stripes import StripesError, capacities, fit
 
 NAME = "fragility"
@@ -22,13 +19,9 @@ load = responses.load
 
 
 def draw(
-    results,
-    path: Path,
-    threshold: float | None = None,
-    response: str | None = None,
-    place: str | None = None,
-) -> None:
-    """Draw shares and curves, and write them to `path`.
+    results, threshold: float | None = None, response: str = "drift", place: str | None = None
+):
+    """Draw shares and curves.
 
     Raises
     ------
@@ -36,15 +29,15 @@ def draw(
         If there is no threshold, or none that some stripes reach and others do not.
     """
     if threshold is None:
-        raise PlotError("--threshold is missing: the response that is a failure")
+        raise style.PlotError("--threshold is missing: the response that is a failure")
     stripes = responses.opened(results, response, place)
     try:
         own, found = capacities(stripes, threshold), fit(stripes, threshold)
     except StripesError as error:
-        raise PlotError(f"--threshold {threshold:g}: {error}") from None
-    figure, (axis,) = new_figure(1, 4.2)
+        raise style.PlotError(f"--threshold {threshold:g}: {error}") from None
+    figure, (axis,) = style.new_figure(1, 4.2)
     touches = responses.touches(stripes)
-    colour = series_colour(0)
+    colour = palette.series_colour(0)
     known = np.isfinite(stripes.values).sum(axis=0)
     shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(known, 1)
     axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
@@ -58,15 +51,14 @@ def draw(
     if touches:
         free = capacities(stripes, threshold, alone=True)
         (median,) = fractiles(free.scale, (0.5,))
-        _count(axis, free, fine[-1], color=STOP, label=f"without, counted  median {median:.4g}")
-    axis.set_xlabel(stripes.measure)
-    axis.set_ylabel(f"share of records that reach {threshold:g} {stripes.unit}".rstrip())
-    axis.set_xlim(0, stripes.intensity[-1])
-    axis.set_ylim(0, 1.02)
-    axis.legend(frameon=False, fontsize=8, title=stripes.label, title_fontsize=8)
-    title = responses.title(results) + (f"\n{found.caution}" if found.caution else "")
-    head(figure, title, fontsize=9)
-    save(figure, path)
+        _count(
+            axis, free, fine[-1], color=palette.STOP, label=f"without, counted  median {median:.4g}"
+        )
+    reach = f"share of records that reach {threshold:g} {stripes.unit}".rstrip()
+    axis.set(xlabel=stripes.measure, ylabel=reach)
+    axis.set(xlim=(0, stripes.intensity[-1]), ylim=(0, 1.02))
+    responses.legend(axis, stripes.label)
+    return style.head(figure, responses.title(results), found.caution or "", fontsize=9)
 
 
 def _count(axis, found: Capacity, highest: float, **looks) -> None:

@@ -1,34 +1,17 @@
 """Small orbit diagrams of several frames side by side."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures.labels import amplitude, choose_floors, displacement
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import orbits
+from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import DIRECTION, FLOORS, Option
-from hpcsweep.figures.palette import MOTIONS, motion_index
-from hpcsweep.figures.style import (
-    PlotError,
-    caption,
-    classes_of,
-    direction_index,
-    foot,
-    head,
-    job_of,
-    limit_amplitudes,
-    need,
-    need_amplitudes,
-    new_grid,
-    save,
-    structure_of,
-    words_of,
-)
 from hpcsweep.solvers.outcome import Outcome
 
 MAX_FRAMES = 12
-COLUMNS = 3
 ORBIT = 2.5
 """Area of the points of an orbit, in areas of those of a motion that does not repeat."""
 MIN_WIDTH = 4.8
@@ -38,11 +21,7 @@ MAX_COLUMNS = 7
 NAME = "frames"
 DRAWS = "motions"
 HELP = "small orbit diagrams of several frames, of one floor (default: the top)"
-OPTIONS = (
-    DIRECTION,
-    Option("--frames", "number of frames", "frames", {"type": int, "metavar": "N"}),
-    FLOORS,
-)
+OPTIONS = (DIRECTION, Option("--frames", "number of frames", type=int, metavar="N"), FLOORS)
 
 
 def load(reader, frames: int | None = None, **_options):
@@ -51,18 +30,13 @@ def load(reader, frames: int | None = None, **_options):
 
 
 def draw(
-    results,
-    path: Path,
-    direction: str | None = None,
-    frames: int | None = None,
-    floors: Sequence[int] = (),
-) -> None:
-    """Draw frames spread evenly over frequency and write them to `path`.
+    results, direction: str | None = None, frames: int | None = None, floors: Sequence[int] = ()
+):
+    """Draw frames spread evenly over frequency.
 
     Parameters
     ----------
     results : xarray.Dataset
-    path : Path
     direction : {"up", "down"}, optional
         Default the first.
     frames : int, optional
@@ -75,34 +49,30 @@ def draw(
     PlotError
         If the file does not hold the variables to draw.
     """
-    need(results, "poincare")
-    need_amplitudes(job_of(results).study)
-    structure = structure_of(results)
+    style.need(results, "poincare")
+    style.need_amplitudes(style.job_of(results).study)
+    structure = style.structure_of(results)
     if len(floors) > 1:
-        raise PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
-    floor = choose_floors(structure.n_floors, floors)[-1] + 1
+        raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
+    floor = labels.choose_floors(structure.n_floors, floors)[-1] + 1
     chosen = choose(results["omega"].values, frames)
-    count = len(chosen)
-    results = results.isel(omega=chosen, direction=[direction_index(results, direction)])
-    classes = classes_of(results)
-    motions = motion_index(classes[0], results["orbit_period"].values[0])
-    columns = min(COLUMNS, count)
-    rows = -(-count // columns)
-    size = max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0
-    figure, axes = new_grid(rows, columns, size, sharex=True)
-    for place, axis in enumerate(axes.flat):
-        if place >= count:
-            axis.set_visible(False)
-            continue
-        _panel(axis, results.isel(omega=place, direction=0), motions[place], floor)
-    figure.supylabel(displacement(structure, floor - 1, "(jT)"), fontsize=10)
-    for column in range(columns):
-        last = max(place for place in range(count) if place % columns == column)
-        axes.flat[last].set_xlabel(amplitude(structure).removeprefix("forcing amplitude "))
-        axes.flat[last].tick_params(labelbottom=True)
+    results = results.isel(omega=chosen, direction=[style.direction_index(results, direction)])
+    classes = style.classes_of(results)
+    motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
+    figure, axes = style.new_panels(
+        len(chosen),
+        lambda columns, rows: (max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0),
+        sharex=True,
+    )
+    for place, axis in enumerate(axes):
+        _panel(axis, results.isel(omega=place, direction=0), motions[place], floor - 1)
+    figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)
+    for axis in axes[-style.COLUMNS :]:
+        axis.set_xlabel(labels.amplitude(structure).removeprefix("forcing amplitude "))
+        axis.tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
-    head(figure, f"{caption(results)},  {words_of(results)}", fontsize=8.5)
-    save(figure, path)
+    title = f"{style.caption(results)},  {style.words_of(results)}"
+    return style.head(figure, title, fontsize=8.5)
 
 
 def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
@@ -116,45 +86,27 @@ def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
     there = omegas.size
     count = min(there, MAX_FRAMES) if frames is None else frames
     if not 1 <= count <= there:
-        raise PlotError(f"--frames {count}: must be from 1 to {there}, the frames of the results")
+        raise style.PlotError(
+            f"--frames {count}: must be from 1 to {there}, the frames of the results"
+        )
     order = np.argsort(omegas, kind="stable")
     return order[np.linspace(0, there - 1, count).round().astype(int)]
 
 
 def _panel(axis, frame, motions, floor: int) -> None:
-    counts = frame["n_points"].values
-    poincare = frame["poincare"].values[:, :, floor - 1]
     amplitude = frame["amplitude"].values
     size = float(np.clip(300 / max(amplitude.size, 1), 0.5, 4.0))
-    sizes = np.where(frame["orbit_period"].values > 0, ORBIT * size, size)
-    points = np.where(frame["outcome"].values == Outcome.COMPLETE, counts, 0)
-    for place, (_name, colour) in enumerate(MOTIONS):
-        runs = np.flatnonzero((motions == place) & (points > 0))
-        if runs.size:
-            axis.scatter(
-                np.repeat(amplitude[runs], counts[runs]),
-                np.concatenate([poincare[run, : counts[run]] for run in runs]),
-                s=np.repeat(sizes[runs], counts[runs]),
-                color=colour,
-                linewidths=0,
-                rasterized=True,
-            )
-    axis.grid(True, color="0.92", linewidth=0.6)
-    axis.set_axisbelow(True)
+    done = np.where(frame["outcome"].values == Outcome.COMPLETE, motions, -1)
+    orbits.scatter_motions(axis, frame, done, floor, size, ORBIT * size)
+    style.draw_lattice(axis)
     axis.set_title(rf"$\Omega$ = {float(frame['omega']):.4g}", fontsize=8.5, pad=3)
     axis.tick_params(labelsize=8)
-    limit_amplitudes(axis, amplitude)
+    style.limit_amplitudes(axis, amplitude)
 
 
 def _legend(figure, results, classes, motions) -> None:
-    from matplotlib.lines import Line2D
-
-    failed = (classes == MotionClass.FAILED).any()
-    handles = [
-        Line2D([], [], linestyle="none", marker="o", markersize=4, color=colour, label=name)
-        for place, (name, colour) in enumerate(MOTIONS)
-        if (motions[classes[0] != MotionClass.FAILED] == place).any()
-    ]
-    if failed:
-        handles.append(Line2D([], [], linestyle="none", label="failed: blank"))
-    foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))
+    failed = classes[0] == MotionClass.FAILED
+    handles = orbits.motion_keys(np.where(failed, -1, motions), "o", 4)
+    if failed.any():
+        handles.append(dot("failed: blank", "none"))
+    style.foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))

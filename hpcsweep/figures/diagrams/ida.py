@@ -1,13 +1,10 @@
 """Incremental dynamic analysis: the response of each record at each intensity, and fractiles."""
 
-from pathlib import Path
-
 import numpy as np
 
-from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.earthquakes.stripes import fractiles
+from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
-from hpcsweep.figures.palette import STOP, series_colour
-from hpcsweep.figures.style import head, new_figure, save
 
 NAME = "ida"
 DRAWS = "responses"
@@ -15,40 +12,22 @@ HELP = """\
 response of each record against the intensity, with the 16, 50 and 84 % fractiles,
 and the median without contacts"""
 OPTIONS = (responses.RESPONSE, responses.PLACE)
-MAX_GREY = 200
-"""Records that are drawn one by one."""
 load = responses.load
 
 
-def draw(results, path: Path, response: str | None = None, place: str | None = None) -> None:
-    """Draw the curves of all records, intensity upwards, and write them to `path`."""
+def draw(results, response: str = "drift", place: str | None = None):
+    """Draw the curves of all records, intensity upwards."""
     stripes = responses.opened(results, response, place)
-    figure, (axis,) = new_figure(1, 5.0)
+    figure, (axis,) = style.new_figure(1, 5.0)
     intensity = np.append(0.0, stripes.intensity)
 
-    def curve(values, *style, **looks) -> None:
-        axis.plot(np.append(0.0, values), intensity, *style, **looks)
+    def curve(values, *dashes, **looks) -> None:
+        axis.plot(np.append(0.0, values), intensity, *dashes, **looks)
 
-    for values in stripes.values[:MAX_GREY]:
-        curve(values, color="0.75", linewidth=0.6)
-    parts = fractiles(stripes.values, PARTS)
-    for part, style, values in zip(PARTS, ("--", "-", "-."), parts, strict=True):
-        curve(
-            values, style, color=series_colour(0), linewidth=2.0, label=f"{100 * part:g} % fractile"
-        )
+    responses.draw_suite(curve, stripes.values)
     if responses.touches(stripes):
         (median,) = fractiles(stripes.alone, (0.5,))
-        curve(median, ":", color=STOP, linewidth=2.0, label="50 %, no contact")
-    axis.set_xlabel(stripes.label)
-    axis.set_ylabel(stripes.measure)
-    axis.set_xlim(left=0)
-    axis.set_ylim(0, intensity[-1])
-    axis.legend(
-        frameon=False,
-        fontsize=8,
-        handlelength=3.5,
-        title=f"{len(stripes.records)} records",
-        title_fontsize=8,
-    )
-    head(figure, responses.title(results), fontsize=9)
-    save(figure, path)
+        curve(median, ":", color=palette.STOP, linewidth=2.0, label="50 %, no contact")
+    axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, None), ylim=(0, intensity[-1]))
+    responses.legend(axis, f"{len(stripes.records)} records", handlelength=3.5)
+    return style.head(figure, responses.title(results), fontsize=9)

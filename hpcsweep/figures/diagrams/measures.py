@@ -1,26 +1,9 @@
 """Measures of storeys, floors and contacts against the amplitude, one frame."""
 
-from pathlib import Path
-
-from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.labels import amplitude
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams.figure import load_frame, open_frame
 from hpcsweep.figures.measures import LABELS, held_measures, measure_of
 from hpcsweep.figures.options import DIRECTION, OMEGA
-from hpcsweep.figures.palette import STOP, series_colour
-from hpcsweep.figures.style import (
-    PlotError,
-    caption,
-    direction_index,
-    head,
-    job_of,
-    nearest_frame,
-    need_amplitudes,
-    new_figure,
-    save,
-    structure_of,
-    words_of,
-)
-from hpcsweep.solvers.outcome import Outcome
 
 NAME = "measures"
 DRAWS = "motions"
@@ -33,8 +16,8 @@ MAX_LINES = 10
 load = load_frame
 
 
-def draw(results, path: Path, omega: float | None = None, direction: str | None = None) -> None:
-    """Draw the frame nearest to `omega`, default the first, and write it to `path`.
+def draw(results, omega: float | None = None, direction: str | None = None):
+    """Draw the frame nearest to `omega`, default the first.
 
     Raises
     ------
@@ -44,35 +27,23 @@ def draw(results, path: Path, omega: float | None = None, direction: str | None 
     shown = held_measures(results)
     if not shown:
         asked = ", ".join(f"output.{name}" for name in LABELS)
-        raise PlotError(f"the file holds none of them: set one of {asked} to true in the job")
-    need_amplitudes(job_of(results).study)
-    structure = structure_of(results)
-    place = nearest_frame(results["omega"].values, omega)
-    frame = results.isel(omega=place, direction=direction_index(results, direction))
-    done = frame["outcome"].values == Outcome.COMPLETE
-    if not done.any():
-        raise PlotError("no run of this frame is complete yet")
-    figure, axes = new_figure(len(shown), 1.2 + 2.3 * len(shown))
+        raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
+    swept = [style.direction_index(results, direction)]
+    one = open_frame(results.isel(direction=swept), omega)
+    structure, frame, done = one.structure, one.runs.isel(direction=0), one.done[0]
+    figure, axes = style.new_figure(len(shown), 1.2 + 2.3 * len(shown))
     for axis, name in zip(axes, shown, strict=True):
         measure = measure_of(results, structure, name)
         for place, words in enumerate(measure.places[:MAX_LINES]):
-            values = frame[name].isel({measure.dim: place}).where(done)
-            axis.plot(
-                frame["amplitude"],
-                values * measure.factor[place],
-                ".-",
-                markersize=3,
-                linewidth=0.8,
-                color=series_colour(place),
-                label=words,
-            )
+            values = frame[name].isel({measure.dim: place}).where(done) * measure.factor[place]
+            looks = {"markersize": 3, "linewidth": 0.8, "color": palette.series_colour(place)}
+            axis.plot(frame["amplitude"], values, ".-", label=words, **looks)
         axis.set_ylabel(measure.label + measure.unit)
         axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)
-        graze = structure.grazing_amplitude(float(frame["omega"]))
+        graze = structure.grazing_amplitude(one.omega)
         if frame["amplitude"].min() <= graze <= frame["amplitude"].max():
-            axis.axvline(graze, color=STOP, linewidth=0.8, linestyle="--")
-    axes[-1].set_xlabel(amplitude(structure) + ",  dashed: grazing")
-    words = words_of(results, str(frame["direction"].item()))
-    head(figure, f"{caption(results, float(frame['omega']))},  {words}", fontsize=9)
-    save(figure, path)
+            axis.axvline(graze, color=palette.STOP, linewidth=0.8, linestyle="--")
+    axes[-1].set_xlabel(labels.amplitude(structure) + ",  dashed: grazing")
+    words = style.words_of(one.results)
+    return style.head(figure, f"{style.caption(one.results, one.omega)},  {words}", fontsize=9)

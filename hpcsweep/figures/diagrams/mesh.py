@@ -2,15 +2,15 @@
 
 import functools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
-from hpcsweep.figures.inferred import VARIABLES as INFERRED
-from hpcsweep.figures.labels import amplitude as amplitude_label
-from hpcsweep.figures.labels import frequency as frequency_label
-from hpcsweep.figures.palette import GRAZING, NOTHING
-from hpcsweep.figures.style import PlotError, classes_of, percent, pixels, structure_of
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
+from hpcsweep.figures.fitting import LEGEND, area, blank
+from hpcsweep.figures.inferred import draw_cells, drawn_names, gather
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -19,7 +19,9 @@ SCATTERED = FORCING_AMPLITUDE.name
 """Variable of results whose frames share no amplitudes."""
 
 
-def open_map(frames, value: str | None = None, direction: str | None = None):
+def open_map(
+    frames, value: str | None = None, direction: str | None = None, cells: bool | None = None
+):
     """Read the variables of maps, one frame at a time, without the points behind the classes.
 
     Parameters
@@ -29,6 +31,8 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
         A further variable.
     direction : {"up", "down"}, optional
         Default the first.
+    cells : bool, optional
+        Whether the cells of a refined map will be outlined.
 
     Returns
     -------
@@ -44,13 +48,9 @@ def open_map(frames, value: str | None = None, direction: str | None = None):
     study = frames.study
     least_cells(study.amplitude.size)
     further = () if value is None else (value,)
-    direction = study.directions[0] if direction is None else direction
-    if direction not in study.directions:
-        there = " and ".join(study.directions)
-        raise PlotError(f"--direction {direction}: the results hold {there} only")
-    names = (*VARIABLES, *INFERRED, *further)
-    results = frames.gather(names, direction=direction, derive={MOTION: classes_of})
-    return results.assign_attrs(frames.audit())
+    direction = study.directions[style.choose_direction(study.directions, direction)]
+    names = (*VARIABLES, *further)
+    return gather(frames, names, cells, direction=direction, derive={MOTION: style.classes_of})
 
 
 def least_cells(amplitudes: int) -> None:
@@ -62,19 +62,21 @@ def least_cells(amplitudes: int) -> None:
         If there are fewer than two amplitudes.
     """
     if amplitudes < 2:
-        raise PlotError(f"a map needs at least 2 amplitudes, the results hold {amplitudes}")
+        raise style.PlotError(f"a map needs at least 2 amplitudes, the results hold {amplitudes}")
 
 
-def by_frequency(results):
-    """Sort the frames by frequency and refuse results that do not form a map.
+def by_frequency(results, direction: str | None = None):
+    """Choose a direction, default the first, sort the frames by frequency, and refuse no map.
 
     Raises
     ------
     PlotError
-        If there are fewer than two amplitudes.
+        If there are fewer than two amplitudes, or no such direction.
     """
     least_cells(amplitudes(results).size)
-    return results.isel(omega=np.argsort(results["omega"].values, kind="stable"))
+    chosen = [style.direction_index(results, direction)]
+    order = np.argsort(results["omega"].values, kind="stable")
+    return results.isel(omega=order, direction=chosen)
 
 
 def amplitudes(results) -> np.ndarray:
@@ -82,156 +84,31 @@ def amplitudes(results) -> np.ndarray:
     return results[SCATTERED if SCATTERED in results else "amplitude"].values
 
 
-def draw_mesh(axis, results, values: np.ndarray, **options):
-    """Draw values of shape (n_frames, n_amplitudes); where they are masked the panel is hatched.
-
-    If cells are smaller than pixels, only as many are drawn as there are pixels. A list of points
-    is drawn as points, without the masked ones.
-
-    Returns
-    -------
-    matplotlib.collections.QuadMesh or PathCollection
-    """
-    axis.set_facecolor(NOTHING)
-    structure = structure_of(results)
-    axis.set_xlabel(amplitude_label(structure))
-    axis.set_ylabel(frequency_label(structure))
-    if SCATTERED in results:
-        size = float(np.clip(6e3 / len(values), 3.0, 40.0))
-        rim = {"edgecolors": "0.2", "linewidths": 0.3 if size > 10 else 0.0}
-        where = amplitudes(results), results["omega"].values
-        return axis.scatter(*where, s=size, c=values[:, 0], plotnonfinite=False, **rim, **options)
-    if np.ma.getmaskarray(values).any():
-        axis.patch.set(hatch="xxxx", edgecolor="0.55")
-    width, height = pixels(axis.get_figure())
-    rows = _thinned(values.shape[0], height)
-    columns = _thinned(values.shape[1], width)
-    return axis.pcolormesh(
-        edges_of(results["amplitude"].values[columns]),
-        edges_of(results["omega"].values[rows]),
-        values[rows][:, columns],
-        rasterized=True,
-        **options,
-    )
-
-
-def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> None:
-    """Draw indices of colours, shape (n_frames, n_amplitudes); hatched where negative."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    draw_mesh(
-        axis,
-        results,
-        np.ma.masked_less(index, 0),
-        cmap=ListedColormap(colours),
-        norm=BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours)),
-    )
-
-
-def _thinned(cells: int, most: float) -> np.ndarray:
-    """Return evenly spread cells, including the first and the last, at most one a pixel."""
-    count = min(cells, max(int(most), 2))
-    return np.linspace(0, cells - 1, count).round().astype(int)
-
-
-def draw_grazing(axis, results, structure) -> None:
-    """Draw the amplitude at which the free steady state touches the stop, in closed form."""
-    limits = axis.get_xlim(), axis.get_ylim()
-    amplitude, omega = _curve(structure, *limits[1])
-    axis.plot(amplitude, omega, color="white", linewidth=1.6)
-    axis.plot(amplitude, omega, color=GRAZING, linewidth=0.9)
-    axis.set(xlim=limits[0], ylim=limits[1])
-
-
-def grazing_keys(results) -> list:
-    """Return the legend key of the grazing curve; none where it does not cross the map."""
-    omega, across = results["omega"].values, amplitudes(results)
-    reached, _ = _curve(structure_of(results), omega.min(), omega.max())
-    if not ((across.min() <= reached) & (reached <= across.max())).any():
-        return []
-    return [grazing_key()]
-
-
-def grazing_key():
-    """Return the legend key of the grazing curve."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=GRAZING, linewidth=1.2, label="grazing, closed form")
-
-
-def legend_of_shares(
-    figure,
-    entries: list[tuple[str, str, float]],
-    blank: float,
-    blank_name: str,
-    more: Sequence = (),
-    of: str = "runs",
-) -> None:
-    """Add a legend of colours beside the panels, with the share of runs of each.
+def panels(
+    count: int,
+    one: tuple[float, float],
+    each: tuple[float, float],
+    more: tuple[float, float] = (0.0, 0.0),
+):
+    """Make a figure of maps with common axes.
 
     Parameters
     ----------
-    entries : list of (name, colour, share)
-    blank : float
-        Share of cells without a colour, which are hatched; not named if it is 0.
-    blank_name : str
-    more : sequence of matplotlib artists
-        Further keys.
-    of : str
-        Noun for the runs of the shares.
+    count : int
+    one : tuple of float
+        Width and height (inches) of a figure of one map.
+    each, more : tuple of float
+        Of each of several maps, and of what is beside them.
+
+    Returns
+    -------
+    figure, list of axes
     """
-    from matplotlib.patches import Patch
 
-    handles = [
-        Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=f"{name}  {percent(share)}")
-        for name, colour, share in entries
-    ]
-    if blank:
-        handles.append(
-            Patch(
-                facecolor=NOTHING,
-                edgecolor="0.55",
-                hatch="xxxx",
-                linewidth=0.5,
-                label=f"{blank_name}  {percent(blank)}",
-            )
-        )
-    handles += more
-    figure.legend(
-        handles=handles,
-        loc="outside right center",
-        fontsize=8,
-        frameon=False,
-        title=f"share of {of}",
-        title_fontsize=8,
-        alignment="left",
-    )
+    def size(columns: int, rows: int) -> tuple[float, float]:
+        return one if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
 
-
-@functools.lru_cache(maxsize=8)
-def _curve(structure, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    # cached for the panels and pages of a study: computing it takes longer than drawing it
-    omega = np.linspace(low, high, 800)
-    with np.errstate(divide="ignore"):
-        return np.array([_grazing(structure, value) for value in omega]), omega
-
-
-def _grazing(structure, omega: float) -> float:
-    try:
-        return structure.grazing_amplitude(float(omega))
-    except ZeroDivisionError:
-        return 0.0
-
-
-def map_height(results, height: float) -> float:
-    """Return the height of a map: a strip for one frequency."""
-    return height if results.sizes["omega"] > 1 else 0.5 * height
-
-
-def mark_strip(axis, results) -> None:
-    """Mark the one frequency of a strip, in place of an axis of frequencies."""
-    if results.sizes["omega"] == 1:
-        axis.set_yticks(results["omega"].values)
+    return style.new_panels(count, size, sharex=True, sharey=True)
 
 
 def edges_of(centres: np.ndarray) -> np.ndarray:
@@ -242,3 +119,178 @@ def edges_of(centres: np.ndarray) -> np.ndarray:
     return np.concatenate(
         ([1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]])
     )
+
+
+def draw_mesh(axis, results, values: np.ndarray, **options):
+    """Draw values of shape (n_frames, n_amplitudes) by `paint`.
+
+    A list of points is drawn as points, without the masked ones.
+
+    Returns
+    -------
+    matplotlib.collections.QuadMesh or PathCollection
+    """
+    structure = style.structure_of(results)
+    axis.set(xlabel=labels.amplitude(structure), ylabel=labels.frequency(structure))
+    if SCATTERED not in results:
+        return paint(axis, results["amplitude"].values, results["omega"].values, values, **options)
+    axis.set_facecolor(palette.NOTHING)
+    size = float(np.clip(6e3 / len(values), 3.0, 40.0))
+    rim = {"edgecolors": "0.2", "linewidths": 0.3 if size > 10 else 0.0}
+    where = amplitudes(results), results["omega"].values
+    return axis.scatter(*where, s=size, c=values[:, 0], plotnonfinite=False, **rim, **options)
+
+
+def paint(axis, horizontal, vertical, values: np.ndarray, edges=edges_of, **options):
+    """Draw cells around ascending places; where values are masked the panel is hatched.
+
+    If cells are smaller than pixels, only as many are drawn as there are pixels.
+
+    Parameters
+    ----------
+    horizontal, vertical : ndarray
+    values : ndarray, shape (vertical.size, horizontal.size)
+    edges : callable
+        Return the borders of the rows; see `edges_of`.
+
+    Returns
+    -------
+    matplotlib.collections.QuadMesh
+    """
+    axis.set_facecolor(palette.NOTHING)
+    if np.ma.getmaskarray(values).any():
+        axis.patch.set(hatch="xxxx", edgecolor="0.55")
+    width, height = style.pixels(axis.get_figure())
+    rows, columns = _thinned(vertical.size, height), _thinned(horizontal.size, width)
+    sides = edges_of(horizontal[columns]), edges(vertical[rows])
+    return axis.pcolormesh(*sides, values[rows][:, columns], rasterized=True, **options)
+
+
+def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> None:
+    """Draw indices of colours, shape (n_frames, n_amplitudes); hatched where negative."""
+    draw_mesh(axis, results, np.ma.masked_less(index, 0), **by_colour(colours))
+
+
+def by_colour(colours: Sequence[str]) -> dict[str, Any]:
+    """Return the options of a mesh of indices of colours."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
+    return {"cmap": ListedColormap(colours), "norm": norm}
+
+
+def _thinned(cells: int, most: float) -> np.ndarray:
+    """Return evenly spread cells, including the first and the last, at most one a pixel."""
+    count = min(cells, max(int(most), 2))
+    return np.linspace(0, cells - 1, count).round().astype(int)
+
+
+def finish(axes, results, cells: bool | None = None) -> None:
+    """Draw on each map its grazing amplitudes, special points, and `cells` of a refined one."""
+    for axis in axes:
+        limits = axis.get_xlim(), axis.get_ylim()
+        amplitude, omega = _curve(style.structure_of(results), *limits[1])
+        for colour, width in (("white", 1.6), (palette.GRAZING, 0.9)):
+            axis.plot(amplitude, omega, color=colour, linewidth=width)
+        axis.set(xlim=limits[0], ylim=limits[1])
+        if results.sizes["omega"] == 1:
+            axis.set_yticks(results["omega"].values)
+        draw_specials(axis, results)
+        if cells:
+            draw_cells(axis, results)
+        axis.label_outer()
+
+
+def map_keys(results) -> list:
+    """Return the legend keys of the grazing curve, where it crosses the map, and special points."""
+    omega, across = results["omega"].values, amplitudes(results)
+    reached, _ = _curve(style.structure_of(results), omega.min(), omega.max())
+    crosses = ((across.min() <= reached) & (reached <= across.max())).any()
+    return [*([grazing_key()] if crosses else []), *special_keys(results)]
+
+
+def grazing_key():
+    """Return the legend key of the grazing curve."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=palette.GRAZING, linewidth=1.2, label="grazing, closed form")
+
+
+def legend_of_motions(
+    figure,
+    index: np.ndarray,
+    keys: Sequence,
+    always: Sequence[str],
+    by_period: bool,
+    inferred: bool,
+) -> None:
+    """Add the `legend_of_shares` of motions that occur or are `always` named.
+
+    Parameters
+    ----------
+    index : ndarray of int
+        Of all runs, in `palette.MOTIONS`; -1 where nothing is computed.
+    keys : sequence of matplotlib artists
+    always : sequence of str
+    by_period, inferred : bool
+        See `drawn_names`, and `legend_of_shares`.
+    """
+    known = max(int((index >= 0).sum()), 1)
+    shown = {
+        name: (colour, int((index == place).sum()) / known)
+        for place, (name, colour) in enumerate(palette.MOTIONS)
+        if name in always or (index == place).any()
+    }
+    entries = [(name, *entry) for name, entry in drawn_names(shown, by_period).items()]
+    missing = float((index < 0).mean())
+    legend_of_shares(figure, entries, missing, "not computed", keys, inferred)
+
+
+def legend_of_shares(
+    figure,
+    entries: list[tuple[str, str, float]],
+    missing: float,
+    missing_name: str,
+    more: Sequence = (),
+    inferred: bool = False,
+) -> None:
+    """Add a legend of colours beside the panels, with the share of runs of each.
+
+    Parameters
+    ----------
+    entries : list of (name, colour, share)
+    missing : float
+        Share of cells without a colour, which are hatched; not named if it is 0.
+    missing_name : str
+    more : sequence of matplotlib artists
+        Further keys.
+    inferred : bool
+        Whether the shares are those of points, not all of which are runs.
+    """
+    handles = [area(f"{name}  {style.percent(share)}", colour) for name, colour, share in entries]
+    if missing:
+        handles.append(blank(f"{missing_name}  {style.percent(missing)}"))
+    title = f"share of {'points' if inferred else 'runs'}"
+    looks = {"loc": "outside right center", "alignment": "left", "title_fontsize": 8, **LEGEND}
+    figure.legend(handles=[*handles, *more], title=title, **looks)
+
+
+@functools.lru_cache(maxsize=8)
+def _curve(structure, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    # cached for the panels and pages of a study: computing it takes longer than drawing it
+    omega = np.linspace(low, high, 800)
+    with np.errstate(divide="ignore"):
+        return np.array([grazing_amplitude(structure, value) for value in omega]), omega
+
+
+def grazing_amplitude(structure, omega: float) -> float:
+    """Return the amplitude at which the free steady state touches the stop, in closed form."""
+    try:
+        return float(structure.grazing_amplitude(float(omega)))
+    except ZeroDivisionError:
+        return 0.0
+
+
+def map_height(results, height: float) -> float:
+    """Return the height of a map: a strip for one frequency."""
+    return height if results.sizes["omega"] > 1 else 0.5 * height

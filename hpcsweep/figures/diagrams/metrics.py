@@ -1,32 +1,12 @@
 """Drift and mean modal norms of one frame against the amplitude, with those without a stop."""
 
-from pathlib import Path
-
 import numpy as np
 
-from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.benefit import free_drift
-from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.labels import MAX_MODES
-from hpcsweep.figures.labels import amplitude as amplitude_label
+from hpcsweep.figures.diagrams.figure import load_frame, open_frame
 from hpcsweep.figures.options import OMEGA
-from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, mode_colour, motion_place
-from hpcsweep.figures.style import (
-    MARKERS,
-    PlotError,
-    caption,
-    classes_of,
-    foot,
-    head,
-    job_of,
-    nearest_frame,
-    need,
-    need_amplitudes,
-    new_figure,
-    save,
-    structure_of,
-)
-from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "metrics"
@@ -37,38 +17,30 @@ load = load_frame
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 
 
-def draw(results, path: Path, omega: float | None = None) -> None:
-    """Draw the frame nearest to `omega`, default the first, and write it to `path`.
+def draw(results, omega: float | None = None):
+    """Draw the frame nearest to `omega`, default the first.
 
     Raises
     ------
     PlotError
         If the file does not hold the variables to draw.
     """
-    need(results, "drift", "modal_norm")
-    need_amplitudes(job_of(results).study)
-    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(omega=0)
-    if not (frame["outcome"].values == Outcome.COMPLETE).any():
-        raise PlotError("no run of this frame is complete yet")
-    classes = classes_of(results)
-    structure, value = structure_of(results), float(frame["omega"])
-    figure, axes = new_figure(2, 6.6)
-    _drift(axes[0], frame, classes[:, 0], free_drift(structure, value))
-    _norms(axes[1], frame, free_modal_norms(structure, value))
-    axes[1].set_xlabel(amplitude_label(structure))
+    one = open_frame(results, omega, "drift", "modal_norm")
+    frame, structure = one.runs, one.structure
+    figure, axes = style.new_figure(2, 6.6)
+    _drift(axes[0], frame, one.classes, free_drift(structure, one.omega))
+    _norms(axes[1], frame, free_modal_norms(structure, one.omega))
+    axes[1].set_xlabel(labels.amplitude(structure))
     span = frame["amplitude"].values
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left", fontsize=9)
-    head(figure, caption(results, value), fontsize=10)
+    style.letter(axes)
     axes[0].legend(fontsize=8, markerscale=1.5)
     handles = axes[1].get_legend_handles_labels()[0]
     # a column for each direction and one without stop: legends are filled column by column
     n_columns = frame.sizes["direction"] + 1
     handles = [handle for k in range(n_columns) for handle in handles[k::n_columns]]
-    foot(figure, handles, results, classes, n_columns)
-    save(figure, path)
+    style.foot(figure, handles, one.results, one.classes, n_columns)
+    return style.head(figure, style.caption(one.results, one.omega))
 
 
 def free_modal_norms(structure, omega: float) -> np.ndarray:
@@ -90,56 +62,44 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
 
 
 def _drift(axis, frame, classes, free: float) -> None:
-    amplitude = frame["amplitude"].values
-    for d, direction in enumerate(frame["direction"].values):
-        name = str(direction)
-        chaos = classes[d] == MotionClass.CHAOTIC
+    amplitude, chaotic = (
+        frame["amplitude"].values,
+        dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]],
+    )
+    names = _directions(frame)
+    for direction, drift, row in zip(names, frame["drift"].values, classes, strict=True):
+        chaos, marker = row == MotionClass.CHAOTIC, style.MARKERS[direction]
         for chosen, colour, label in (
-            (~chaos, DIRECTIONS[name], name),
-            (chaos, MOTION_COLOURS[motion_place(MotionClass.CHAOTIC, 0)], f"{name}, chaotic"),
+            (~chaos, palette.DIRECTIONS[direction], direction),
+            (chaos, chaotic, f"{direction}, chaotic"),
         ):
-            if not chosen.any():
-                continue
-            axis.plot(
-                amplitude[chosen],
-                frame["drift"].values[d][chosen],
-                linestyle="none",
-                marker=MARKERS[name],
-                markersize=2.4,
-                color=colour,
-                markerfacecolor="none" if name == DOWN else colour,
-                markeredgewidth=0.5,
-                label=label,
-            )
+            if chosen.any():
+                _plot(axis, amplitude[chosen], drift[chosen], marker, colour, direction, label)
     axis.axhline(free, color="black", linewidth=1.1, linestyle=DASHES[0], label="without stop")
     axis.set_ylabel(r"normalised drift $\delta$  [$A/\Omega^2$]")
 
 
+def _directions(frame) -> list[str]:
+    return [str(name) for name in frame["direction"].values]
+
+
+def _plot(axis, x, y, marker: str, colour: str, direction: str, label: str) -> None:
+    """Draw points, hollow on the way down."""
+    face = "none" if direction == DOWN else colour
+    looks = {"color": colour, "markerfacecolor": face, "markersize": 2.4, "markeredgewidth": 0.5}
+    axis.plot(x, y, marker, label=label, **looks)
+
+
 def _norms(axis, frame, free: np.ndarray) -> None:
     amplitude = frame["amplitude"].values
-    shown = min(frame.sizes["mode"], MAX_MODES)
+    shown = min(frame.sizes["mode"], labels.MAX_MODES)
     for mode in range(shown):
-        colour = mode_colour(mode, shown)
-        for d, direction in enumerate(frame["direction"].values):
-            filled = str(direction) != DOWN
-            axis.plot(
-                amplitude,
-                frame["modal_norm"].values[d, :, mode],
-                linestyle="none",
-                marker="os^D<>pX*h"[mode % 10],
-                markersize=2.4,
-                markeredgewidth=0.5,
-                color=colour,
-                markerfacecolor=colour if filled else "none",
-                label=f"mode {mode + 1}, {direction}",
-            )
-        axis.axhline(
-            free[mode],
-            color=colour,
-            linewidth=1.1,
-            linestyle=DASHES[mode % len(DASHES)],
-            label=f"mode {mode + 1}, without stop",
-        )
+        colour, marker = palette.mode_colour(mode, shown), "os^D<>pX*h"[mode % 10]
+        for direction, norm in zip(_directions(frame), frame["modal_norm"].values, strict=True):
+            label = f"mode {mode + 1}, {direction}"
+            _plot(axis, amplitude, norm[:, mode], marker, colour, direction, label)
+        looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
+        axis.axhline(free[mode], label=f"mode {mode + 1}, without stop", **looks)
     axis.set_ylabel(r"mean modal norm $\eta_j$ free of contact")
     if shown < frame.sizes["mode"]:
         title = f"the lowest {shown} of {frame.sizes['mode']} modes"

@@ -1,41 +1,18 @@
 """Orbit diagram: stroboscopic displacement of each floor against the forcing amplitude."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from textwrap import wrap
+from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.figures.diagrams.figure import load_frame
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import orbits
+from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
-from hpcsweep.figures.labels import amplitude, choose_floors, contacts_text, displacement
+from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import FLOORS, OMEGA, Option
-from hpcsweep.figures.palette import DIRECTIONS, MOTIONS, STOP, contact_colour, motion_index
-from hpcsweep.figures.style import (
-    CAPTION_ROOM,
-    MARKERS,
-    PlotError,
-    caption,
-    classes_of,
-    contact_name,
-    foot,
-    head,
-    job_of,
-    limit_amplitudes,
-    nearest_frame,
-    need,
-    need_amplitudes,
-    new_figure,
-    rarer_sets,
-    roman,
-    save,
-    set_names,
-    structure_of,
-    words_of,
-)
-from hpcsweep.model.description import stops
-from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "orbit"
@@ -49,8 +26,7 @@ OPTIONS = (
     Option(
         "--color",
         "what the colours show (default: direction)",
-        "color",
-        {"choices": ("direction", "contact", "period")},
+        choices=("direction", "contact", "period"),
     ),
 )
 load = load_frame
@@ -60,11 +36,6 @@ MAX_SETS = 10
 """Contact sets that the legend names: the commonest."""
 MAX_COLUMNS = 6
 """Columns of the legend."""
-PANEL, PAGE = 1.75, 8.75
-"""Height of a panel, and of all of them where there are many (inches)."""
-FINE, FINE_KEY = 0.1, 3
-"""Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
-the legend."""
 MIN_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
 """Parts of the panel's width: least region whose label names its sets; room the labels take."""
 
@@ -72,8 +43,7 @@ LETTERS, MIN_LETTERS, APART = 110, 8, 1
 """Letters of such labels side by side, room of one for its sets' names, and between two."""
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     """Points of one colour.
 
     Attributes
@@ -90,21 +60,13 @@ class Group:
     runs: np.ndarray
 
 
-def draw(
-    results,
-    path: Path,
-    omega: float | None = None,
-    color: str = "direction",
-    floors: Sequence[int] = (),
-) -> None:
-    """Draw one frame of a campaign and write it to `path`.
+def draw(results, omega: float | None = None, color: str = "direction", floors: Sequence[int] = ()):
+    """Draw one frame of a campaign.
 
     Parameters
     ----------
     results : xarray.Dataset
         From `hpcsweep.open_results`.
-    path : Path
-        Its ending chooses the format.
     omega : float, optional
         The frame nearest to this frequency; default the first.
     color : {"direction", "contact", "period"}
@@ -117,66 +79,46 @@ def draw(
     PlotError
         If the file does not hold the variables to draw.
     """
-    need(results, "poincare", *(("contact",) if color == "contact" else ()))
-    need_amplitudes(job_of(results).study)
-    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(omega=0)
-    structure = structure_of(results)
-    shown = choose_floors(structure.n_floors, floors)
-    done = frame["outcome"].values == Outcome.COMPLETE
-    if not done.any():
-        raise PlotError("no run of this frame is complete yet")
-    classes = classes_of(results)
-    figure, axes = new_figure(len(shown), 1.2 + min(PANEL * len(shown), PAGE))
-    groups = _groups(color, results, classes[:, 0], done, structure.contact_labels)
-    low = PANEL * len(shown) > PAGE
-    for floor, axis in zip(shown[::-1], axes, strict=True):
+    one = open_frame(results, omega, "poincare", *(("contact",) if color == "contact" else ()))
+    structure = one.structure
+    figure, axes = orbits.floor_panels(structure, floors)
+    groups = _groups(color, one)
+    for floor, axis in axes.items():
         for group in groups:
-            _scatter(axis, frame, group, floor)
-        axis.set_ylabel(displacement(structure, floor, "" if low else "(jT)"))
-        axis.margins(y=0.08)
-        mark_stops(axis, structure, floor)
-    axes[-1].set_xlabel(amplitude(structure))
-    limit_amplitudes(axes[-1], frame["amplitude"].values)
+            _scatter(axis, one.runs, group, floor)
+        orbits.mark_stops(axis, structure, floor)
+    style.limit_amplitudes(axis, one.runs["amplitude"].values)
     note = ""
-    if "contact" in frame:
-        apart = coexistence(frame, classes[:, 0], structure.units_at)
-        note = _mark_regions(axes, frame, done, structure.contact_labels, apart)
-        note = "\n".join(filter(None, (note, contacts_text(structure))))
-    _legend(figure, groups, color, results, classes, note)
-    head(figure, caption(results, float(frame["omega"])), fontsize=10)
-    save(figure, path)
+    if "contact" in one.runs:
+        apart = coexistence(one.runs, one.classes, structure.units_at)
+        regions = _mark_regions(
+            [*axes.values()], one.runs, one.done, structure.contact_labels, apart
+        )
+        note = "\n".join(filter(None, (regions, labels.contacts_text(structure))))
+    _legend(figure, groups, color, one, note)
+    return style.head(figure, style.caption(one.results, one.omega))
 
 
-def _groups(color: str, results, classes: np.ndarray, done: np.ndarray, labels) -> list[Group]:
+def _groups(color: str, one: Frame) -> list[Group]:
     """Group the complete runs of one frame by colour, in legend order."""
-    frame = results.isel(omega=0)
     if color == "direction":
-        own = np.eye(len(done), dtype=bool)[:, :, None]
+        names = [str(name) for name in one.runs["direction"].values]
+        own = one.done & np.eye(len(names), dtype=bool)[:, :, None]
         return [
-            Group(DIRECTIONS[str(name)], words_of(results, str(name)), done & own[d])
-            for d, name in enumerate(frame["direction"].values)
+            Group(palette.DIRECTIONS[name], style.words_of(one.results, name), runs)
+            for name, runs in zip(names, own, strict=True)
         ]
     if color == "period":
-        index = motion_index(classes, frame["orbit_period"].values)
-        return [
-            Group(colour, name, done & (index == place))
-            for place, (name, colour) in enumerate(MOTIONS)
-            if (done & (index == place)).any()
+        index = palette.motion_index(one.classes, one.runs["orbit_period"].values)
+        groups = [
+            Group(colour, name, one.done & (index == place))
+            for place, (name, colour) in enumerate(palette.MOTIONS)
         ]
-    contact = frame["contact"].values
-    sets, counts = np.unique(contact[done], return_counts=True)
-    named = set(np.argsort(-counts, kind="stable")[:MAX_SETS])
-    order = sorted(range(sets.size), key=lambda k: (int(sets[k]).bit_count(), int(sets[k])))
-    shown = [k for k in order if k in named]
-    names = dict(zip(shown, set_names([int(sets[k]) for k in shown], labels), strict=True))
+        return [group for group in groups if group.runs.any()]
+    contact, numbers = one.runs["contact"].values, one.structure.contact_labels
     return [
-        Group(
-            contact_colour(int(sets[k]), labels),
-            names.get(k, ""),
-            done & (contact == sets[k]),
-        )
-        for k in order
+        Group(palette.contact_colour(c, numbers), name, one.done & (contact == c))
+        for c, _, name in style.commonest_sets(contact[one.done], numbers, MAX_SETS)
     ]
 
 
@@ -186,40 +128,16 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
     Points of orbits are large, filled on the way up, hollow on the way down; those of aperiodic
     motions are fine, so that their density shows.
     """
-    amplitude, counts = frame["amplitude"].values, frame["n_points"].values
-    size = float(np.clip(14000 / max(amplitude.size, 1), 0.4, 7.0))
-    repeats = frame["orbit_period"].values > 0
-    displacement = frame["poincare"].values[..., floor]
-    point = np.arange(displacement.shape[-1])
+    size, repeats = orbits.orbit_area(frame), frame["orbit_period"].values > 0
+    fine = {"s": orbits.FINE * size, "color": group.colour, "linewidths": 0}
+    solid = {"s": size, "facecolors": group.colour, "edgecolors": "none", "linewidths": 0}
+    hollow = {"s": 1.6 * size, "facecolors": "none", "edgecolors": group.colour, "linewidths": 0.35}
     for d, direction in enumerate(frame["direction"].values):
         filled = str(direction) != DOWN
-        large = {
-            "s": size if filled else 1.6 * size,
-            "marker": MARKERS[str(direction)],
-            "facecolors": group.colour if filled else "none",
-            "edgecolors": "none" if filled else group.colour,
-            "linewidths": 0 if filled else 0.35,
-        }
-        fine = {"s": FINE * size, "color": group.colour, "linewidths": 0}
-        for chosen, style in ((~repeats[d], fine), (repeats[d], large)):
-            runs = np.flatnonzero(group.runs[d] & chosen)
-            if runs.size:
-                axis.scatter(
-                    np.repeat(amplitude[runs], counts[d, runs]),
-                    displacement[d, runs][point < counts[d, runs, None]],
-                    rasterized=True,
-                    zorder=2 if filled else 3,
-                    **style,
-                )
-
-
-def mark_stops(axis, structure, floor: int) -> None:
-    """Draw the floor's stops that lie within the panel."""
-    limits = axis.get_ylim()
-    for place in (place for side in stops(structure, floor) for place in side):
-        if limits[0] < place < limits[1]:
-            axis.axhline(place, color=STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
-    axis.set_ylim(limits)
+        large = {"marker": style.MARKERS[str(direction)], **(solid if filled else hollow)}
+        own = group.runs & (np.arange(len(repeats)) == d)[:, None]
+        for chosen, looks in ((~repeats, fine), (repeats, large)):
+            orbits.scatter(axis, frame, own & chosen, floor, zorder=2 if filled else 3, **looks)
 
 
 def _mark_regions(axes, frame, done, labels, coexisting) -> str:
@@ -227,9 +145,7 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
     amplitude = frame["amplitude"].values
     least = max(3, amplitude.size // 100)
     regions = contact_regions(frame["contact"].values, done, least, coexisting)
-    edges = np.concatenate(
-        ([amplitude[0]], 0.5 * (amplitude[1:] + amplitude[:-1]), [amplitude[-1]])
-    )
+    edges = np.clip(edges_of(amplitude), amplitude[0], amplitude[-1])
     total = edges[-1] - edges[0]
     top = axes[0]
     taken: list[float] = []
@@ -242,12 +158,13 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
         share = (right - left) / total if total > 0 else 0.0
         wide = share > MIN_WIDTH
         room = max(int(LETTERS * share), MIN_LETTERS)
-        names = [contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
-        whole = [contact_name(c, labels).replace("none", "–") for c in region.contacts]
+        names = [style.contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
+        whole = [style.contact_name(c, labels).replace("none", "–") for c in region.contacts]
         if not wide or names != whole:
-            shortened.append(f"({roman(number)}) {' / '.join(whole)}".replace("–", "no contact"))
+            sets = " / ".join(whole).replace("–", "no contact")
+            shortened.append(f"({style.roman(number)}) {sets}")
         sets = "\n".join(names)
-        label = f"({roman(number)})\n{sets}" if wide else f"({roman(number)})"
+        label = f"({style.roman(number)})\n{sets}" if wide else f"({style.roman(number)})"
         middle = 0.5 * (left + right)
         longest = (max(map(len, names)) + APART) / LETTERS
         half = 0.5 * (max(WIDE_LABEL, longest) if wide else NARROW_LABEL) * total
@@ -255,18 +172,10 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
         while level < len(taken) and middle - half < taken[level]:
             level += 1
         taken[level:] = [middle + half]
-        top.annotate(
-            label,
-            (middle, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, 3 + 30 * level),
-            textcoords="offset points",
-            ha="center",
-            va="bottom",
-            fontsize=7,
-            linespacing=1.05,
-            rotation=0 if wide else 90,
-        )
+        at = (middle, 1.0), (0, 3 + 30 * level)
+        where = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
+        looks = {"fontsize": 7, "linespacing": 1.05, "rotation": 0 if wide else 90}
+        top.annotate(label, *at, ha="center", va="bottom", **where, **looks)
     return _words_of_regions(len(regions), shortened)
 
 
@@ -275,43 +184,28 @@ def _words_of_regions(count: int, shortened: list[str]) -> str:
     if count < 2:
         return ""
     text = (
-        f"(i) to ({roman(count)}): amplitudes of one contact set, C: contacts that close; "
+        f"(i) to ({style.roman(count)}): amplitudes of one contact set, C: contacts that close; "
         "two sets: sweeps on two motions"
     )
     if len(shortened) > MAX_SHORTENED:
         more = f"and {len(shortened) - MAX_SHORTENED} more"
         shortened = [*shortened[:MAX_SHORTENED], more]
     unbroken = [entry.replace(" ", "\u00a0") for entry in shortened]
-    return "\n".join([text, *wrap(",  ".join(unbroken), CAPTION_ROOM)])
+    return "\n".join([text, *wrap(",  ".join(unbroken), style.CAPTION_ROOM)])
 
 
-def _legend(figure, groups: list[Group], color: str, results, classes, note: str) -> None:
-    from matplotlib.lines import Line2D
-
-    def key(label: str, marker: str, colour: str, hollow: bool = False, size: float = 5):
-        return Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker=marker,
-            label=label,
-            markersize=size,
-            markerfacecolor="none" if hollow else colour,
-            markeredgecolor=colour,
-        )
-
-    directions = [str(name) for name in results["direction"].values]
+def _legend(figure, groups: list[Group], color: str, one: Frame, note: str) -> None:
+    directions = [str(name) for name in one.runs["direction"].values]
+    looks = [(style.MARKERS[d], 5, "none" if d == DOWN else None) for d in directions]
     if color == "direction":
-        handles = [
-            key(group.label, MARKERS[name], group.colour, name == DOWN)
-            for name, group in zip(directions, groups, strict=True)
-        ]
+        handles = [dot(g.label, g.colour, *look) for g, look in zip(groups, looks, strict=True)]
     else:
-        handles = [key(group.label, "s", group.colour) for group in groups if group.label]
+        handles = [dot(group.label, group.colour, "s") for group in groups if group.label]
         rest = sum(not group.label for group in groups)
         if rest:
-            handles.append(Line2D([], [], linestyle="none", label=rarer_sets(rest)))
-        handles += [key(words_of(results, d), MARKERS[d], "0.3", d == DOWN) for d in directions]
-    if (results["orbit_period"].values[results["outcome"].values == Outcome.COMPLETE] == 0).any():
-        handles.append(key("no orbit found", ".", "0.3", size=FINE_KEY))
-    foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS), note)
+            handles.append(dot(style.rarer_sets(rest), "none"))
+        words = (style.words_of(one.results, name) for name in directions)
+        handles += [dot(word, "0.3", *look) for word, look in zip(words, looks, strict=True)]
+    if (one.runs["orbit_period"].values[one.done] == 0).any():
+        handles.append(dot("no orbit found", "0.3", ".", orbits.FINE_KEY))
+    style.foot(figure, handles, one.results, one.classes, min(len(handles), MAX_COLUMNS), note)

@@ -1,44 +1,17 @@
 """Phase portraits of the floors, with stroboscopic points and their stops."""
 
-import argparse
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
-from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.labels import choose_floors, displacement, velocity
-from hpcsweep.figures.options import DIRECTION, FLOORS, OMEGA, Option
-from hpcsweep.figures.palette import MOTIONS, motion_place
-from hpcsweep.figures.style import (
-    LEGEND_ROOM,
-    PlotError,
-    classes_of,
-    contact_name,
-    direction_index,
-    foot,
-    head,
-    job_of,
-    nearest_frame,
-    need,
-    need_amplitudes,
-    new_grid,
-    parameters,
-    save,
-    structure_of,
-)
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.fitting import dot
+from hpcsweep.figures.options import DIRECTION, FLOORS, OMEGA, Option, whole_number
 from hpcsweep.model.description import stops
 from hpcsweep.solvers.outcome import Outcome
-
-
-def _period(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, is {text}")
-    return value
-
 
 NAME = "phase"
 DRAWS = "motions"
@@ -46,16 +19,15 @@ HELP = "phase portraits of the floors at --amplitude A ... or of orbit --period 
 OPTIONS = (
     OMEGA,
     Option(
-        "--amplitude",
-        "amplitudes drawn",
-        "amplitudes",
-        {"type": float, "nargs": "+", "metavar": "A"},
+        "--amplitude", "amplitudes drawn", dest="amplitudes", type=float, nargs="+", metavar="A"
     ),
     Option(
         "--period",
         "orbit periods; an example of each is found in the sweep",
-        "periods",
-        {"type": _period, "nargs": "+", "metavar": "P"},
+        dest="periods",
+        type=whole_number(1),
+        nargs="+",
+        metavar="P",
     ),
     DIRECTION,
     FLOORS,
@@ -69,8 +41,7 @@ MAX_CYCLES = 60
 """Forcing periods drawn of a motion that does not repeat: more would fill the panel."""
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """A run to draw: its index in the frame."""
 
     direction: int
@@ -79,19 +50,17 @@ class Motion:
 
 def draw(
     results,
-    path: Path,
     omega: float | None = None,
     amplitudes: Sequence[float] = (),
     periods: Sequence[int] = (),
     direction: str | None = None,
     floors: Sequence[int] = (),
-) -> None:
-    """Draw motions of one frame, one a row, and write them to `path`.
+):
+    """Draw motions of one frame, one a row.
 
     Parameters
     ----------
     results : xarray.Dataset
-    path : Path
     omega : float, optional
         The frame nearest to this frequency; default the first.
     amplitudes : sequence of float
@@ -108,32 +77,28 @@ def draw(
     PlotError
         If there is no such motion, or the file does not hold the variables to draw.
     """
-    need(results, "poincare")
-    need_amplitudes(job_of(results).study)
     if not len(amplitudes) and not len(periods):
-        raise PlotError("--kind phase needs --amplitude or --period")
-    results = results.isel(omega=[nearest_frame(results["omega"].values, omega)])
-    frame = results.isel(omega=0)
-    classes = classes_of(results)[:, 0]
+        raise style.PlotError("--kind phase needs --amplitude or --period")
+    one = open_frame(results, omega, "poincare")
+    frame, classes, structure = one.runs, one.classes, one.structure
+    index = palette.motion_index(classes, frame["orbit_period"].values)
     motions = [_at_amplitude(frame, value, direction) for value in amplitudes]
     motions += [find_period(frame, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.amplitude, m.direction))
-    structure = structure_of(results)
-    shown = choose_floors(structure.n_floors, floors)
+    shown = labels.choose_floors(structure.n_floors, floors)
     columns = len(shown)
     size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
-    figure, axes = new_grid(len(motions), columns, size, sharex="col")
+    figure, axes = style.new_grid(len(motions), columns, size, sharex="col")
     for row, motion in enumerate(motions):
-        _row(dict(zip(shown, axes[row], strict=True)), frame, motion, classes, structure, row)
-    for row_axes in axes:
-        for floor, axis in zip(shown, row_axes, strict=True):
-            _stops(axis, structure, floor)
+        label, colour = _label(one, motion, row), palette.MOTION_COLOURS[index[motion]]
+        _row(dict(zip(shown, axes[row], strict=True)), one, motion, label, colour)
+    for floor, axis in zip(shown * len(motions), axes.flat, strict=True):
+        _stops(axis, structure, floor)
     for floor, axis in zip(shown, axes[-1], strict=True):
-        axis.set_xlabel(displacement(structure, floor), fontsize=9)
-    _legend(figure, results, classes, {_motion(frame, m, classes) for m in motions})
-    title = parameters(structure, float(frame["omega"]), int(LETTERS * size[0]))
-    head(figure, title, fontsize=9)
-    save(figure, path)
+        axis.set_xlabel(labels.displacement(structure, floor), fontsize=9)
+    _legend(figure, one, {index[motion] for motion in motions})
+    title = style.parameters(structure, one.omega, int(LETTERS * size[0]))
+    return style.head(figure, title, fontsize=9)
 
 
 def find_period(frame, classes: np.ndarray, period: int, direction: str | None = None) -> Motion:
@@ -160,40 +125,40 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     kinds = (MotionClass.PERIODIC, MotionClass.NO_CONTACT)
     usable = np.isin(classes, kinds) & (found > 0)
     if direction is not None:
-        own = np.zeros_like(usable)
-        own[direction_index(frame, direction)] = True
-        usable &= own
+        usable &= (np.arange(len(found)) == style.direction_index(frame, direction))[:, None]
     for kind in kinds:
-        best, length = None, 0
-        for d in range(found.shape[0]):
-            here = usable[d] & (classes[d] == kind) & (found[d] == period)
-            starts, ends = _stretches(here)
-            for start, end in zip(starts, ends, strict=True):
-                if end - start > length:
-                    best, length = Motion(d, int(start + end - 1) // 2), end - start
-        if best is not None:
-            return best
+        here = usable & (classes == kind) & (found == period)
+        stretches = [
+            (end - start, d, start) for d, row in enumerate(here) for start, end in _stretches(row)
+        ]
+        if stretches:
+            length, d, start = max(stretches, key=lambda stretch: stretch[0])
+            return Motion(d, int(start + (length - 1) // 2))
     occur = ", ".join(str(p) for p in np.unique(found[usable])) or "none"
     swept = f"the sweep {direction}" if direction else "the sweeps"
-    raise PlotError(f"--period {period}: not in {swept} of this frame; periods that occur: {occur}")
+    raise style.PlotError(
+        f"--period {period}: not in {swept} of this frame; periods that occur: {occur}"
+    )
 
 
-def _stretches(flags: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _stretches(flags: np.ndarray) -> Iterator[tuple[int, int]]:
     """Return first and last-plus-one index of every stretch of true flags."""
     change = np.diff(np.concatenate(([0], flags.astype(int), [0])))
-    return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return zip(np.flatnonzero(change == 1), np.flatnonzero(change == -1), strict=True)
 
 
 def _at_amplitude(frame, value: float, direction: str | None) -> Motion:
     amplitude = frame["amplitude"].values
     step = float(np.diff(amplitude).max()) if amplitude.size > 1 else 0.0
     if not amplitude[0] - step <= value <= amplitude[-1] + step:
-        raise PlotError(
+        raise style.PlotError(
             f"--amplitude {value:g}: the sweep goes from {amplitude[0]:g} to {amplitude[-1]:g}"
         )
-    motion = Motion(direction_index(frame, direction), int(np.argmin(np.abs(amplitude - value))))
-    if frame["outcome"].values[motion.direction, motion.amplitude] != Outcome.COMPLETE:
-        raise PlotError(f"--amplitude {value:g}: that run is not complete")
+    motion = Motion(
+        style.direction_index(frame, direction), int(np.argmin(np.abs(amplitude - value)))
+    )
+    if frame["outcome"].values[motion] != Outcome.COMPLETE:
+        raise style.PlotError(f"--amplitude {value:g}: that run is not complete")
     return motion
 
 
@@ -208,57 +173,33 @@ def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarr
     curves : ndarray, shape (k, n_samples, 2n)
         Curve j goes from point j to point j + 1; after the last point to its successor.
     """
-    at = motion.direction, motion.amplitude
-    count = min(int(frame["n_points"].values[at]), MAX_CYCLES)
+    count = min(int(frame["n_points"].values[motion]), MAX_CYCLES)
     from hpcsweep.solvers.trajectory import trajectory  # imports the compiler
 
-    points = frame["poincare"].values[at][:count]
-    amplitude, omega = float(frame["amplitude"].values[at[1]]), float(frame["omega"])
+    points = frame["poincare"].values[motion][:count]
+    amplitude, omega = float(frame["amplitude"].values[motion.amplitude]), float(frame["omega"])
     curves = np.array([trajectory(structure, amplitude, omega, point) for point in points])
     return points, curves
 
 
-def _row(axes, frame, motion: Motion, classes, structure, row: int) -> None:
-    points, curves = orbit_curves(frame, motion, structure)
-    n = structure.n_floors
-    colour = MOTIONS[_motion(frame, motion, classes)][1]
+def _row(axes, one: Frame, motion: Motion, label: str, colour: str) -> None:
+    """Draw one motion on the axes of its floors."""
+    points, curves = orbit_curves(one.runs, motion, one.structure)
+    n = one.structure.n_floors
     many = len(points) > 16
+    width, alpha = (0.25, 0.6) if many else (0.9, 1.0)
+    looks = {"color": colour, "linewidth": width, "alpha": alpha, "rasterized": many}
+    dots = {"mfc": "white", "mec": "black", "ms": 2.2 if many else 4, "mew": 0.4 if many else 0.8}
     for floor, axis in axes.items():
         for curve in curves:
-            axis.plot(
-                curve[:, floor],
-                curve[:, n + floor],
-                color=colour,
-                linewidth=0.25 if many else 0.9,
-                alpha=0.6 if many else 1.0,
-                rasterized=many,
-            )
-        axis.plot(
-            points[:, floor],
-            points[:, n + floor],
-            linestyle="none",
-            marker="o",
-            markersize=2.2 if many else 4,
-            markerfacecolor="white",
-            markeredgecolor="black",
-            markeredgewidth=0.4 if many else 0.8,
-            zorder=4,
-        )
-        axis.grid(True, color="0.92", linewidth=0.6)
-        axis.set_axisbelow(True)
+            axis.plot(curve[:, floor], curve[:, n + floor], **looks)
+        axis.plot(points[:, floor], points[:, n + floor], "o", zorder=4, **dots)
+        style.draw_lattice(axis)
         axis.tick_params(labelsize=8)
-        axis.set_ylabel(velocity(structure, floor), fontsize=8)
-    next(iter(axes.values())).annotate(
-        _label(frame, motion, classes, structure.contact_labels, row),
-        (0, 1),
-        xycoords="axes fraction",
-        xytext=(-48, 4),
-        textcoords="offset points",
-        fontsize=8,
-        va="bottom",
-        ha="left",
-        annotation_clip=False,
-    )
+        axis.set_ylabel(labels.velocity(one.structure, floor), fontsize=8)
+    where = {"xycoords": "axes fraction", "textcoords": "offset points", "annotation_clip": False}
+    first = next(iter(axes.values()))
+    first.annotate(label, (0, 1), (-48, 4), fontsize=8, va="bottom", ha="left", **where)
 
 
 def _stops(axis, structure, floor: int) -> None:
@@ -280,50 +221,26 @@ def _stops(axis, structure, floor: int) -> None:
     axis.set_xlim(low, high)
 
 
-def _motion(frame, motion: Motion, classes) -> int:
-    """Return the index of a run's motion in `MOTIONS`."""
-    at = motion.direction, motion.amplitude
-    return motion_place(MotionClass(int(classes[at])), int(frame["orbit_period"].values[at]))
-
-
-def _label(frame, motion: Motion, classes, labels, row: int) -> str:
-    at = motion.direction, motion.amplitude
-    kind = MotionClass(int(classes[at]))
-    period = int(frame["orbit_period"].values[at])
-    name = f"P{period}" if period else CLASS_NAMES[kind]
+def _label(one: Frame, motion: Motion, row: int) -> str:
+    frame, period = one.runs, int(one.runs["orbit_period"].values[motion])
+    name = f"P{period}" if period else CLASS_NAMES[MotionClass(int(one.classes[motion]))]
     if "contact" in frame:
-        sets = contact_name(int(frame["contact"].values[at]), labels, LEGEND_ROOM)
-        name += ", no contact" if sets == "none" else f", {sets}"
-    direction = str(frame["direction"].values[at[0]])
-    amplitude = float(frame["amplitude"].values[at[1]])
+        contact = int(frame["contact"].values[motion])
+        name += f", {style.set_name(contact, one.structure.contact_labels)}"
+    direction = str(frame["direction"].values[motion.direction])
+    amplitude = float(frame["amplitude"].values[motion.amplitude])
     letter = chr(ord("a") + row) if row < 26 else str(row + 1)
     return f"({letter}) A = {amplitude:.5g}, {direction}: {name}"
 
 
-def _legend(figure, results, classes, drawn: set[int]) -> None:
+def _legend(figure, one: Frame, drawn: set[int]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    foot(
-        figure,
-        [
-            *(
-                Line2D([], [], color=colour, label=name)
-                for place, (name, colour) in enumerate(MOTIONS)
-                if place in drawn
-            ),
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker="o",
-                markersize=5,
-                markerfacecolor="white",
-                markeredgecolor="black",
-                label="stroboscopic points",
-            ),
-            Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop"),
-        ],
-        results,
-        classes,
-    )
+    motions = [palette.MOTIONS[place] for place in sorted(drawn)]
+    handles = [
+        *(Line2D([], [], color=colour, label=name) for name, colour in motions),
+        dot("stroboscopic points", "black", face="white"),
+        Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop"),
+    ]
+    style.foot(figure, handles, one.results, one.classes)

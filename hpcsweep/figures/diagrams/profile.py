@@ -1,13 +1,10 @@
 """Profiles over the height: peak drift of each storey at one intensity, contacts or none."""
 
-from pathlib import Path
-
 import numpy as np
 
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
-from hpcsweep.figures.palette import STOP, series_colour
-from hpcsweep.figures.style import PlotError, head, new_grid, save, study_of
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import stripes_of
 
@@ -20,27 +17,26 @@ OPTIONS = (responses.RESPONSE, responses.SCALE)
 load = responses.load
 
 
-def draw(results, path: Path, response: str | None = None, scale: float | None = None) -> None:
-    """Draw a panel for each building, storeys upwards, and write them to `path`."""
-    response = response or "drift"
+def draw(results, response: str = "drift", scale: float | None = None):
+    """Draw a panel for each building, storeys upwards."""
     if response not in ("drift", "displacement", "acceleration"):
-        raise PlotError(f"--response {response}: has no profile over the height")
-    at, study = responses.scale_index(results, scale), study_of(results, Records)
+        raise style.PlotError(f"--response {response}: has no profile over the height")
+    at, study = responses.scale_index(results, scale), style.study_of(results, Records)
     whole = responses.opened(results, response, None)
     dim = "storey" if response == "drift" else "floor"
     names = [str(one) for one in results[dim].values]
     found = responses.buildings(names)
-    figure, axes = new_grid(1, len(found), (1.2 + 2.6 * len(found), 4.2), sharex=True)
+    figure, axes = style.new_grid(1, len(found), (1.2 + 2.6 * len(found), 4.2), sharex=True)
     for axis, (building, places) in zip(axes[0], found.items(), strict=True):
         each = [stripes_of(results, study, response, names[i]) for i in places]
         level = np.arange(1, len(places) + 1)
         low, median, high = fractiles(np.array([one.values[:, at] for one in each]), PARTS, axis=1)
-        axis.fill_betweenx(level, low, high, color=series_colour(0), alpha=0.2, linewidth=0)
-        axis.plot(median, level, "o-", color=series_colour(0), markersize=3, label="median")
+        axis.fill_betweenx(level, low, high, color=palette.series_colour(0), alpha=0.2, linewidth=0)
+        axis.plot(median, level, "o-", color=palette.series_colour(0), markersize=3, label="median")
         if responses.touches(whole):
             alone = np.array([np.asarray(one.alone)[:, at] for one in each])
             (free,) = fractiles(alone, (0.5,), axis=1)
-            axis.plot(free, level, "s:", color=STOP, markersize=3, label="no contact")
+            axis.plot(free, level, "s:", color=palette.STOP, markersize=3, label="no contact")
         axis.set_title(f"building {building}" if building else "", fontsize=9)
         axis.set_yticks(level)
         axis.grid(True, color="0.92", linewidth=0.6)
@@ -48,9 +44,9 @@ def draw(results, path: Path, response: str | None = None, scale: float | None =
     tallest = max(map(len, found.values()))
     for axis in axes[0]:
         axis.set_ylim(0.5, tallest + 0.5)
-    axes[0, 0].set_xlim(left=0)
-    axes[0, 0].set_ylabel(dim)
-    axes[0, 0].legend(frameon=False, fontsize=8)
+    axes[0, 0].set(xlim=(0, None), ylabel=dim)
+    responses.legend(axes[0, 0])
     where = responses.at_scale(study, at)
-    head(figure, f"{where}, {len(whole.records)} records\n{responses.title(results)}", fontsize=9)
-    save(figure, path)
+    return style.head(
+        figure, f"{where}, {len(whole.records)} records\n{responses.title(results)}", fontsize=9
+    )

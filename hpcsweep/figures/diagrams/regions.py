@@ -38,10 +38,7 @@ class Region:
 
 
 def contact_regions(
-    contact: np.ndarray,
-    valid: np.ndarray,
-    least: int = 3,
-    coexisting: np.ndarray | None = None,
+    contact: np.ndarray, valid: np.ndarray, least: int = 3, coexisting: np.ndarray | None = None
 ) -> list[Region]:
     """Divide the amplitudes into regions of equal contact sets.
 
@@ -69,14 +66,13 @@ def contact_regions(
     merged = _merge(seen, least)
     if coexisting is not None:
         longest = max(least, round(MIN_COEXISTENCE * n_amplitudes))
-        for first, last, sets in list(merged):
-            if len(sets) != 1:
-                continue
+        divided = []
+        for first, last, sets in merged:
             inside = [sets * 2 if there else sets for there in coexisting[first : last + 1]]
-            at = merged.index((first, last, sets))
-            merged[at : at + 1] = [
-                (first + a, first + b, part) for a, b, part in _merge(inside, longest, sets)
-            ]
+            one = [(0, last - first, sets)]
+            parts = _merge(inside, longest, sets) if len(sets) == 1 else one
+            divided += [(first + a, first + b, part) for a, b, part in parts]
+        merged = divided
     return [Region(*group) for group in merged if group[2]]
 
 

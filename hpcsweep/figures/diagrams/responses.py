@@ -1,35 +1,29 @@
 """Common parts of the figures of responses to records: options and data."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from hpcsweep.figures.labels import unit
+from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import Option
-from hpcsweep.figures.style import PlotError, study_of
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
 
-RESPONSE = Option(
-    "--response",
-    "what is drawn (default: drift)",
-    "response",
-    {"choices": tuple(RESPONSES)},
-)
+RESPONSE = Option("--response", "what is drawn (default: drift)", choices=tuple(RESPONSES))
 PLACE = Option(
     "--place",
     "storey, floor or contact, or a building, of which it is (default: the largest of all)",
-    "place",
-    {"metavar": "NAME"},
+    metavar="NAME",
 )
-SCALE = Option(
-    "--scale", "intensity; the nearest there is (default: the middle one)", "scale", {"type": float}
-)
-RECORD = Option("--record", "record drawn, by name (default: the first)", "record", {})
+SCALE = Option("--scale", "intensity; the nearest there is (default: the middle one)", type=float)
+RECORD = Option("--record", "record drawn, by name (default: the first)")
 THRESHOLD = Option(
-    "--threshold",
-    "response that is a failure, in the unit of the figure; needed",
-    "threshold",
-    {"type": float},
+    "--threshold", "response that is a failure, in the unit of the figure; needed", type=float
 )
+MAX_GREY = 200
+"""Records that are drawn one by one."""
 MIN_LENGTH = 1e-12
 """Share of the largest response below which two are the same."""
 
@@ -39,7 +33,7 @@ def load(frames, **_options):
     return frames.gather([*frames])
 
 
-def opened(results, response: str | None, place: str | None) -> Stripes:
+def opened(results, response: str, place: str | None) -> Stripes:
     """Return the stripes that are to be drawn.
 
     Raises
@@ -47,12 +41,33 @@ def opened(results, response: str | None, place: str | None) -> Stripes:
     PlotError
     """
     try:
-        found = stripes_of(results, study_of(results, Records), response or "drift", place)
+        found = stripes_of(results, style.study_of(results, Records), response, place)
     except StripesError as error:
-        raise PlotError(str(error)) from None
+        raise style.PlotError(str(error)) from None
     if not np.isfinite(found.values).any():
-        raise PlotError("no run is complete yet")
+        raise style.PlotError("no run is complete yet")
     return found
+
+
+def draw_suite(plot: Callable[..., Any], curves: np.ndarray) -> None:
+    """Draw the curves of the records one by one, as far as they are few, and their fractiles.
+
+    Parameters
+    ----------
+    plot : callable
+        Draw one curve, from its values and the arguments of `Axes.plot`.
+    curves : ndarray, shape (n_records, k)
+    """
+    for values in curves[:MAX_GREY]:
+        plot(values, color="0.75", linewidth=0.6)
+    looks = {"color": palette.series_colour(0), "linewidth": 2.0}
+    for part, dashes, values in zip(PARTS, ("--", "-", "-."), fractiles(curves), strict=True):
+        plot(values, dashes, label=f"{100 * part:g} % fractile", **looks)
+
+
+def legend(axis, title: str | None = None, **looks) -> None:
+    """Put the legend of a panel where there is room."""
+    axis.legend(frameon=False, fontsize=8, title=title, title_fontsize=8, **looks)
 
 
 def title(results) -> str:
@@ -87,7 +102,7 @@ def record_index(results, record: str | None) -> int:
         return 0
     if record not in names:
         shown = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
-        raise PlotError(f"--record {record}: must be one of {shown}")
+        raise style.PlotError(f"--record {record}: must be one of {shown}")
     return names.index(record)
 
 
@@ -102,7 +117,7 @@ def samples_of(study: Records, i: int):
     try:
         return study.record(i)
     except (ValueError, OSError) as error:
-        raise PlotError(f"the record is needed: {error}") from None
+        raise style.PlotError(f"the record is needed: {error}") from None
 
 
 def buildings(names) -> dict[str, list[int]]:
@@ -116,6 +131,6 @@ def buildings(names) -> dict[str, list[int]]:
 def at_scale(study: Records, place: int) -> str:
     """Write the intensity at one place of the scales."""
     quantity = study.measure.quantity
-    named = unit(study.structure, quantity).strip(" []") if quantity != "1" else ""
+    named = labels.unit(study.structure, quantity).strip(" []") if quantity != "1" else ""
     measure = study.measure.named(study.structure.unit_names.time)
     return f"{measure} = {study.scale[place]:.4g} {named}".strip()

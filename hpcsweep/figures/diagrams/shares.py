@@ -1,27 +1,13 @@
 """Shares of the box of starts that reach each attractor, against the forcing amplitude."""
 
-from pathlib import Path
-
 import numpy as np
 
-from hpcsweep.figures.diagrams.attractor_diagram import (
-    legend,
-    opened,
-    starts_text,
-)
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams.attractor_diagram import legend, opened, starts_text
 from hpcsweep.figures.diagrams.figure import load_frame
-from hpcsweep.figures.labels import amplitude as amplitude_label
+from hpcsweep.figures.diagrams.mesh import edges_of
+from hpcsweep.figures.fitting import blank
 from hpcsweep.figures.options import OMEGA
-from hpcsweep.figures.palette import MOTION_COLOURS, ink
-from hpcsweep.figures.style import (
-    caption,
-    head,
-    limit_amplitudes,
-    new_figure,
-    save,
-    set_name,
-    study_of,
-)
 from hpcsweep.studies.attractors.attractors import Attractors
 
 NAME = "shares"
@@ -36,43 +22,31 @@ MIN_WIDTH, MIN_HEIGHT = 0.05, 0.1
 load = load_frame
 
 
-def draw(results, path: Path, omega: float | None = None) -> None:
-    """Draw one frame and write it to `path`; colours show the motion.
+def draw(results, omega: float | None = None):
+    """Draw one frame; colours show the motion.
 
     Raises
     ------
     PlotError
         If there is nothing to draw.
     """
-    from matplotlib.patches import Patch
-
     frame, index, structure = opened(results, omega)
-    study = study_of(results, Attractors)
-    figure, axes = new_figure(2, 6.6)
-    edges = _edges(frame["amplitude"].values)
+    study = style.study_of(results, Attractors)
+    figure, axes = style.new_figure(2, 6.6)
+    amplitude = frame["amplitude"].values
+    edges = np.clip(edges_of(amplitude), amplitude[0], amplitude[-1])
     layers = _layers(frame, study.starts)
     _stack(axes[0], edges, layers, index)
     _name(axes[0], edges, layers, index, frame, structure.contact_labels)
-    axes[0].set_ylim(0, 1)
-    axes[0].set_ylabel("share of the starts, stacked")
+    axes[0].set(ylim=(0, 1), ylabel="share of the starts, stacked")
     _intervals(axes[1], frame, index)
-    axes[1].set_ylabel(f"share, {100 * study.confidence:g} % interval")
-    axes[1].set_ylim(-0.02, 1.02)
-    axes[1].set_xlabel(amplitude_label(structure))
-    limit_amplitudes(axes[1], frame["amplitude"].values)
-    for axis, letter in zip(axes, "ab", strict=True):
-        axis.set_title(f"({letter})", loc="left", fontsize=9)
-    rest = [Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5)]
-    rest[0].set_label("reached none of them")
+    axes[1].set(ylim=(-0.02, 1.02), ylabel=f"share, {100 * study.confidence:g} % interval")
+    axes[1].set_xlabel(labels.amplitude(structure))
+    style.limit_amplitudes(axes[1], frame["amplitude"].values)
+    style.letter(axes)
     note = f"{starts_text(results, frame)}; named in (a): identity and contact set"
-    legend(figure, frame, index, note, MAX_COLUMNS, rest)
-    head(figure, caption(results, float(frame["omega"])), fontsize=10)
-    save(figure, path)
-
-
-def _edges(amplitudes: np.ndarray) -> np.ndarray:
-    middle = 0.5 * (amplitudes[1:] + amplitudes[:-1])
-    return np.concatenate((amplitudes[:1], middle, amplitudes[-1:]))
+    legend(figure, frame, index, note, MAX_COLUMNS, [blank("reached none of them")])
+    return style.head(figure, style.caption(results, float(frame["omega"])), fontsize=10)
 
 
 def _layers(frame, starts: int) -> dict[int, np.ndarray]:
@@ -107,7 +81,7 @@ def _stack(axis, edges: np.ndarray, layers: dict, index: np.ndarray) -> None:
             low, high, slot = layer[k]
             left, right = edges[k], edges[k + 1]
             cells.append([(left, low), (right, low), (right, high), (left, high)])
-            colours.append(MOTION_COLOURS[index[k, int(slot)]])
+            colours.append(palette.MOTION_COLOURS[index[k, int(slot)]])
     axis.add_collection(PolyCollection(cells, facecolors=colours, linewidths=0, rasterized=True))
     for layer in layers.values():
         top = np.where(layer[:, 2] >= 0, layer[:, 1], np.nan)
@@ -134,16 +108,10 @@ def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
             middle = (first + last) // 2
             text = str(number)
             if "contact" in frame:
-                text += f"\n{set_name(int(contact[middle]), labels)}"
-            axis.text(
-                0.5 * (edges[first] + edges[last + 1]),
-                0.5 * (layer[middle, 0] + layer[middle, 1]),
-                text,
-                ha="center",
-                va="center",
-                fontsize=7,
-                color=ink(MOTION_COLOURS[motion[middle]]),
-            )
+                text += f"\n{style.set_name(int(contact[middle]), labels)}"
+            at = 0.5 * (edges[first] + edges[last + 1]), 0.5 * layer[middle, :2].sum()
+            ink = palette.ink(palette.MOTION_COLOURS[motion[middle]])
+            axis.text(*at, text, ha="center", va="center", fontsize=7, color=ink)
 
 
 def _intervals(axis, frame, index: np.ndarray) -> None:
@@ -154,6 +122,6 @@ def _intervals(axis, frame, index: np.ndarray) -> None:
     for place in np.unique(index[index >= 0]).tolist():
         row, slot = np.nonzero(index == place)
         at = amplitudes[row]
-        colour = MOTION_COLOURS[place]
+        colour = palette.MOTION_COLOURS[place]
         axis.vlines(at, low[row, slot], high[row, slot], color=colour, linewidth=0.7, alpha=0.6)
         axis.plot(at, share[row, slot], linestyle="none", marker="o", markersize=1.8, color=colour)

@@ -1,21 +1,22 @@
 """Special points of branches over amplitude and frequency, and their curves, laid over a map."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.figures import palette
 from hpcsweep.figures.overlay import Overlay
-from hpcsweep.figures.palette import GRAZING, series_colour
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.study import as_kind
 
 MARKS = {
-    Kind.FOLD: ("fold", "o", series_colour(1)),
-    Kind.DOUBLING: ("period doubling", "s", series_colour(0)),
-    Kind.TORUS: ("torus", "D", series_colour(2)),
-    Kind.BRANCH_POINT: ("branch point", "^", series_colour(3)),
-    Kind.GRAZING: ("grazing", "|", GRAZING),
+    Kind.FOLD: ("fold", "o", palette.series_colour(1)),
+    Kind.DOUBLING: ("period doubling", "s", palette.series_colour(0)),
+    Kind.TORUS: ("torus", "D", palette.series_colour(2)),
+    Kind.BRANCH_POINT: ("branch point", "^", palette.series_colour(3)),
+    Kind.GRAZING: ("grazing", "|", palette.GRAZING),
 }
 """Word, marker and colour of each kind of special point."""
 SPECIALS = ("special_kind", "special_value")
@@ -30,13 +31,10 @@ def with_specials(results, path: Path, structure):
     PlotError
         If the file holds no branches of the amplitude, or those of another structure.
     """
-    held = Overlay(path, structure)
-    try:
+    with contextlib.closing(Overlay(path, structure)) as held:
         study = as_kind(held.study, Branches)
         names = (*SPECIALS, *(CURVES if study.curves else ()))
         lines = held.frames.gather(names)
-    finally:
-        held.close()
     of = {name: lines[name].values[0, :, 0] for name in names}
     kind = of["special_kind"]
     line, place = np.nonzero(kind)
@@ -58,15 +56,14 @@ def with_specials(results, path: Path, structure):
 
 
 def draw_specials(axis, results) -> None:
-    """Draw what `with_specials` has added, in the limits of the axis."""
+    """Draw what `with_specials` has added, if anything, in the limits of the axis."""
+    if "special_kind" not in results:
+        return
     limits = axis.get_xlim(), axis.get_ylim()
     for kind, (_, _, colour) in MARKS.items():
         own = results["special_kind"].values == kind
-        axis.plot(
-            results["special_amplitude"].values[own],
-            results["special_omega"].values[own],
-            **_looks(colour, 2.6),
-        )
+        at = results["special_amplitude"].values[own], results["special_omega"].values[own]
+        axis.plot(*at, **_looks(colour, 2.6))
     if "curve_number" in results:
         for _, one in results.groupby("curve_number"):
             colour = MARKS[Kind(int(one["curve_kind"][0]))][-1]

@@ -1,28 +1,17 @@
 """Motions over the amplitude and a key that the job varies, at one frequency."""
 
 import itertools
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.figures.diagrams.mesh import edges_of, grazing_key, legend_of_shares
-from hpcsweep.figures.inferred import drawn_classes, drawn_names, inferred, is_by_period, share_note
-from hpcsweep.figures.labels import amplitude as amplitude_label
-from hpcsweep.figures.labels import unit
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.inferred import drawn_classes, inferred, is_by_period, share_note
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option
-from hpcsweep.figures.palette import GRAZING, MOTION_COLOURS, MOTIONS, NOTHING, motion_index
-from hpcsweep.figures.style import (
-    PlotError,
-    check_omega,
-    direction_index,
-    frequency_words,
-    head,
-    nearest_frame,
-    need_amplitudes,
-    new_grid,
-    save,
-)
+from hpcsweep.figures.style import PlotError
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 NAME = "vary"
 DRAWS = "motions"
@@ -32,15 +21,9 @@ for each value of another"""
 OPTIONS = (
     OMEGA,
     DIRECTION,
-    Option(
-        "--over",
-        "key on the vertical axis (default: the one with most values)",
-        "over",
-        {"metavar": "KEY"},
-    ),
+    Option("--over", "key on the vertical axis (default: the one with most values)", metavar="KEY"),
 )
 MAX_PANELS = 12
-COLUMNS = 3
 MAX_TICKS = 8
 """Values that are all marked on the vertical axis."""
 WIDE = 30.0
@@ -60,13 +43,12 @@ class Panels(NamedTuple):
     key : str
         Name of the key on the vertical axis; its values are `values`.
     values : tuple
-    amplitude : ndarray, shape (n_amplitudes,)
     omega : float
     direction : str
         In words.
     name : str
         Of the job.
-    structure : hpcsweep.Structure
+    study : RunGrid
         Of one part.
     by_period : bool
         Whether motions without a period share one class.
@@ -79,11 +61,10 @@ class Panels(NamedTuple):
     titles: tuple[str, ...]
     key: str
     values: tuple[Any, ...]
-    amplitude: np.ndarray
     omega: float
     direction: str
     name: str
-    structure: Any
+    study: RunGrid
     by_period: bool
     inferred: float
 
@@ -98,36 +79,35 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     axes = frames.whole.study.axes
     if not axes:
         raise PlotError(f"{frames.path}: --kind {NAME} shows a key that a job varies ([vary])")
-    need_amplitudes(frames.study)
+    style.need_amplitudes(frames.study)
     names = [axis.name for axis in axes]
     free = [name for name in names if name not in frames.given]
     if over is None and free:
         over = max(free, key=lambda name: len(axes[names.index(name)].values))
     if over is None or over not in free:
         raise PlotError(f"--over {over}: must be one of {', '.join(free)}")
-    wanted = [[at] for at in frames.place]
-    for name in free:
-        wanted[names.index(name)] = [*range(len(axes[names.index(name)].values))]
-    rows = wanted[names.index(over)]
-    wanted[names.index(over)] = [0]
+    wanted = [
+        range(len(axis.values)) if axis.name in free else (at,)
+        for axis, at in zip(axes, frames.place, strict=True)
+    ]
+    key = names.index(over)
+    rows, wanted[key] = wanted[key], (0,)
     panels = list(itertools.product(*wanted))
     if len(panels) > MAX_PANELS:
         others = ", ".join(name for name in free if name != over)
         raise PlotError(f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at")
     if omega is not None:
-        check_omega(frames.study.omega, omega)
-    place = nearest_frame(frames.study.omega, omega)
+        style.check_omega(frames.study.omega, omega)
+    place = style.nearest_frame(frames.study.omega, omega)
     motion, grazing, titles, from_cells = [], [], [], []
     for panel in panels:
         for row in rows:
-            frames.choose(
-                tuple(row if n == over else at for n, at in zip(names, panel, strict=True))
-            )
+            frames.choose((*panel[:key], row, *panel[key + 1 :]))
             frame = frames.dataset(place)
-            at = direction_index(frame, direction)
+            at = style.direction_index(frame, direction)
             from_cells.append(float(inferred(frame)[at, 0].mean()))
-            motion.append(motion_index(*(values[at, 0] for values in drawn_classes(frame))))
-            grazing.append(frames.study.structure.grazing_amplitude(float(frame["omega"].item())))
+            motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
+            grazing.append(mesh.grazing_amplitude(frames.study.structure, frame["omega"].item()))
         pairs = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
     study, shape = frames.study, (len(panels), len(rows))
@@ -135,99 +115,60 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         motion=np.array(motion).reshape(*shape, -1),
         grazing=np.array(grazing).reshape(shape),
         titles=tuple(titles),
-        key=_words(over) + unit(study.structure, axes[names.index(over)].units),
-        values=axes[names.index(over)].values,
-        amplitude=study.amplitude,
+        key=_words(over) + labels.unit(study.structure, axes[key].units),
+        values=axes[key].values,
         omega=float(study.omega[place]),
         direction=study.words[study.directions[at]],
         name=frames.whole.name,
-        structure=study.structure,
+        study=as_kind(study, RunGrid),
         by_period=is_by_period(frame),
         inferred=float(np.mean(from_cells)),
     )
 
 
-def draw(
-    results,
-    path: Path,
-    omega: float | None = None,
-    direction: str | None = None,
-    over: str | None = None,
-) -> None:
-    """Draw what `load` returned and write it to `path`; the options are those of `load`.
+def draw(results: Panels, **_options):
+    """Draw what `load` returned; the options are those of `load`.
 
     Raises
     ------
     PlotError
         If nothing is computed.
     """
-    del omega, direction, over
     if (results.motion < 0).all():
         raise PlotError("no run of this frame is computed yet")
-    count = len(results.titles)
-    columns = min(count, COLUMNS)
-    n_rows = -(-count // columns)
-    size = (7.2, 5.2) if count == 1 else (3.5 * columns + 1.0, 3.2 * n_rows + 0.9)
-    figure, axes = new_grid(n_rows, columns, size, sharex=True, sharey=True)
-    for panel, axis in enumerate(axes.flat):
-        if panel >= count:
-            axis.set_visible(False)
-            continue
+    figure, axes = mesh.panels(len(results.titles), (7.2, 5.2), (3.5, 3.2), (1.0, 0.9))
+    for panel, axis in enumerate(axes):
         _panel(axis, results, panel)
         axis.set_title(results.titles[panel], fontsize=9)
-        axis.set_xlabel(amplitude_label(results.structure))
-        axis.set_ylabel(results.key)
+        axis.set(xlabel=labels.amplitude(results.study.structure), ylabel=results.key)
         axis.label_outer()
-    _legend(figure, results)
-    at = frequency_words(results.structure, results.omega)
+    notes = results.by_period, bool(results.inferred)
+    mesh.legend_of_motions(figure, results.motion, [mesh.grazing_key()], (), *notes)
+    at = style.frequency_words(results.study.structure, results.omega)
     title = rf"{results.name},  $\Omega$ = {at},  {results.direction}"
-    head(figure, "\n".join(filter(None, (title, share_note(results.inferred)))), fontsize=10)
-    save(figure, path)
+    return style.head(figure, title, share_note(results.inferred))
 
 
 def _panel(axis, results: Panels, panel: int) -> None:
     """Draw the motions of one panel, and its grazing amplitude."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
     cells, grazing, keys = results.motion[panel], results.grazing[panel], np.array(results.values)
-    axis.set_facecolor(NOTHING)
-    if (cells < 0).any():
-        axis.patch.set(hatch="xxxx", edgecolor="0.55")
     is_number = keys.dtype.kind in "if" and keys.size > 1 and bool(np.isfinite(keys).all())
     is_number = is_number and bool(np.all(np.diff(keys) > 0))
     is_wide = is_number and keys[0] > 0 and keys[-1] / keys[0] >= WIDE
     heights = keys.astype(float) if is_number else np.arange(keys.size, dtype=float)
-    edges = np.exp(edges_of(np.log(heights))) if is_wide else edges_of(heights)
-    axis.pcolormesh(
-        edges_of(results.amplitude),
-        edges,
-        np.ma.masked_less(cells, 0),
-        cmap=ListedColormap(MOTION_COLOURS),
-        norm=BoundaryNorm(np.arange(len(MOTION_COLOURS) + 1) - 0.5, len(MOTION_COLOURS)),
-        rasterized=True,
-    )
+    edges_to = (lambda y: np.exp(mesh.edges_of(np.log(y)))) if is_wide else mesh.edges_of
+    edges = edges_to(heights)
+    motions = np.ma.masked_less(cells, 0)
+    looks = mesh.by_colour(palette.MOTION_COLOURS)
+    mesh.paint(axis, results.study.amplitude, heights, motions, edges_to, **looks)
     if is_wide:
         axis.set_yscale("log")
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):
         axis.set_yticks(heights, [_written(key) for key in keys])
     limits = axis.get_xlim()
-    for colour, width in (("white", 1.8), (GRAZING, 1.0)):
+    for colour, width in (("white", 1.8), (palette.GRAZING, 1.0)):
         axis.stairs(grazing, edges, baseline=None, orientation="horizontal", color=colour, lw=width)
     axis.set(xlim=limits, ylim=(edges[0], edges[-1]))
-
-
-def _legend(figure, results: Panels) -> None:
-    index = results.motion
-    done = max(int((index >= 0).sum()), 1)
-    shown = {
-        name: (colour, int((index == place).sum()) / done)
-        for place, (name, colour) in enumerate(MOTIONS)
-        if (index == place).any()
-    }
-    entries = [(name, *entry) for name, entry in drawn_names(shown, results.by_period).items()]
-    blank = float((index < 0).mean())
-    of = "points" if results.inferred else "runs"
-    legend_of_shares(figure, entries, blank, "not computed", [grazing_key()], of)
 
 
 def _words(name: str) -> str:

@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from hpcsweep.figures import palette, style
 from hpcsweep.figures.overlay import Drawn
-from hpcsweep.figures.palette import MOTION_COLOURS
-from hpcsweep.figures.style import with_members
 
 
 def pack_branches(
@@ -41,7 +40,7 @@ def pack_branches(
     ):
         add(name, np.ascontiguousarray(numbers, "<f4").view("<u4"), float32=True)
     add("branch_stable", np.concatenate([one.stable for one in every]).astype(np.uint8))
-    names = with_members(sets.tolist(), structure, room)
+    names = style.with_members(sets.tolist(), structure, room)
     add("branch_contact", contact.astype(np.uint16), names=names)
     told: list[list[dict]] = []
     step = state = 0
@@ -49,7 +48,7 @@ def pack_branches(
         told.append([])
         for one in frame:
             count = one.value.size
-            colour = MOTION_COLOURS[min(one.period, 9)]
+            colour = palette.period_colour(one.period)
             told[-1].append(
                 {"number": one.number, "period": one.period, "colour": colour}
                 | {"count": count, "step": step, "state": state}

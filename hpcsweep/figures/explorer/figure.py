@@ -8,37 +8,36 @@ WRITES = (".html",)
 HELP = """\
 Make one self-contained page: the map over (A, Omega); pointing at it shows the orbit diagram of
 that frame, clicking the phase portrait and numbers of that run."""
-MAX_MB = 150.0
 OPTIONS = (
     BRANCHES,
     Option(
         "--points",
         "at most K stroboscopic points of a run (default: as many as keep the page small)",
-        "points",
-        {"type": whole_number(1, 10_000_000), "metavar": "K"},
+        type=whole_number(1, 10_000_000),
+        metavar="K",
     ),
     Option(
         "--bits",
         "resolution of the points: 1/2^B of a frame's range (default: %(default)s)",
-        "bits",
-        {"type": whole_number(6, 16), "default": 12, "metavar": "B"},
+        type=whole_number(6, 16),
+        default=12,
+        metavar="B",
     ),
-    Option(
-        "--frame-step",
-        "keep every Nth frame",
-        "frame_step",
-        {"type": whole_number(1, 10_000_000), "default": 1, "metavar": "N"},
-    ),
-    Option(
-        "--amplitude-step",
-        "keep every Nth amplitude",
-        "amplitude_step",
-        {"type": whole_number(1, 10_000_000), "default": 1, "metavar": "N"},
+    *(
+        Option(
+            f"--{each}-step",
+            f"keep every Nth {each}",
+            type=whole_number(1, 10_000_000),
+            default=1,
+            metavar="N",
+        )
+        for each in ("frame", "amplitude")
     ),
     Option(
         "--max-mb",
         "refuse to write a larger page (default: %(default)g)",
-        "max_mb",
-        {"type": positive, "default": MAX_MB, "metavar": "MB"},
+        type=positive,
+        default=150.0,
+        metavar="MB",
     ),
 )

@@ -10,45 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams.mesh import grazing_amplitude
+from hpcsweep.figures.explorer import encode
 from hpcsweep.figures.explorer.branches import pack_branches
-from hpcsweep.figures.explorer.encode import (
-    predict_points,
-    predict_rows,
-    quantise,
-    resolution,
-    to_text,
-)
 from hpcsweep.figures.explorer.page_data import PageData
-from hpcsweep.figures.labels import unit
-from hpcsweep.figures.palette import (
-    DIRECTIONS,
-    GRAZING,
-    LONGEST,
-    MOTIONS,
-    NOTHING,
-    NUMBERS,
-    STOP,
-    contact_colour,
-    motion_place,
-    series_colour,
-)
-from hpcsweep.figures.style import with_members
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 
-SCRIPTS = (
-    "codec.js",
-    "integrate.js",
-    "colours.js",
-    "map.js",
-    "diagrams.js",
-    "portraits.js",
-    "branches.js",
-    "words.js",
-    "main.js",
-)
 DEFAULT_BITS = 12
 VALUE_BITS = {"drift": 16, "lyapunov": 16}
 NORM_BITS = 12
@@ -58,10 +29,6 @@ INFERRED_WORDS = "inferred from its cell"
 NAME_ROOM = 40
 """Letters of a contact set's name."""
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
-
-
-class PageTooLarge(ValueError):
-    """Raised where the page would be larger than allowed; the message is one line for the user."""
 
 
 def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str, int]]:
@@ -80,22 +47,22 @@ def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str
         Bytes of each part.
     """
     meta, texts = _pack(study, bits)
-    assets = files(__package__) / "assets"
-    vendor = files(__package__) / "vendor"
     parts = {
         "TITLE": html.escape(f"{study.name}: explorer"),
-        "STYLE": (vendor / "uPlot.min.css").read_text() + (assets / "explorer.css").read_text(),
-        "LICENCE": (vendor / "uPlot.LICENSE").read_text(),
-        "LIBRARY": (vendor / "uPlot.iife.min.js").read_text(),
-        "PROGRAM": "\n".join((assets / name).read_text() for name in SCRIPTS),
         "META": json.dumps(meta, allow_nan=False).replace("<", "\\u003c"),
         "DATA": "\n".join(
             f'<script type="text/plain" id="data-{name}">{text}</script>'
             for name, text in texts.items()
         ),
     }
-    template = (assets / "page.html").read_text()
-    page = re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], template)
+
+    def filled(place: re.Match) -> str:
+        """Return one of the parts, or else the text of a file."""
+        name = place[1]
+        return parts[name] if name in parts else (files(__package__) / name).read_text()
+
+    template = (files(__package__) / "assets/page.html").read_text()
+    page = re.sub(r"\{\{([\w/.]+)\}\}", filled, template)
     sizes = {name: len(text) for name, text in texts.items()}
     return page, {"program": len(page) - sum(sizes.values()), **sizes}
 
@@ -115,11 +82,11 @@ def check_size(sizes: dict[str, int], limit: float) -> None:
 
     Raises
     ------
-    PageTooLarge
+    PlotError
     """
     total = sum(sizes.values())
     if total > limit:
-        raise PageTooLarge(
+        raise style.PlotError(
             f"the page would have {total / 1e6:.3g} MB, the limit is {limit / 1e6:.3g} MB: use "
             "fewer --points or --bits, a --frame-step or --amplitude-step, or raise --max-mb"
         )
@@ -131,7 +98,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
     arrays: dict[str, dict] = {}
 
     def add(name: str, codes: np.ndarray, row: int = 0, **notes) -> None:
-        texts[name] = to_text(predict_rows(codes) if row else codes)
+        texts[name] = encode.to_text(encode.predict_rows(codes) if row else codes)
         arrays[name] = {"bytes": codes.dtype.itemsize, "length": codes.size, "row": row, **notes}
 
     n_amplitudes = study.amplitude.size
@@ -142,8 +109,8 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         low, high = _range(values)
         own = VALUE_BITS.get(name, NORM_BITS)
         colour = _range(values, 1.0)
-        codes = quantise(values, low, high, own)
-        step = float(resolution(low, high, own))
+        codes = encode.quantise(values, low, high, own)
+        step = float(encode.resolution(low, high, own))
         notes = {"low": low, "high": high, "step": step, "colour": colour}
         if name in study.labels:
             label, place, unit_name = study.labels[name]
@@ -172,16 +139,16 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         "motions": [
             {
                 "name": CLASS_NAMES[m],
-                "place": motion_place(m, 1),
+                "place": palette.motion_place(m, 1),
                 "periodic": m is MotionClass.PERIODIC,
                 "done": m not in (MotionClass.NOT_COMPUTED, MotionClass.FAILED),
             }
             for m in MotionClass
         ],
-        "motionLegend": [{"name": name, "colour": colour} for name, colour in MOTIONS],
-        "longest": LONGEST,
+        "motionLegend": [{"name": name, "colour": colour} for name, colour in palette.MOTIONS],
+        "longest": palette.LONGEST,
         "outcomes": [*(o.name.lower().replace("_", " ") for o in Outcome), INFERRED_WORDS],
-        "contacts": with_members(sets, study.structure, NAME_ROOM),
+        "contacts": style.with_members(sets, study.structure, NAME_ROOM),
         "colours": _colours(study, sets, grazes),
     }, texts
 
@@ -195,18 +162,19 @@ def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
     if not per_frame.any():
         return {}
     steps = {}
+
+    def add_ranged(name: str, codes: np.ndarray, low, high, row: int = 0) -> None:
+        add(name, codes, row, ranges=np.stack([low, high], axis=-1).tolist())
+        steps[name] = float(encode.resolution(low, high, bits).max())
+
     low, high, codes = _quantise_frames(study.points, per_frame, bits)
-    ranges = np.stack([low, high], axis=-1)
-    add("points", predict_points(codes, sweeps), ranges=ranges.tolist())
-    steps["points"] = float(resolution(low, high, bits).max())
+    add_ranged("points", encode.predict_points(codes, sweeps), low, high)
     speed = np.moveaxis(study.speed, -1, 0)
     with np.errstate(invalid="ignore"):
         low = np.nan_to_num(np.fmin.reduce(speed, axis=(2, 3)).T).astype(float)
         high = np.nan_to_num(np.fmax.reduce(speed, axis=(2, 3)).T).astype(float)
-    codes = quantise(speed, low.T[:, :, None, None], high.T[:, :, None, None], bits)
-    ranges = np.stack([low, high], axis=-1)
-    add("speed", codes, study.amplitude.size, ranges=ranges.tolist())
-    steps["speed"] = float(resolution(low, high, bits).max())
+    codes = encode.quantise(speed, low.T[:, :, None, None], high.T[:, :, None, None], bits)
+    add_ranged("speed", codes, low, high, study.amplitude.size)
     return steps
 
 
@@ -227,7 +195,7 @@ def _quantise_frames(points: np.ndarray, per_frame: np.ndarray, bits: int):
         if count:
             own = points[end - count : end].T
             low[frame], high[frame] = own.min(axis=1), own.max(axis=1)
-            codes[:, end - count : end] = quantise(
+            codes[:, end - count : end] = encode.quantise(
                 own, low[frame, :, None], high[frame, :, None], bits
             )
     return low, high, codes
@@ -259,7 +227,7 @@ def _range(values: np.ndarray, percent: float = 0.0) -> list[float]:
 
 def _unit_names(structure) -> dict[str, str]:
     """Return the names of units as in labels of figures; '' where they have none."""
-    names = {name: _plain(unit(structure, name)).strip().strip("[]") for name in QUANTITIES}
+    names = {name: _plain(labels.unit(structure, name)).strip().strip("[]") for name in QUANTITIES}
     return names | {"cycles": unit_of(structure, "cycles") if structure.unit_names.time else ""}
 
 
@@ -270,10 +238,7 @@ def _plain(words: str) -> str:
 
 def _grazing(structure, omega: float) -> float | None:
     """Return the grazing amplitude; None where there is none."""
-    try:
-        amplitude = float(structure.grazing_amplitude(omega))
-    except ZeroDivisionError:
-        return 0.0
+    amplitude = grazing_amplitude(structure, omega)
     return amplitude if math.isfinite(amplitude) else None
 
 
@@ -316,13 +281,13 @@ def _colours(study: PageData, sets: list[int], grazes: bool) -> dict[str, str | 
     from matplotlib.colors import to_hex
 
     return {
-        "contacts": [contact_colour(s, study.structure.contact_labels) for s in sets],
+        "contacts": [palette.contact_colour(s, study.structure.contact_labels) for s in sets],
         "directions": [
-            DIRECTIONS.get(name, series_colour(place))
+            palette.DIRECTIONS.get(name, palette.series_colour(place))
             for place, name in enumerate(study.directions)
         ],
-        "numbers": [to_hex(c) for c in colormaps[NUMBERS](np.linspace(0, 1, 256))],
-        "nothing": NOTHING,
-        "grazing": GRAZING if grazes else "",
-        "stop": STOP,
+        "numbers": [to_hex(c) for c in colormaps[palette.NUMBERS](np.linspace(0, 1, 256))],
+        "nothing": palette.NOTHING,
+        "grazing": palette.GRAZING if grazes else "",
+        "stop": palette.STOP,
     }

@@ -1,5 +1,6 @@
 """Gather the data of the explorer from a results file, one frame at a time."""
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,12 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.figures import labels, style
 from hpcsweep.figures.explorer import attractors
 from hpcsweep.figures.inferred import filled, filled_classes, inferred
-from hpcsweep.figures.labels import MAX_MODES
-from hpcsweep.figures.measures import Measure, held_measures, measure_of
+from hpcsweep.figures.measures import held_measures, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
-from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
@@ -111,7 +111,11 @@ def gather(
     reader = Frames(path, ("motions", "attractors"), at)
     study, grid = as_kind(reader.study, RunGrid), Grid(reader)
     rows = range(0, grid.omega.size, frame_step)
-    _check_cells(path, len(rows), grid)
+    if len(rows) * grid.amplitude.size > MAX_CELLS:
+        raise style.PlotError(
+            f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
+            f"{grid.amplitude.size} amplitudes, more than {MAX_CELLS} places"
+        )
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points
@@ -122,10 +126,8 @@ def gather(
         if several:
             chosen = attractors.as_runs(chosen)
         codes.append(_codes(chosen))
-        measures = {
-            name: measure_of(chosen, study.structure, name) for name in held_measures(chosen)
-        }
-        values.append(_values(chosen, measures))
+        numbers, words = _values(chosen, study.structure)
+        values.append(numbers)
         kept, u, v = _points(chosen, n, limit)
         counts.append(kept)
         points.append(u)
@@ -148,7 +150,7 @@ def gather(
         words=tuple(study.words[name] for name in study.directions),
         codes={name: np.stack([c[name] for c in codes]) for name in codes[0]},
         values={name: np.stack([v[name] for v in values]) for name in values[0]},
-        labels=_labels(measures),
+        labels=words,
         counts=np.stack(counts),
         points=np.concatenate(points),
         speed=np.stack(speed),
@@ -170,25 +172,13 @@ def add_branches(study: PageData, path: Path) -> None:
     StoreError, PlotError
         If the file does not fit; one line for the user.
     """
-    overlay = Overlay(path, study.structure)
-    try:
+    with contextlib.closing(Overlay(path, study.structure)) as overlay:
         overlay.need(study.omega)
         study.branches = [overlay.at(one) for one in study.omega.tolist()]
-    finally:
-        overlay.close()
-
-
-def _check_cells(path: Path, n_rows: int, grid) -> None:
-    """Refuse a map of too many places."""
-    if n_rows * grid.amplitude.size > MAX_CELLS:
-        raise PlotError(
-            f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
-            f"{grid.amplitude.size} amplitudes, more than {MAX_CELLS} places"
-        )
 
 
 def _codes(frame) -> dict[str, np.ndarray]:
-    motion = frame[MOTION].values if MOTION in frame else classes_of(frame)
+    motion = frame[MOTION].values if MOTION in frame else style.classes_of(frame)
     motion, period = filled_classes(frame, motion)
     outcome = np.where(inferred(frame), INFERRED, frame["outcome"].values)
     codes = {
@@ -202,7 +192,8 @@ def _codes(frame) -> dict[str, np.ndarray]:
     return codes
 
 
-def _values(frame, measures: Mapping[str, Measure]) -> dict[str, np.ndarray]:
+def _values(frame, structure) -> tuple[dict[str, np.ndarray], dict[str, tuple[str, str, str]]]:
+    """Return the numbers of each run, and label, place and unit of those that are measures."""
     values = {
         name: frame[name].values[:, 0].astype(np.float32)
         for name in ("drift", "lyapunov", *attractors.VALUES)
@@ -210,21 +201,16 @@ def _values(frame, measures: Mapping[str, Measure]) -> dict[str, np.ndarray]:
     }
     if "modal_norm" in frame:
         norms = frame["modal_norm"].values[:, 0].astype(np.float32)
-        shown = min(norms.shape[-1], MAX_MODES)
+        shown = min(norms.shape[-1], labels.MAX_MODES)
         values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(shown)}
-    for name, measure in measures.items():
+    words = {}
+    for name in held_measures(frame):
+        measure = measure_of(frame, structure, name)
         sizes = frame[name].values[:, 0] * measure.factor
-        for i in range(min(len(measure.places), MAX_PLACES)):
+        for i, place in enumerate(measure.places[:MAX_PLACES]):
             values[f"{name}_{i + 1}"] = sizes[..., i].astype(np.float32)
-    return values
-
-
-def _labels(measures: Mapping[str, Measure]) -> dict[str, tuple[str, str, str]]:
-    return {
-        f"{name}_{i + 1}": (measure.label, place, measure.unit)
-        for name, measure in measures.items()
-        for i, place in enumerate(measure.places[:MAX_PLACES])
-    }
+            words[f"{name}_{i + 1}"] = measure.label, place, measure.unit
+    return values, words
 
 
 def _points(frame, n: int, limit: int):

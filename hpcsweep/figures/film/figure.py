@@ -11,48 +11,36 @@ MP4 or, by the ending of OUT, GIF. Start it under mpirun to use many ranks; alon
 processes. The film is the same for any number. Needs the extra 'video' (imageio-ffmpeg)."""
 OPTIONS = (
     Option(
-        "--poster",
-        "also write the frame with most kinds of motion",
-        "poster",
-        {"type": file_name, "metavar": "PNG"},
+        "--poster", "also write the frame with most kinds of motion", type=file_name, metavar="PNG"
     ),
-    Option(
-        "--fps",
-        "frames per second (default: %(default)g)",
-        "fps",
-        {"type": positive, "default": 25.0},
-    ),
-    Option(
-        "--every",
-        "take every Kth frame",
-        "every",
-        {"type": whole_number(1), "default": 1, "metavar": "K"},
-    ),
+    Option("--fps", "frames per second (default: %(default)g)", type=positive, default=25.0),
+    Option("--every", "take every Kth frame", type=whole_number(1), default=1, metavar="K"),
     Option(
         "--direction",
         "sweeps that are drawn (default: %(default)s)",
-        "direction",
-        {"choices": ("up", "down", "both"), "default": "both"},
+        choices=("up", "down", "both"),
+        default="both",
     ),
     Option(
         "--color",
         "what the colours show (default: %(default)s)",
-        "color",
-        {"choices": ("direction", "contact", "period"), "default": "direction"},
+        choices=("direction", "contact", "period"),
+        default="direction",
     ),
     FLOORS,
     Option(
         "--show",
         "measure drawn in place of stroboscopic displacements: storey_drift, displacement, "
         "acceleration, contact_force, impacts, impact_velocity, impulse or contact_time",
-        "show",
-        {"default": "", "metavar": "MEASURE"},
+        default="",
+        metavar="MEASURE",
     ),
     BRANCHES,
     Option(
         "--width",
         "even (default: 1280, GIF 960); the height follows from the number of floors shown",
-        "width",
-        {"type": whole_number(1), "default": 0, "metavar": "PIXELS"},
+        type=whole_number(1),
+        default=0,
+        metavar="PIXELS",
     ),
 )

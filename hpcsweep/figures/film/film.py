@@ -5,25 +5,25 @@ of the axes and the classes that occur, the second paints the pieces and encodes
 The film's bytes do not depend on the number of ranks or processes.
 """
 
+import contextlib
 import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.film import video
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.film.request import WIDTH, Request
 from hpcsweep.figures.film.workers import Workers
-from hpcsweep.figures.labels import choose_floors
 from hpcsweep.figures.measures import Measure, measure_of
 from hpcsweep.figures.overlay import Overlay
-from hpcsweep.figures.palette import motion_index
-from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
@@ -78,7 +78,7 @@ class Film:
         self.directions = known if request.direction == "both" else (request.direction,)
         self.order = [int(k) for k in np.argsort(self.study.omega, kind="stable")[:: request.every]]
         n = len(self.measure.places) if self.measure else self.structure.n_floors
-        self.floors = choose_floors(n, request.floors)
+        self.floors = labels.choose_floors(n, request.floors)
         self.overlay = Overlay(request.branches, self.structure) if request.branches else None
         self.width = request.width or WIDTH[request.is_gif]
         self._picture: Picture | None = None
@@ -103,8 +103,8 @@ class Film:
         values = found["poincare"] = values[..., self.floors]
         values[found["outcome"] != Outcome.COMPLETE] = np.nan
         if self.request.color == "period":
-            classes = classes_of(self.frames.dataset(frame))[rows, 0]
-            found["motion"] = motion_index(classes, found["orbit_period"])
+            classes = style.classes_of(self.frames.dataset(frame))[rows, 0]
+            found["motion"] = palette.motion_index(classes, found["orbit_period"])
         return found
 
     def survey(self, frames: list[int]) -> Found:
@@ -149,10 +149,7 @@ class Film:
 
 
 def make(
-    request: Request,
-    comm,
-    processes: int = 1,
-    progress: Callable[[int, int], Any] | None = None,
+    request: Request, comm, processes: int = 1, progress: Callable[[int, int], Any] | None = None
 ) -> int | None:
     """Make a film (collective).
 
@@ -178,17 +175,14 @@ def make(
         On every rank, if no run is complete.
     """
     name = f".{request.output.name}."
-    new_folder = lambda: Path(tempfile.mkdtemp(prefix=name, dir=request.output.parent))  # noqa: E731
-    folder = _on_first(request, comm, new_folder)
+    new_folder = partial(tempfile.mkdtemp, prefix=name, dir=request.output.parent)
+    folder = Path(_on_first(request, comm, new_folder))
     try:
         film = Film(request, folder)
         shown = progress(2 * len(film.order), 0) if progress and comm.rank == 0 else None
-        try:
+        with contextlib.closing(shown) if shown else contextlib.nullcontext():
             advance = shown.advance if shown else lambda frames: None
             n_frames = _make(film, comm, processes, advance)
-        finally:
-            if shown:
-                shown.close()
     except BaseException:
         # no other rank is waited for: the caller ends them all
         shutil.rmtree(folder, ignore_errors=True)
@@ -209,7 +203,7 @@ def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
             problem = f"{request.output}: cannot be written: {error.strerror or error}"
     result, problem = comm.bcast((result, problem))
     if problem is not None:
-        raise PlotError(problem)
+        raise style.PlotError(problem)
     return result
 
 
@@ -222,7 +216,7 @@ def _make(film: Film, comm, processes: int, advance: Callable[[int], None]) -> i
         found = comm.bcast(found)
         drawn = [k for k in film.order if k in found.richness]
         if not drawn:
-            raise PlotError(f"{film.request.file}: no run is complete yet")
+            raise style.PlotError(f"{film.request.file}: no run is complete yet")
         if not workers.run(Film.encode, _pieces(drawn), found):
             return None
     segments = [film.segment(piece[0]) for piece in _pieces(drawn)]

@@ -9,18 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.mesh import edges_of
-from hpcsweep.figures.labels import amplitude, unit
+from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.overlay import Drawn
-from hpcsweep.figures.palette import (
-    DARK_INK,
-    DIRECTIONS,
-    MOTIONS,
-    NOTHING,
-    contact_colour,
-    ink,
-)
-from hpcsweep.figures.style import parameters, set_name, set_names
 from hpcsweep.solvers.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -28,7 +20,7 @@ if TYPE_CHECKING:
 
 WIDTH = 1280
 """Width (pixels) for which the sizes below are meant; other widths scale them."""
-STABLE, UNSTABLE = (DARK_INK, 3), ("#8c8c8c", 1)
+STABLE, UNSTABLE = (palette.DARK_INK, 3), ("#8c8c8c", 1)
 """Colour of a branch, and width."""
 LEFT, RIGHT, HEADER, BAND, GAP, FOOTER = 92, 28, 92, 22, 12, 112
 ALL_PANELS, MIN_PANEL, MAX_PANEL = 720, 56, 240
@@ -69,15 +61,15 @@ class Picture:
 
         self._film, study, self._labels = film, film.study, film.structure.contact_labels
         sets = sorted(found.contacts, key=lambda c: (-found.contacts[c], c))
-        names = zip(sets, set_names(sets, self._labels), strict=True)
-        self.sets = {c: (contact_colour(c, self._labels), name) for c, name in names}
+        names = zip(sets, style.set_names(sets, self._labels), strict=True)
+        self.sets = {c: (palette.contact_colour(c, self._labels), name) for c, name in names}
         beneath = "", " (beneath)"
         self.keys = {
             "direction": {
-                d: (DIRECTIONS[name], study.words[name] + beneath[d])
+                d: (palette.DIRECTIONS[name], study.words[name] + beneath[d])
                 for d, name in enumerate(film.directions)
             },
-            "period": {place: MOTIONS[place][::-1] for place in sorted(found.motions)},
+            "period": {place: palette.MOTIONS[place][::-1] for place in sorted(found.motions)},
             "contact": self.sets,
         }[film.request.color]
         n_panels, n_bands = len(film.floors), len(film.directions) if sets else 0
@@ -100,7 +92,7 @@ class Picture:
             panel.set_axisbelow(True)
             panel.tick_params(labelsize=9, labelbottom=k == 0)
             panel.locator_params(axis="y", nbins=max(2, tall // 42))
-        self.panels[0].set_xlabel(amplitude(film.structure))
+        self.panels[0].set_xlabel(labels.amplitude(film.structure))
         looks = {"linestyle": "none", "markeredgewidth": 0, "animated": True}
         self._points = [panel.plot([], [], **looks)[0] for panel in self.panels]
         self._lines = [panel.plot([], [], animated=True)[0] for panel in self.panels]
@@ -125,11 +117,13 @@ class Picture:
             self._word = self.bands.text(
                 0, 0, "", ha="center", va="center", fontsize=9, animated=True
             )
-        title = parameters(film.structure, room=None)
+        title = style.parameters(film.structure, room=None)
         if film.measure:
             title = f"{film.measure.label};  {title}"
         self._label(LEFT, 22, title, fontsize=10)
-        self._omega = self._label(LEFT, 60, "", fontsize=21.6, color=DARK_INK, animated=True)
+        self._omega = self._label(
+            LEFT, 60, "", fontsize=21.6, color=palette.DARK_INK, animated=True
+        )
         self._mark = self._scale(study.omega[[*found.richness]])
         self._legends()
         self._canvas.draw()
@@ -171,8 +165,8 @@ class Picture:
         done = frame["outcome"] == Outcome.COMPLETE
         sets, index = np.unique(frame["contact"], return_inverse=True)
         index = np.where(done, index.reshape(done.shape), sets.size)
-        colours = [self.sets[c][0] if c in self.sets else NOTHING for c in sets.tolist()]
-        self._cells.set_array(to_rgba_array([*colours, NOTHING])[index])
+        colours = [self.sets[c][0] if c in self.sets else palette.NOTHING for c in sets.tolist()]
+        self._cells.set_array(to_rgba_array([*colours, palette.NOTHING])[index])
         self.figure.draw_artist(self._cells)
         self.figure.draw_artist(self._gap)
         span = self.bands.get_xlim()
@@ -184,9 +178,9 @@ class Picture:
                 room = int((edges[end] - edges[start]) * width / LETTER)
                 if row[start] == sets.size or room < 2:
                     continue
-                name = set_name(int(sets[row[start]]), self._labels, room)
+                name = style.set_name(int(sets[row[start]]), self._labels, room)
                 if len(name) <= room:
-                    self._word.set(text=name, color=ink(colours[row[start]]))
+                    self._word.set(text=name, color=palette.ink(colours[row[start]]))
                     self._word.set_position(((edges[start] + edges[end]) / 2, d + 0.5))
                     self.figure.draw_artist(self._word)
 
@@ -230,7 +224,7 @@ class Picture:
         if film.measure:
             return film.measure.places[floor] + ("" if short else film.measure.unit)
         name = f"u_{{{floor + 1}}}"
-        return f"${name}$" if short else f"${name}(jT)$" + unit(film.structure, "length")
+        return f"${name}$" if short else f"${name}(jT)$" + labels.unit(film.structure, "length")
 
     def _scale(self, omega: np.ndarray):
         """Draw the scale of frequencies; return the mark on it."""
@@ -248,15 +242,16 @@ class Picture:
         for axis in (scale, above):
             looks = {"direction": "in", "length": 10, "labelsize": 8.5, "color": "0.4", "pad": 2}
             axis.tick_params(axis="x", **looks)
-        return scale.plot([low], [0], "o", ms=9, c=DARK_INK, clip_on=False, animated=True)[0]
+        return scale.plot([low], [0], "o", ms=9, c=palette.DARK_INK, clip_on=False, animated=True)[
+            0
+        ]
 
     def _legends(self) -> None:
         """Put the legends below the panels, each on a line: the entries that fit."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
-        dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 5}
-        points = [Line2D([], [], color=c, label=name, **dot) for c, name in self.keys.values()]
+        points = [dot(name, colour) for colour, name in self.keys.values()]
         if self._film.overlay:
             for (colour, width), word in ((STABLE, "stable branch"), (UNSTABLE, "unstable")):
                 points.append(Line2D([], [], color=colour, linewidth=0.72 * width, label=word))
@@ -268,18 +263,12 @@ class Picture:
         y = self._bottom + below
         if keys:
             self._label(LEFT - 70, y, title, fontsize=9)
+        corner = (LEFT + 46) / WIDTH, 1 - y / self._size[1]
+        looks: dict[str, Any] = {"loc": "center left", "fontsize": 9, "frameon": False}
+        looks |= {"handletextpad": 0.3, "columnspacing": 1.1, "borderpad": 0}
         for count in range(min(len(keys), MAX_KEYS), 0, -1):
-            legend = self.figure.legend(
-                handles=keys[:count],
-                loc="center left",
-                bbox_to_anchor=((LEFT + 46) / WIDTH, 1 - y / self._size[1]),
-                ncols=count,
-                fontsize=9,
-                frameon=False,
-                handletextpad=0.3,
-                columnspacing=1.1,
-                borderpad=0,
-            )
+            keys = keys[:count]
+            legend = self.figure.legend(handles=keys, ncols=count, bbox_to_anchor=corner, **looks)
             if legend.get_window_extent().x1 < 0.99 * self.figure.bbox.width:
                 return
             legend.remove()

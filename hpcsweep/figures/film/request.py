@@ -1,16 +1,17 @@
 """A film as it is requested, and checked before any work."""
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures import labels, style
 from hpcsweep.figures.film import video
-from hpcsweep.figures.labels import choose_floors
 from hpcsweep.figures.measures import LABELS, measure_of
 from hpcsweep.figures.overlay import Overlay
-from hpcsweep.figures.style import PlotError, need_amplitudes
+from hpcsweep.figures.style import PlotError
 from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
@@ -89,11 +90,8 @@ def check(request: Request) -> None:
         raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
     if request.width and (request.width % 2 or not MIN_WIDTH <= request.width <= MAX_WIDTH):
         raise PlotError(f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}")
-    frames = Frames(request.file, at=request.at)
-    try:
+    with contextlib.closing(Frames(request.file, at=request.at)) as frames:
         _check_file(request, frames)
-    finally:
-        frames.close()
     video.find_ffmpeg()
 
 
@@ -105,19 +103,16 @@ def _check_file(request: Request, frames: Frames) -> None:
         if name not in frames:
             raise PlotError(f"{request.file}: holds no {name}: set output.{name} = true in the job")
     study, structure = as_kind(frames.study, RunGrid), frames.job.structure
-    need_amplitudes(study)
+    style.need_amplitudes(study)
     n = structure.n_floors
     if request.show:
         n = len(measure_of(frames.dataset(0), structure, request.show).places)
-    choose_floors(n, request.floors)
+    labels.choose_floors(n, request.floors)
     if request.branches:
         if request.show:
             raise PlotError(f"--branches {request.branches}: does not go with --show")
-        overlay = Overlay(request.branches, structure)
-        try:
+        with contextlib.closing(Overlay(request.branches, structure)) as overlay:
             overlay.need(np.sort(study.omega)[:: request.every])
-        finally:
-            overlay.close()
     if request.direction not in ("both", *study.directions):
         there = ", ".join(study.directions)
         raise PlotError(f"--direction {request.direction}: {request.file} holds {there}")

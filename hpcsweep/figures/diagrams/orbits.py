@@ -1,0 +1,87 @@
+"""Panels of stroboscopic displacements over the forcing amplitude, one a floor."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hpcsweep.figures import fitting, labels, palette, style
+from hpcsweep.model.description import stops
+
+PANEL, PAGE = 1.75, 8.75
+"""Height of a panel, and of all of them where there are many (inches)."""
+FINE, FINE_KEY = 0.1, 3
+"""Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
+the legend."""
+
+
+def floor_panels(structure, floors: Sequence[int]):
+    """Make a figure of floors, from 1 (see `labels.choose_floors`), the top one uppermost.
+
+    Returns
+    -------
+    figure, dict of int to axis
+        By floor, from 0, downwards.
+    """
+    shown = labels.choose_floors(structure.n_floors, floors)[::-1]
+    height = PANEL * len(shown)
+    figure, axes = style.new_figure(len(shown), 1.2 + min(height, PAGE))
+    for floor, axis in zip(shown, axes, strict=True):
+        at = "" if height > PAGE else "(jT)"
+        axis.set_ylabel(labels.displacement(structure, floor, at))
+        axis.margins(y=0.08)
+    axes[-1].set_xlabel(labels.amplitude(structure))
+    return figure, dict(zip(shown, axes, strict=True))
+
+
+def orbit_area(frame) -> float:
+    """Return the area of the points of orbits (points^2): the smaller, the more amplitudes."""
+    return float(np.clip(14000 / max(frame["amplitude"].size, 1), 0.4, 7.0))
+
+
+def scatter(axis, frame, runs: np.ndarray, floor: int, **looks) -> None:
+    """Draw the stroboscopic points of some runs of a frame, an array of bool, of a floor."""
+    counts = frame["n_points"].values[runs]
+    if counts.size:
+        amplitude = frame["amplitude"].broadcast_like(frame["n_points"])
+        amplitude = amplitude.transpose(*frame["n_points"].dims).values[runs]
+        points = frame["poincare"].values[..., floor][runs]
+        there = np.arange(points.shape[-1]) < counts[:, None]
+        axis.scatter(np.repeat(amplitude, counts), points[there], rasterized=True, **looks)
+
+
+def scatter_motions(axis, frame, index: np.ndarray, floor: int, fine: float, orbit: float) -> None:
+    """Draw the points of all runs in the colours of their motions: of orbits above, of other area.
+
+    Parameters
+    ----------
+    index : ndarray of int
+        Of each run, in `palette.MOTIONS`.
+    floor : int
+        From 0.
+    fine, orbit : float
+        Areas of the points of motions that do not repeat, and of orbits (points^2).
+    """
+    orbits = frame["orbit_period"].values > 0
+    for place, colour in enumerate(palette.MOTION_COLOURS):
+        for repeats, area in ((False, fine), (True, orbit)):
+            runs = (index == place) & (orbits == repeats)
+            looks = {"s": area, "color": colour, "linewidths": 0, "zorder": 3 if repeats else 2}
+            scatter(axis, frame, runs, floor, **looks)
+
+
+def motion_keys(index: np.ndarray, marker: str, size: float) -> list:
+    """Return legend keys of the motions that occur in `index`."""
+    return [
+        fitting.dot(name, colour, marker, size)
+        for place, (name, colour) in enumerate(palette.MOTIONS)
+        if (index == place).any()
+    ]
+
+
+def mark_stops(axis, structure, floor: int) -> None:
+    """Draw the floor's stops that lie within the panel."""
+    limits = axis.get_ylim()
+    for place in (place for side in stops(structure, floor) for place in side):
+        if limits[0] < place < limits[1]:
+            axis.axhline(place, color=palette.STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
+    axis.set_ylim(limits)

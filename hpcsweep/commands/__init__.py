@@ -1,14 +1,14 @@
 """The commands of `hpcsweep.commands.cli`, one module each.
 
-Every module has ``add_to(commands)``, which adds its parser, and a function that runs the command
-and returns the exit code. Slow modules are imported when they are used.
+Every module has a `SUMMARY`, mostly a `HELP` and `EXAMPLES`, ``configure(parser)``, which adds the
+options, and ``run(options)``, which returns the exit code. Slow modules are imported when they are
+used.
 """
 
 import argparse
 import contextlib
 
 USER_ERROR, FAILURE = 2, 1
-RAW = argparse.RawDescriptionHelpFormatter
 
 
 class CommandError(ValueError):

@@ -6,41 +6,37 @@ import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, CommandError, add_at, complain
+from hpcsweep.commands import FAILURE, USER_ERROR, CommandError, add_at, complain
 from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
 from hpcsweep.figures.film import figure
 from hpcsweep.figures.options import add_options, file_name, whole_number
 
+SUMMARY = "make a film of the orbit diagrams over Omega"
+HELP = figure.HELP
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    animate = commands.add_parser(
-        "animate",
-        help="make a film of the orbit diagrams over Omega",
-        description=figure.HELP,
-        formatter_class=RAW,
-    )
-    animate.add_argument("file", type=Path, metavar="FILE")
-    animate.add_argument(
+
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
         "-o",
         "--output",
         type=file_name,
         metavar="OUT",
         help="film, .mp4 or .gif (default: FILE.mp4)",
     )
-    add_options(animate, [figure])
-    animate.add_argument(
+    add_options(parser, [figure])
+    parser.add_argument(
         "--processes",
         type=whole_number(1),
         default=0,
         metavar="N",
         help="processes, where there is one rank (default: the cores)",
     )
-    add_at(animate)
-    animate.set_defaults(function=_animate)
+    add_at(parser)
 
 
-def _animate(options) -> int:
+def run(options) -> int:
     """Make the film on all ranks."""
     from hpcsweep.parallel.mpi import world
 

@@ -6,13 +6,14 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcsweep.commands import RAW, CommandError, add_at
+from hpcsweep.commands import CommandError, add_at
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.figures.options import file_name
 
 if TYPE_CHECKING:
     from hpcsweep.studies.ground_motion.records import Records
 
+SUMMARY = "tell capacities and fragility of responses to records"
 HELP = """\
 Tell at which intensities the responses of a study of records reach a threshold: fractiles of the
 records' capacities, interpolated between the stripes, and the lognormal fragility of largest
@@ -30,15 +31,8 @@ examples:
   hpcsweep plot pair.h5 --kind fragility --threshold 1.0"""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    parser = commands.add_parser(
-        "fragility",
-        help="tell capacities and fragility of responses to records",
-        description=HELP,
-        epilog=EXAMPLES,
-        formatter_class=RAW,
-    )
+def configure(parser) -> None:
+    """Add the options of the command."""
     parser.add_argument("file", type=Path, metavar="FILE")
     wanted = parser.add_mutually_exclusive_group(required=True)
     wanted.add_argument("--threshold", type=float, help="response that is a failure")
@@ -55,10 +49,10 @@ def add_to(commands) -> None:
     parser.add_argument("--scale", type=float, help="intensity of the table; the nearest there is")
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)
-    parser.set_defaults(function=_fragility)
 
 
-def _fragility(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.store import Frames
     from hpcsweep.studies.ground_motion.records import Records
     from hpcsweep.studies.study import as_kind

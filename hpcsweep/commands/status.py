@@ -5,25 +5,20 @@ import sys
 import time
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, CommandError
+from hpcsweep.commands import USER_ERROR, CommandError
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.figures.options import file_name
 
+SUMMARY = "show how far results files are, also while they run"
 HELP = """\
 Show how far results files are, also while campaigns write them. One file is shown in full; several
 take one line each, and their checksums are not verified."""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    status = commands.add_parser(
-        "status",
-        help="show how far results files are, also while they run",
-        description=HELP,
-        formatter_class=RAW,
-    )
-    status.add_argument("files", type=Path, nargs="+", metavar="FILE")
-    form = status.add_mutually_exclusive_group()
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
     form.add_argument(
         "--html",
@@ -37,10 +32,10 @@ def add_to(commands) -> None:
         action="store_true",
         help="print the job of the file as TOML; running it gives equal data",
     )
-    status.set_defaults(function=_status)
 
 
-def _status(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.campaign.status import status
     from hpcsweep.store import job_of
 

@@ -4,11 +4,11 @@ import json
 import math
 from pathlib import Path
 
-from hpcsweep.commands import RAW
 from hpcsweep.commands.status import inferred_text
 from hpcsweep.figures.options import whole_number
 from hpcsweep.studies.run_names import count
 
+SUMMARY = "summarise studies: cost, kinds of motion"
 HELP = """\
 Summarise studies: what they cost, how much work was spared, what shares of the runs are periodic,
 chaotic, quasi-periodic or undecided, and which contact sets occur. Files may be larger than the
@@ -17,31 +17,25 @@ MAX_ROWS = 16
 """Most orbit periods, and most contact sets, that are listed one by one."""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    summary = commands.add_parser(
-        "summary",
-        help="summarise studies: cost, kinds of motion",
-        description=HELP,
-        formatter_class=RAW,
-    )
-    summary.add_argument("files", type=Path, nargs="+", metavar="FILE")
-    form = summary.add_mutually_exclusive_group()
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
     form.add_argument(
         "--markdown", action="store_true", help="a Markdown table with a column for each file"
     )
-    summary.add_argument(
+    parser.add_argument(
         "--transients",
         type=whole_number(1),
         metavar="N",
         help="continue N chaotic runs of each file, drawn at random, by 10,000 forcing periods, "
         "and say what share of chaos outlives them",
     )
-    summary.set_defaults(function=_summary)
 
 
-def _summary(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.campaign.summary import summarize
 
     found = [summarize(path) for path in options.files]

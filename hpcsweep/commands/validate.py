@@ -5,51 +5,45 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW
+from hpcsweep.commands import FAILURE
 from hpcsweep.figures.options import whole_number
 
-VALIDATE_HELP = """\
+SUMMARY = "check whether a results file is sound"
+HELP = """\
 Check whether a results file is sound, also while a campaign writes it: the layout, the checksum of
 every committed block, and what the numbers of every run promise of each other. A random sample of
 runs is then computed again: periodic ones once round their orbit by the other solver (flow for bdf,
 bdf for flow), aperiodic ones over single forcing periods, and each of them whole by flow from its
 stored start. Blocks that are not committed yet are no fault."""
 
-EXIT_CODES = """\
+EXAMPLES = """\
 exit codes:
   0   sound
   1   not sound: every line says what is wrong and where
   2   a mistake in what was asked: no such file, no HDF5, not a file of hpcsweep"""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    validate = commands.add_parser(
-        "validate",
-        help="check whether a results file is sound",
-        description=VALIDATE_HELP,
-        epilog=EXIT_CODES,
-        formatter_class=RAW,
-    )
-    validate.add_argument("file", type=Path, metavar="FILE")
-    validate.add_argument(
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
         "--samples",
         type=whole_number(0),
         default=20,
         metavar="K",
         help="runs to compute again (default: %(default)s)",
     )
-    validate.add_argument(
+    parser.add_argument(
         "--seed",
         type=whole_number(0),
         default=0,
         help="of the choice of these runs (default: %(default)s)",
     )
-    validate.add_argument("--json", action="store_true", help="machine-readable")
-    validate.set_defaults(function=_validate)
+    parser.add_argument("--json", action="store_true", help="machine-readable")
 
 
-def _validate(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.checks.validate import validate
 
     report = validate(options.file, options.samples, options.seed)

@@ -7,12 +7,21 @@ used.
 
 import argparse
 import contextlib
+from collections.abc import Iterable, Iterator
 
 USER_ERROR, FAILURE = 2, 1
+Rows = Iterator[tuple[str, str]]
+"""Names and texts of a table."""
 
 
 class CommandError(ValueError):
     """A command cannot do what it was given; one line for the user."""
+
+
+def table(title: str, rows: Iterable[tuple[str, str]], width: int = 9) -> str:
+    """Format rows of a name, in a column of `width`, and a text, under a title."""
+    lines = (f"  {name:<{width}} {text}".rstrip() for name, text in rows)
+    return "\n".join([title, *lines])
 
 
 def complain(message: str, rank: int | None = None) -> None:

@@ -5,7 +5,7 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE
+from hpcsweep.commands import FAILURE, Rows, table
 from hpcsweep.figures.options import whole_number
 
 SUMMARY = "check whether a results file is sound"
@@ -50,34 +50,32 @@ def run(options) -> int:
     if options.json:
         print(json.dumps({**dataclasses.asdict(report), "sound": report.sound}, indent=1))
     else:
-        print(_describe(report))
+        print(table(f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}", _rows(report)))
     return 0 if report.sound else FAILURE
 
 
-def _describe(report) -> str:
+def _rows(report) -> Rows:
     """Format a report for people."""
-    lines = [
-        f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}",
-        f"  blocks    {report.committed} of {report.blocks} committed"
-        f"{', packed' if report.packed else ''}{'' if report.complete else '; not complete'}",
-    ]
+    packed = f"{', packed' * report.packed}{'; not complete' * (not report.complete)}"
+    yield "blocks", f"{report.committed} of {report.blocks} committed{packed}"
     compared = [run for run in report.sample if run.difference is not None]
     if compared:
         worst = max(compared, key=lambda run: run.difference / run.allowed)
-        lines.append(
-            f"  sample    {len(compared)} of {len(report.sample)} runs compared with "
-            f"{worst.solver}: the largest difference is {worst.difference:.2g}, "
-            f"{worst.allowed:.2g} allowed ({worst.at}; {worst.compared})"
+        yield (
+            "sample",
+            f"{len(compared)} of {len(report.sample)} runs compared with {worst.solver}: the "
+            f"largest difference is {worst.difference:.2g}, {worst.allowed:.2g} allowed "
+            f"({worst.at}; {worst.compared})",
         )
     if report.sample:
         counts = Counter(run.whole_run for run in report.sample)
         periodic = sum(run.orbit_period > 0 for run in report.sample)
-        lines.append(
-            f"  whole     {len(report.sample)} runs ({periodic} periodic) from their stored start "
-            f"by flow: {counts['equal']} equal to the last bit, {counts['same']} within tolerance, "
-            f"{counts['other']} others"
+        yield (
+            "whole",
+            f"{len(report.sample)} runs ({periodic} periodic) from their stored start by flow: "
+            f"{counts['equal']} equal to the last bit, {counts['same']} within tolerance, "
+            f"{counts['other']} others",
         )
-    lines += [f"  problem   {problem}" for problem in report.problems]
+    yield from (("problem", problem) for problem in report.problems)
     if report.n_problems > len(report.problems):
-        lines.append(f"            and {report.n_problems - len(report.problems)} more")
-    return "\n".join(lines)
+        yield "", f"and {report.n_problems - len(report.problems)} more"

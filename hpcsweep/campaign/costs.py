@@ -82,20 +82,18 @@ class TaskCosts:
         """Update from a measured block; one that the study does not have is ignored."""
         if not is_place(cost.place, self._sizes):
             return
-        cell = self._cell[self._row_of(cost.place)]
+        cell = self._cell[self._rows_of(cost.place)]
         self._runs.flat[cell] += cost.runs
         self._seconds.flat[cell] += cost.seconds
         self._left = None
 
     def done(self, place: tuple[int, ...]) -> None:
         """Record that a block is done."""
-        self._left_runs[self._row_of(place)] = 0.0
-        self._left = None
+        self.all_done(np.array([place]))
 
     def all_done(self, places: np.ndarray) -> None:
         """Record which blocks are done, shape (n, n_axes)."""
-        flat = np.ravel_multi_index(tuple(np.asarray(places).T), self._sizes)
-        self._left_runs[self._row[flat]] = 0.0
+        self._left_runs[self._rows_of(places.T)] = 0.0
         self._left = None
 
     def n_known(self) -> int:
@@ -150,8 +148,9 @@ class TaskCosts:
         """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
         return np.bincount(self._table.task, self._table.n_runs * self._per_run().flat[self._cell])
 
-    def _row_of(self, place: tuple[int, ...]) -> int:
-        return int(self._row[np.ravel_multi_index(place, self._sizes)])
+    def _rows_of(self, places) -> np.ndarray:
+        """Return the rows of blocks, whose places along each axis are given."""
+        return self._row[np.ravel_multi_index(tuple(places), self._sizes)]
 
     def _known_prior(self) -> np.ndarray:
         """Return the pilot's seconds a run, shape (stratum, frame)."""

@@ -129,9 +129,8 @@ def as_table(rows: Sequence[dict]) -> str:
     widths = [max(len(line[k]) for line in table) for k in range(len(HEADS))]
     lines = []
     for line in table:
-        left, right = line[:2], line[2:]
-        words = [word.ljust(width) for word, width in zip(left, widths, strict=False)]
-        words += [word.rjust(width) for word, width in zip(right, widths[2:], strict=True)]
+        words = [word.ljust(width) for word, width in zip(line[:2], widths, strict=False)]
+        words += [word.rjust(width) for word, width in zip(line[2:], widths[2:], strict=True)]
         lines.append("  ".join(words).rstrip())
     lines += [row["why"] for row in rows if row["state"] == "unreadable"]
     return "\n".join(lines)

@@ -3,7 +3,6 @@
 import functools
 import platform
 import shlex
-import socket
 import subprocess
 import sys
 import time
@@ -68,8 +67,3 @@ def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
         "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         "command": shlex.join(["hpcsweep", *sys.argv[1:]]).encode(errors="replace").decode(),
     }
-
-
-def host() -> str:
-    """Return this node's name."""
-    return socket.gethostname()

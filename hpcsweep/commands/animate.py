@@ -6,7 +6,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, USER_ERROR, CommandError, add_at, complain
+from hpcsweep.commands import FAILURE, CommandError, add_at, complain
 from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
 from hpcsweep.figures.film import figure
 from hpcsweep.figures.options import add_options, file_name, whole_number
@@ -38,31 +38,13 @@ def configure(parser) -> None:
 
 def run(options) -> int:
     """Make the film on all ranks."""
-    from hpcsweep.parallel.mpi import world
-
-    comm = world()
-    try:
-        code, text = _make(options, comm)
-    except Exception:
-        where = f" on rank {comm.rank}" if comm.size > 1 else ""
-        text = traceback.format_exc()
-        print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
-        comm.abort(FAILURE)
-        return FAILURE
-    # outside the call: the reader of this output may have gone
-    if text and comm.rank == 0:
-        print(text)
-    return code
-
-
-def _make(options, comm) -> tuple[int, str]:
-    """Make the film; return the exit code and a message."""
     from hpcsweep.campaign.progress import make_progress
     from hpcsweep.figures.film.film import make
-    from hpcsweep.figures.film.request import Request, check
+    from hpcsweep.figures.film.request import Request
     from hpcsweep.figures.style import PlotError
-    from hpcsweep.store import StoreError
+    from hpcsweep.parallel.mpi import on_master, world
 
+    comm = world()
     request = Request(
         file=options.file,
         output=options.output or options.file.with_suffix(".mp4"),
@@ -77,28 +59,36 @@ def _make(options, comm) -> tuple[int, str]:
         branches=options.branches,
         at=options.at,
     )
-    problem = None
-    if comm.rank == 0:
-        try:
-            check(request)
-            check_overwriting(request.output, FILM)
-            if request.poster is not None:
-                check_overwriting(request.poster, PICTURE)
-        except (PlotError, StoreError, CommandError) as error:
-            problem = str(error)
-    problem = comm.bcast(problem)
-    n_frames = None
-    if problem is None:
-        try:
-            processes = options.processes or len(os.sched_getaffinity(0))
-            progress = functools.partial(make_progress, unit="frame")
-            n_frames = make(request, comm, processes, progress)
-        except PlotError as error:
-            problem = str(error)
-    if problem is not None:
-        complain(problem, comm.rank)
-        return USER_ERROR, ""
+    try:
+        on_master(comm, lambda: _check(request), PlotError, CommandError)
+        processes = options.processes or len(os.sched_getaffinity(0))
+        n_frames = make(request, comm, processes, functools.partial(make_progress, unit="frame"))
+    except (PlotError, CommandError):
+        raise
+    except Exception:
+        where = f" on rank {comm.rank}" if comm.size > 1 else ""
+        text = traceback.format_exc()
+        print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
+        comm.abort(FAILURE)
+        return FAILURE
     if n_frames is None:
         complain("stopped by a signal; no film was written", comm.rank)
-        return FAILURE, ""
-    return 0, f"{request.output}: {n_frames} frames"
+        return FAILURE
+    if comm.rank == 0:
+        print(f"{request.output}: {n_frames} frames")
+    return 0
+
+
+def _check(request) -> None:
+    """Refuse what cannot be drawn or written."""
+    from hpcsweep.figures.film.request import check
+    from hpcsweep.figures.style import PlotError
+    from hpcsweep.store import StoreError
+
+    try:
+        check(request)
+    except StoreError as error:
+        raise PlotError(str(error)) from None
+    check_overwriting(request.output, FILM)
+    if request.poster is not None:
+        check_overwriting(request.poster, PICTURE)

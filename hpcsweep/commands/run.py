@@ -73,7 +73,7 @@ def configure(parser) -> None:
 
 def run(options) -> int:
     """Run a job on all ranks."""
-    from hpcsweep.parallel.mpi import launched_rank, launched_size, world
+    from hpcsweep.parallel.mpi import launched_rank, launched_size, on_master, world
     from hpcsweep.parallel.stopping import StopFlag
 
     if options.dry_run:
@@ -88,36 +88,27 @@ def run(options) -> int:
 
     comm = world()
     try:
-        jobs, problem = None, None
+        jobs = on_master(comm, lambda: _read(options), JobError)
         if comm.rank == 0:
-            try:
-                jobs = _read(options)
-            except JobError as error:
-                problem = str(error)
-        jobs, problem = comm.bcast((jobs, problem))
-        if jobs is not None:
-            if comm.rank == 0:
-                for text in dict.fromkeys(text for job, _ in jobs for text in job.notes):
-                    note(text)
-            try:
-                from hpcsweep.campaign import run as campaign
+            for text in dict.fromkeys(text for job, _ in jobs for text in job.notes):
+                note(text)
+        from hpcsweep.campaign import run as campaign
 
-                endings = campaign.run_all(
-                    jobs,
-                    comm,
-                    max_hours=options.max_hours,
-                    progress=make_progress,
-                    say=note,
-                    flag=flag,
-                    reuse=options.reuse,
-                )
-                flag.ignore()
-                if comm.rank == 0:
-                    _print_endings(endings)
-                return comm.leave(_worst(endings))
-            except StoreError as error:
-                problem = str(error)
-        complain(problem, comm.rank)
+        endings = campaign.run_all(
+            jobs,
+            comm,
+            max_hours=options.max_hours,
+            progress=make_progress,
+            say=note,
+            flag=flag,
+            reuse=options.reuse,
+        )
+        flag.ignore()
+        if comm.rank == 0:
+            _print_endings(endings)
+        return comm.leave(_worst(endings))
+    except (JobError, StoreError) as error:
+        complain(str(error), comm.rank)
         return comm.leave(USER_ERROR)
     except WriteError as error:
         complain(str(error), 0)

@@ -105,6 +105,13 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
     return words
 
 
+def one_line(structure: Structure) -> str:
+    """Describe the parameters of a structure on one line."""
+    return ", ".join(
+        f"{symbol} = {value}" if symbol else value for symbol, value in in_words(structure)
+    )
+
+
 def few(value: float | Sequence[float]) -> str:
     """Format a number, or several: up to four individually, more by their range."""
     numbers = value if isinstance(value, Sequence) else (value,)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.api.branches import MAX_STEPS, orbit_variables, values_of
+from hpcsweep.api.branches import MAX_STEPS, parts_of, values_of
 from hpcsweep.api.levels import first_at, measure_of
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.cycle import NotConvergedError
@@ -155,7 +155,7 @@ def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[flo
 def _dataset_of(arc: Arc, forced: ForcedMap, followed: dict):
     import xarray
 
-    variables, coordinates = orbit_variables(arc, forced)
+    variables, coordinates, attributes = parts_of(arc, forced)
     specials = [one for _, one in arc.specials]
     met = values_of(arc.curve, [one.at for one in specials]).reshape(len(specials), 2)
     return xarray.Dataset(
@@ -166,12 +166,5 @@ def _dataset_of(arc: Arc, forced: ForcedMap, followed: dict):
             "special_value": (("special", "parameter"), met),
         },
         coords={**coordinates, "parameter": list(forced.parameters)},
-        attrs={
-            **followed,
-            "period": arc.curve.period,
-            "amplitude": forced.amplitude,
-            "omega": forced.omega,
-            "begins": arc.ends[0],
-            "ends": arc.ends[1],
-        },
+        attrs={**followed, **attributes},
     )

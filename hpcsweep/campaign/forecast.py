@@ -205,7 +205,6 @@ def cost_lines(job: Job, pilot: Pilot, total: Interval, peak: int) -> list[str]:
     longest, useful = int(pilot.tasks.argmax()), useful_ranks(pilot.tasks) * (1 + ROUNDING)
     n_runs = sum(block.n_runs for block in study.path(longest))
     n_ranks = advised_ranks(useful, total)
-    resources = slurm.request(n_ranks, total.high, largest_rank(job, peak))
     return [
         f"{f'one {noun}:':12}{1e3 * each[0]:.3g} ms of processor time, {1e3 * each[1]:.3g} ms by "
         f"the clock ({count(pilot.n_runs, noun)} timed twice, spread over the study)",
@@ -220,7 +219,7 @@ def cost_lines(job: Job, pilot: Pilot, total: Interval, peak: int) -> list[str]:
         f"batch job:  {count(n_ranks, 'rank')}, no more than work for {SESSION_SECONDS / 60:g} min "
         f"each; the time of the upper end and {slurm.START_SECONDS / 60:g} min; "
         f"{slurm.MEMORY_MARGIN:g} times the memory:",
-        *slurm.as_lines(resources),
+        *slurm.lines(n_ranks, total.high, largest_rank(job, peak)),
     ]
 
 

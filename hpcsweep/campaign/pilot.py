@@ -74,9 +74,13 @@ class KnownCosts:
         if self.wanted:
             self.tasks.measured(cost)
             self.tasks.done(cost.place)
-            self.spent += cost.seconds
-            if self.begun is None:
-                self.begun = time.monotonic() - cost.seconds
+            self._spend(cost.seconds)
+
+    def _spend(self, seconds: float) -> None:
+        """Add the time of runs, from which the overhead besides them follows."""
+        self.spent += seconds
+        if self.begun is None:
+            self.begun = time.monotonic() - seconds
 
     def taken(self, place: tuple[int, ...]) -> None:
         """Record that a block was reused from another file."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.store.records import BlockCost, History, PilotCost
 from hpcsweep.studies.study import Study
 
 STRATA = 8
@@ -68,6 +68,14 @@ class TaskCosts:
         self._pilot_runs = np.zeros(shape[1:], np.int64)
         self._prior: np.ndarray | None = None
         self._left: list[float] | None = None
+
+    def learn(self, history: History, done: np.ndarray) -> None:
+        """Update from a journal, and from the places of the blocks that are done."""
+        for cost in history.costs:
+            self.measured(cost)
+        for sample in history.samples:
+            self.sampled(sample)
+        self.all_done(done)
 
     def sampled(self, sample: PilotCost) -> None:
         """Update from a pilot's runs; a sample that the study does not have is ignored."""
@@ -196,21 +204,15 @@ def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
     runs, seconds : ndarray, shape (n_strata, n_frames)
     """
     n_strata, n_frames = runs.shape
-    filled = np.full(runs.shape, np.nan)
-    for stratum in range(n_strata):
-        at = np.flatnonzero(runs[stratum])
-        if at.size:
-            values = np.maximum(seconds[stratum, at] / runs[stratum, at], 1e-12)
-            filled[stratum] = np.interp(np.arange(n_frames), at, values)
-    known = np.flatnonzero(~np.isnan(filled[:, 0]))
+    known = np.flatnonzero(runs.any(axis=1))
     if not known.size:
         return np.ones(runs.shape)
-    for stratum in np.flatnonzero(np.isnan(filled[:, 0])).tolist():
-        above = int(np.searchsorted(known, stratum))
-        low, high = known[max(above - 1, 0)], known[min(above, known.size - 1)]
-        share = (stratum - low) / (high - low) if high > low else 0.0
-        filled[stratum] = (1 - share) * filled[low] + share * filled[high]
-    return filled
+    filled = np.empty((known.size, n_frames))
+    for row, stratum in zip(filled, known, strict=True):
+        at = np.flatnonzero(runs[stratum])
+        values = np.maximum(seconds[stratum, at] / runs[stratum, at], 1e-12)
+        row[:] = np.interp(np.arange(n_frames), at, values)
+    return np.array([np.interp(np.arange(n_strata), known, column) for column in filled.T]).T
 
 
 def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:

@@ -51,12 +51,7 @@ class KnownCosts:
         if comm.rank != 0 or not self.wanted:
             return
         self.tasks = TaskCosts(study)
-        history = read_history(output)
-        for cost in history.costs:
-            self.tasks.measured(cost)
-        for sample in history.samples:
-            self.tasks.sampled(sample)
-        self.tasks.all_done(done)
+        self.tasks.learn(read_history(output), done)
 
     def n_samples(self) -> int:
         """Return the number of samples that a pilot has yet to time; 0 except on rank 0."""

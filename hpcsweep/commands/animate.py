@@ -4,6 +4,7 @@ import functools
 import os
 import sys
 import traceback
+from dataclasses import fields
 from pathlib import Path
 
 from hpcsweep.commands import FAILURE, CommandError, add_at, complain
@@ -45,20 +46,10 @@ def run(options) -> int:
     from hpcsweep.parallel.mpi import on_master, world
 
     comm = world()
-    request = Request(
-        file=options.file,
-        output=options.output or options.file.with_suffix(".mp4"),
-        poster=options.poster,
-        fps=options.fps,
-        every=options.every,
-        direction=options.direction,
-        color=options.color,
-        width=options.width,
-        floors=tuple(options.floors or ()),
-        show=options.show,
-        branches=options.branches,
-        at=options.at,
-    )
+    given = {field.name: getattr(options, field.name) for field in fields(Request)}
+    given["output"] = options.output or options.file.with_suffix(".mp4")
+    given["floors"] = tuple(options.floors or ())
+    request = Request(**given)
     try:
         on_master(comm, lambda: _check(request), PlotError, CommandError)
         processes = options.processes or len(os.sched_getaffinity(0))

@@ -35,7 +35,7 @@ from hpcsweep.model.matrices import (
     read_matrices,
     vector,
 )
-from hpcsweep.model.measured import MeasuredDynamics
+from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.system import PerFloor
 from hpcsweep.model.unit_names import Names, UnitNames
 

@@ -163,8 +163,7 @@ def adjacent(
     if len(set(names)) < len(names):
         raise ValueError(f"building.name must be of one building each, are {names}")
     alone = [one.structure for one in buildings]
-    sizes = [one.n_floors for one in alone]
-    first = np.concatenate(([0], np.cumsum(sizes)))
+    first = np.cumsum([0, *(one.n_floors for one in alone)])
     if restitution is not None and damping is not None:
         raise ValueError("pounding.restitution and pounding.damping must not be given both")
     masses = np.concatenate([np.diag(one.mass_matrix) for one in alone])
@@ -192,9 +191,8 @@ def adjacent(
                 contact = Contact.from_restitution(*stop, e, masses, tension)
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
-    for key, given in (("damping", damping), ("restitution", restitution)):
-        if given is not None:
-            refuse_smooth(contacts, sharpness, (f"pounding.{key}", given))
+    told = ("damping", damping) if restitution is None else ("restitution", restitution)
+    refuse_smooth(contacts, sharpness, (f"pounding.{told[0]}", told[1]))
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
         block_diag(*(one.stiffness_matrix for one in alone)),
@@ -204,7 +202,11 @@ def adjacent(
         sharpness=sharpness,
         harmonics=harmonics,
     )
-    floors = [f"{name}{i}" for name, n in zip(names, sizes, strict=True) for i in range(1, n + 1)]
+    floors = [
+        f"{name}{i}"
+        for name, one in zip(names, alone, strict=True)
+        for i in range(1, one.n_floors + 1)
+    ]
     heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
     return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
 

@@ -157,32 +157,25 @@ def adjacent(
     """
     from scipy.linalg import block_diag  # reading results does not need scipy
 
-    if len(buildings) < 2:
-        raise ValueError(f"building must be given twice or more, is given {len(buildings)} times")
-    names = [one.name or chr(ord("A") + k) for k, one in enumerate(buildings)]
-    if len(set(names)) < len(names):
-        raise ValueError(f"building.name must be of one building each, are {names}")
+    names = _names(buildings)
     alone = [one.structure for one in buildings]
     first = np.cumsum([0, *(one.n_floors for one in alone)])
+    unit = np.eye(first[-1])
     if restitution is not None and damping is not None:
         raise ValueError("pounding.restitution and pounding.damping must not be given both")
     masses = np.concatenate([np.diag(one.mass_matrix) for one in alone])
-    coefficients = {
-        "gap": gap,
-        "stiffness": stiffness,
-        "restitution": 1.0 if restitution is None else restitution,
-        "damping": 0.0 if damping is None else damping,
-    }
+    of_levels = (
+        ("pounding.gap", gap),
+        ("pounding.stiffness", stiffness),
+        ("pounding.restitution", 1.0 if restitution is None else restitution),
+        ("pounding.damping", 0.0 if damping is None else damping),
+    )
     contacts, labels = [], []
     for k in range(len(buildings) - 1):
         pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
-        levels = (
-            each(f"pounding.{key}", given, len(pairs), "level")
-            for key, given in coefficients.items()
-        )
+        levels = (each(name, given, len(pairs), "level") for name, given in of_levels)
         for (i, j), own_gap, kappa, e, c in zip(pairs, *levels, strict=True):
-            place = np.arange(first[-1])
-            direction = (place == first[k] + i) * 1.0 - (place == first[k + 1] + j) * 1.0
+            direction = unit[first[k] + i] - unit[first[k + 1] + j]
             stop = tuple(direction.tolist()), own_gap, kappa
             if restitution is None:
                 contact = Contact(*stop, c, tension)
@@ -191,8 +184,7 @@ def adjacent(
                 contact = Contact.from_restitution(*stop, e, masses, tension)
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
-    told = ("damping", damping) if restitution is None else ("restitution", restitution)
-    refuse_smooth(contacts, sharpness, (f"pounding.{told[0]}", told[1]))
+    refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
         block_diag(*(one.stiffness_matrix for one in alone)),
@@ -209,6 +201,16 @@ def adjacent(
     ]
     heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
     return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
+
+
+def _names(buildings: Sequence[Building]) -> list[str]:
+    """Return the names of two or more buildings, by default letters."""
+    if len(buildings) < 2:
+        raise ValueError(f"building must be given twice or more, is given {len(buildings)} times")
+    names = [one.name or chr(ord("A") + k) for k, one in enumerate(buildings)]
+    if len(set(names)) < len(names):
+        raise ValueError(f"building.name must be of one building each, are {names}")
+    return names
 
 
 def _facing(left: Building, right: Building, left_name: str, right_name: str) -> list:

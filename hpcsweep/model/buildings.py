@@ -194,11 +194,7 @@ def adjacent(
         sharpness=sharpness,
         harmonics=harmonics,
     )
-    floors = [
-        f"{name}{i}"
-        for name, one in zip(names, alone, strict=True)
-        for i in range(1, one.n_floors + 1)
-    ]
+    floors = [name + i for name, one in zip(names, alone, strict=True) for i in one.floor_names]
     heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
     return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
 

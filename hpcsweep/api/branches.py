@@ -83,16 +83,16 @@ def branch(
     if not low < high or not low <= value <= high:
         raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
     scale = high - low
-    limits = Limits(
-        low,
-        high,
-        count("steps", steps, 1, MAX_STEPS),
-        positive("largest_step", largest_step),
-    )
+    limits = Limits(low, high, *read_steps(steps, largest_step))
     catalogue = Catalogue(forced, limits, scale, found.period, 1, costly=forced.is_costly)
     catalogue.add(found.points / forced.units, value)
     catalogue.grow()
     return dataset_of(catalogue.branches[0].arc, forced)
+
+
+def read_steps(steps: int, largest_step: float) -> tuple[int, float]:
+    """Read the number of steps of a branch or curve, and the largest."""
+    return count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
 
 
 def dataset_of(arc: Arc, forced: ForcedMap):

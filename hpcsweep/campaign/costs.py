@@ -111,12 +111,9 @@ class TaskCosts:
     def left(self, task: int) -> float:
         """Estimate the remaining cost (s) of a task; 1 a run if nothing is known."""
         if self._left is None:
-            self._left = self.all_left().tolist()
+            per_run = self._per_run().flat[self._cell]
+            self._left = np.bincount(self._table.task, self._left_runs * per_run).tolist()
         return self._left[task]
-
-    def all_left(self) -> np.ndarray:
-        """Estimate the remaining cost (s) of every task, shape (n_tasks,)."""
-        return np.bincount(self._table.task, self._left_runs * self._per_run().flat[self._cell])
 
     def remaining(self, n_computing: int = 1) -> float | None:
         """Estimate the time (s) that the remaining work takes on a number of ranks.

@@ -90,10 +90,6 @@ class KnownCosts:
         """Estimate the wall time (s) that the runs take which are left; None if it is not known."""
         return self.tasks.remaining(self.n_computing) if self.wanted else None
 
-    def remaining(self) -> float | None:
-        """Estimate the wall time (s) until all is done on these ranks; None if it is not known."""
-        return remaining_of([self])
-
 
 def remaining_of(campaigns: Sequence[KnownCosts]) -> float | None:
     """Estimate the wall time (s) until several campaigns that share the ranks are done.

@@ -7,6 +7,7 @@ used.
 
 import argparse
 import contextlib
+import traceback
 from collections.abc import Iterable, Iterator
 
 USER_ERROR, FAILURE = 2, 1
@@ -31,6 +32,16 @@ def complain(message: str, rank: int | None = None) -> None:
 
     if (launched_rank() if rank is None else rank) == 0:
         say_line(f"hpcsweep: error: {message}")
+
+
+def abort(comm) -> int:
+    """Print the traceback of the error that is handled, and end all ranks."""
+    from hpcsweep.campaign.progress import say_line
+
+    where = f" on rank {comm.rank}" if comm.size > 1 else ""
+    say_line(f"hpcsweep: failed{where}:\n{traceback.format_exc()}")
+    comm.abort(FAILURE)
+    return FAILURE
 
 
 class AtAction(argparse.Action):

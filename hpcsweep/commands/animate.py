@@ -2,12 +2,10 @@
 
 import functools
 import os
-import sys
-import traceback
 from dataclasses import fields
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, CommandError, add_at, complain
+from hpcsweep.commands import FAILURE, CommandError, abort, add_at, complain
 from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
 from hpcsweep.figures.film import figure
 from hpcsweep.figures.options import add_options, file_name, whole_number
@@ -57,11 +55,7 @@ def run(options) -> int:
     except (PlotError, CommandError):
         raise
     except Exception:
-        where = f" on rank {comm.rank}" if comm.size > 1 else ""
-        text = traceback.format_exc()
-        print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
-        comm.abort(FAILURE)
-        return FAILURE
+        return abort(comm)
     if n_frames is None:
         complain("stopped by a signal; no film was written", comm.rank)
         return FAILURE

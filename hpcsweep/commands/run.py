@@ -1,10 +1,9 @@
 """`hpcsweep run`: run a job, or resume it."""
 
-import traceback
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, USER_ERROR, add_settings, complain
+from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain
 from hpcsweep.figures.options import file_name, positive
 
 SUMMARY = "run a job, or resume it"
@@ -115,11 +114,7 @@ def run(options) -> int:
         comm.abort(FAILURE)
         return FAILURE
     except Exception:
-        text = traceback.format_exc()
-        where = f" on rank {comm.rank}" if comm.size > 1 else ""
-        say_line(f"hpcsweep: failed{where}:\n{text}")
-        comm.abort(FAILURE)
-        return FAILURE
+        return abort(comm)
 
 
 def _read(options) -> list:

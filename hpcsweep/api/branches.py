@@ -83,16 +83,16 @@ def branch(
     if not low < high or not low <= value <= high:
         raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
     scale = high - low
-    limits = Limits(
-        low,
-        high,
-        count("steps", steps, 1, MAX_STEPS),
-        positive("largest_step", largest_step),
-    )
+    limits = Limits(low, high, *read_steps(steps, largest_step))
     catalogue = Catalogue(forced, limits, scale, found.period, 1, costly=forced.is_costly)
     catalogue.add(found.points / forced.units, value)
     catalogue.grow()
     return dataset_of(catalogue.branches[0].arc, forced)
+
+
+def read_steps(steps: int, largest_step: float) -> tuple[int, float]:
+    """Read the number of steps of a branch or curve, and the largest."""
+    return count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
 
 
 def dataset_of(arc: Arc, forced: ForcedMap):
@@ -109,7 +109,7 @@ def dataset_of(arc: Arc, forced: ForcedMap):
     for k, one in enumerate(specials):
         if one.leaving is not None:
             leaving[k], leaving_value[k] = one.leaving.y[: 2 * n] * units, one.leaving.y[-1]
-    variables, coordinates = orbit_variables(arc, forced)
+    variables, coordinates, attributes = parts_of(arc, forced)
     stable = [abs(one.multipliers[0]) < 1.0 for one in arc.points]
     return xarray.Dataset(
         {
@@ -136,14 +136,7 @@ def dataset_of(arc: Arc, forced: ForcedMap):
             **coordinates,
             "contact_number": [structure.contact_names[k] for k in structure.contact_numbers],
         },
-        attrs={
-            "parameter": forced.parameter,
-            "period": curve.period,
-            "amplitude": forced.amplitude,
-            "omega": forced.omega,
-            "begins": arc.ends[0],
-            "ends": arc.ends[1],
-        },
+        attrs={"parameter": forced.parameter, **attributes},
     )
 
 
@@ -152,8 +145,8 @@ def values_of(curve, points: list[Solution]) -> np.ndarray:
     return np.array([curve.split(one.y)[1] for one in points], float)
 
 
-def orbit_variables(arc: Arc, forced: ForcedMap) -> tuple[dict, dict]:
-    """Return what branches and curves hold of their orbits: variables and coordinates."""
+def parts_of(arc: Arc, forced: ForcedMap) -> tuple[dict, dict, dict]:
+    """Return what datasets of branches and curves have: variables, coordinates, attributes."""
     curve, structure, units = arc.curve, forced.structure, forced.units
     n, period = structure.n_floors, curve.period
     states = [curve.split(one.y) for one in arc.points]
@@ -182,4 +175,15 @@ def orbit_variables(arc: Arc, forced: ForcedMap) -> tuple[dict, dict]:
         "special_multiplier": (("special", "multiplier_number"), multipliers_of(specials)),
         "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
     }
-    return variables, {"state": [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]}
+    begins, ends = arc.ends
+    return (
+        variables,
+        {"state": [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]},
+        {
+            "period": period,
+            "amplitude": forced.amplitude,
+            "omega": forced.omega,
+            "begins": begins,
+            "ends": ends,
+        },
+    )

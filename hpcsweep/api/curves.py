@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.api.branches import MAX_STEPS, orbit_variables, values_of
+from hpcsweep.api.branches import parts_of, read_steps, values_of
 from hpcsweep.api.levels import first_at, measure_of
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.cycle import NotConvergedError
@@ -14,7 +14,7 @@ from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
 from hpcsweep.dynamics.continuation.locus import Locus
 from hpcsweep.dynamics.continuation.meetings import step_of_locus
 from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
-from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
+from hpcsweep.model.arguments import finite, finite_vector, instance
 from hpcsweep.model.structure import Structure
 
 
@@ -104,13 +104,7 @@ def curve(
     else:
         change = tuple(special["change"].values.tolist())
         locus = Locus(forced, period, scale, spans, kind, change)
-    limits = Limits(
-        -np.inf,
-        np.inf,
-        count("steps", steps, 1, MAX_STEPS),
-        positive("largest_step", largest_step),
-        SMALLEST,
-    )
+    limits = Limits(-np.inf, np.inf, *read_steps(steps, largest_step), SMALLEST)
     try:
         start = locus.start(points, forced.value)
     except NotConvergedError as error:
@@ -155,7 +149,7 @@ def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[flo
 def _dataset_of(arc: Arc, forced: ForcedMap, followed: dict):
     import xarray
 
-    variables, coordinates = orbit_variables(arc, forced)
+    variables, coordinates, attributes = parts_of(arc, forced)
     specials = [one for _, one in arc.specials]
     met = values_of(arc.curve, [one.at for one in specials]).reshape(len(specials), 2)
     return xarray.Dataset(
@@ -166,12 +160,5 @@ def _dataset_of(arc: Arc, forced: ForcedMap, followed: dict):
             "special_value": (("special", "parameter"), met),
         },
         coords={**coordinates, "parameter": list(forced.parameters)},
-        attrs={
-            **followed,
-            "period": arc.curve.period,
-            "amplitude": forced.amplitude,
-            "omega": forced.omega,
-            "begins": arc.ends[0],
-            "ends": arc.ends[1],
-        },
+        attrs={**followed, **attributes},
     )

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.store.records import BlockCost, History, PilotCost
 from hpcsweep.studies.study import Study
 
 STRATA = 8
@@ -69,6 +69,14 @@ class TaskCosts:
         self._prior: np.ndarray | None = None
         self._left: list[float] | None = None
 
+    def learn(self, history: History, done: np.ndarray) -> None:
+        """Update from a journal, and from the places of the blocks that are done."""
+        for cost in history.costs:
+            self.measured(cost)
+        for sample in history.samples:
+            self.sampled(sample)
+        self.all_done(done)
+
     def sampled(self, sample: PilotCost) -> None:
         """Update from a pilot's runs; a sample that the study does not have is ignored."""
         if sample.frame >= self._pilot_runs.shape[1] or sample.runs < 1:
@@ -82,20 +90,18 @@ class TaskCosts:
         """Update from a measured block; one that the study does not have is ignored."""
         if not is_place(cost.place, self._sizes):
             return
-        cell = self._cell[self._row_of(cost.place)]
+        cell = self._cell[self._rows_of(cost.place)]
         self._runs.flat[cell] += cost.runs
         self._seconds.flat[cell] += cost.seconds
         self._left = None
 
     def done(self, place: tuple[int, ...]) -> None:
         """Record that a block is done."""
-        self._left_runs[self._row_of(place)] = 0.0
-        self._left = None
+        self.all_done(np.array([place]))
 
     def all_done(self, places: np.ndarray) -> None:
         """Record which blocks are done, shape (n, n_axes)."""
-        flat = np.ravel_multi_index(tuple(np.asarray(places).T), self._sizes)
-        self._left_runs[self._row[flat]] = 0.0
+        self._left_runs[self._rows_of(places.T)] = 0.0
         self._left = None
 
     def n_known(self) -> int:
@@ -105,12 +111,9 @@ class TaskCosts:
     def left(self, task: int) -> float:
         """Estimate the remaining cost (s) of a task; 1 a run if nothing is known."""
         if self._left is None:
-            self._left = self.all_left().tolist()
+            per_run = self._per_run().flat[self._cell]
+            self._left = np.bincount(self._table.task, self._left_runs * per_run).tolist()
         return self._left[task]
-
-    def all_left(self) -> np.ndarray:
-        """Estimate the remaining cost (s) of every task, shape (n_tasks,)."""
-        return np.bincount(self._table.task, self._left_runs * self._per_run().flat[self._cell])
 
     def remaining(self, n_computing: int = 1) -> float | None:
         """Estimate the time (s) that the remaining work takes on a number of ranks.
@@ -150,8 +153,9 @@ class TaskCosts:
         """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
         return np.bincount(self._table.task, self._table.n_runs * self._per_run().flat[self._cell])
 
-    def _row_of(self, place: tuple[int, ...]) -> int:
-        return int(self._row[np.ravel_multi_index(place, self._sizes)])
+    def _rows_of(self, places) -> np.ndarray:
+        """Return the rows of blocks, whose places along each axis are given."""
+        return self._row[np.ravel_multi_index(tuple(places), self._sizes)]
 
     def _known_prior(self) -> np.ndarray:
         """Return the pilot's seconds a run, shape (stratum, frame)."""
@@ -197,21 +201,15 @@ def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
     runs, seconds : ndarray, shape (n_strata, n_frames)
     """
     n_strata, n_frames = runs.shape
-    filled = np.full(runs.shape, np.nan)
-    for stratum in range(n_strata):
-        at = np.flatnonzero(runs[stratum])
-        if at.size:
-            values = np.maximum(seconds[stratum, at] / runs[stratum, at], 1e-12)
-            filled[stratum] = np.interp(np.arange(n_frames), at, values)
-    known = np.flatnonzero(~np.isnan(filled[:, 0]))
+    known = np.flatnonzero(runs.any(axis=1))
     if not known.size:
         return np.ones(runs.shape)
-    for stratum in np.flatnonzero(np.isnan(filled[:, 0])).tolist():
-        above = int(np.searchsorted(known, stratum))
-        low, high = known[max(above - 1, 0)], known[min(above, known.size - 1)]
-        share = (stratum - low) / (high - low) if high > low else 0.0
-        filled[stratum] = (1 - share) * filled[low] + share * filled[high]
-    return filled
+    filled = np.empty((known.size, n_frames))
+    for row, stratum in zip(filled, known, strict=True):
+        at = np.flatnonzero(runs[stratum])
+        values = np.maximum(seconds[stratum, at] / runs[stratum, at], 1e-12)
+        row[:] = np.interp(np.arange(n_frames), at, values)
+    return np.array([np.interp(np.arange(n_strata), known, column) for column in filled.T]).T
 
 
 def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcsweep.job import Job
-from hpcsweep.model.description import few, in_words
+from hpcsweep.model.description import few, one_line
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
 from hpcsweep.studies.study import Study
@@ -17,8 +17,7 @@ MAX_MODES = 12
 def describe(job: Job) -> list[str]:
     """Describe the structure and the study of a job, line by line, warnings last."""
     study, structure = job.study, job.structure
-    words = ", ".join(f"{s} = {v}" if s else v for s, v in in_words(structure))
-    lines = [f"structure:  {words}", f"units:      {_units(structure)}"]
+    lines = [f"structure:  {one_line(structure)}", f"units:      {_units(structure)}"]
     lines += [f"varied:     {axis.key}: {_listed(axis.values)}" for axis in study.axes]
     if study.n_parts > 1:
         lines.append(f"below:      {study.describe_part((0,) * len(study.axes))}, the first part")

@@ -131,27 +131,23 @@ def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
     quick = first.seconds < QUICK_SECONDS * first.runs
     together = max(costs.PILOT_TIMED, min(study.block_size, TOGETHER) if quick else 0)
     begun = time.perf_counter()
-    timed: list[list[tuple[float, float]]] = [[], []]
-    n_runs = 0
-    while len(timed[0]) < 2 or (time.perf_counter() - begun < seconds / 2 and len(timed[0]) < most):
-        n_runs += _time(study, tasks, len(timed[0]), together, timed[0])
-    for index in range(len(timed[0])):
-        _time(study, tasks, index, together, timed[1])
-    passes = Pass(*np.array(timed[0]).T), Pass(*np.array(timed[1]).T)
+    once: list[tuple[float, float, int]] = []
+    while len(once) < 2 or (time.perf_counter() - begun < seconds / 2 and len(once) < most):
+        once.append(_time(study, tasks, len(once), together))
+    again = [_time(study, tasks, index, together) for index in range(len(once))]
+    passes = Pass(*np.array(once)[:, :2].T), Pass(*np.array(again)[:, :2].T)
+    n_runs = sum(runs for _, _, runs in once)
     return Pilot(tasks.totals(), passes, n_runs, load, kernels, bool(said))
 
 
-def _time(
-    study: Study, tasks: TaskCosts, index: int, n_runs: int, timed: list[tuple[float, float]]
-) -> int:
-    """Time a sample by the processor's time and by the clock; return its runs."""
+def _time(study: Study, tasks: TaskCosts, index: int, n_runs: int) -> tuple[float, float, int]:
+    """Time a sample; return the seconds a run, of the processor and by the clock, and its runs."""
     clock, processor = time.perf_counter(), time.process_time()
     sample = costs.time_sample(study, index, n_runs=n_runs)
     processor, clock = time.process_time() - processor, time.perf_counter() - clock
     tasks.sampled(sample)
     each = max(sample.seconds, 1e-9) / sample.runs
-    timed.append((each * min(processor / clock, 1.0), each))
-    return sample.runs
+    return each * min(processor / clock, 1.0), each, sample.runs
 
 
 def whole(job: Job, passes: tuple[Pass, Pass], n_least_runs: int) -> Interval:
@@ -178,12 +174,12 @@ def _block_bytes(job: Job) -> float:
 
 def memory_text(job: Job, peak: int) -> str:
     """Format the memory of a rank, given the peak (bytes) of a process that ran a sample."""
-    block, first = _block_bytes(job), BYTES_PER_TASK * job.study.n_tasks
-    rank = largest_rank(job, peak) - first
+    first = BYTES_PER_TASK * job.study.n_tasks
+    each = (largest_rank(job, peak) - first, peak, MPI_BYTES)
+    rank, process, mpi = (f"{size / 1e6:.0f} MB" for size in each)
     return (
-        f"memory:     about {rank / 1e6:.0f} MB a rank, however long the job "
-        f"({peak / 1e6:.0f} MB as in this process, {MPI_BYTES / 1e6:.0f} MB for MPI, "
-        f"{block / 1e6:.2g} MB for a block of results), "
+        f"memory:     about {rank} a rank, however long the job ({process} as in this process, "
+        f"{mpi} for MPI, {_block_bytes(job) / 1e6:.2g} MB for a block of results), "
         f"rank 0 up to {first / 1e6:.2g} MB more"
     )
 
@@ -205,7 +201,6 @@ def cost_lines(job: Job, pilot: Pilot, total: Interval, peak: int) -> list[str]:
     longest, useful = int(pilot.tasks.argmax()), useful_ranks(pilot.tasks) * (1 + ROUNDING)
     n_runs = sum(block.n_runs for block in study.path(longest))
     n_ranks = advised_ranks(useful, total)
-    resources = slurm.request(n_ranks, total.high, largest_rank(job, peak))
     return [
         f"{f'one {noun}:':12}{1e3 * each[0]:.3g} ms of processor time, {1e3 * each[1]:.3g} ms by "
         f"the clock ({count(pilot.n_runs, noun)} timed twice, spread over the study)",
@@ -220,7 +215,7 @@ def cost_lines(job: Job, pilot: Pilot, total: Interval, peak: int) -> list[str]:
         f"batch job:  {count(n_ranks, 'rank')}, no more than work for {SESSION_SECONDS / 60:g} min "
         f"each; the time of the upper end and {slurm.START_SECONDS / 60:g} min; "
         f"{slurm.MEMORY_MARGIN:g} times the memory:",
-        *slurm.as_lines(resources),
+        *slurm.lines(n_ranks, total.high, largest_rank(job, peak)),
     ]
 
 

@@ -88,22 +88,17 @@ def finished(rows: Sequence[dict]) -> bool:
 
 def cells(rows: Sequence[dict]) -> list[tuple[str, ...]]:
     """Format rows, and their sums as the last, in the columns `HEADS`."""
-    written = [_cells(row) for row in rows]
     known = [row for row in rows if row["state"] != "unreadable"]
-    done, total = (sum(row[key] for row in known) for key in ("runs_done", "runs_total"))
+    counts = ("runs_done", "runs_total", "n_failed", "core_seconds")
     lefts = [row["core_seconds_remaining"] for row in known]
     heards = [row["last_heard"] for row in known if row["last_heard"] is not None]
-    summed = {
+    summed = {key: sum(row[key] for row in known) for key in counts} | {
         "file": f"{len(rows)} files",
         "state": f"{sum(row['state'] == 'complete' for row in rows)} complete",
-        "runs_done": done,
-        "runs_total": total,
-        "n_failed": sum(row["n_failed"] for row in known),
-        "core_seconds": sum(row["core_seconds"] for row in known),
         "core_seconds_remaining": None if None in lefts else sum(lefts),
         "last_heard": min(heards, default=None),
     }
-    return [*written, _cells(summed)]
+    return [_cells(row) for row in (*rows, summed)]
 
 
 def _cells(row: dict) -> tuple[str, ...]:
@@ -129,9 +124,8 @@ def as_table(rows: Sequence[dict]) -> str:
     widths = [max(len(line[k]) for line in table) for k in range(len(HEADS))]
     lines = []
     for line in table:
-        left, right = line[:2], line[2:]
-        words = [word.ljust(width) for word, width in zip(left, widths, strict=False)]
-        words += [word.rjust(width) for word, width in zip(right, widths[2:], strict=True)]
+        words = [word.ljust(width) for word, width in zip(line[:2], widths, strict=False)]
+        words += [word.rjust(width) for word, width in zip(line[2:], widths[2:], strict=True)]
         lines.append("  ".join(words).rstrip())
     lines += [row["why"] for row in rows if row["state"] == "unreadable"]
     return "\n".join(lines)

@@ -51,12 +51,7 @@ class KnownCosts:
         if comm.rank != 0 or not self.wanted:
             return
         self.tasks = TaskCosts(study)
-        history = read_history(output)
-        for cost in history.costs:
-            self.tasks.measured(cost)
-        for sample in history.samples:
-            self.tasks.sampled(sample)
-        self.tasks.all_done(done)
+        self.tasks.learn(read_history(output), done)
 
     def n_samples(self) -> int:
         """Return the number of samples that a pilot has yet to time; 0 except on rank 0."""
@@ -74,9 +69,13 @@ class KnownCosts:
         if self.wanted:
             self.tasks.measured(cost)
             self.tasks.done(cost.place)
-            self.spent += cost.seconds
-            if self.begun is None:
-                self.begun = time.monotonic() - cost.seconds
+            self._spend(cost.seconds)
+
+    def _spend(self, seconds: float) -> None:
+        """Add the time of runs, from which the overhead besides them follows."""
+        self.spent += seconds
+        if self.begun is None:
+            self.begun = time.monotonic() - seconds
 
     def taken(self, place: tuple[int, ...]) -> None:
         """Record that a block was reused from another file."""
@@ -90,10 +89,6 @@ class KnownCosts:
     def seconds_left(self) -> float | None:
         """Estimate the wall time (s) that the runs take which are left; None if it is not known."""
         return self.tasks.remaining(self.n_computing) if self.wanted else None
-
-    def remaining(self) -> float | None:
-        """Estimate the wall time (s) until all is done on these ranks; None if it is not known."""
-        return remaining_of([self])
 
 
 def remaining_of(campaigns: Sequence[KnownCosts]) -> float | None:

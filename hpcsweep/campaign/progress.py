@@ -43,6 +43,8 @@ def make_progress(total: int, done: int, unit: str = "run"):
 class Silent:
     """A progress display that shows nothing."""
 
+    _remaining: Callable[[], float | None] = staticmethod(lambda: None)
+
     def advance(self, runs: int) -> None:
         """Count finished runs."""
 
@@ -51,6 +53,7 @@ class Silent:
 
     def expect(self, remaining: Callable[[], float | None]) -> None:
         """Set the function that estimates the remaining time (s)."""
+        self._remaining = remaining
 
     def tick(self) -> None:
         """Update the display; called several times a second."""
@@ -59,22 +62,10 @@ class Silent:
         """Close the display."""
 
 
-class _Display:
-    """Base of both displays: the remaining time, where it can be estimated."""
-
-    def __init__(self) -> None:
-        self._remaining: Callable[[], float | None] = lambda: None
-
-    def expect(self, remaining: Callable[[], float | None]) -> None:
-        """Set the function that estimates the remaining time (s)."""
-        self._remaining = remaining
-
-
-class Bar(_Display):
+class Bar(Silent):
     """A bar, drawn by tqdm; its own remaining time is replaced where a better one is known."""
 
     def __init__(self, total: int, done: int, unit: str = "run"):
-        super().__init__()
         from tqdm import tqdm
 
         self._bar = tqdm(total=total, initial=done, unit=unit, smoothing=0.05, dynamic_ncols=True)
@@ -103,11 +94,10 @@ class Bar(_Display):
         self._bar.close()
 
 
-class Log(_Display):
+class Log(Silent):
     """A line at the start, one a minute, and one at the end."""
 
     def __init__(self, total: int, done: int, unit: str = "run"):
-        super().__init__()
         self._total, self._done, self._first, self._unit = total, done, done, unit
         self._begun = self._last = time.monotonic()
         resumed = f", {done} of them already in the file" if done else ""

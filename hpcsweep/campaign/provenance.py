@@ -3,7 +3,6 @@
 import functools
 import platform
 import shlex
-import socket
 import subprocess
 import sys
 import time
@@ -15,22 +14,21 @@ LIBRARIES = ("numpy", "scipy", "numba", "h5py", "mpi4py")
 
 def version() -> str:
     """Return the version of hpcsweep."""
+    return _version_of("hpcsweep", "unknown (not installed)")
+
+
+def _version_of(package: str, missing: str) -> str:
     try:
-        return metadata.version("hpcsweep")
+        return metadata.version(package)
     except metadata.PackageNotFoundError:
-        return "unknown (not installed)"
+        return missing
 
 
 @functools.cache
 def library_versions() -> str:
     """Return the versions of Python and of the libraries the results depend on."""
-    versions = [f"python {platform.python_version()}"]
-    for name in LIBRARIES:
-        try:
-            versions.append(f"{name} {metadata.version(name)}")
-        except metadata.PackageNotFoundError:
-            versions.append(f"{name} not installed")
-    return ", ".join(versions)
+    versions = (f"{name} {_version_of(name, 'not installed')}" for name in LIBRARIES)
+    return ", ".join([f"python {platform.python_version()}", *versions])
 
 
 @functools.cache
@@ -68,8 +66,3 @@ def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
         "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         "command": shlex.join(["hpcsweep", *sys.argv[1:]]).encode(errors="replace").decode(),
     }
-
-
-def host() -> str:
-    """Return this node's name."""
-    return socket.gethostname()

@@ -45,9 +45,7 @@ class RoundCosts(KnownCosts):
         """Learn what runs cost."""
         self._left -= cost.runs
         self._done += cost.runs
-        self.spent += cost.seconds
-        if self.begun is None:
-            self.begun = time.monotonic() - cost.seconds
+        self._spend(cost.seconds)
 
     def left(self, task: int) -> float:
         """Return the runs of a task."""

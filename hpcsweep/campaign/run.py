@@ -3,6 +3,7 @@
 import contextlib
 import gc
 import resource
+import socket
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -16,6 +17,7 @@ from hpcsweep.campaign.rounds import RoundsWork
 from hpcsweep.campaign.work import Work
 from hpcsweep.job import Job
 from hpcsweep.job.paths import followed
+from hpcsweep.parallel.mpi import on_master
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import (
     DamagedError,
@@ -124,7 +126,7 @@ def run_all(
             _allow_open_files()
         endings: dict[int, Ending] = {}
         opened: dict[int, tuple[Layout, Path, Lock]] = {}
-        hosts = comm.gather(provenance.host())
+        hosts = comm.gather(socket.gethostname())
         for k, (job, output) in enumerate(jobs):
             layout, output = Layout(with_inputs(job)), followed(output)
             lock = Lock(output)
@@ -133,7 +135,7 @@ def run_all(
                 job.study.is_compiled(comm.size)
             try:
                 prepare = partial(_prepare, layout, output, lock, comm, hosts, say, reuse)
-                _on_master(comm, prepare)
+                on_master(comm, prepare, StoreError)
             except StoreError as error:
                 if len(jobs) == 1:
                     raise
@@ -201,19 +203,6 @@ def _allow_open_files() -> None:
 def _release(opened: list[tuple[Layout, Path, Lock]], comm) -> None:
     for _, _, lock in opened:
         lock.release(remove=comm.rank == 0)
-
-
-def _on_master(comm, action: Callable[[], None]) -> None:
-    """Run an action on rank 0; raise a `StoreError` from there on every rank."""
-    problem = None
-    if comm.rank == 0:
-        try:
-            action()
-        except StoreError as error:
-            problem = str(error)
-    problem = comm.bcast(problem)
-    if problem is not None:
-        raise StoreError(problem)
 
 
 def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, reuse) -> None:

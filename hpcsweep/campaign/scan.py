@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hpcsweep.parallel import farm
+from hpcsweep.parallel.mpi import on_master
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.layout import StoreError
@@ -72,18 +73,13 @@ class Scan:
         OSError, StoreError
             On every rank, if the file cannot be read.
         """
-        begun: list[int] = []
-        problem = None
-        if comm.rank == 0:
-            try:
-                with contextlib.suppress(farm.Stop):
-                    begun = blocks.begun(self._poll)
-            except (OSError, StoreError) as error:
-                problem = error
-        begun, problem = comm.bcast((begun, problem))
-        if problem is not None:
-            raise problem
-        return begun
+
+        def begun() -> list[int]:
+            with contextlib.suppress(farm.Stop):
+                return blocks.begun(self._poll)
+            return []
+
+        return on_master(comm, begun, OSError, StoreError)
 
     def _verify(self, blocks: Blocks, task: int) -> array.array:
         """Verify a task; return the indices of its valid blocks in a row."""

@@ -1,7 +1,6 @@
 """Choose a Slurm request from the time that the work takes and the memory of a rank."""
 
 import math
-from dataclasses import dataclass
 
 from hpcsweep.parallel.schedule import DEDICATED_MASTER
 
@@ -15,26 +14,8 @@ MEMORY_STEP = 100 * 2**20
 """Memory is a whole multiple of this (bytes)."""
 
 
-@dataclass(frozen=True)
-class Request:
-    """Resources of a batch job.
-
-    Attributes
-    ----------
-    n_tasks : int
-    seconds : float
-        Time limit.
-    memory : int
-        Bytes of each task.
-    """
-
-    n_tasks: int
-    seconds: float
-    memory: int
-
-
-def request(n_computing: int, work: float, memory: float) -> Request:
-    """Return the resources of ranks that compute, and of a master beside many of them.
+def lines(n_computing: int, work: float, memory: float) -> list[str]:
+    """Return the lines of a batch script for ranks that compute, and a master beside many of them.
 
     Parameters
     ----------
@@ -45,21 +26,13 @@ def request(n_computing: int, work: float, memory: float) -> Request:
     memory : float
         Bytes of the largest rank.
     """
-    seconds = work / n_computing + START_SECONDS
-    return Request(
-        n_computing + (n_computing > DEDICATED_MASTER),
-        TIME_STEP * math.ceil(seconds / TIME_STEP),
-        MEMORY_STEP * math.ceil(MEMORY_MARGIN * memory / MEMORY_STEP),
-    )
-
-
-def as_lines(resources: Request) -> list[str]:
-    """Format a request as the lines of a batch script."""
+    seconds = TIME_STEP * math.ceil((work / n_computing + START_SECONDS) / TIME_STEP)
+    bytes_of_each = MEMORY_STEP * math.ceil(MEMORY_MARGIN * memory / MEMORY_STEP)
     return [
-        f"#SBATCH --ntasks={resources.n_tasks}",
+        f"#SBATCH --ntasks={n_computing + (n_computing > DEDICATED_MASTER)}",
         "#SBATCH --cpus-per-task=1",
-        f"#SBATCH --time={_time(resources.seconds)}",
-        f"#SBATCH --mem-per-cpu={resources.memory // 2**20}M",
+        f"#SBATCH --time={_time(seconds)}",
+        f"#SBATCH --mem-per-cpu={bytes_of_each // 2**20}M",
     ]
 
 

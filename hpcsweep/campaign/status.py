@@ -163,11 +163,7 @@ def _remaining(
 ) -> tuple[float | None, float | None]:
     """Estimate work left on one core, and the wall time left, from the costs so far."""
     costs = TaskCosts(layout.study)
-    for sample in history.samples:
-        costs.sampled(sample)
-    for cost in history.costs:
-        costs.measured(cost)
-    costs.all_done(np.argwhere(committed))
+    costs.learn(history, np.argwhere(committed))
     computing = computing_ranks(session.ranks if session else 1)
     return costs.remaining(), costs.remaining(computing)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hpcsweep.dynamics.classify import tells_chaos
 from hpcsweep.job.paths import path_of
-from hpcsweep.model.description import in_words
+from hpcsweep.model.description import one_line
 from hpcsweep.store import Frames, read_history
 from hpcsweep.store.records import History
 
@@ -50,7 +50,7 @@ def summarize(path: str | Path) -> dict:
         "file": str(path),
         "name": job.name,
         "study": study.kind,
-        "structure": _structure_text(structure),
+        "structure": one_line(structure),
         "n_floors": structure.n_floors,
         "stiffness_ratio": None if structure.matrices else structure.stiffness_ratio,
         "contacts": len(structure.contacts),
@@ -68,12 +68,6 @@ def summarize(path: str | Path) -> dict:
         "tells_chaos": tells_chaos(frames),
         **tally.summary(),
     }
-
-
-def _structure_text(structure) -> str:
-    """Format the structure on one line."""
-    parts = [f"{symbol} = {value}" if symbol else value for symbol, value in in_words(structure)]
-    return ", ".join(parts)
 
 
 def total_cost(history: History) -> dict | None:

@@ -1,18 +1,28 @@
 """The commands of `hpcsweep.commands.cli`, one module each.
 
-Every module has ``add_to(commands)``, which adds its parser, and a function that runs the command
-and returns the exit code. Slow modules are imported when they are used.
+Every module has a `SUMMARY`, mostly a `HELP` and `EXAMPLES`, ``configure(parser)``, which adds the
+options, and ``run(options)``, which returns the exit code. Slow modules are imported when they are
+used.
 """
 
 import argparse
 import contextlib
+import traceback
+from collections.abc import Iterable, Iterator
 
 USER_ERROR, FAILURE = 2, 1
-RAW = argparse.RawDescriptionHelpFormatter
+Rows = Iterator[tuple[str, str]]
+"""Names and texts of a table."""
 
 
 class CommandError(ValueError):
     """A command cannot do what it was given; one line for the user."""
+
+
+def table(title: str, rows: Iterable[tuple[str, str]], width: int = 9) -> str:
+    """Format rows of a name, in a column of `width`, and a text, under a title."""
+    lines = (f"  {name:<{width}} {text}".rstrip() for name, text in rows)
+    return "\n".join([title, *lines])
 
 
 def complain(message: str, rank: int | None = None) -> None:
@@ -22,6 +32,16 @@ def complain(message: str, rank: int | None = None) -> None:
 
     if (launched_rank() if rank is None else rank) == 0:
         say_line(f"hpcsweep: error: {message}")
+
+
+def abort(comm) -> int:
+    """Print the traceback of the error that is handled, and end all ranks."""
+    from hpcsweep.campaign.progress import say_line
+
+    where = f" on rank {comm.rank}" if comm.size > 1 else ""
+    say_line(f"hpcsweep: failed{where}:\n{traceback.format_exc()}")
+    comm.abort(FAILURE)
+    return FAILURE
 
 
 class AtAction(argparse.Action):

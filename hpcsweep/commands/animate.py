@@ -2,107 +2,78 @@
 
 import functools
 import os
-import sys
-import traceback
+from dataclasses import fields
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, CommandError, add_at, complain
+from hpcsweep.commands import FAILURE, CommandError, abort, add_at, complain
 from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
 from hpcsweep.figures.film import figure
 from hpcsweep.figures.options import add_options, file_name, whole_number
 
+SUMMARY = "make a film of the orbit diagrams over Omega"
+HELP = figure.HELP
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    animate = commands.add_parser(
-        "animate",
-        help="make a film of the orbit diagrams over Omega",
-        description=figure.HELP,
-        formatter_class=RAW,
-    )
-    animate.add_argument("file", type=Path, metavar="FILE")
-    animate.add_argument(
+
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
         "-o",
         "--output",
         type=file_name,
         metavar="OUT",
         help="film, .mp4 or .gif (default: FILE.mp4)",
     )
-    add_options(animate, [figure])
-    animate.add_argument(
+    add_options(parser, [figure])
+    parser.add_argument(
         "--processes",
         type=whole_number(1),
         default=0,
         metavar="N",
         help="processes, where there is one rank (default: the cores)",
     )
-    add_at(animate)
-    animate.set_defaults(function=_animate)
+    add_at(parser)
 
 
-def _animate(options) -> int:
+def run(options) -> int:
     """Make the film on all ranks."""
-    from hpcsweep.parallel.mpi import world
-
-    comm = world()
-    try:
-        code, text = _make(options, comm)
-    except Exception:
-        where = f" on rank {comm.rank}" if comm.size > 1 else ""
-        text = traceback.format_exc()
-        print(f"hpcsweep: failed{where}:\n{text}", file=sys.stderr, flush=True)
-        comm.abort(FAILURE)
-        return FAILURE
-    # outside the call: the reader of this output may have gone
-    if text and comm.rank == 0:
-        print(text)
-    return code
-
-
-def _make(options, comm) -> tuple[int, str]:
-    """Make the film; return the exit code and a message."""
     from hpcsweep.campaign.progress import make_progress
     from hpcsweep.figures.film.film import make
-    from hpcsweep.figures.film.request import Request, check
+    from hpcsweep.figures.film.request import Request
+    from hpcsweep.figures.style import PlotError
+    from hpcsweep.parallel.mpi import on_master, world
+
+    comm = world()
+    given = {field.name: getattr(options, field.name) for field in fields(Request)}
+    given["output"] = options.output or options.file.with_suffix(".mp4")
+    given["floors"] = tuple(options.floors or ())
+    request = Request(**given)
+    try:
+        on_master(comm, lambda: _check(request), PlotError, CommandError)
+        processes = options.processes or len(os.sched_getaffinity(0))
+        n_frames = make(request, comm, processes, functools.partial(make_progress, unit="frame"))
+    except (PlotError, CommandError):
+        raise
+    except Exception:
+        return abort(comm)
+    if n_frames is None:
+        complain("stopped by a signal; no film was written", comm.rank)
+        return FAILURE
+    if comm.rank == 0:
+        print(f"{request.output}: {n_frames} frames")
+    return 0
+
+
+def _check(request) -> None:
+    """Refuse what cannot be drawn or written."""
+    from hpcsweep.figures.film.request import check
     from hpcsweep.figures.style import PlotError
     from hpcsweep.store import StoreError
 
-    request = Request(
-        file=options.file,
-        output=options.output or options.file.with_suffix(".mp4"),
-        poster=options.poster,
-        fps=options.fps,
-        every=options.every,
-        direction=options.direction,
-        color=options.color,
-        width=options.width,
-        floors=tuple(options.floors or ()),
-        show=options.show,
-        branches=options.branches,
-        at=options.at,
-    )
-    problem = None
-    if comm.rank == 0:
-        try:
-            check(request)
-            check_overwriting(request.output, FILM)
-            if request.poster is not None:
-                check_overwriting(request.poster, PICTURE)
-        except (PlotError, StoreError, CommandError) as error:
-            problem = str(error)
-    problem = comm.bcast(problem)
-    n_frames = None
-    if problem is None:
-        try:
-            processes = options.processes or len(os.sched_getaffinity(0))
-            progress = functools.partial(make_progress, unit="frame")
-            n_frames = make(request, comm, processes, progress)
-        except PlotError as error:
-            problem = str(error)
-    if problem is not None:
-        complain(problem, comm.rank)
-        return USER_ERROR, ""
-    if n_frames is None:
-        complain("stopped by a signal; no film was written", comm.rank)
-        return FAILURE, ""
-    return 0, f"{request.output}: {n_frames} frames"
+    try:
+        check(request)
+    except StoreError as error:
+        raise PlotError(str(error)) from None
+    check_overwriting(request.output, FILM)
+    if request.poster is not None:
+        check_overwriting(request.poster, PICTURE)

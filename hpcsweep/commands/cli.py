@@ -8,7 +8,6 @@ from collections.abc import Callable
 from hpcsweep.campaign.progress import silence
 from hpcsweep.commands import (
     FAILURE,
-    RAW,
     USER_ERROR,
     CommandError,
     animate,
@@ -78,6 +77,7 @@ FOR_USERS = {
     "hpcsweep.parallel.mpi": "LauncherError",
 }
 """Errors that tell users on one line what is wrong, by their modules."""
+RAW = argparse.RawDescriptionHelpFormatter
 CLOSED_PIPE = 141
 """Exit code when standard output is closed, as the shell gives it: 128 + SIGPIPE."""
 
@@ -92,7 +92,7 @@ class _Parser(argparse.ArgumentParser):
     Parameters
     ----------
     complete : callable, optional
-        Adds slow parts to the parser, once its command is chosen.
+        Adds the options to the parser of a command, once it is chosen.
     """
 
     def __init__(self, *arguments, complete: Callable | None = None, **options):
@@ -121,7 +121,14 @@ def build_parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for command in COMMANDS:
-        command.add_to(commands)
+        commands.add_parser(
+            command.__name__.rpartition(".")[2],
+            help=command.SUMMARY,
+            description=getattr(command, "HELP", None),
+            epilog=getattr(command, "EXAMPLES", None),
+            formatter_class=RAW,
+            complete=command.configure,
+        ).set_defaults(function=command.run)
     return parser
 
 

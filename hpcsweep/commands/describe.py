@@ -2,28 +2,23 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, add_settings
+from hpcsweep.commands import add_settings
 
+SUMMARY = "describe a job: modes, units, grazing amplitude, runs"
 HELP = """\
 Describe a job: structure, units, natural frequencies, modes, damping ratios, contacts, the
 amplitude at which free motion first touches, and the number of runs. Warn of what looks like a
 mistake. It takes a second."""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    parser = commands.add_parser(
-        "describe",
-        help="describe a job: modes, units, grazing amplitude, runs",
-        description=HELP,
-        formatter_class=RAW,
-    )
+def configure(parser) -> None:
+    """Add the options of the command."""
     parser.add_argument("job", type=Path, metavar="JOB.toml")
     add_settings(parser)
-    parser.set_defaults(function=_describe)
 
 
-def _describe(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.campaign.describe import describe
     from hpcsweep.campaign.forecast import study_text
     from hpcsweep.job import load_job

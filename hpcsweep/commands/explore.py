@@ -9,24 +9,22 @@ from hpcsweep.figures.explorer import figure
 from hpcsweep.figures.options import add_options, file_name
 from hpcsweep.studies.run_names import count
 
+SUMMARY = "make one page to explore a study in a browser, without a network"
+HELP = figure.HELP
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    explore = commands.add_parser(
-        "explore",
-        help="make one page to explore a study in a browser, without a network",
-        description=figure.HELP,
-    )
-    explore.add_argument("file", type=Path, metavar="FILE")
-    explore.add_argument(
+
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
         "-o", "--output", type=file_name, metavar="HTML", help="page (default: FILE with .html)"
     )
-    add_options(explore, [figure])
-    add_at(explore)
-    explore.set_defaults(function=_explore)
+    add_options(parser, [figure])
+    add_at(parser)
 
 
-def _explore(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.figures.explorer.page import build_page, check_size, write_page
     from hpcsweep.figures.explorer.page_data import add_branches, gather
 

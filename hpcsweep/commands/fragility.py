@@ -6,13 +6,14 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcsweep.commands import RAW, CommandError, add_at
+from hpcsweep.commands import CommandError, Rows, add_at, table
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.figures.options import file_name
 
 if TYPE_CHECKING:
     from hpcsweep.studies.ground_motion.records import Records
 
+SUMMARY = "tell capacities and fragility of responses to records"
 HELP = """\
 Tell at which intensities the responses of a study of records reach a threshold: fractiles of the
 records' capacities, interpolated between the stripes, and the lognormal fragility of largest
@@ -30,15 +31,8 @@ examples:
   hpcsweep plot pair.h5 --kind fragility --threshold 1.0"""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    parser = commands.add_parser(
-        "fragility",
-        help="tell capacities and fragility of responses to records",
-        description=HELP,
-        epilog=EXAMPLES,
-        formatter_class=RAW,
-    )
+def configure(parser) -> None:
+    """Add the options of the command."""
     parser.add_argument("file", type=Path, metavar="FILE")
     wanted = parser.add_mutually_exclusive_group(required=True)
     wanted.add_argument("--threshold", type=float, help="response that is a failure")
@@ -55,10 +49,10 @@ def add_to(commands) -> None:
     parser.add_argument("--scale", type=float, help="intensity of the table; the nearest there is")
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)
-    parser.set_defaults(function=_fragility)
 
 
-def _fragility(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.store import Frames
     from hpcsweep.studies.ground_motion.records import Records
     from hpcsweep.studies.study import as_kind
@@ -96,22 +90,26 @@ def _threshold(options, results, study: "Records") -> int:
     if options.json:
         print(json.dumps(_finite(sums), indent=1))
         return 0
-    low, high = found.median_interval
-    least, most = found.dispersion_interval
-    print(f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records")
+    title = f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records"
+    print(table(title, _rows(sums), 11))
+    return 0
+
+
+def _rows(sums: dict) -> Rows:
+    """Write capacities and fragility as a person reads them."""
+    low, high = sums["median_interval"]
+    least, most = sums["dispersion_interval"]
     never = f"{sums['never']} records never reach it up to {sums['highest']:.4g}"
     unknown = f", {sums['unknown']} unknown" if sums["unknown"] else ""
-    print(f"  capacity    {_shown(sums)} of {stripes.measure}; {never}{unknown}")
+    yield "capacity", f"{_shown(sums)} of {sums['measure']}; {never}{unknown}"
     if "alone" in sums:
-        print(f"  no contact  {_shown(sums['alone'])}, exact")
-    print(
-        f"  crossings   {sums['later_crossings']} records fall below it again\n"
-        f"  fragility   median {found.median:.4g} ({low:.4g} to {high:.4g}), dispersion "
-        f"{found.dispersion:.4f} ({least:.4f} to {most:.4f})"
-    )
-    if found.caution:
-        print(f"  caution     {found.caution}")
-    return 0
+        yield "no contact", f"{_shown(sums['alone'])}, exact"
+    yield "crossings", f"{sums['later_crossings']} records fall below it again"
+    dispersion = f"{sums['dispersion']:.4f} ({least:.4f} to {most:.4f})"
+    median = f"median {sums['median']:.4g} ({low:.4g} to {high:.4g})"
+    yield "fragility", f"{median}, dispersion {dispersion}"
+    if sums["caution"]:
+        yield "caution", sums["caution"]
 
 
 def _counted(reached) -> dict:

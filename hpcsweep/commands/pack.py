@@ -2,32 +2,29 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW
 from hpcsweep.figures.options import file_name
 
-PACK_HELP = """\
+SUMMARY = "compress a results file"
+HELP = """\
 Compress a results file. The copy is compared with the original, dataset by dataset and checksum by
 checksum, before it takes its place. Everything reads a packed file, but `run` cannot resume it:
 a file that is not complete is packed only into a copy (-o)."""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    pack = commands.add_parser(
-        "pack", help="compress a results file", description=PACK_HELP, formatter_class=RAW
-    )
-    pack.add_argument("file", type=Path, metavar="FILE")
-    pack.add_argument(
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
         "-o",
         "--output",
         type=file_name,
         metavar="OUT",
         help="packed file, must not exist (default: FILE itself is replaced)",
     )
-    pack.set_defaults(function=_pack)
 
 
-def _pack(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.store import pack
 
     before, after = pack(options.file, options.output)

@@ -5,13 +5,14 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcsweep.commands import RAW, CommandError, add_at
+from hpcsweep.commands import CommandError, add_at
 from hpcsweep.commands.outputs import PICTURE, check_overwriting, writing
 from hpcsweep.figures.options import add_options, figures, file_name, options_of, whole_number
 
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
 
+SUMMARY = "draw a figure of the results"
 NAME_WIDTH = 10
 RESOLUTIONS = 50, 1200
 """Pixels an inch, least and most."""
@@ -19,38 +20,31 @@ MAPS = {"motions": "map", "attractors": "number"}
 """Default figure of scattered runs, by the kind of results."""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    commands.add_parser(
-        "plot", help="draw a figure of the results", formatter_class=RAW, complete=_complete
-    ).set_defaults(function=_plot)
-
-
-def _complete(plot: argparse.ArgumentParser) -> None:
-    """Add the description and the options, once this command is chosen."""
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the description, of all figures, and the options of the command."""
     known = figures()
     default = _defaults(known)
-    plot.description = "\n".join(
+    parser.description = "\n".join(
         ["Draw a results file.", "", *(_describe(f, default) for f in known.values())]
     )
-    plot.add_argument("file", type=Path, metavar="FILE")
-    plot.add_argument(
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
         "-o", "--output", type=file_name, metavar="PNG", help="picture (default: FILE with .png)"
     )
-    plot.add_argument(
+    parser.add_argument(
         "--kind",
         choices=tuple(known),
         help=f"figure (default: {', '.join(f'{name} of {h}' for h, name in default.items())})",
     )
-    plot.add_argument(
+    parser.add_argument(
         "--dpi",
         type=whole_number(*RESOLUTIONS),
         default=200,
         metavar="N",
         help="pixels an inch (default: %(default)s)",
     )
-    add_at(plot)
-    add_options(plot, known.values(), named=True)
+    add_at(parser)
+    add_options(parser, known.values(), named=True)
 
 
 def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
@@ -66,7 +60,8 @@ def _describe(figure, default: dict[str, str]) -> str:
     return f"  {figure.NAME:{NAME_WIDTH}} " + f"\n{indent}".join(lines)
 
 
-def _plot(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.figures.style import resolution, save
     from hpcsweep.store import Frames, job_of
     from hpcsweep.studies.refine.refinement import refinement_of

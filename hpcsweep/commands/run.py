@@ -1,13 +1,13 @@
 """`hpcsweep run`: run a job, or resume it."""
 
-import traceback
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, RAW, USER_ERROR, add_settings, complain
+from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain
 from hpcsweep.figures.options import file_name, positive
 
-RUN_HELP = """\
+SUMMARY = "run a job, or resume it"
+HELP = """\
 Run one job or several. If the results file exists, the run resumes where it stopped, on any number
 of ranks, and the results equal those of an uninterrupted run bit for bit.
 
@@ -23,7 +23,7 @@ Several jobs form one queue on all ranks, the costliest frame of any job first, 
 file. A job that is refused or fails does not stop the others. What is left is listed at the end,
 and the exit code is the worst: 1 before 2 before 75."""
 
-RUN_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   mpirun -n 4 hpcsweep run figure3.toml
   mpirun -n 8 hpcsweep run a.toml b.toml c.toml
@@ -36,25 +36,18 @@ examples:
 Give such a variant its own file with -o: the file of another job is refused."""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    run = commands.add_parser(
-        "run",
-        help="run a job, or resume it",
-        description=RUN_HELP,
-        epilog=RUN_EXAMPLES,
-        formatter_class=RAW,
-    )
-    run.add_argument("jobs", type=Path, nargs="+", metavar="JOB.toml", help="the job file")
-    run.add_argument(
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("jobs", type=Path, nargs="+", metavar="JOB.toml", help="the job file")
+    parser.add_argument(
         "-o",
         "--output",
         type=file_name,
         metavar="FILE",
         help="results of a single job (default: the job's name + .h5)",
     )
-    add_settings(run)
-    run.add_argument(
+    add_settings(parser)
+    parser.add_argument(
         "--reuse",
         type=Path,
         action="append",
@@ -63,24 +56,23 @@ def add_to(commands) -> None:
         help="take over results of an earlier file, bit for bit, if only the grid of frequencies "
         "and amplitudes differs; may be given more than once",
     )
-    run.add_argument(
+    parser.add_argument(
         "--max-hours",
         type=positive,
         metavar="H",
         help="stop in good order shortly before H hours have passed",
     )
-    run.add_argument(
+    parser.add_argument(
         "--dry-run",
         action="store_true",
         help="compute only a timed sample: print runs, bytes, core-hours, useful ranks, and the "
         "#SBATCH lines that fit",
     )
-    run.set_defaults(function=_run)
 
 
-def _run(options) -> int:
+def run(options) -> int:
     """Run a job on all ranks."""
-    from hpcsweep.parallel.mpi import launched_rank, launched_size, world
+    from hpcsweep.parallel.mpi import launched_rank, launched_size, on_master, world
     from hpcsweep.parallel.stopping import StopFlag
 
     if options.dry_run:
@@ -95,47 +87,34 @@ def _run(options) -> int:
 
     comm = world()
     try:
-        jobs, problem = None, None
+        jobs = on_master(comm, lambda: _read(options), JobError)
         if comm.rank == 0:
-            try:
-                jobs = _read(options)
-            except JobError as error:
-                problem = str(error)
-        jobs, problem = comm.bcast((jobs, problem))
-        if jobs is not None:
-            if comm.rank == 0:
-                for text in dict.fromkeys(text for job, _ in jobs for text in job.notes):
-                    note(text)
-            try:
-                from hpcsweep.campaign import run as campaign
+            for text in dict.fromkeys(text for job, _ in jobs for text in job.notes):
+                note(text)
+        from hpcsweep.campaign import run as campaign
 
-                endings = campaign.run_all(
-                    jobs,
-                    comm,
-                    max_hours=options.max_hours,
-                    progress=make_progress,
-                    say=note,
-                    flag=flag,
-                    reuse=options.reuse,
-                )
-                flag.ignore()
-                if comm.rank == 0:
-                    _print_endings(endings)
-                return comm.leave(_worst(endings))
-            except StoreError as error:
-                problem = str(error)
-        complain(problem, comm.rank)
+        endings = campaign.run_all(
+            jobs,
+            comm,
+            max_hours=options.max_hours,
+            progress=make_progress,
+            say=note,
+            flag=flag,
+            reuse=options.reuse,
+        )
+        flag.ignore()
+        if comm.rank == 0:
+            _print_endings(endings)
+        return comm.leave(_worst(endings))
+    except (JobError, StoreError) as error:
+        complain(str(error), comm.rank)
         return comm.leave(USER_ERROR)
     except WriteError as error:
         complain(str(error), 0)
         comm.abort(FAILURE)
         return FAILURE
     except Exception:
-        text = traceback.format_exc()
-        where = f" on rank {comm.rank}" if comm.size > 1 else ""
-        say_line(f"hpcsweep: failed{where}:\n{text}")
-        comm.abort(FAILURE)
-        return FAILURE
+        return abort(comm)
 
 
 def _read(options) -> list:

@@ -5,25 +5,20 @@ import sys
 import time
 from pathlib import Path
 
-from hpcsweep.commands import RAW, USER_ERROR, CommandError
+from hpcsweep.commands import USER_ERROR, CommandError, Rows, table
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.figures.options import file_name
 
+SUMMARY = "show how far results files are, also while they run"
 HELP = """\
 Show how far results files are, also while campaigns write them. One file is shown in full; several
 take one line each, and their checksums are not verified."""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    status = commands.add_parser(
-        "status",
-        help="show how far results files are, also while they run",
-        description=HELP,
-        formatter_class=RAW,
-    )
-    status.add_argument("files", type=Path, nargs="+", metavar="FILE")
-    form = status.add_mutually_exclusive_group()
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
     form.add_argument(
         "--html",
@@ -37,10 +32,10 @@ def add_to(commands) -> None:
         action="store_true",
         help="print the job of the file as TOML; running it gives equal data",
     )
-    status.set_defaults(function=_status)
 
 
-def _status(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.campaign.status import status
     from hpcsweep.store import job_of
 
@@ -55,10 +50,8 @@ def _status(options) -> int:
     if len(options.files) > 1:
         return _overview(options)
     state = status(options.files[0])
-    if options.json:
-        print(json.dumps(state, indent=1))
-        return 0
-    print(_describe(state))
+    title = f"{state['file']}: {'complete' if state['complete'] else 'not complete'}"
+    print(json.dumps(state, indent=1) if options.json else table(title, _rows(state)))
     return 0
 
 
@@ -86,7 +79,7 @@ def _keep_page(files: list[Path], page: Path) -> int:
         time.sleep(REFRESH)
 
 
-def _describe(state: dict) -> str:
+def _rows(state: dict) -> Rows:
     """Write a status as a person reads it."""
     from hpcsweep.studies.run_names import count, run_name
 
@@ -95,43 +88,38 @@ def _describe(state: dict) -> str:
     frames = ""
     if frame != run:
         frames = f", {frame}s {state['frames_done']} of {state['frames_total']}"
-    lines = [
-        f"{state['file']}: {'complete' if state['complete'] else 'not complete'}",
-        f"  {f'{run}s':9} {done} of {total} ({100 * done / total:.1f} %){frames}, solver "
-        f"{state['solver']}",
-    ]
+    share = f"{100 * done / total:.1f} %"
+    yield f"{run}s", f"{done} of {total} ({share}){frames}, solver {state['solver']}"
     if "audit" in state:
-        lines.append(f"  inferred  {inferred_text(state['runs_inferred'], state['audit'])}")
-    if state["runs_per_core_second"]:
+        yield "inferred", inferred_text(state["runs_inferred"], state["audit"])
+    if rate := state["runs_per_core_second"]:
         left = state["core_seconds_remaining"]
-        lines.append(
-            f"  cost      {state['core_seconds']:.3g} core seconds, "
-            f"{state['runs_per_core_second']:.3g} {run}s per core second"
-            + ("" if left is None else f", about {left:.3g} core seconds left")
-        )
-    lines += _describe_work(state)
-    lines += _describe_motions(state)
-    lines.append(f"  failures  {state['n_failed']}")
-    lines += [f"    {run_name(f)}: {f['outcome']}" for f in state["failures"]]
+        rest = "" if left is None else f", about {left:.3g} core seconds left"
+        spent = f"{state['core_seconds']:.3g} core seconds"
+        yield "cost", f"{spent}, {rate:.3g} {run}s per core second{rest}"
+    yield from _rows_of_work(state)
+    yield from _rows_of_motions(state)
+    yield "failures", str(state["n_failed"])
+    for failed in state["failures"]:
+        yield f"  {run_name(failed)}:", failed["outcome"]
     if state["n_failed"] > len(state["failures"]):
-        lines.append(f"    and {state['n_failed'] - len(state['failures'])} more")
-    lines += [
-        f"    {name} ({kind['runs']}): {kind['remedy']}" for name, kind in state["remedies"].items()
-    ]
+        yield f"  and {state['n_failed'] - len(state['failures'])} more", ""
+    for name, kind in state["remedies"].items():
+        yield f"  {name} ({kind['runs']}):", kind["remedy"]
     for session in state["sessions"]:
         started = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(session["started"]))
-        lines.append(
-            f"  session   {started}, {count(session['ranks'], 'rank')} on "
-            f"{' '.join(session['hosts'])}, {session['transport']}: "
-            f"{session['ended'] or 'running or killed'}"
+        yield (
+            "session",
+            f"{started}, {count(session['ranks'], 'rank')} on {' '.join(session['hosts'])}, "
+            f"{session['transport']}: {session['ended'] or 'running or killed'}",
         )
         if session["write_bytes_per_second"]:
-            lines.append(
-                f"    wrote   {session['written_bytes'] / 1e6:.4g} MB at "
+            yield (
+                "  wrote",
+                f"{session['written_bytes'] / 1e6:.4g} MB at "
                 f"{session['write_bytes_per_second'] / 1e6:.3g} MB/s, "
-                f"{100 * session['write_share']:.2g} % of the ranks' time"
+                f"{100 * session['write_share']:.2g} % of the ranks' time",
             )
-    return "\n".join(lines)
 
 
 def inferred_text(count: int, audit: dict | None) -> str:
@@ -144,68 +132,66 @@ def inferred_text(count: int, audit: dict | None) -> str:
     )
 
 
-def _describe_motions(state: dict) -> list[str]:
-    """Return the periods integrated, and the lines of only one kind of study."""
-    lines = []
+def _rows_of_motions(state: dict) -> Rows:
+    """Write the periods integrated, and the lines of only one kind of study."""
     if "runs_spared" in state:
         if state["periods_per_run"] is not None:
             spared = ", ".join(f"{name} {count}" for name, count in state["runs_spared"].items())
-            lines.append(
-                f"  periods   {state['periods_per_run']:.3g} integrated a run, of "
-                f"{state['periods_per_run_window']}; runs spared: {spared}"
+            yield (
+                "periods",
+                f"{state['periods_per_run']:.3g} integrated a run, of "
+                f"{state['periods_per_run_window']}; runs spared: {spared}",
             )
-        lines.append(f"  no period found in {state['no_period_found']} runs")
+        yield "no period found in", f"{state['no_period_found']} runs"
     if "runs_below_contact" in state:
-        lines.append(f"  linear    {state['runs_below_contact']} runs below first contact")
+        yield "linear", f"{state['runs_below_contact']} runs below first contact"
     if "starts" in state and state["periods_per_start"] is not None:
         if state.get("attractors_per_point") is not None:
-            lines.append(
-                f"  found     {state['attractors_per_point']:.3g} attractors a point, several in "
-                f"{state['points_with_several']} points, at most {state['most_attractors']}"
+            yield (
+                "found",
+                f"{state['attractors_per_point']:.3g} attractors a point, several in "
+                f"{state['points_with_several']} points, at most {state['most_attractors']}",
             )
-        lines.append(
-            f"  starts    {state['starts']} of {state['periods_per_start']:.3g} periods; undecided "
+        yield (
+            "starts",
+            f"{state['starts']} of {state['periods_per_start']:.3g} periods; undecided "
             f"{state['starts_undecided']}, failed {state['starts_failed']}, to attractors that are "
-            f"not in the file {state['starts_elsewhere']}"
+            f"not in the file {state['starts_elsewhere']}",
         )
-    return lines
 
 
-def _frame(frames: dict, which: str) -> str:
-    """Format the cost of a frame, and its name."""
+def _rows_of_work(state: dict) -> Rows:
+    """Write rate, remaining time, cost by frame and the master's load."""
     from hpcsweep.studies.run_names import run_name
 
-    return f"{frames[which]:.3g} s ({run_name(frames[f'{which}_at'])})"
-
-
-def _describe_work(state: dict) -> list[str]:
-    """Return rate, remaining time, cost by frame and the master's load."""
-    lines = []
     if state["runs_per_second"] is not None:
-        line = (
-            f"  rate      {state['runs_per_second']:.3g} {state['run_noun']}s/s by the clock, "
+        left = state["seconds_remaining"]
+        yield (
+            "rate",
+            f"{state['runs_per_second']:.3g} {state['run_noun']}s/s by the clock, "
             f"{state['runs_per_second_recent']:.3g} in the last minute of the last session"
+            + ("" if left is None else f"; about {left:.3g} s left on its ranks"),
         )
-        if state["seconds_remaining"] is not None:
-            line += f"; about {state['seconds_remaining']:.3g} s left on its ranks"
-        lines.append(line)
-    frames = state["frame_seconds"]
-    if frames:
-        lines.append(
-            f"  {state['frame_noun'] + 's':9} costliest {_frame(frames, 'costliest')}, median "
-            f"{frames['median']:.3g} s, cheapest {_frame(frames, 'cheapest')}, of "
-            f"{frames['frames']} timed whole"
+    if frames := state["frame_seconds"]:
+        most, least = (
+            f"{which} {frames[which]:.3g} s ({run_name(frames[f'{which}_at'])})"
+            for which in ("costliest", "cheapest")
+        )
+        whole = f"{frames['frames']} timed whole"
+        yield (
+            f"{state['frame_noun']}s",
+            f"{most}, median {frames['median']:.3g} s, {least}, of {whole}",
         )
     master = state["master"]
     if master and master["messages"]:
-        lines.append(
-            f"  master    {master['messages']} messages, {master['messages_per_second']:.3g}/s "
+        yield (
+            "master",
+            f"{master['messages']} messages, {master['messages_per_second']:.3g}/s "
             f"of {master['messages_per_second_possible']:.3g}/s possible; "
-            f"{master['tasks_moved']} tasks moved between ranks"
+            f"{master['tasks_moved']} tasks moved between ranks",
         )
     if state["peak_memory"]:
         first, largest = (size / 1e6 for size in state["peak_memory"])
-        lines.append(f"  memory    rank 0 {first:.0f} MB, largest rank {largest:.0f} MB")
+        yield "memory", f"rank 0 {first:.0f} MB, largest rank {largest:.0f} MB"
     if not state["complete"] and state["last_heard"] is not None:
-        lines.append(f"  last heard of {state['last_heard']:.0f} s ago")
-    return lines
+        yield "last heard of", f"{state['last_heard']:.0f} s ago"

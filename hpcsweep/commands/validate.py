@@ -5,85 +5,77 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from hpcsweep.commands import FAILURE, RAW
+from hpcsweep.commands import FAILURE, Rows, table
 from hpcsweep.figures.options import whole_number
 
-VALIDATE_HELP = """\
+SUMMARY = "check whether a results file is sound"
+HELP = """\
 Check whether a results file is sound, also while a campaign writes it: the layout, the checksum of
 every committed block, and what the numbers of every run promise of each other. A random sample of
 runs is then computed again: periodic ones once round their orbit by the other solver (flow for bdf,
 bdf for flow), aperiodic ones over single forcing periods, and each of them whole by flow from its
 stored start. Blocks that are not committed yet are no fault."""
 
-EXIT_CODES = """\
+EXAMPLES = """\
 exit codes:
   0   sound
   1   not sound: every line says what is wrong and where
   2   a mistake in what was asked: no such file, no HDF5, not a file of hpcsweep"""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    validate = commands.add_parser(
-        "validate",
-        help="check whether a results file is sound",
-        description=VALIDATE_HELP,
-        epilog=EXIT_CODES,
-        formatter_class=RAW,
-    )
-    validate.add_argument("file", type=Path, metavar="FILE")
-    validate.add_argument(
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
         "--samples",
         type=whole_number(0),
         default=20,
         metavar="K",
         help="runs to compute again (default: %(default)s)",
     )
-    validate.add_argument(
+    parser.add_argument(
         "--seed",
         type=whole_number(0),
         default=0,
         help="of the choice of these runs (default: %(default)s)",
     )
-    validate.add_argument("--json", action="store_true", help="machine-readable")
-    validate.set_defaults(function=_validate)
+    parser.add_argument("--json", action="store_true", help="machine-readable")
 
 
-def _validate(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.checks.validate import validate
 
     report = validate(options.file, options.samples, options.seed)
     if options.json:
         print(json.dumps({**dataclasses.asdict(report), "sound": report.sound}, indent=1))
     else:
-        print(_describe(report))
+        print(table(f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}", _rows(report)))
     return 0 if report.sound else FAILURE
 
 
-def _describe(report) -> str:
+def _rows(report) -> Rows:
     """Format a report for people."""
-    lines = [
-        f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}",
-        f"  blocks    {report.committed} of {report.blocks} committed"
-        f"{', packed' if report.packed else ''}{'' if report.complete else '; not complete'}",
-    ]
+    packed = f"{', packed' * report.packed}{'; not complete' * (not report.complete)}"
+    yield "blocks", f"{report.committed} of {report.blocks} committed{packed}"
     compared = [run for run in report.sample if run.difference is not None]
     if compared:
         worst = max(compared, key=lambda run: run.difference / run.allowed)
-        lines.append(
-            f"  sample    {len(compared)} of {len(report.sample)} runs compared with "
-            f"{worst.solver}: the largest difference is {worst.difference:.2g}, "
-            f"{worst.allowed:.2g} allowed ({worst.at}; {worst.compared})"
+        yield (
+            "sample",
+            f"{len(compared)} of {len(report.sample)} runs compared with {worst.solver}: the "
+            f"largest difference is {worst.difference:.2g}, {worst.allowed:.2g} allowed "
+            f"({worst.at}; {worst.compared})",
         )
     if report.sample:
         counts = Counter(run.whole_run for run in report.sample)
         periodic = sum(run.orbit_period > 0 for run in report.sample)
-        lines.append(
-            f"  whole     {len(report.sample)} runs ({periodic} periodic) from their stored start "
-            f"by flow: {counts['equal']} equal to the last bit, {counts['same']} within tolerance, "
-            f"{counts['other']} others"
+        yield (
+            "whole",
+            f"{len(report.sample)} runs ({periodic} periodic) from their stored start by flow: "
+            f"{counts['equal']} equal to the last bit, {counts['same']} within tolerance, "
+            f"{counts['other']} others",
         )
-    lines += [f"  problem   {problem}" for problem in report.problems]
+    yield from (("problem", problem) for problem in report.problems)
     if report.n_problems > len(report.problems):
-        lines.append(f"            and {report.n_problems - len(report.problems)} more")
-    return "\n".join(lines)
+        yield "", f"and {report.n_problems - len(report.problems)} more"

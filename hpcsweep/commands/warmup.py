@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, CommandError
+from hpcsweep.commands import CommandError
 
-WARMUP_HELP = """\
+SUMMARY = "compile the kernels before they are needed"
+HELP = """\
 Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsweep or
 ~/.cache/hpcsweep. `run` compiles by itself; this command does it before an allocation is spent, or
 into a folder that is read-only later. Kernels are compiled for the processor of this machine: run
@@ -14,7 +15,7 @@ Given jobs, it also compiles kernels specialised to their structures, which take
 time and give the same results to the last bit. `run` specialises by itself from half a million
 histories a rank on, and uses specialised kernels wherever the cache has them."""
 
-WARMUP_EXAMPLE = """\
+EXAMPLES = """\
 examples:
   hpcsweep warmup                                      on all processors of the machine
   srun -n 1 -c 4 hpcsweep warmup --jobs 4              on a node of a cluster
@@ -22,29 +23,22 @@ examples:
   NUMBA_CACHE_DIR=/opt/kernels hpcsweep warmup         for all users of an image"""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    warmup = commands.add_parser(
-        "warmup",
-        help="compile the kernels before they are needed",
-        description=WARMUP_HELP,
-        epilog=WARMUP_EXAMPLE,
-        formatter_class=RAW,
-    )
-    warmup.add_argument(
+def configure(parser) -> None:
+    """Add the options of the command."""
+    parser.add_argument(
         "job",
         type=Path,
         nargs="*",
         metavar="JOB.toml",
         help="also compile kernels specialised to the structures of these jobs",
     )
-    warmup.add_argument(
+    parser.add_argument(
         "--jobs", type=int, metavar="N", help="processes that compile (default: one a processor)"
     )
-    warmup.set_defaults(function=_warmup)
 
 
-def _warmup(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     import time
 
     from hpcsweep.job import load_job

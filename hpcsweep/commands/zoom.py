@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import RAW, CommandError
+from hpcsweep.commands import CommandError
 from hpcsweep.commands.outputs import write_job
 
+SUMMARY = "write a job with a finer grid over part of a results file"
 HELP = """\
 Write a job like that of FILE with a finer grid over part of its frequencies or amplitudes. The new
 grid holds the points of the old one, so that --reuse takes them over:
@@ -16,14 +17,8 @@ Amplitude sweeps are paths: with other amplitudes they pass through other states
 taken over. Refine the frequencies of sweeps, and either axis of points."""
 
 
-def add_to(commands) -> None:
-    """Add the command to the parser's commands."""
-    parser = commands.add_parser(
-        "zoom",
-        help="write a job with a finer grid over part of a results file",
-        description=HELP,
-        formatter_class=RAW,
-    )
+def configure(parser) -> None:
+    """Add the options of the command."""
     parser.add_argument("file", type=Path, metavar="FILE")
     for name, what in (("omega", "frequencies, as the job gives them"), ("amplitude", "A")):
         parser.add_argument(
@@ -39,10 +34,10 @@ def add_to(commands) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="JOB.toml", help="must not exist"
     )
-    parser.set_defaults(function=_zoom)
 
 
-def _zoom(options) -> int:
+def run(options) -> int:
+    """Run the command."""
     from hpcsweep.job.zoom import zoom
     from hpcsweep.store import job_of
 

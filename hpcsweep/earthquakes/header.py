@@ -148,8 +148,12 @@ def read_header(lines: list[str]) -> Header:
     times: dict[Unit, str] = {}
     unknown = None
     for i, line in enumerate(lines):
-        counts |= _counts(line)
-        steps |= _steps(line)
+        if BOTH.search(line) and not (COUNT.search(line) and STEP.search(line)):
+            counts["NPTS"], steps["DT"] = _both(line)
+        else:
+            told = (found for pattern in (COUNT, COUNTED) for found in pattern.finditer(line))
+            counts |= {found["label"]: int(found["value"]) for found in told}
+            steps |= _steps(line)
         for words, unit in _named(line, i == len(lines) - 1):
             if unit is None:
                 unknown = words
@@ -159,13 +163,6 @@ def read_header(lines: list[str]) -> Header:
         if len(found) > 1:
             raise ValueError(f"must name one unit, names {' and '.join(found.values())}")
     return Header(counts, steps, units, next(iter(times), SECOND), unknown)
-
-
-def _counts(line: str) -> dict[str, int]:
-    found = [*COUNT.finditer(line), *COUNTED.finditer(line)]
-    if BOTH.search(line) and not (COUNT.search(line) and STEP.search(line)):
-        return {"NPTS": _both(line)[0]}
-    return {one["label"]: int(one["value"]) for one in found}
 
 
 def _both(line: str) -> tuple[int, float]:
@@ -178,8 +175,6 @@ def _both(line: str) -> tuple[int, float]:
 
 
 def _steps(line: str) -> dict[str, float]:
-    if BOTH.search(line) and not (COUNT.search(line) and STEP.search(line)):
-        return {"DT": _both(line)[1]}
     steps = {}
     for pattern in (STEP, RATE, RATED):
         for found in pattern.finditer(line):

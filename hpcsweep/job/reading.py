@@ -256,14 +256,12 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
         solver=method,
         rtol=rtol,
         skip=_skip(values, skip_rules),
-        metrics=_metrics(values),
+        metrics=frozenset(key.name for key in METRIC_KEYS if values.read("output", key)),
         max_points=_max_points(values, sampling, longest),
-        classify_cycles=_classify_cycles(values, method),
+        classify_cycles=values.whole(
+            "sweep.classify_cycles", SOLVERS[method].classify_cycles, 0, MAX_CYCLES
+        ),
     )
-
-
-def _classify_cycles(values: Values, method: str) -> int:
-    return values.whole("sweep.classify_cycles", SOLVERS[method].classify_cycles, 0, MAX_CYCLES)
 
 
 def _max_points(values: Values, sampling: int, longest: int) -> int | None:
@@ -288,7 +286,3 @@ def _skip(values: Values, rules: tuple[str, ...]) -> frozenset[str]:
             f'must be "all", "none" or a list of {", ".join(rules)}',
         )
     return frozenset(given)
-
-
-def _metrics(values: Values) -> frozenset[str]:
-    return frozenset(key.name for key in METRIC_KEYS if values.read("output", key))

@@ -52,8 +52,9 @@ def read_structure(values: Values) -> Structure:
     matrices, contacts = given.get("matrices"), given.get("contact", [])
     if "contact" in given and matrices is None:
         raise values.error("structure.contact", contacts, "goes with structure.matrices")
+    side_by_side = values.top("building", None) is not None
     try:
-        if values.top("building", None) is not None or values.table("pounding"):
+        if side_by_side or values.table("pounding"):
             structure = _of_buildings(values, given, harmonics)
         elif matrices is None:
             given = {key: _tuples(value) for key, value in given.items()}
@@ -63,7 +64,6 @@ def read_structure(values: Values) -> Structure:
     except (ValueError, OverflowError) as error:
         if isinstance(error, JobError):
             raise
-        side_by_side = values.top("building", None) is not None
         raise JobError(f"{values.source}: {_keyed(str(error), side_by_side)}") from None
     if structure.rayleigh is not None and "damping_ratio" in given:
         shown = values.get("structure.rayleigh")
@@ -109,12 +109,11 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
         raise values.error("structure.contact", contacts, "must be tables, [[structure.contact]]")
     for contact in contacts:
         _check_table(values, "structure.contact", contact, CONTACT, CONTACT[:3])
-    more = {key: given[key] for key in ("sharpness", "damping_ratio", "rayleigh") if key in given}
     return Structure.from_matrices(
         contacts=[Contact(**contact) for contact in contacts],
         harmonics=harmonics,
         **matrices,
-        **{key: _tuples(value) for key, value in more.items()},
+        **{key: _tuples(given[key]) for key in WITH_MATRICES[2:] if key in given},
     )
 
 
@@ -155,11 +154,8 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     for key in given:
         raise values.error(f"structure.{key}", given[key], "does not go with [[building]]")
     for table in tables:
-        needed = (
-            ("mass",)
-            if isinstance(table, Mapping) and "period" in table
-            else ("mass", "storey_stiffness")
-        )
+        by_period = isinstance(table, Mapping) and "period" in table
+        needed = ("mass", "storey_stiffness")[: 1 if by_period else 2]
         _check_table(values, "building", table, BUILDING, needed)
         name = table.get("name", "")
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:

@@ -269,7 +269,9 @@ def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
     bases: list[tuple[Path, dict]] = []
     met = [path.resolve()]
     while True:
-        _refuse_misspelt(path, tree)
+        for key in tree:  # a misspelt one, which later validation does not know
+            if key != EXTENDS and difflib.get_close_matches(key, [EXTENDS], cutoff=0.8):
+                raise TreeError(f"{path}: unknown key {key!r}; did you mean {EXTENDS!r}?")
         if EXTENDS not in tree:
             return bases
         given = tree.pop(EXTENDS)
@@ -289,13 +291,6 @@ def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
             raise TreeError(f"{where}: must not lead back to a file before it: {circle}")
         tree.pop("name", None)
         bases.append((path, tree))
-
-
-def _refuse_misspelt(path: Path, tree: Mapping) -> None:
-    """Refuse a misspelt `extends`, which later validation does not know."""
-    for key in tree:
-        if key != EXTENDS and difflib.get_close_matches(key, [EXTENDS], cutoff=0.8):
-            raise TreeError(f"{path}: unknown key {key!r}; did you mean {EXTENDS!r}?")
 
 
 def _parse_setting(setting: str) -> dict:

@@ -142,21 +142,18 @@ class Values:
             raise self.error(key, value, "must be a number")
         return float(value)  # whole numbers have 64 bits
 
-    def within(self, key: str, value: object, least: float, most: float) -> float:
-        """Return a number within bounds."""
+    def within(self, key: str, value: object, least: float, most: float, limit: str = "") -> float:
+        """Return a number within bounds; `limit` is said before them."""
         number = self.number(key, value)
         if not least <= number <= most:
-            raise self.error(key, value, f"must be from {least:g} to {most:g}")
+            raise self.error(key, value, f"must be {limit}from {least:g} to {most:g}")
         return number
 
     def positive(
         self, key: str, value: object, least: float = LEAST, most: float = LARGEST
     ) -> float:
         """Return a number above 0; by default of a size that some unit gives it."""
-        number = self.number(key, value)
-        if not least <= number <= most:
-            raise self.error(key, value, f"must be above 0, from {least:g} to {most:g}")
-        return number
+        return self.within(key, value, least, most, "above 0, ")
 
     def whole(self, key: str, default: int, least: int, most: int) -> int:
         """Read a whole number within bounds."""

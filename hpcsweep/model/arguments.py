@@ -97,6 +97,21 @@ def positive(name: str, value: object) -> float:
     return found
 
 
+def not_negative(name: str, value: object) -> float:
+    """Return a finite real number of at least 0."""
+    found = finite(name, value)
+    if found < 0:
+        raise refused(name, "at least 0", found)
+    return found
+
+
+def flag(name: str, value: object) -> bool:
+    """Return true or false."""
+    if not isinstance(value, bool | np.bool_):
+        raise refused(name, "true or false", value)
+    return bool(value)
+
+
 def count(name: str, value: object, least: int = 0, most: int = MAX_COUNT) -> int:
     """Return an integer from `least` to `most`; floats are refused, even integral ones.
 

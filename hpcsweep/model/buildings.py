@@ -4,14 +4,13 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, number, plain
+from hpcsweep.model.arguments import number, plain
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact, vector
+from hpcsweep.model.matrices import Contact, each, vector
 from hpcsweep.model.structure import Structure
 
 RANGE = 1e-12, 1e12
@@ -66,11 +65,11 @@ class Building:
             raise ValueError("building.mass must not be empty")
         object.__setattr__(self, "mass", masses)
         if self.storey_height is not None:
-            heights = self._each("building.storey_height", self.storey_height)
+            heights = each("building.storey_height", self.storey_height, self.n_floors, "mass")
             if min(heights) <= 0:
                 raise ValueError(f"building.storey_height must be above 0, is {min(heights)!r}")
             object.__setattr__(self, "storey_height", heights)
-        stiffness = self._each("building.storey_stiffness", self.storey_stiffness)
+        stiffness = each("building.storey_stiffness", self.storey_stiffness, self.n_floors, "mass")
         if self.period is not None:
             wanted = number("building.period", self.period, PERIODS, *RANGE)
             found = 2.0 * math.pi / float(self.structure.frequencies[0])
@@ -82,13 +81,6 @@ class Building:
     def n_floors(self) -> int:
         """Number n of floors."""
         return int(np.size(self.mass))
-
-    def _each(self, name: str, given: Any) -> tuple[float, ...]:
-        """Return a value for each floor, from one number or one for each."""
-        given = plain(given)
-        if hasattr(given, "__len__"):
-            return vector(name, given, self.n_floors, "numbers, one per mass")
-        return (finite(name, given),) * self.n_floors
 
     @functools.cached_property
     def structure(self) -> Structure:
@@ -163,90 +155,78 @@ def adjacent(
     >>> pair.names.contacts
     ('A1-B1',)
     """
+    from scipy.linalg import block_diag  # reading results does not need scipy
+
+    names = _names(buildings)
+    alone = [one.structure for one in buildings]
+    first = np.cumsum([0, *(one.n_floors for one in alone)])
+    unit = np.eye(first[-1])
+    if restitution is not None and damping is not None:
+        raise ValueError("pounding.restitution and pounding.damping must not be given both")
+    masses = np.concatenate([np.diag(one.mass_matrix) for one in alone])
+    of_levels = (
+        ("pounding.gap", gap),
+        ("pounding.stiffness", stiffness),
+        ("pounding.restitution", 1.0 if restitution is None else restitution),
+        ("pounding.damping", 0.0 if damping is None else damping),
+    )
+    contacts, labels = [], []
+    for k in range(len(buildings) - 1):
+        pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
+        levels = (each(name, given, len(pairs), "level") for name, given in of_levels)
+        for (i, j), own_gap, kappa, e, c in zip(pairs, *levels, strict=True):
+            direction = unit[first[k] + i] - unit[first[k + 1] + j]
+            stop = tuple(direction.tolist()), own_gap, kappa
+            if restitution is None:
+                contact = Contact(*stop, c, tension)
+            else:
+                read_restitution("pounding.restitution", e)
+                contact = Contact.from_restitution(*stop, e, masses, tension)
+            contacts.append(contact)
+            labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
+    refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
+    made = Structure.from_matrices(
+        block_diag(*(one.mass_matrix for one in alone)),
+        block_diag(*(one.stiffness_matrix for one in alone)),
+        contacts,
+        damping=block_diag(*(one.damping_matrix for one in alone)),
+        drift=block_diag(*(one.drift_rows for one in alone)),
+        sharpness=sharpness,
+        harmonics=harmonics,
+    )
+    floors = [name + i for name, one in zip(names, alone, strict=True) for i in one.floor_names]
+    heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
+    return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
+
+
+def _names(buildings: Sequence[Building]) -> list[str]:
+    """Return the names of two or more buildings, by default letters."""
     if len(buildings) < 2:
         raise ValueError(f"building must be given twice or more, is given {len(buildings)} times")
     names = [one.name or chr(ord("A") + k) for k, one in enumerate(buildings)]
     if len(set(names)) < len(names):
         raise ValueError(f"building.name must be of one building each, are {names}")
-    alone = [one.structure for one in buildings]
-    sizes = [one.n_floors for one in alone]
-    first = np.concatenate(([0], np.cumsum(sizes)))
-    if restitution is not None and damping is not None:
-        raise ValueError("pounding.restitution and pounding.damping must not be given both")
-    masses = np.concatenate([np.diag(one.mass_matrix) for one in alone])
-    contacts, labels = [], []
-    for k in range(len(buildings) - 1):
-        pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
-        gaps = _levels("gap", gap, len(pairs))
-        stiff = _levels("stiffness", stiffness, len(pairs))
-        restored = _levels("restitution", 1.0 if restitution is None else restitution, len(pairs))
-        damped = _levels("damping", 0.0 if damping is None else damping, len(pairs))
-        for (i, j), own_gap, kappa, e, c in zip(pairs, gaps, stiff, restored, damped, strict=True):
-            direction = np.zeros(first[-1])
-            direction[first[k] + i], direction[first[k + 1] + j] = 1.0, -1.0
-            contact = Contact(tuple(direction.tolist()), own_gap, kappa, c, tension)
-            if restitution is not None:
-                read_restitution("pounding.restitution", e)
-                contact = Contact.from_restitution(
-                    contact.direction, own_gap, kappa, e, masses, tension
-                )
-            contacts.append(contact)
-            labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
-    for key, given in (("damping", damping), ("restitution", restitution)):
-        if given is not None:
-            refuse_smooth(contacts, sharpness, (f"pounding.{key}", given))
-    made = Structure.from_matrices(
-        _block([one.mass_matrix for one in alone]),
-        _block([one.stiffness_matrix for one in alone]),
-        contacts,
-        damping=_block([one.damping_matrix for one in alone]),
-        drift=_block([one.drift_rows for one in alone]),
-        sharpness=sharpness,
-        harmonics=harmonics,
-    )
-    floors = [f"{name}{i}" for name, n in zip(names, sizes, strict=True) for i in range(1, n + 1)]
-    heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
-    return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
+    return names
 
 
 def _facing(left: Building, right: Building, left_name: str, right_name: str) -> list:
     """Return the floors of two buildings that are at equal heights."""
     if (left.storey_height is None) != (right.storey_height is None):
         raise ValueError("building.storey_height must be given of all buildings or of none")
+    pairs = [
+        (i, j)
+        for i, height in enumerate(left.heights)
+        for j, other in enumerate(right.heights)
+        if abs(other - height) <= SAME_HEIGHT * height
+    ]
     lower = min(left.heights[-1], right.heights[-1])
-    pairs = []
-    for i, height in enumerate(left.heights):
-        same = [j for j, h in enumerate(right.heights) if abs(h - height) <= SAME_HEIGHT * height]
-        if not same and height < lower:
-            raise ValueError(
-                f"building.storey_height: floor {i + 1} of {left_name} at height {height:g} faces "
-                f"a column of {right_name}: floors must be at equal heights"
-            )
-        pairs += [(i, j) for j in same]
-    met = {j for _, j in pairs}
-    for j, height in enumerate(right.heights):
-        if j not in met and height < lower:
-            raise ValueError(
-                f"building.storey_height: floor {j + 1} of {right_name} at height {height:g} faces "
-                f"a column of {left_name}: floors must be at equal heights"
-            )
+    sides = (left, left_name, right_name), (right, right_name, left_name)
+    for side, (building, name, other_name) in enumerate(sides):
+        met = {pair[side] for pair in pairs}
+        for i, height in enumerate(building.heights):
+            if i not in met and height < lower:
+                raise ValueError(
+                    f"building.storey_height: floor {i + 1} of {name} at height {height:g} faces a "
+                    f"column of {other_name}: floors must be at equal heights"
+                )
     return pairs
-
-
-def _levels(name: str, given: Any, count: int) -> tuple[float, ...]:
-    given = plain(given)
-    if hasattr(given, "__len__"):
-        return vector(f"pounding.{name}", given, count, "numbers, one per level")
-    return (finite(f"pounding.{name}", given),) * count
-
-
-def _block(matrices: Sequence[np.ndarray]) -> np.ndarray:
-    """Return a block-diagonal matrix."""
-    rows, columns = (sum(m.shape[axis] for m in matrices) for axis in (0, 1))
-    whole = np.zeros((rows, columns))
-    at = np.zeros(2, int)
-    for matrix in matrices:
-        end = at + matrix.shape
-        whole[at[0] : end[0], at[1] : end[1]] = matrix
-        at = end
-    return whole

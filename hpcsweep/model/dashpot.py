@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, number, refused
+from hpcsweep.model.arguments import number
 from hpcsweep.model.modes import per_mass
 
 MIN_RESTITUTION = 1e-6
@@ -42,21 +42,6 @@ MIN_RESTITUTION = 1e-6
 def read_restitution(name: str, given: Any) -> float:
     """Read a coefficient of restitution, above 0 and at most 1."""
     return number(name, given, f"from {MIN_RESTITUTION:g} to 1", MIN_RESTITUTION, 1.0)
-
-
-def read_damping(name: str, given: Any) -> float:
-    """Read the coefficient of a dashpot."""
-    c = finite(name, given)
-    if c < 0:
-        raise ValueError(f"{name} must be at least 0, is {c!r}")
-    return c
-
-
-def read_tension(name: str, given: Any) -> bool:
-    """Read whether a dashpot may pull."""
-    if not isinstance(given, bool | np.bool_):
-        raise refused(name, "true or false", given)
-    return bool(given)
 
 
 def refuse_smooth(contacts: Sequence, sharpness: float, told: tuple[str, Any] | None) -> None:
@@ -130,9 +115,8 @@ def damping_of_restitution(
 
 def dashpots_of_floors(restitutions, stiffnesses, masses, tension) -> list[tuple[float, bool]]:
     """Return c and the rule of the stops of each floor."""
-    found = []
-    for given, kappa, mass in zip(restitutions, stiffnesses, masses, strict=True):
-        e = read_restitution("restitution", given)
-        c = damping_of_restitution(e, kappa, mass, tension)
-        found.append((c, tension and c > 0))
-    return found
+    coefficients = [
+        damping_of_restitution(e, kappa, mass, tension)
+        for e, kappa, mass in zip(restitutions, stiffnesses, masses, strict=True)
+    ]
+    return [(c, tension and c > 0) for c in coefficients]

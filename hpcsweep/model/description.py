@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -75,20 +76,14 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
         count = len(structure.contacts)
         words.append(("", f"{count} contact{'' if count == 1 else 's'}, matrices"))
     else:
-        words.append(("beta", few(structure.stiffness_ratio)))
-        words += [
-            (symbol, few(value))
-            for symbol, value in (("m", structure.mass), ("k", structure.storey_stiffness))
-            if value is not None
-        ]
-        words += [
-            (symbol, few(value))
-            for symbol, value, usual in (
-                ("g", structure.gap, 1.0),
-                ("g_L", structure.gap_left, math.inf),
-            )
-            if value != usual
-        ]
+        parameters: Sequence[tuple[str, Any, Any]] = (
+            ("beta", structure.stiffness_ratio, None),
+            ("m", structure.mass, None),
+            ("k", structure.storey_stiffness, None),
+            ("g", structure.gap, 1.0),
+            ("g_L", structure.gap_left, math.inf),
+        )
+        words += [(symbol, few(value)) for symbol, value, usual in parameters if value != usual]
     words.append(("rho", f"{structure.sharpness:g}"))
     if structure.restitution is not None:
         words.append(("e", few(structure.restitution)))
@@ -108,6 +103,13 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
         orders = ", ".join(str(order) for order, _, _ in structure.harmonics)
         words.append(("", f"harmonic{'s' if len(structure.harmonics) > 1 else ''} {orders}"))
     return words
+
+
+def one_line(structure: Structure) -> str:
+    """Describe the parameters of a structure on one line."""
+    return ", ".join(
+        f"{symbol} = {value}" if symbol else value for symbol, value in in_words(structure)
+    )
 
 
 def few(value: float | Sequence[float]) -> str:

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from hpcsweep.model.arguments import number
-from hpcsweep.model.contact_names import ContactNames
 from hpcsweep.model.forcing import Harmonics
 from hpcsweep.model.modes import (
     damped_response,
@@ -16,13 +15,13 @@ from hpcsweep.model.modes import (
     power_of_two,
     trigonometric_maxima,
 )
-from hpcsweep.model.system import frozen
+from hpcsweep.model.system import System, frozen
 
 MAX_OMEGA = 1e150
 """Of the closed forms, which square it."""
 
 
-class LinearDynamics(ContactNames):
+class LinearDynamics(System):
     """Linear dynamics from the matrices, the contacts and the forcing of a structure."""
 
     sharpness: float

@@ -7,20 +7,15 @@ right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound w
 A sharp stop may have a dashpot beside its spring (`hpcsweep.model.dashpot`).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, number, shown
-from hpcsweep.model.dashpot import (
-    damping_of_restitution,
-    felt_mass,
-    read_damping,
-    read_tension,
-)
+from hpcsweep.model.arguments import finite, flag, not_negative, number, plain, shown
+from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 
 MAX_FLOORS = 64
 MAX_CONTACTS = 64
@@ -36,7 +31,12 @@ Matrix = tuple[Vector, ...]
 
 
 def vector(
-    name: str, given: Any, size: int | None, what: str = "entries", parts: Sequence[str] = ()
+    name: str,
+    given: Any,
+    size: int | None,
+    what: str = "entries",
+    parts: Sequence[str] = (),
+    read: Callable[[str, Any], float] = number,
 ) -> Vector:
     """Read a sequence of numbers, of a given size if not None; `parts` are names of its entries."""
     listed = _listed(given)
@@ -45,7 +45,15 @@ def vector(
     if size is not None and len(listed) != size:
         raise ValueError(f"{name} must have {size} {what}, has {len(listed)}")
     names = [f"{name}.{part}" for part in parts] or [name] * len(listed)
-    return tuple(map(number, names, listed))
+    return tuple(map(read, names, listed))
+
+
+def each(name: str, given: Any, count: int, what: str) -> Vector:
+    """Read a number for each of `count`, from one finite number or a sequence."""
+    given = plain(given)
+    if hasattr(given, "__len__"):
+        return vector(name, given, count, f"numbers, one per {what}")
+    return (finite(name, given),) * count
 
 
 def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matrix:
@@ -57,11 +65,7 @@ def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matri
     if n_rows is not None and len(rows) != n_rows:
         raise ValueError(f"{name} must have {n_rows} rows, one per mass, has {len(rows)}")
     width = len(rows) if n_columns is None else n_columns
-    found = tuple(vector(name, row, width, "entries in each row") for row in rows)
-    for row in found:
-        for value in row:
-            finite(name, value)
-    return found
+    return tuple(vector(name, row, width, "entries in each row", read=finite) for row in rows)
 
 
 def check_symmetric(name: str, array: np.ndarray) -> None:
@@ -121,19 +125,14 @@ class Contact:
     tension: bool = field(default=False, metadata={"later": True})
 
     def __post_init__(self) -> None:
-        direction = vector("contact.direction", self.direction, None)
-        for value in direction:
-            finite("contact.direction", value)
+        direction = vector("contact.direction", self.direction, None, read=finite)
         if not any(direction):
             raise ValueError("contact.direction must not be 0: such a contact can never be reached")
         object.__setattr__(self, "direction", direction)
         object.__setattr__(self, "gap", finite("contact.gap", self.gap))
-        kappa = finite("contact.stiffness", self.stiffness)
-        if kappa < 0:
-            raise ValueError(f"contact.stiffness must be at least 0, is {kappa!r}")
-        object.__setattr__(self, "stiffness", kappa)
-        object.__setattr__(self, "damping", read_damping("contact.damping", self.damping))
-        object.__setattr__(self, "tension", read_tension("contact.tension", self.tension))
+        for name in ("stiffness", "damping"):
+            object.__setattr__(self, name, not_negative(f"contact.{name}", getattr(self, name)))
+        object.__setattr__(self, "tension", flag("contact.tension", self.tension))
 
     @classmethod
     def from_restitution(
@@ -181,8 +180,7 @@ def read_matrices(
     # a vector of masses stands for a diagonal matrix
     listed = _listed(mass)
     if listed and all(isinstance(value, Real) for value in listed):
-        masses = vector("matrices.mass", listed, None)
-        mass = np.diag(masses).tolist()
+        mass = np.diag(vector("matrices.mass", listed, None)).tolist()
     checked = matrix("matrices.mass", mass, (None, None))
     n = len(checked)
     if n > MAX_FLOORS:
@@ -192,11 +190,9 @@ def read_matrices(
         matrix("matrices.stiffness", stiffness, (n, n)),
         _contacts(contacts, n),
         None if damping is None else matrix("matrices.damping", damping, (n, n)),
-        None if forcing is None else vector("matrices.forcing", forcing, n),
+        None if forcing is None else vector("matrices.forcing", forcing, n, read=finite),
         None if drift is None else matrix("matrices.drift", drift, (None, n)),
     )
-    for value in found.forcing or ():
-        finite("matrices.forcing", value)
     if found.damping is not None:
         _check_damping(np.array(found.damping))
     return found

@@ -16,8 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import count, finite, number, plain, refused
-from hpcsweep.model.dashpot import read_tension, refuse_smooth
+from hpcsweep.model.arguments import (
+    LARGEST,
+    count,
+    flag,
+    not_negative,
+    number,
+    plain,
+    refused,
+)
+from hpcsweep.model.dashpot import refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
@@ -27,7 +35,7 @@ from hpcsweep.model.matrices import (
     read_matrices,
     vector,
 )
-from hpcsweep.model.measured import MeasuredDynamics
+from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.system import PerFloor
 from hpcsweep.model.unit_names import Names, UnitNames
 
@@ -36,6 +44,10 @@ FOREIGN = (
     *("stiffness_ratio", "harmonics", "restitution"),
 )
 """Parameters that the building of the paper leaves at their defaults."""
+AT_LEAST_0 = "finite and at least 0", 0.0, LARGEST
+ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
+LIMITS = {"stiffness_ratio": AT_LEAST_0, "mass": ABOVE_0, "storey_stiffness": ABOVE_0}
+"""Of parameters with one value or one per floor."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -121,24 +133,18 @@ class Structure(MeasuredDynamics):
     def __post_init__(self) -> None:
         n = count("n_floors", self.n_floors, 1, MAX_FLOORS)
         self._set("n_floors", n)
-        self._set("stiffness_ratio", self._per_floor("stiffness_ratio", self.stiffness_ratio))
-        for beta in self._floors(self.stiffness_ratio):
-            if not 0 <= beta < math.inf:
-                raise ValueError(f"stiffness_ratio must be finite and at least 0, is {beta!r}")
-        rho = number("sharpness", self.sharpness)
-        if not rho >= 0:
-            raise ValueError(f"sharpness must be at least 0 (inf is allowed), is {rho!r}")
-        self._set("sharpness", rho)
+        self._set(
+            "sharpness", number("sharpness", self.sharpness, "at least 0 (inf is allowed)", 0.0)
+        )
         self._set("_ratios", self._validated_damping())
         if not isinstance(self.damping_ratio, Real):
             self._set("damping_ratio", self._ratios)
-        for name in ("mass", "storey_stiffness"):
+        for name, limits in LIMITS.items():
             given = getattr(self, name)
             if given is not None:
                 self._set(name, self._per_floor(name, given))
                 for value in self._floors(getattr(self, name)):
-                    if not 0 < value < math.inf:
-                        raise ValueError(f"{name} must be finite and above 0, is {value!r}")
+                    number(name, value, *limits)
         for name in ("gap", "gap_left"):
             self._set(name, self._per_floor(name, getattr(self, name)))
             for value in self._floors(getattr(self, name)):
@@ -148,9 +154,12 @@ class Structure(MeasuredDynamics):
         if self.rayleigh is not None:
             self._set("rayleigh", vector("rayleigh", self.rayleigh, 2, "numbers: alpha, beta"))
             for value in self.rayleigh:
-                if finite("rayleigh", value) < 0:
-                    raise ValueError(f"rayleigh must be at least 0, is {value!r}")
-        self._read_dashpots()
+                not_negative("rayleigh", value)
+        if self.restitution is not None:
+            self._set("restitution", self._per_floor("restitution", self.restitution))
+        self._set("tension", flag("tension", self.tension))
+        told = ("restitution", self.restitution) if self.matrices is None else None
+        refuse_smooth(self._all_contacts, self.sharpness, told)
         if max(self.contact_numbers, default=0) > MAX_CONTACTS:
             raise ValueError(
                 f"gap_left: {n} floors have stops on the left numbered up to "
@@ -221,13 +230,6 @@ class Structure(MeasuredDynamics):
             matrices=read,
         )
 
-    def _read_dashpots(self) -> None:
-        if self.restitution is not None:
-            self._set("restitution", self._per_floor("restitution", self.restitution))
-        self._set("tension", read_tension("tension", self.tension))
-        given = "restitution", self.restitution
-        refuse_smooth(self._all_contacts, self.sharpness, given if self.matrices is None else None)
-
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
@@ -240,28 +242,20 @@ class Structure(MeasuredDynamics):
 
     def _validated_damping(self) -> tuple[float, ...]:
         given: Any = plain(self.damping_ratio)
-        if isinstance(given, Real):
-            ratios = (number("damping_ratio", given),) * self.n_floors
-        elif isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
+        listed = [given] * self.n_floors if isinstance(given, Real) else given
+        if isinstance(listed, str | bytes) or not isinstance(listed, Sequence | np.ndarray):
             raise refused("damping_ratio", "a number or one per mode", given)
-        else:
-            if len(given) != self.n_floors:
-                raise ValueError(
-                    f"damping_ratio must be one number or one per mode: {self.n_floors} are "
-                    f"needed, {len(given)} are given"
-                )
-            ratios = tuple(number("damping_ratio", value) for value in given)
-        for value in ratios:
-            if not 0 <= value < math.inf:
-                raise ValueError(f"damping_ratio must be finite and at least 0, is {value!r}")
-        return ratios
+        if len(listed) != self.n_floors:
+            raise ValueError(
+                f"damping_ratio must be one number or one per mode: {self.n_floors} are needed, "
+                f"{len(listed)} are given"
+            )
+        return tuple(number("damping_ratio", value, *AT_LEAST_0) for value in listed)
 
     def __repr__(self) -> str:
         """Show the differences from the paper's building, and the sizes of matrices."""
-        given: Any = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
-        hidden = {f.name for f in fields(self) if not f.repr}
-        defaults = {f.name: f.default for f in fields(self)}
-        shown = [f"n_floors={given['n_floors']}"]
+        hidden = {f.name for f in fields(self) if not (f.init and f.repr)} | {"n_floors"}
+        shown = [f"n_floors={self.n_floors}"]
         if self.matrices is not None:
             shown.append(f"matrices, {len(self.matrices.contacts)} contacts")
             hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
@@ -272,9 +266,9 @@ class Structure(MeasuredDynamics):
         if self.rayleigh is not None:
             hidden.add("damping_ratio")
         shown += [
-            f"{name}={value!r}"
-            for name, value in given.items()
-            if name not in (*hidden, "n_floors") and value != defaults[name]
+            f"{f.name}={value!r}"
+            for f in fields(self)
+            if f.name not in hidden and (value := getattr(self, f.name)) != f.default
         ]
         return f"Structure({', '.join(shown)})"
 

@@ -1,4 +1,7 @@
-"""Equation of motion of a structure, M u'' + C u' + K u + contacts = b G, from its parameters."""
+"""Equation of motion of a structure, M u'' + C u' + K u + contacts = b G, from its parameters.
+
+Contacts have numbers: bits of a contact set in files, and names, as floors have, in figures.
+"""
 
 import math
 from collections.abc import Sequence
@@ -9,6 +12,7 @@ import numpy as np
 
 from hpcsweep.model.dashpot import dashpots_of_floors
 from hpcsweep.model.matrices import Contact, Matrices
+from hpcsweep.model.unit_names import Names
 
 PerFloor = float | tuple[float, ...]
 
@@ -20,7 +24,7 @@ def frozen(array: np.ndarray) -> np.ndarray:
 
 
 class System:
-    """Matrices and contacts of a structure.
+    """Matrices and contacts of a structure, and their names.
 
     The attributes are parameters of `hpcsweep.model.structure.Structure`.
     """
@@ -35,6 +39,7 @@ class System:
     tension: bool
     matrices: Matrices | None
     unreached: tuple[int, ...]
+    names: Names
 
     def _floors(self, value: Any) -> tuple[float, ...]:
         """Return a value for each floor; 1 where there is none."""
@@ -115,3 +120,30 @@ class System:
         if self.matrices is None:
             return frozen(np.eye(n) - np.eye(n, k=-1))
         return frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))
+
+    @property
+    def floor_names(self) -> tuple[str, ...]:
+        """Name of each floor: as given, e.g. A3, or its number."""
+        return self.names.floors or tuple(map(str, range(1, self.n_floors + 1)))
+
+    def contact_bits(self, key: int) -> int:
+        """Return the contact set as in files, bit k - 1 for contact number k, from a key."""
+        if self.contact_numbers == tuple(range(1, len(self.contact_numbers) + 1)):
+            return key
+        return sum(1 << (k - 1) for i, k in enumerate(self.contact_numbers) if key >> i & 1)
+
+    @cached_property
+    def contact_labels(self) -> tuple[str, ...]:
+        """Label of every contact number, e.g. 2 or 2L (left); '' where there is no such contact."""
+        own = {k: self._label(k) for k in self.contact_numbers}
+        return tuple(own.get(k, "") for k in range(1, max(own, default=0) + 1))
+
+    def _label(self, number: int) -> str:
+        left = self.matrices is None and number > self.n_floors
+        return f"{number - self.n_floors}L" if left else str(number)
+
+    @property
+    def contact_names(self) -> dict[int, str]:
+        """Name of each of `all_contact_numbers`: as given, e.g. A3-B3, or its label."""
+        names = self.names.contacts or tuple(map(self._label, self.all_contact_numbers))
+        return dict(zip(self.all_contact_numbers, names, strict=True))

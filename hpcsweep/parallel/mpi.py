@@ -14,6 +14,7 @@ import sys
 import termios
 import time
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 SRUN = "SLURM_STEP_NUM_TASKS"
@@ -165,6 +166,29 @@ class Ranks:
                 self.raw.Abort(code)
             self.barrier()
         return code
+
+
+def on_master(comm, action: Callable[[], Any], *errors: type[Exception]) -> Any:
+    """Return on every rank what an action returns on rank 0; raise its errors there (collective).
+
+    Parameters
+    ----------
+    comm : Serial or Ranks
+    action : callable
+        Called on rank 0.
+    *errors
+        Those that are raised on every rank; others on rank 0 alone.
+    """
+    value = problem = None
+    if comm.rank == 0:
+        try:
+            value = action()
+        except errors as error:
+            problem = error
+    value, problem = comm.bcast((value, problem))
+    if problem is not None:
+        raise problem
+    return value
 
 
 def launched_size() -> int:

@@ -102,7 +102,7 @@ def test_the_whole_has_the_runs_and_their_blocks_at_least_those_of_a_refined_map
     ],
 )
 def test_lines_have_margins_in_the_units_of_slurm(ranks, work, memory, tasks, time, megabytes):
-    assert slurm.as_lines(slurm.request(ranks, work, memory)) == [
+    assert slurm.lines(ranks, work, memory) == [
         f"#SBATCH --ntasks={tasks}",
         "#SBATCH --cpus-per-task=1",
         f"#SBATCH --time={time}",

@@ -136,4 +136,4 @@ def test_what_a_rank_does_besides_its_runs_is_in_the_remaining_time(tmp_path, mo
         now[0] += 2.5e-3
         known.block_done(BlockCost(block.place, block.n_runs, 5e-4))
     left = (study.n_tasks - done) * 2.5e-3
-    assert known.remaining() == pytest.approx(left, rel=0.02)
+    assert pilot.remaining_of([known]) == pytest.approx(left, rel=0.02)

@@ -1,6 +1,5 @@
 """Campaigns as a user runs them: ranks, kills, signals, mistakes."""
 
-import contextlib
 import json
 import os
 import signal
@@ -38,46 +37,6 @@ LONG = long_job(30_000)
 def journal(path: Path, kind: str) -> list[dict]:
     lines = Path(f"{path}.journal").read_text().splitlines()
     return [record for record in map(json.loads, lines) if record["kind"] == kind]
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    "victim",
-    [
-        "rank",
-        pytest.param("master", marks=pytest.mark.slow),
-        pytest.param("mpirun", marks=pytest.mark.slow),
-    ],
-)
-def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(tmp_path, victim):
-    job = tmp_path / "long.toml"
-    job.write_text(faults.JOB)
-    assert hpcsweep(0, "run", job, "-o", tmp_path / "whole.h5").returncode == 0
-    path = tmp_path / "killed.h5"
-    process = faults.start(2, "run", job, "-o", path)
-    assert faults.wait_for_commits(process, path, 4)
-    ranks = process.ranks()
-    target = {"rank": ranks[1], "master": ranks[0], "mpirun": process.launcher.pid}[victim]
-    # on a busy machine the others would finish before the kill
-    for pid in ranks.values():
-        os.kill(pid, signal.SIGSTOP)
-    os.kill(target, signal.SIGKILL)
-    for pid in ranks.values():
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGCONT)
-    code, _, _ = process.finish()
-    assert code not in (None, 0)
-    # ranks may outlive their launcher and commit what they were computing
-    assert not process.wait_for_orphans(faults.PATIENCE)
-    before = faults.committed(path)
-    assert len(before) < 48
-    first_session = len(journal(path, "block"))
-    resumed = hpcsweep(3, "run", job, "-o", path)
-    assert resumed.returncode == 0, resumed.stderr
-    again = {tuple(b["place"]) for b in journal(path, "block")[first_session:]}
-    assert not again & before
-    assert len(again) == 48 - len(before)
-    assert_same_datasets(tmp_path / "whole.h5", path)
 
 
 @pytest.mark.mpi

@@ -1,10 +1,9 @@
-"""The study of attractors: equal on any number of ranks, resumed, all commands."""
+"""The study of attractors: resumed, all commands."""
 
 import itertools
 import json
 import shutil
 
-import faults
 import h5py
 import numpy as np
 import pytest
@@ -42,17 +41,6 @@ def test_larger_blocks_give_the_same_results(tmp_path, whole):
     two, four = open_results(whole), open_results(path)
     kept = [name for name in two if name != "commit"]
     assert two[kept].equals(four[kept])
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
-    cut = tmp_path / "cut.h5"
-    process = faults.start(2, "run", job, "-o", cut, sync=0.0)
-    process.kill_after(cut, 1)
-    assert len(faults.valid(cut)) >= 1
-    assert hpcsweep(0, "run", job, "-o", cut).returncode == 0
-    assert_same_datasets(whole, cut)
 
 
 def test_each_block_restarts_from_what_the_file_holds(tmp_path, job, whole):

@@ -1,9 +1,8 @@
-"""The study of basins: known answers, equal on any number of ranks, resumed, all commands."""
+"""The study of basins: known answers, resumed, all commands."""
 
 import json
 import shutil
 
-import faults
 import h5py
 import numpy as np
 import pytest
@@ -36,17 +35,6 @@ def whole(job):
     done = hpcsweep(0, "run", job, "-o", path)
     assert done.returncode == 0, done.stderr
     return path
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
-    cut = tmp_path / "cut.h5"
-    process = faults.start(2, "run", job, "-o", cut, sync=0.0)
-    process.kill_after(cut, 1)
-    assert len(faults.valid(cut)) >= 1
-    assert hpcsweep(0, "run", job, "-o", cut).returncode == 0
-    assert_same_datasets(whole, cut)
 
 
 def test_each_row_is_computed_again_as_it_was(tmp_path, job, whole):

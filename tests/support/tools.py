@@ -213,11 +213,13 @@ def load() -> None:
         from matplotlib import pyplot  # noqa: F401
 
     from hpcsweep.checks import validate  # noqa: F401
-    from hpcsweep.commands import cli, one_thread, plot  # noqa: F401
+    from hpcsweep.commands import cli, one_thread, plot, run  # noqa: F401
     from hpcsweep.figures.film import film  # noqa: F401
+    from hpcsweep.figures.options import figures
     from hpcsweep.studies.compilation import warm_up
     from hpcsweep.studies.settings import SweepSettings
 
+    figures()
     for solver in ("flow", "bdf"):
         warm_up(SweepSettings(solver=solver))
 
@@ -322,7 +324,7 @@ def run_script(ranks: int, script: Path, *arguments: object, cwd: Path | None = 
     return subprocess.run(
         line,
         cwd=cwd,
-        env=environment(PYTHONPATH=f"{ROOT}:{ROOT / 'tests' / 'campaigns'}"),
+        env=environment(PYTHONPATH=str(ROOT)),
         capture_output=True,
         text=True,
         timeout=LIMIT,

@@ -19,6 +19,7 @@ from tools import (
     datasets,
     environment,
     hpcsweep,
+    refuse,
     run_script,
 )
 
@@ -93,15 +94,6 @@ def test_a_flipped_byte_is_not_believed_and_is_computed_again(tmp_path, small_jo
         assert np.array_equal(values, whole[name]), name
 
 
-def refuse(done: subprocess.CompletedProcess, *words: str) -> None:
-    assert done.returncode == 2, done.stderr
-    lines = done.stderr.strip().splitlines()
-    assert len(lines) == 1, done.stderr
-    assert lines[0].startswith("hpcsweep: error: ")
-    for word in words:
-        assert word in lines[0]
-
-
 def test_other_peoples_files_are_refused_and_left_alone(tmp_path, small_job):
     path = tmp_path / "small.h5"
     assert hpcsweep(0, "run", small_job, "-o", path).returncode == 0
@@ -144,12 +136,6 @@ def test_mistakes_under_mpirun_take_one_line_too(tmp_path):
     assert "structure.stiffness_ratio" in ours[0]
     assert "Traceback" not in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["bad.toml"]
-
-
-def test_a_launcher_of_another_mpi_is_refused(tmp_path, small_job):
-    done = hpcsweep(0, "run", small_job, cwd=tmp_path, OMPI_COMM_WORLD_SIZE="2")
-    refuse(done, "started 2 ranks", "sees 1", "mpirun")
-    assert not (tmp_path / "small.h5").exists()
 
 
 def test_a_second_campaign_on_the_file_is_refused_and_told_who_holds_it(tmp_path):

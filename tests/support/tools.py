@@ -332,6 +332,16 @@ def run_script(ranks: int, script: Path, *arguments: object, cwd: Path | None = 
     )
 
 
+def refuse(done: subprocess.CompletedProcess, *words: str) -> None:
+    """Check that a command was refused in one line with these words, and with exit code 2."""
+    assert done.returncode == 2, done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("hpcsweep: error: ")
+    for word in words:
+        assert word in lines[0]
+
+
 def datasets(path: Path) -> dict[str, np.ndarray]:
     """Return every dataset of a file, as raw bytes."""
     found = {}

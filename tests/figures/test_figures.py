@@ -326,6 +326,7 @@ def test_mistakes_take_one_line_and_write_nothing(file, tmp_path, capsys, argume
     assert not output.exists()
 
 
+@pytest.mark.slow
 def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
     from hpcsweep.commands.cli import main
     from hpcsweep.figures.options import figures

@@ -266,6 +266,7 @@ def legend_colours(figure) -> dict[str, str]:
     return found
 
 
+@pytest.mark.slow
 def test_a_motion_has_its_colour_in_every_figure(mixed, drawn_figure):
     expected = dict(palette.MOTIONS)
     seen = {}

@@ -61,6 +61,7 @@ def test_it_is_drawn_from_the_command_line(varied, tmp_path, extra):
     assert picture.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_every_other_figure_draws_the_part_that_is_chosen(varied, tmp_path, capsys):
     first, second, again = (tmp_path / f"{k}.png" for k in range(3))
     for picture, at in ((first, "0.5"), (second, "1.5"), (again, "1.5")):

@@ -37,12 +37,12 @@ max_seeds = 40
 CAMPAIGNS = {
     "amplitude_sweep": SMALL,
     "points": GRID,
-    "attractors": ATTRACTORS,
+    "attractors": ATTRACTORS.replace("count = 6", "count = 3"),
     "basins": BASINS,
     "records": RECORDS,
     "branches": SEEDS + BRANCHES,
     "vary": SMALL + VARY,
-    "refined": REFINED,
+    "refined": REFINED.replace("count = 26", "count = 14").replace("count = 20", "count = 11"),
 }
 EACH = """
 import sys
@@ -59,9 +59,9 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ranks")
     seeds = made(SEEDS, folder / "seeds.h5")
     for name, text in CAMPAIGNS.items():
-        (folder / f"{name}.toml").write_text(text.replace("seeds.h5", str(seeds)))
-        done = hpcsweep(0, "run", folder / f"{name}.toml", cwd=folder)
-        assert done.returncode == 0, done.stderr
+        text = text.replace("seeds.h5", str(seeds))
+        (folder / f"{name}.toml").write_text(text)
+        made(text, folder / f"{name}.h5")
     return folder
 
 

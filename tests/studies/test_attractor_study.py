@@ -109,6 +109,7 @@ def test_an_identity_is_carried_along_and_mirrored_motions_are_born_from_one(who
     assert low.max() < high.min()
 
 
+@pytest.mark.slow
 def test_every_command_tells_it(tmp_path, whole):
     state = json.loads(hpcsweep(0, "status", whole, "--json").stdout)
     assert state["complete"]

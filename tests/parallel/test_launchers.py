@@ -23,7 +23,13 @@ def test_ranks_do_not_outlive_their_launcher(monkeypatch):
 
 @pytest.mark.parametrize(
     "variable",
-    ["OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS", "PMI_SIZE"],
+    [
+        "SLURM_STEP_NUM_TASKS",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "PMI_SIZE")
+        ),
+    ],
 )
 def test_a_launcher_that_mpi_does_not_know_is_refused_with_the_remedy(
     tmp_path, small_job, variable

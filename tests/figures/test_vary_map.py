@@ -54,7 +54,13 @@ def test_a_panel_for_each_value_of_the_other_keys(varied):
     chosen.close()
 
 
-@pytest.mark.parametrize("extra", [(), ("--over", "skip"), ("--at", "skip=all")])
+@pytest.mark.parametrize(
+    "extra",
+    [
+        ("--over", "skip"),
+        *(pytest.param(x, marks=pytest.mark.slow) for x in ((), ("--at", "skip=all"))),
+    ],
+)
 def test_it_is_drawn_from_the_command_line(varied, tmp_path, extra):
     picture = tmp_path / "picture.png"
     assert main(["plot", str(varied), "--kind", "vary", "-o", str(picture), *extra]) == 0

@@ -83,7 +83,7 @@ def results_on(folder):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", CAMPAIGNS)
 def test_every_number_of_ranks_gives_the_same_bytes(folder, results_on, name, ranks):
     path = results_on(ranks) / f"{name}.h5"

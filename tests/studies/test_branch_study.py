@@ -278,7 +278,10 @@ def test_a_damaged_line_is_told(folder, whole):
     assert "damaged byte(s) in value" in report.problems[0]
 
 
-@pytest.mark.parametrize(("parameter", "span"), [("omega", [0.9, 1.1]), ("gap", None)])
+@pytest.mark.parametrize(
+    ("parameter", "span"),
+    [("omega", [0.9, 1.1]), pytest.param("gap", None, marks=pytest.mark.slow)],
+)
 def test_other_parameters(folder, tmp_path, parameter, span):
     text = TWO_STOPS + f'[study]\nkind = "branches"\n[branches]\nparameter = "{parameter}"\n'
     text = text.replace("gap = 0.5\ngap_left = 0.5", "gap = 0.5")

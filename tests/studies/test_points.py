@@ -89,8 +89,6 @@ def test_a_list_of_points_has_a_frame_a_point(tmp_path):
     html = tmp_path / "page.html"
     for command in (
         ("summary", path),
-        ("plot", path),
-        ("plot", path, "--kind", "map"),
         ("plot", path, "--kind", "map", "--value", "drift"),
         ("explore", path, "-o", html),
         ("pack", path),
@@ -129,6 +127,7 @@ def test_the_grid_of_a_grid_is_its_frames(tmp_path, grid_job):
         frames.close()
 
 
+@pytest.mark.slow
 def test_points_without_their_stroboscopic_points_are_drawn_as_a_map(tmp_path):
     job, path = tmp_path / "grid.toml", tmp_path / "grid.h5"
     job.write_text(GRID + "poincare = false\n")

@@ -93,7 +93,10 @@ def test_words_are_an_axis_too(tmp_path):
     [
         ("sharpness", "[inf, 1e4]", SMALL, [math.inf, 1e4], 7),
         ("tension", "[true, false]", SHARP, ["true", "false"], 1.0),
-        ("damping_ratio", "[[0.02, 0.03], 0.05]", SMALL, ["[0.02, 0.03]", "0.05"], 0.02),
+        pytest.param(
+            *("damping_ratio", "[[0.02, 0.03], 0.05]", SMALL, ["[0.02, 0.03]", "0.05"], 0.02),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_values_that_are_no_finite_numbers_are_an_axis_too(

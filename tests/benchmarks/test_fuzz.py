@@ -25,6 +25,7 @@ def test_a_share_of_the_cases_of_each_kind(patient, kind):
     assert {seed: what for seed, what in outcomes.items() if what not in fuzz.ALLOWED} == {}
 
 
+@pytest.mark.slow
 def test_the_fuzzer_sees_what_ends_otherwise(patient, monkeypatch):
     """It must be able to fail: an exception that is no line, results that differ."""
     monkeypatch.setattr(fuzz._Server, "patient", patient)

@@ -77,8 +77,8 @@ max_points = 32
 }
 
 
-QUICK = ("amplitude_sweep", "records", "refined basins")
-"""Studies of which this takes a second: of paths, of single runs, of rounds."""
+QUICK = ("amplitude_sweep", "refined basins")
+"""Studies of which this takes a second: of paths, of rounds."""
 
 
 class StopsAtLook(StopFlag):

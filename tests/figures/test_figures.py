@@ -156,7 +156,10 @@ def assert_nothing_overlaps(figure):
             assert min(shared) < 3, (box, other)
 
 
-@pytest.mark.parametrize("color", ["direction", "contact", "period"])
+@pytest.mark.parametrize(
+    "color",
+    ["period", *(pytest.param(c, marks=pytest.mark.slow) for c in ("direction", "contact"))],
+)
 def test_orbit_diagram_is_drawn(results, tmp_path, color):
     from PIL import Image
 

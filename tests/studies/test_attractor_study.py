@@ -44,6 +44,7 @@ def test_larger_blocks_give_the_same_results(tmp_path, whole):
     assert two[kept].equals(four[kept])
 
 
+@pytest.mark.slow
 def test_each_block_restarts_from_what_the_file_holds(tmp_path, job, whole):
     path = tmp_path / "again.h5"
     shutil.copy(whole, path)

@@ -256,6 +256,7 @@ def test_special_points_lie_on_curves_that_meet_where_strips_do(curves):
     assert "special points on a curve  9 (100 %)" in hpcsweep(0, "summary", curves).stdout
 
 
+@pytest.mark.slow
 def test_curves_lie_over_the_map_of_a_sweep(folder, curves):
     picture = folder / "curves.png"
     plot = ("plot", folder / "one.h5", "--kind", "map", "-o", picture, "--branches")

@@ -9,6 +9,8 @@ SHARE = {
     **{"kernel": 10, "output": 5, "link": 3, "threads": 4},
     **{"session": 4, "range": 200},
 }
+SECONDS = ("job", "session")
+"""Kinds of which a share takes seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +20,7 @@ def patient(tmp_path_factory):
 
 @pytest.mark.parametrize(
     "kind",
-    [pytest.param(one, marks=pytest.mark.slow) if one == "job" else one for one in SHARE],
+    [pytest.param(kind, marks=[pytest.mark.slow] * (kind in SECONDS)) for kind in SHARE],
 )
 def test_a_share_of_the_cases_of_each_kind(patient, kind):
     outcomes = {seed: patient.case(kind, seed) for seed in range(SHARE[kind])}

@@ -111,6 +111,7 @@ def test_a_complete_map_needs_the_curves_no_more(folder, tmp_path):
     assert "its checksum does not hold" in problem
 
 
+@pytest.mark.slow
 def test_it_goes_on_with_the_same_curves_only(folder, tmp_path):
     shutil.copy(folder / "curves.h5", tmp_path)
     (tmp_path / "map.toml").write_text(MAP)

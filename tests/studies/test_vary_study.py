@@ -91,7 +91,9 @@ def test_words_are_an_axis_too(tmp_path):
 @pytest.mark.parametrize(
     ("key", "given", "job", "values", "other"),
     [
-        ("sharpness", "[inf, 1e4]", SMALL, [math.inf, 1e4], 7),
+        pytest.param(
+            *("sharpness", "[inf, 1e4]", SMALL, [math.inf, 1e4], 7), marks=pytest.mark.slow
+        ),
         ("tension", "[true, false]", SHARP, ["true", "false"], 1.0),
         pytest.param(
             *("damping_ratio", "[[0.02, 0.03], 0.05]", SMALL, ["[0.02, 0.03]", "0.05"], 0.02),

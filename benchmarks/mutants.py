@@ -124,11 +124,11 @@ def mutants(path: Path) -> Iterator[Mutant]:
                     yield Mutant(path, node, text)
 
 
-def lives(mutant: Mutant, tree: Path, tests: list[str]) -> bool:
+def lives(mutant: Mutant, tree: Path, tests: list[str], processes: int = 2) -> bool:
     """Return whether all tests pass in a copy of the tree with this change."""
     there = tree / mutant.path.relative_to(ROOT)
     there.write_text(mutant.source())
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", "-m", QUICK]
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", str(processes), "-m", QUICK]
     try:
         done = subprocess.run(
             [*command, "-p", "no:cacheprovider", *(f"tests/{name}" for name in tests)],

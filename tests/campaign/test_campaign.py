@@ -1,6 +1,5 @@
 """Campaigns as a user runs them: ranks, kills, signals, mistakes."""
 
-import contextlib
 import json
 import os
 import signal
@@ -20,6 +19,7 @@ from tools import (
     datasets,
     environment,
     hpcsweep,
+    refuse,
     run_script,
 )
 
@@ -38,46 +38,6 @@ LONG = long_job(30_000)
 def journal(path: Path, kind: str) -> list[dict]:
     lines = Path(f"{path}.journal").read_text().splitlines()
     return [record for record in map(json.loads, lines) if record["kind"] == kind]
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    "victim",
-    [
-        "rank",
-        pytest.param("master", marks=pytest.mark.slow),
-        pytest.param("mpirun", marks=pytest.mark.slow),
-    ],
-)
-def test_killed_and_resumed_equals_uninterrupted_and_repeats_no_committed_block(tmp_path, victim):
-    job = tmp_path / "long.toml"
-    job.write_text(faults.JOB)
-    assert hpcsweep(0, "run", job, "-o", tmp_path / "whole.h5").returncode == 0
-    path = tmp_path / "killed.h5"
-    process = faults.start(2, "run", job, "-o", path)
-    assert faults.wait_for_commits(process, path, 4)
-    ranks = process.ranks()
-    target = {"rank": ranks[1], "master": ranks[0], "mpirun": process.launcher.pid}[victim]
-    # on a busy machine the others would finish before the kill
-    for pid in ranks.values():
-        os.kill(pid, signal.SIGSTOP)
-    os.kill(target, signal.SIGKILL)
-    for pid in ranks.values():
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGCONT)
-    code, _, _ = process.finish()
-    assert code not in (None, 0)
-    # ranks may outlive their launcher and commit what they were computing
-    assert not process.wait_for_orphans(faults.PATIENCE)
-    before = faults.committed(path)
-    assert len(before) < 48
-    first_session = len(journal(path, "block"))
-    resumed = hpcsweep(3, "run", job, "-o", path)
-    assert resumed.returncode == 0, resumed.stderr
-    again = {tuple(b["place"]) for b in journal(path, "block")[first_session:]}
-    assert not again & before
-    assert len(again) == 48 - len(before)
-    assert_same_datasets(tmp_path / "whole.h5", path)
 
 
 @pytest.mark.mpi
@@ -134,15 +94,6 @@ def test_a_flipped_byte_is_not_believed_and_is_computed_again(tmp_path, small_jo
         assert np.array_equal(values, whole[name]), name
 
 
-def refuse(done: subprocess.CompletedProcess, *words: str) -> None:
-    assert done.returncode == 2, done.stderr
-    lines = done.stderr.strip().splitlines()
-    assert len(lines) == 1, done.stderr
-    assert lines[0].startswith("hpcsweep: error: ")
-    for word in words:
-        assert word in lines[0]
-
-
 def test_other_peoples_files_are_refused_and_left_alone(tmp_path, small_job):
     path = tmp_path / "small.h5"
     assert hpcsweep(0, "run", small_job, "-o", path).returncode == 0
@@ -185,12 +136,6 @@ def test_mistakes_under_mpirun_take_one_line_too(tmp_path):
     assert "structure.stiffness_ratio" in ours[0]
     assert "Traceback" not in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["bad.toml"]
-
-
-def test_a_launcher_of_another_mpi_is_refused(tmp_path, small_job):
-    done = hpcsweep(0, "run", small_job, cwd=tmp_path, OMPI_COMM_WORLD_SIZE="2")
-    refuse(done, "started 2 ranks", "sees 1", "mpirun")
-    assert not (tmp_path / "small.h5").exists()
 
 
 def test_a_second_campaign_on_the_file_is_refused_and_told_who_holds_it(tmp_path):

@@ -77,8 +77,8 @@ max_points = 32
 }
 
 
-SECONDS = ("branches", "attractors", "refined points", "refined attractors")
-"""Studies of which this takes several seconds."""
+QUICK = ("amplitude_sweep", "refined basins")
+"""Studies of which this takes a second: of paths, of rounds."""
 
 
 class StopsAtLook(StopFlag):
@@ -100,7 +100,7 @@ def holds_all(path) -> bool:
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in SECONDS)) for kind in STUDIES]
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind not in QUICK)) for kind in STUDIES]
 )
 def test_no_end_but_of_a_complete_file_is_0(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

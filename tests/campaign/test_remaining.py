@@ -59,7 +59,7 @@ def replay(study, seconds: np.ndarray, ranks: int, pilot: bool):
 
 
 @pytest.mark.parametrize("ranks", [1, 8])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_the_remaining_time_is_right_from_the_first_minute_on(ranks, seed):
     study = parse_job(STUDY, "study", "study").study
     seconds = cost_of_runs(study, np.random.default_rng(seed))

@@ -10,7 +10,7 @@ from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 
-QUICK = ("amplitude_sweep", "records")
+QUICK = ("amplitude_sweep",)
 SHORT = 20
 """Sessions."""
 BUILDING = """

@@ -55,6 +55,7 @@ def test_summary_says_it_of_as_many_as_asked(chaos):
     assert "outlive" not in hpcsweep(0, "summary", chaos).stdout
 
 
+@pytest.mark.slow
 def test_chaotic_attractors_are_followed_too(tmp_path):
     file = tmp_path / "attractors.h5"
     hpcsweep(

@@ -142,6 +142,7 @@ def plain_newton(solver, z, amplitude, period):
     return z, np.abs(solver.monodromy(z, amplitude, period)[0] - z).max()
 
 
+@pytest.mark.slow
 def test_orbits_past_a_grazing_are_found_from_where_plain_newton_finds_them():
     random, tried = np.random.default_rng(3), 0
     for amplitude in np.linspace(0.4495, 0.46, 6):

@@ -182,6 +182,7 @@ def test_records_that_never_reach_the_threshold_count_as_above_the_last_stripe()
     assert "at most 36.7 % of the records reach the threshold" in found.caution
 
 
+@pytest.mark.slow
 def test_intervals_of_censored_capacities_hold_the_truth():
     rng = np.random.default_rng(6)
     held = np.zeros(2)

@@ -49,7 +49,9 @@ def test_el_centro_has_its_published_spectrum(recorded):
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.05, 0.7, 0.999])
-@pytest.mark.parametrize("period", [0.03, 0.11, 0.4, 1.7, 30.0])
+@pytest.mark.parametrize(
+    "period", [pytest.param(0.03, marks=pytest.mark.slow), 0.11, 0.4, 1.7, 30.0]
+)
 def test_oscillators_agree_with_an_explicit_integrator(noise, period, ratio):
     displacement, largest = integrated(noise, period, ratio)
     found = Oscillator(noise.acceleration, noise.dt, 2 * math.pi / period, ratio)

@@ -142,6 +142,7 @@ def test_poster_is_the_frame_with_most_kinds_of_motion(made):
     assert min(errors) < 3
 
 
+@pytest.mark.slow
 def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
     from PIL import Image
 

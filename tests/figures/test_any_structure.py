@@ -159,6 +159,7 @@ def test_the_key_of_grazing_is_there_where_the_curve_is(general):
     assert bool(mesh.map_keys(open_results(path))) == (name not in ("bilinear", "no stop"))
 
 
+@pytest.mark.slow
 def test_a_page_tells_the_modal_norms_of_the_lowest_modes(tmp_path):
     from hpcsweep.campaign import run as campaign
     from hpcsweep.figures.explorer.page_data import gather

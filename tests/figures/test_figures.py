@@ -156,7 +156,10 @@ def assert_nothing_overlaps(figure):
             assert min(shared) < 3, (box, other)
 
 
-@pytest.mark.parametrize("color", ["direction", "contact", "period"])
+@pytest.mark.parametrize(
+    "color",
+    ["period", *(pytest.param(c, marks=pytest.mark.slow) for c in ("direction", "contact"))],
+)
 def test_orbit_diagram_is_drawn(results, tmp_path, color):
     from PIL import Image
 
@@ -325,6 +328,7 @@ def test_mistakes_take_one_line_and_write_nothing(file, tmp_path, capsys, argume
     assert not output.exists()
 
 
+@pytest.mark.slow
 def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
     from hpcsweep.commands.cli import main
     from hpcsweep.figures.options import figures

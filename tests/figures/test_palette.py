@@ -266,6 +266,7 @@ def legend_colours(figure) -> dict[str, str]:
     return found
 
 
+@pytest.mark.slow
 def test_a_motion_has_its_colour_in_every_figure(mixed, drawn_figure):
     expected = dict(palette.MOTIONS)
     seen = {}
@@ -311,6 +312,7 @@ def test_what_is_drawn_has_the_colour_of_the_legend(mixed, drawn_figure):
     assert chaotic or not (style.classes_of(mixed)[:, 0] == MotionClass.CHAOTIC).any()
 
 
+@pytest.mark.slow
 def test_contact_sets_and_directions_have_their_colours_in_every_figure(mixed, drawn_figure):
     sets = {style.set_name(c, 2): palette.contact_colour(c, 2) for c in range(4)}
     directions = {f"sweep {name}": palette.DIRECTIONS[name] for name in ("up", "down")}

@@ -54,13 +54,20 @@ def test_a_panel_for_each_value_of_the_other_keys(varied):
     chosen.close()
 
 
-@pytest.mark.parametrize("extra", [(), ("--over", "skip"), ("--at", "skip=all")])
+@pytest.mark.parametrize(
+    "extra",
+    [
+        ("--over", "skip"),
+        *(pytest.param(x, marks=pytest.mark.slow) for x in ((), ("--at", "skip=all"))),
+    ],
+)
 def test_it_is_drawn_from_the_command_line(varied, tmp_path, extra):
     picture = tmp_path / "picture.png"
     assert main(["plot", str(varied), "--kind", "vary", "-o", str(picture), *extra]) == 0
     assert picture.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_every_other_figure_draws_the_part_that_is_chosen(varied, tmp_path, capsys):
     first, second, again = (tmp_path / f"{k}.png" for k in range(3))
     for picture, at in ((first, "0.5"), (second, "1.5"), (again, "1.5")):

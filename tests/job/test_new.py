@@ -135,7 +135,7 @@ def test_it_is_written_runs_and_completes(tmp_path):
 
 @pytest.mark.mpi
 def test_on_many_ranks_one_writes(tmp_path):
-    done = hpcsweep(3, "new", "study.toml", cwd=tmp_path)
+    done = hpcsweep(2, "new", "study.toml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("written") == 1
     assert (tmp_path / "study.toml").read_text() == TEMPLATE

@@ -292,6 +292,7 @@ VALUE = st.recursive(
 TREE = st.dictionaries(KEY | st.sampled_from(list(KEYS)[1:]), VALUE, max_size=5)
 
 
+@pytest.mark.slow
 @EQUAL_EVERYWHERE
 @given(TREE)
 def test_what_is_written_reads_back_equal(tree):
@@ -318,6 +319,7 @@ def test_the_text_depends_on_the_tree_not_on_the_order_of_known_keys(tree):
 # --- the jobs that are shipped
 
 
+@pytest.mark.slow
 def test_every_shipped_job_loads():
     assert {"demo.toml", "figure3.toml", "figure3-described.toml", "ci.toml"} <= {
         path.name for path in shipped()
@@ -365,6 +367,7 @@ def test_mistakes_on_many_ranks_take_one_line(tmp_path, small_job):
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_all_ranks_run_the_whole_job_and_the_file_tells_it(tmp_path, small_job):
     own = tmp_path / "own.toml"

@@ -1,5 +1,6 @@
 """What is read of a job: ranges, hints, and what no key takes."""
 
+import itertools
 import time
 from fractions import Fraction
 
@@ -12,6 +13,8 @@ from hpcsweep.job.values import Values
 
 SOME = ({}, [[]], 10**30, float("nan"), "a\nb")
 """Odd values of which no key takes more than two; `odd_values` tries all."""
+SHARED = ("name", "structure", "forcing", "sweep", "solver")
+"""Tables that are read alike for all studies: their keys are tried with the first job."""
 
 
 def said(text: str) -> str:
@@ -28,14 +31,18 @@ def test_every_key_is_named_by_what_refuses_odd_values(job, tmp_path):
     odd_values.with_record(tmp_path)
     (tmp_path / "sound.toml").write_text(odd_values.JOBS[job])
     assert load_job(tmp_path / "sound.toml").study.n_runs > 0
+    before = itertools.takewhile(lambda other: other != job, odd_values.JOBS)
+    tried = {case.key for other in before for case in odd_values.cases(other)}
+    tried = {key for key in tried if key.split(".")[0] in SHARED}
     found = {
         (case.key, str(case.value)[:40]): odd_values.judge(case, tmp_path)
         for case in odd_values.cases(job)
+        if case.key not in tried
         if "vary" not in case.key and str(case.value) in map(str, SOME)
     }
     wrong = {case: end for case, end in found.items() if end not in odd_values.FINE}
     assert wrong == {}
-    assert sum(end == "refused" for end in found.values()) > 0.9 * len(found) > 200
+    assert sum(end == "refused" for end in found.values()) > 0.9 * len(found) > 130
 
 
 @pytest.mark.parametrize(

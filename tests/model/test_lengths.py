@@ -152,7 +152,11 @@ def swept(structure, omega, amplitudes):
 
 
 @pytest.mark.parametrize(
-    "seed", [*range(8), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 24))]
+    "seed",
+    [
+        *(0, 1, 2, 3, 4, 6),
+        *(pytest.param(seed, marks=pytest.mark.slow) for seed in (5, *range(7, 24))),
+    ],
 )
 def test_units_of_length_mass_and_time_change_no_class_and_no_number(seed):
     """Up to the first chaotic run: how long chaos lasts is a matter of the last digit."""

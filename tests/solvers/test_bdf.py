@@ -8,6 +8,7 @@ from reference import OMEGA, reference_points, reference_window
 
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
+from hpcsweep.parallel.stopping import Stop
 from hpcsweep.solvers import bdf_steps
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.outcome import Outcome
@@ -125,3 +126,17 @@ def test_a_tangent_that_cannot_be_integrated_is_no_growth(monkeypatch):
     assert seen.outcome is Outcome.SOLVER_FAILED
     assert len(seen.logarithms) == 0
     assert math.isnan(seen.growth)
+
+
+def test_bdf_can_be_stopped_inside_a_long_forcing_period():
+    structure = Structure(n_floors=2, stiffness_ratio=300.0, sharpness=4e3, damping_ratio=0.05)
+    bdf = BdfMap(structure, 0.01, 1e-9)
+    calls = []
+
+    def poll():
+        calls.append(None)
+        if len(calls) == 3:
+            raise Stop
+
+    with pytest.raises(Stop):
+        bdf.advance(np.zeros(4), 0.5, 1, poll=poll)

@@ -160,7 +160,7 @@ def test_a_window_does_not_depend_on_those_before():
     np.testing.assert_array_equal(again, first)
 
 
-@pytest.mark.parametrize("sharpness", [2e3, math.inf])
+@pytest.mark.parametrize("sharpness", [pytest.param(2e3, marks=pytest.mark.slow), math.inf])
 def test_forces_on_a_structure_at_rest_leave_its_own_accelerations(sharpness):
     stiffness, forcing = np.array([[3.0, -1.0], [-1.0, 2.0]]), [0.0, 1.0]
     contacts = [Contact((1.0, -1.0), 0.3, 200.0)]

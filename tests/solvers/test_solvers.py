@@ -160,7 +160,10 @@ def test_energy_is_kept_without_damping_and_forcing(name, allowed, rho):
     assert max(abs(energy(z) - energy(state)) for z in out) <= 2 * allowed
 
 
-@pytest.mark.parametrize(("amplitude", "rho"), [(0.06, 1e4), (0.25, 1e4), (0.1, math.inf)])
+@pytest.mark.parametrize(
+    ("amplitude", "rho"),
+    [(0.06, 1e4), pytest.param(0.25, 1e4, marks=pytest.mark.slow), (0.1, math.inf)],
+)
 def test_window_against_the_dense_reference(name, allowed, amplitude, rho):
     structure = Structure(3, 1000.0, rho, 0.05)
     state = reference_points(structure, amplitude, OMEGA, np.zeros(6), 3)[-1]

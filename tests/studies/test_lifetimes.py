@@ -54,8 +54,15 @@ def test_neighbours_are_tested_together_wherever_blocks_are_cut():
             np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), values)
 
 
-@pytest.mark.parametrize("skip", ["converged", "newton"])
-@pytest.mark.parametrize("transient", [100, 3000])
+@pytest.mark.parametrize(
+    ("skip", "transient"),
+    [
+        ("newton", 100),
+        ("converged", 3000),
+        pytest.param("newton", 3000, marks=pytest.mark.slow),
+        pytest.param("converged", 100, marks=pytest.mark.slow),
+    ],
+)
 def test_past_a_fold_no_skip_rule_finds_an_orbit(skip, transient):
     """1e-13 past it the ghost closes to 8e-13, and Newton's residual is within that of a jump."""
     before = orbit(Structure(), FOLD - 1e-11, 0.445, NEAR_FOLD, 2).points[0]

@@ -1,11 +1,10 @@
-"""Single points: a grid or a list, no path, the same bytes on any number of ranks."""
+"""Single points: a grid or a list."""
 
 import json
 
-import faults
 import numpy as np
 import pytest
-from tools import GRID, assert_same_datasets, hpcsweep
+from tools import GRID, hpcsweep
 
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
@@ -33,28 +32,6 @@ def grid_job(tmp_path):
     path = tmp_path / "grid.toml"
     path.write_text(GRID)
     return path
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path, grid_job):
-    long = tmp_path / "long.toml"
-    long.write_text(
-        GRID.replace("transient_cycles = 30", "transient_cycles = 5000").replace(
-            "[output]", '[solver]\nskip = "none"\n[output]'
-        )
-    )
-    whole, cut = tmp_path / "whole.h5", tmp_path / "cut.h5"
-    assert hpcsweep(0, "run", long, "-o", whole).returncode == 0
-    process = faults.start(2, "run", long, "-o", cut, sync=0.0)
-    assert process.kill_after(cut, 5)
-    kept = faults.valid(cut)
-    assert 5 <= len(kept) < 44
-    begun = len(faults.records(cut))
-    assert hpcsweep(0, "run", long, "-o", cut).returncode == 0
-    again = [r for r in faults.records(cut)[begun:] if r["kind"] == "block"]
-    assert len(again) == 44 - len(kept)
-    assert_same_datasets(whole, cut)
 
 
 def test_a_point_is_the_run_from_the_initial_state(tmp_path, grid_job):
@@ -112,8 +89,6 @@ def test_a_list_of_points_has_a_frame_a_point(tmp_path):
     html = tmp_path / "page.html"
     for command in (
         ("summary", path),
-        ("plot", path),
-        ("plot", path, "--kind", "map"),
         ("plot", path, "--kind", "map", "--value", "drift"),
         ("explore", path, "-o", html),
         ("pack", path),
@@ -152,6 +127,7 @@ def test_the_grid_of_a_grid_is_its_frames(tmp_path, grid_job):
         frames.close()
 
 
+@pytest.mark.slow
 def test_points_without_their_stroboscopic_points_are_drawn_as_a_map(tmp_path):
     job, path = tmp_path / "grid.toml", tmp_path / "grid.h5"
     job.write_text(GRID + "poincare = false\n")

@@ -1,12 +1,11 @@
-"""Studies with varied keys: each part as a job of its own, on any ranks, killed and resumed."""
+"""Studies with varied keys: each part as a job of its own."""
 
 import math
 import time
 
-import faults
 import numpy as np
 import pytest
-from tools import ATTRACTORS, BASINS, GRID, SMALL, VARY, assert_same_datasets, hpcsweep
+from tools import ATTRACTORS, BASINS, GRID, SMALL, VARY
 
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
@@ -92,9 +91,14 @@ def test_words_are_an_axis_too(tmp_path):
 @pytest.mark.parametrize(
     ("key", "given", "job", "values", "other"),
     [
-        ("sharpness", "[inf, 1e4]", SMALL, [math.inf, 1e4], 7),
+        pytest.param(
+            *("sharpness", "[inf, 1e4]", SMALL, [math.inf, 1e4], 7), marks=pytest.mark.slow
+        ),
         ("tension", "[true, false]", SHARP, ["true", "false"], 1.0),
-        ("damping_ratio", "[[0.02, 0.03], 0.05]", SMALL, ["[0.02, 0.03]", "0.05"], 0.02),
+        pytest.param(
+            *("damping_ratio", "[[0.02, 0.03], 0.05]", SMALL, ["[0.02, 0.03]", "0.05"], 0.02),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_values_that_are_no_finite_numbers_are_an_axis_too(
@@ -114,19 +118,6 @@ def test_values_that_are_no_finite_numbers_are_an_axis_too(
         frames.close()
     with pytest.raises(StoreError, match=f"{key} = {other}: must be one of"):
         Frames(path, at={key: other})
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_killed_and_resumed_it_equals_the_uninterrupted_one(tmp_path):
-    job, whole, cut = tmp_path / "job.toml", tmp_path / "whole.h5", tmp_path / "cut.h5"
-    job.write_text(faults.JOB + VARY)
-    assert hpcsweep(0, "run", job, "-o", whole).returncode == 0
-    process = faults.start(2, "run", job, "-o", cut, sync=0.0)
-    assert process.kill_after(cut, 20)
-    assert len(faults.valid(cut)) < 6 * 48
-    assert hpcsweep(3, "run", job, "-o", cut).returncode == 0
-    assert_same_datasets(whole, cut)
 
 
 def test_a_thousand_structures_cost_what_their_runs_cost():

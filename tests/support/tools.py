@@ -213,11 +213,13 @@ def load() -> None:
         from matplotlib import pyplot  # noqa: F401
 
     from hpcsweep.checks import validate  # noqa: F401
-    from hpcsweep.commands import cli, one_thread, plot  # noqa: F401
+    from hpcsweep.commands import cli, one_thread, plot, run  # noqa: F401
     from hpcsweep.figures.film import film  # noqa: F401
+    from hpcsweep.figures.options import figures
     from hpcsweep.studies.compilation import warm_up
     from hpcsweep.studies.settings import SweepSettings
 
+    figures()
     for solver in ("flow", "bdf"):
         warm_up(SweepSettings(solver=solver))
 
@@ -328,6 +330,16 @@ def run_script(ranks: int, script: Path, *arguments: object, cwd: Path | None = 
         timeout=LIMIT,
         check=False,
     )
+
+
+def refuse(done: subprocess.CompletedProcess, *words: str) -> None:
+    """Check that a command was refused in one line with these words, and with exit code 2."""
+    assert done.returncode == 2, done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("hpcsweep: error: ")
+    for word in words:
+        assert word in lines[0]
 
 
 def datasets(path: Path) -> dict[str, np.ndarray]:

@@ -98,7 +98,7 @@ def test_a_torus_of_the_delayed_logistic_map():
 
 def test_a_search_finds_all_orbits_of_the_logistic_map_in_its_window_of_period_3():
     catalogue = Catalogue(Logistic(), Limits(3.835, 3.845), 0.01, 4, 64)
-    starts = np.linspace(0.02, 0.98, 1024)[:, None]
+    starts = np.linspace(0.02, 0.98, 256)[:, None]
     search(catalogue, Logistic(), starts, (3.835, 3.845), 4)
     periods = [one.arc.curve.period for one in catalogue.branches]
     # fixed points 0 and 1 - 1/r; those of 2 and 4 by doubling; the pair of 3, born at 1 + 8^(1/2);

@@ -9,6 +9,8 @@ SHARE = {
     **{"kernel": 10, "output": 5, "link": 3, "threads": 4},
     **{"session": 4, "range": 200},
 }
+SECONDS = ("job", "session")
+"""Kinds of which a share takes seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -18,13 +20,14 @@ def patient(tmp_path_factory):
 
 @pytest.mark.parametrize(
     "kind",
-    [pytest.param(one, marks=pytest.mark.slow) if one == "job" else one for one in SHARE],
+    [pytest.param(kind, marks=[pytest.mark.slow] * (kind in SECONDS)) for kind in SHARE],
 )
 def test_a_share_of_the_cases_of_each_kind(patient, kind):
     outcomes = {seed: patient.case(kind, seed) for seed in range(SHARE[kind])}
     assert {seed: what for seed, what in outcomes.items() if what not in fuzz.ALLOWED} == {}
 
 
+@pytest.mark.slow
 def test_the_fuzzer_sees_what_ends_otherwise(patient, monkeypatch):
     """It must be able to fail: an exception that is no line, results that differ."""
     monkeypatch.setattr(fuzz._Server, "patient", patient)

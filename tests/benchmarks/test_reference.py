@@ -42,7 +42,8 @@ def test_complex_step_agrees_with_extended_differences(certified, case):
     assert np.abs(matrix - certified["matrices"][case]).max() < 1e-11
 
 
-@pytest.mark.parametrize(("dps", "order"), [(24, 26), pytest.param(30, 36, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("dps", "order"), [(24, 26), (30, 36)])
 def test_stored_points_are_what_the_integrator_gives(certified, dps, order):
     # two orders and precisions of the extended integrator, at the slow first contacts
     structure = Structure(3, 1000.0, 1e4, 0.05)

@@ -1,7 +1,7 @@
 """Accuracy of `flow` on motions chosen to be hard; the sizes come from the environment.
 
 The full sizes of the claims: `ACCURACY_CASES=2000 ACCURACY_TRIES=100000 pytest -m slow
-tests/solvers/test_accuracy.py`, or `bash benchmarks/run.sh accuracy --certify` and
+tests/solvers/flow/test_accuracy.py`, or `bash benchmarks/run.sh accuracy --certify` and
 `bash benchmarks/run.sh contacts`, which print the numbers; with `--general` those of random
 structures of any kind.
 """

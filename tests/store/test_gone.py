@@ -4,6 +4,7 @@ import os
 import time
 from pathlib import Path
 
+import faults
 import h5py
 import pytest
 from tools import SMALL, hpcsweep
@@ -156,3 +157,13 @@ def test_a_damaged_file_is_not_made_anew_where_another_lies(tmp_path):
     with pytest.raises(StoreError, match="not an HDF5 file"):
         campaign.run(JOB, path, Serial())
     assert path.read_text() == "no HDF5"
+
+
+def test_no_room_for_the_file_is_one_line_and_leaves_nothing(tmp_path, small_job):
+    process = faults.start(0, "run", small_job, "-o", tmp_path / "a.h5", file_limit=4096)
+    code, _, errors = process.finish()
+    assert code == 2
+    assert errors.splitlines() == [
+        f"hpcsweep: error: {tmp_path / 'a.h5'}: cannot be created: File too large"
+    ]
+    assert [p.name for p in tmp_path.iterdir()] == ["small.toml"]

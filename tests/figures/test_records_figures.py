@@ -29,7 +29,9 @@ def folder(tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind == "spectra")) for kind in KINDS]
+)
 def test_every_figure_is_drawn(folder, kind):
     options = OPTIONS.get(kind, [])
     done = hpcsweep(0, "plot", "job.h5", "--kind", kind, "-o", f"{kind}.png", *options, cwd=folder)

@@ -11,6 +11,8 @@ from tools import SMALL, made
 
 import hpcsweep
 
+SECONDS = ("curve",)
+"""Names whose examples take that long."""
 NAMES = [name for name in hpcsweep.__all__ if not name.startswith("__")]
 
 
@@ -23,7 +25,10 @@ def study(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in SECONDS)) for name in NAMES],
+)
 def test_the_example_of_a_public_name_runs(study, name, monkeypatch):
     monkeypatch.chdir(study)
     names = {"hpcsweep": hpcsweep, "math": math, "np": np, "Path": Path}

@@ -1,9 +1,7 @@
 """Campaigns of refined maps: equal bytes on any ranks and after any kill; reports of commands."""
 
 import json
-import random
 import re
-import signal
 
 import faults
 import h5py
@@ -32,9 +30,6 @@ from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import last_look
 
 RUNS = 520
-SLOW = REFINED.replace("transient_cycles = 30", "transient_cycles = 1500").replace(
-    "[output]", '[solver]\nskip = "none"\n[output]'
-)
 COARSE = REFINE.replace("levels = 3", "levels = 2")
 THREE = REFINED.replace(REFINE, COARSE) + "[vary]\nstructure.gap = [0.99, 1.0, 1.01]\n"
 NUMBER = f"""
@@ -155,6 +150,7 @@ def test_inferred_values_that_do_not_follow_are_seen(refined, tmp_path):
     assert "inferred_orbit_period does not follow from the computed points" in problem
 
 
+@pytest.mark.slow
 def test_stopped_between_rounds_and_resumed(refined, tmp_path):
     from hpcsweep.campaign.progress import Silent
 
@@ -284,29 +280,6 @@ def test_beside_other_jobs_in_one_queue(refined, tmp_path):
     assert done.returncode == 0, done.stderr
     assert_same_datasets(refined, tmp_path / "map.h5")
     assert status(tmp_path / "small.h5")["complete"]
-
-
-@pytest.mark.mpi
-@pytest.mark.slow
-def test_killed_again_and_again_it_equals_the_uninterrupted_one(tmp_path):
-    """Twelve kills of one, two or three ranks, at random times."""
-    job, path, rng = tmp_path / "job.toml", tmp_path / "cut.h5", random.Random(3)
-    job.write_text(SLOW)
-    whole = made(SLOW, tmp_path / "whole.h5")
-    kills = 0
-    while kills < 12:
-        process = faults.start(rng.choice([0, 2, 3]), "run", job, "-o", path, sync=0.0)
-        least = len(faults.committed(path)) + rng.randint(1, 60)
-        if faults.wait_for_commits(process, path, least):
-            process.send(signal.SIGKILL, "all", rng)
-            kills += 1
-        process.end()
-        process.finish()
-        if status(path)["complete"]:
-            break
-    assert kills >= 5
-    assert hpcsweep(0, "run", job, "-o", path).returncode == 0
-    assert_same_datasets(whole, path)
 
 
 @pytest.mark.parametrize(

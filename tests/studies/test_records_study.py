@@ -1,14 +1,11 @@
 """Studies of records: rules that spare work against plain computing, files, restart, mistakes."""
 
 import json
-import random
-import signal
 from pathlib import Path
 
-import faults
 import numpy as np
 import pytest
-from tools import RECORDS, assert_same_datasets, hpcsweep
+from tools import RECORDS, hpcsweep
 
 from hpcsweep import (
     intensity,
@@ -439,6 +436,7 @@ def test_a_run_that_fails_is_data(tmp_path):
     assert status(path)["n_failed"] == 4
 
 
+@pytest.mark.slow
 def test_every_command_serves_a_study_of_records(tmp_path):
     (tmp_path / "job.toml").write_text(RECORDS + GAPS)
     told = hpcsweep(0, "run", "job.toml", "--dry-run", cwd=tmp_path)
@@ -466,26 +464,3 @@ def test_every_command_serves_a_study_of_records(tmp_path):
         assert done.returncode == 2
     assert hpcsweep(0, "pack", "job.h5", "-o", "packed.h5", cwd=tmp_path).returncode == 0
     assert open_results(tmp_path / "packed.h5").equals(open_results(tmp_path / "job.h5"))
-
-
-@pytest.mark.slow
-@pytest.mark.mpi
-def test_killed_twenty_times_and_resumed_to_the_last_bit(tmp_path):
-    job = tmp_path / "job.toml"
-    job.write_text(RECORDS.replace("count = 5", "count = 80") + GAPS)
-    whole, hurt = tmp_path / "whole.h5", tmp_path / "hurt.h5"
-    assert hpcsweep(0, "run", job, "-o", whole).returncode == 0
-    total = len(faults.committed(whole))
-    rng, kills, last = random.Random(7), 0, 0
-    while kills < 20:
-        process = faults.start(rng.choice([0, 1, 2]), "run", job, "-o", hurt)
-        least = min(last + rng.randint(1, total // 25), total - 1)
-        faults.wait_for_commits(process, hurt, least)
-        process.send(signal.SIGKILL, rng.choice(["rank", "master", "all"]), rng)
-        process.finish()
-        process.wait_for_orphans(15.0)
-        process.end()
-        last = max(last, len(faults.committed(hurt)))
-        kills += 1
-    assert hpcsweep(0, "run", job, "-o", hurt).returncode == 0
-    assert_same_datasets(whole, hurt)

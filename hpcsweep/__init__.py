@@ -4,11 +4,9 @@ Units: lengths in gaps, time in 1/omega_0, or those in which a structure is give
 `hpcsweep.model.structure`.
 """
 
-import re
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # the aliases say that they are public; imported when they are first used
+if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.api.branches import branch as branch
     from hpcsweep.api.curves import curve as curve
     from hpcsweep.api.trajectory import trajectory as trajectory
@@ -38,16 +36,36 @@ if TYPE_CHECKING:  # the aliases say that they are public; imported when they ar
     from hpcsweep.store import open_results as open_results
     from hpcsweep.studies.attractors.runs import attractors as attractors
 
-_DECLARED = re.findall(
-    r"from hpcsweep\.(\S+) import \w+ as (\w+)", Path(__file__).read_text(encoding="utf-8")
-)
-_HOME = {name: module for module, name in _DECLARED} | {"__version__": "campaign.provenance"}
-"""Module of each public name, as declared above: the one list for people, tools and programs."""
+_NAMES = {
+    "api.branches": "branch",
+    "api.curves": "curve",
+    "api.trajectory": "trajectory",
+    "campaign.provenance": "__version__",
+    "dynamics.continuation.periodic": "orbit",
+    "earthquakes.demands": "write_demands",
+    "earthquakes.fragility": "capacity_fragility cloud fragility",
+    "earthquakes.intensity": "intensity",
+    "earthquakes.reading": "read_record",
+    "earthquakes.spectrum": "spectrum",
+    "earthquakes.stripes": "capacity fractiles",
+    "earthquakes.synthetic": "synthetic_records",
+    "job": "load_job",
+    "model.buildings": "Building adjacent",
+    "model.matrices": "Contact",
+    "model.record": "Record",
+    "model.structure": "Structure",
+    "solvers.response": "Response first_contact_scale history response",
+    "solvers.solver": "stroboscopic_points",
+    "store": "meanings open_results",
+    "studies.attractors.runs": "attractors",
+}
+"""Public names, by the module that has them."""
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str):
-    """Import a public name when it is first used, so that the command line starts fast."""
+    """Import public names when they are first used, so that the command line starts fast."""
     import importlib
 
     if name not in _HOME:

@@ -58,7 +58,7 @@ def pack_branches(
 
 
 def with_members(contacts: Sequence[int], structure, room: int) -> list[str]:
-    """Return `style.set_names`, followed by the contacts of each where these have names of their own."""
+    """Return `style.set_names`, followed by the contacts of each that have names of their own."""
     own = structure.contact_names.items() if structure.names.contacts else ()
     members = (
         ", ".join(name for number, name in own if contact >> (number - 1) & 1)

@@ -1,7 +1,7 @@
 """Labels, panels and legends of all figures; colours are in `hpcsweep.figures.palette`."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -28,8 +28,6 @@ LEGEND_ROOM = 24
 """Letters of a contact set's name in a legend."""
 FEW, FEW_ROOM = 25, 0.02
 """Amplitudes whose outer points get room within the frame, and that room, in spans."""
-COLUMNS = 3
-"""Of equal panels, at most."""
 CAPTION_ROOM = 92
 """Letters of a line of a caption."""
 SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "zeta_i": r"\zeta_i", "g_L": "g_L"}
@@ -74,19 +72,6 @@ def commonest_sets(
     names = dict(zip(named, set_names([sets[k] for k in named], labels), strict=True))
     order = sorted(range(len(sets)), key=lambda k: (sets[k].bit_count(), sets[k]))
     return [(sets[k], counts[k], names.get(k, "")) for k in order]
-
-
-def with_members(contacts: Sequence[int], structure, room: int | None = LEGEND_ROOM) -> list[str]:
-    """Return `set_names`, followed by the contacts of each where these have names of their own."""
-    own = structure.contact_names.items() if structure.names.contacts else ()
-    members = (
-        ", ".join(name for number, name in own if contact >> (number - 1) & 1)
-        for contact in contacts
-    )
-    names = set_names(contacts, structure.contact_labels, room)
-    return [
-        f"{name}: {words}" if words else name for name, words in zip(names, members, strict=True)
-    ]
 
 
 def rarer_sets(count: int) -> str:
@@ -135,26 +120,6 @@ def new_grid(n_rows: int, n_columns: int, size: tuple[float, float], **shared):
     )
 
 
-def new_panels(count: int, size: Callable[[int, int], tuple[float, float]], **shared):
-    """Make a figure of equal panels, row by row.
-
-    Parameters
-    ----------
-    size : callable
-        Return the width and the height in inches for a number of columns and of rows.
-
-    Returns
-    -------
-    figure, list of axes
-    """
-    columns = min(count, COLUMNS)
-    rows = -(-count // columns)
-    figure, axes = new_grid(rows, columns, size(columns, rows), **shared)
-    for axis in axes.flat[count:]:
-        axis.set_visible(False)
-    return figure, list(axes.flat[:count])
-
-
 def letter(axes: Sequence) -> None:
     """Letter the panels of a figure, from (a)."""
     for axis, name in zip(axes, ascii_lowercase, strict=False):
@@ -200,17 +165,6 @@ def head(figure, *lines: str, fontsize: float = 10):
     text = "\n".join(filter(None, lines))
     figure.suptitle(broken(text, fitter(figure, fontsize)), fontsize=fontsize)
     return figure
-
-
-def roman(number: int) -> str:
-    """Return a positive number in lower-case Roman numerals."""
-    digits = ((100, "c"), (90, "xc"), (50, "l"), (40, "xl"), (10, "x"), (9, "ix"), (5, "v"))
-    text = ""
-    for value, letters in (*digits, (4, "iv"), (1, "i")):
-        while number >= value:
-            text += letters
-            number -= value
-    return text
 
 
 FAR_OFF = 0.1

@@ -119,7 +119,7 @@ def test_names():
     assert style.contact_name(0b110, 3) == "C23"
     assert style.contact_name(0, 3) == "none"
     assert style.contact_name(0b100000000011, 12) == "C1,2,12"
-    assert [style.roman(k) for k in (1, 4, 8, 9, 14, 42)] == [
+    assert [orbit_diagram.roman(k) for k in (1, 4, 8, 9, 14, 42)] == [
         "i",
         "iv",
         "viii",

@@ -7,6 +7,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import orbits
+from hpcsweep.figures.diagrams.mesh import COLUMNS, new_panels
 from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import DIRECTION, FLOORS, Option
 from hpcsweep.solvers.outcome import Outcome
@@ -59,7 +60,7 @@ def draw(
     results = results.isel(omega=chosen, direction=[style.direction_index(results, direction)])
     classes = style.classes_of(results)
     motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
-    figure, axes = style.new_panels(
+    figure, axes = new_panels(
         len(chosen),
         lambda columns, rows: (max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0),
         sharex=True,
@@ -67,7 +68,7 @@ def draw(
     for place, axis in enumerate(axes):
         _panel(axis, results.isel(omega=place, direction=0), motions[place], floor - 1)
     figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)
-    for axis in axes[-style.COLUMNS :]:
+    for axis in axes[-COLUMNS:]:
         axis.set_xlabel(labels.amplitude(structure).removeprefix("forcing amplitude "))
         axis.tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)

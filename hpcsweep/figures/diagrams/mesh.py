@@ -1,7 +1,7 @@
 """Draw panels over amplitude and frequency: one cell a run, or one point for scattered runs."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
 """Variables of maps, beside the classes."""
+COLUMNS = 3
+"""Of equal panels, at most."""
 SCATTERED = FORCING_AMPLITUDE.name
 """Variable of results whose frames share no amplitudes."""
 
@@ -84,6 +86,26 @@ def amplitudes(results) -> np.ndarray:
     return results[SCATTERED if SCATTERED in results else "amplitude"].values
 
 
+def new_panels(count: int, size: Callable[[int, int], tuple[float, float]], **shared):
+    """Make a figure of equal panels, row by row.
+
+    Parameters
+    ----------
+    size : callable
+        Return the width and the height in inches for a number of columns and of rows.
+
+    Returns
+    -------
+    figure, list of axes
+    """
+    columns = min(count, COLUMNS)
+    rows = -(-count // columns)
+    figure, axes = style.new_grid(rows, columns, size(columns, rows), **shared)
+    for axis in axes.flat[count:]:
+        axis.set_visible(False)
+    return figure, list(axes.flat[:count])
+
+
 def panels(
     count: int,
     one: tuple[float, float],
@@ -108,7 +130,7 @@ def panels(
     def size(columns: int, rows: int) -> tuple[float, float]:
         return one if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
 
-    return style.new_panels(count, size, sharex=True, sharey=True)
+    return new_panels(count, size, sharex=True, sharey=True)
 
 
 def edges_of(centres: np.ndarray) -> np.ndarray:

@@ -162,9 +162,9 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
         whole = [style.contact_name(c, labels).replace("none", "–") for c in region.contacts]
         if not wide or names != whole:
             sets = " / ".join(whole).replace("–", "no contact")
-            shortened.append(f"({style.roman(number)}) {sets}")
+            shortened.append(f"({roman(number)}) {sets}")
         sets = "\n".join(names)
-        label = f"({style.roman(number)})\n{sets}" if wide else f"({style.roman(number)})"
+        label = f"({roman(number)})\n{sets}" if wide else f"({roman(number)})"
         middle = 0.5 * (left + right)
         longest = (max(map(len, names)) + APART) / LETTERS
         half = 0.5 * (max(WIDE_LABEL, longest) if wide else NARROW_LABEL) * total
@@ -184,7 +184,7 @@ def _words_of_regions(count: int, shortened: list[str]) -> str:
     if count < 2:
         return ""
     text = (
-        f"(i) to ({style.roman(count)}): amplitudes of one contact set, C: contacts that close; "
+        f"(i) to ({roman(count)}): amplitudes of one contact set, C: contacts that close; "
         "two sets: sweeps on two motions"
     )
     if len(shortened) > MAX_SHORTENED:
@@ -192,6 +192,17 @@ def _words_of_regions(count: int, shortened: list[str]) -> str:
         shortened = [*shortened[:MAX_SHORTENED], more]
     unbroken = [entry.replace(" ", "\u00a0") for entry in shortened]
     return "\n".join([text, *wrap(",  ".join(unbroken), style.CAPTION_ROOM)])
+
+
+def roman(number: int) -> str:
+    """Return a positive number in lower-case Roman numerals."""
+    digits = ((100, "c"), (90, "xc"), (50, "l"), (40, "xl"), (10, "x"), (9, "ix"), (5, "v"))
+    text = ""
+    for value, letters in (*digits, (4, "iv"), (1, "i")):
+        while number >= value:
+            text += letters
+            number -= value
+    return text
 
 
 def _legend(figure, groups: list[Group], color: str, one: Frame, note: str) -> None:

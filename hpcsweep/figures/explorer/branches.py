@@ -40,7 +40,7 @@ def pack_branches(
     ):
         add(name, np.ascontiguousarray(numbers, "<f4").view("<u4"), float32=True)
     add("branch_stable", np.concatenate([one.stable for one in every]).astype(np.uint8))
-    names = style.with_members(sets.tolist(), structure, room)
+    names = with_members(sets.tolist(), structure, room)
     add("branch_contact", contact.astype(np.uint16), names=names)
     told: list[list[dict]] = []
     step = state = 0
@@ -55,3 +55,16 @@ def pack_branches(
             )
             step, state = step + count, state + count * one.period
     return told
+
+
+def with_members(contacts: Sequence[int], structure, room: int) -> list[str]:
+    """Return `style.set_names`, followed by the contacts of each that have names of their own."""
+    own = structure.contact_names.items() if structure.names.contacts else ()
+    members = (
+        ", ".join(name for number, name in own if contact >> (number - 1) & 1)
+        for contact in contacts
+    )
+    names = style.set_names(contacts, structure.contact_labels, room)
+    return [
+        f"{name}: {words}" if words else name for name, words in zip(names, members, strict=True)
+    ]

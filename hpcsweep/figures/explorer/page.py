@@ -13,7 +13,7 @@ from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.mesh import grazing_amplitude
 from hpcsweep.figures.explorer import encode
-from hpcsweep.figures.explorer.branches import pack_branches
+from hpcsweep.figures.explorer.branches import pack_branches, with_members
 from hpcsweep.figures.explorer.page_data import PageData
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.modes import per_mass
@@ -148,7 +148,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         "motionLegend": [{"name": name, "colour": colour} for name, colour in palette.MOTIONS],
         "longest": palette.LONGEST,
         "outcomes": [*(o.name.lower().replace("_", " ") for o in Outcome), INFERRED_WORDS],
-        "contacts": style.with_members(sets, study.structure, NAME_ROOM),
+        "contacts": with_members(sets, study.structure, NAME_ROOM),
         "colours": _colours(study, sets, grazes),
     }, texts
 

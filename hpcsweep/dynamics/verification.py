@@ -38,9 +38,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import jacobian
-from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
 from hpcsweep.dynamics.orbit import smallest_period
-from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers
 
 STEPS = 40
 NEAR, PATIENCE = 1e-3, 6

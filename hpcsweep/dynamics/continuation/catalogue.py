@@ -15,14 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import COLLAPSED, Arc, Limits, follow, on_cubic
-from hpcsweep.dynamics.continuation.cycle import (
-    Curve,
-    NotConvergedError,
-    Solution,
-    solve_at,
-)
+from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError, Solution, solve_at
 from hpcsweep.dynamics.continuation.events import Kind, Special
-from hpcsweep.dynamics.continuation.maps import Map
 from hpcsweep.dynamics.continuation.switching import criticality, switch
 from hpcsweep.dynamics.orbit import smallest_period
 
@@ -118,7 +112,7 @@ class Catalogue:
         NotConvergedError
             If there is no orbit at these points.
         """
-        curve = Curve(self._map, len(points), self._scale, self._costly)
+        curve = Curve(self._map, len(points), self._scale, costly=self._costly)
         found = solve_at(curve, points, value)
         there = curve.split(found.y)[0]
         distance = float(np.abs(there - points).max())
@@ -213,7 +207,7 @@ class Catalogue:
         curve, start = switched
         around = arc.points[max(place - 1, 0)], arc.points[min(place, len(arc.points) - 1)]
         if special.kind is Kind.DOUBLING:
-            side = criticality(arc.curve, *around, special, start)
+            side = criticality(*around, special, start)
             special = special._replace(criticality=side)
         points, value = curve.split(start.y)
         number = -1

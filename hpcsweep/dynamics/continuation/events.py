@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, Solvable
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
 
 PRECISION = 1e-12
 BISECTIONS = 44
@@ -114,7 +114,7 @@ def n_unstable(multipliers: np.ndarray) -> int:
 
 
 def between(
-    curve: Solvable,
+    curve: Curve,
     first: Solution,
     last: Solution,
     fraction: float,
@@ -209,7 +209,7 @@ def _located(
 
 
 def locate(
-    curve: Solvable,
+    curve: Curve,
     first: Solution,
     last: Solution,
     test: Callable[[Solution], float],
@@ -233,7 +233,7 @@ def locate(
 
 
 def locate_change(
-    curve: Solvable,
+    curve: Curve,
     first: Solution,
     last: Solution,
     label: Callable[[Solution], tuple],

@@ -12,9 +12,9 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.catalogue import OFF, Catalogue, places_at
+from hpcsweep.dynamics.continuation.cycle import Map
 from hpcsweep.dynamics.continuation.events import Kind, Special
 from hpcsweep.dynamics.continuation.locus import Locus
-from hpcsweep.dynamics.continuation.maps import Map
 from hpcsweep.dynamics.continuation.meetings import step_of_locus
 
 SAME = 1e-6

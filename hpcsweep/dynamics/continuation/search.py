@@ -22,13 +22,12 @@ import numpy as np
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import (
     Curve,
+    Map,
     NotConvergedError,
     continued,
     jacobian,
-    miss_of,
     solve_at,
 )
-from hpcsweep.dynamics.continuation.maps import Map
 
 VALUES = 8
 """Values of the parameter at which orbits are sought, in the middles of as many parts of a span."""
@@ -97,14 +96,13 @@ def deflated(
     """Seek an orbit other than those known, from a start; return its points, shape (p, N)."""
     map_ = curve.map
     try:
-        n = map_.size
         y = curve.join(continued(map_, start[None], value, curve.period), value)
         for _ in range(STEPS):
-            x = y[:-1].reshape(-1, n)
+            x = curve.split(y)[0]
             images, matrices = map_.tangents(x, value)
-            step = -np.linalg.solve(jacobian(matrices), miss_of(images, x))
+            step = -np.linalg.solve(jacobian(matrices), curve.misses(images, x, y))
             if np.abs(step).max() <= NEAR:
-                found = curve.split(solve_at(curve, y[:-1].reshape(-1, n), value).y)[0]
+                found = curve.split(solve_at(curve, x, value).y)[0]
                 others = [np.abs(found - one).max() for one in known]
                 return found if min(others, default=np.inf) > OTHER else None
             turn = 0.0

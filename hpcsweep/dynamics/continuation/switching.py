@@ -9,6 +9,8 @@ of c, that of the normal form's coefficient (Kuznetsov, Elements of Applied Bifu
 4.5). At a branch point the null vector is of one round, with M phi_0 = phi_0.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
@@ -42,7 +44,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     vector = _null_vector(special.at.maps.matrices, -1.0 if doubles else 1.0)
     if doubles:
         points, vector = np.tile(points, (2, 1)), np.concatenate((vector, -vector))
-    new = curve._replace(period=len(points))
+    new = replace(curve, period=len(points))
     border = np.append(vector.ravel() / np.linalg.norm(vector), 0.0)
     start = new.join(points, value)
     sign = 1.0 if doubles else np.sign(tests_of(special.at).doubling)
@@ -58,20 +60,19 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     return None
 
 
-def criticality(curve: Curve, before: Solution, after: Solution, special: Special, found) -> int:
+def criticality(before: Solution, after: Solution, special: Special, leaving: Solution) -> int:
     """Return 1 for a supercritical doubling, -1 for a subcritical one, 0 if undetermined.
 
     Parameters
     ----------
-    curve : Curve
     before, after : Solution
         Neighbours of the special point on its branch.
     special : Special
-    found : Solution
+    leaving : Solution
         Of the branch that leaves.
     """
     unstable_after = n_unstable(after.multipliers) > n_unstable(before.multipliers)
-    side = float(found.y[-1] - special.at.y[-1])
+    side = float(leaving.y[-1] - special.at.y[-1])
     way = float(after.y[-1] - before.y[-1])
     if side == 0.0 or way == 0.0:
         return 0

@@ -10,8 +10,7 @@ from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.search import search
 from hpcsweep.dynamics.continuation.switching import switch
-from hpcsweep.dynamics.continuation.tangent_maps import multipliers
-from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.dynamics.stability import floquet_multipliers, multipliers
 
 
 def found_on(arc):

@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import array, count, number
-
 BATCHES = 10
+"""B of a stretch; each must have at least one period."""
 CONFIDENCE = 0.95
 """Confidence of both sides of the interval together."""
 ALIGNING = 10
@@ -44,41 +43,31 @@ UNKNOWN = Interval(math.nan, math.nan, math.nan)
 
 def aligned(logarithms: np.ndarray) -> np.ndarray:
     """Drop the first tenth, in which the tangent vector aligns with the direction of growth."""
-    logarithms = array("logarithms", logarithms)
     return logarithms[len(logarithms) // ALIGNING :]
 
 
-def growth_interval(
-    logarithms: np.ndarray, batches: int = BATCHES, confidence: float = CONFIDENCE
-) -> Interval:
+def growth_interval(logarithms: np.ndarray) -> Interval:
     """Return the mean growth a period with its confidence interval.
 
     Parameters
     ----------
     logarithms : ndarray, shape (k,)
         Logarithms of the growth factor in each forcing period, `aligned`.
-    batches : int
-        B; each must have at least one period.
-    confidence : float
-        Probability with which the interval holds the true mean, between 0 and 1.
 
     Returns
     -------
     Interval
         In units of 1/T; NaN if there are too few periods, or a factor is 0.
     """
-    logarithms = array("logarithms", logarithms)
-    batches = count("batches", batches, 2)
-    confidence = number("confidence", confidence, "between 0 and 1", 0.0, 1.0)
-    length = len(logarithms) // batches
+    length = len(logarithms) // BATCHES
     # a sum with an infinite term is not finite
     if length == 0 or not math.isfinite(logarithms.sum()):
         return UNKNOWN
-    kept = logarithms[len(logarithms) - length * batches :]
-    means = (kept.reshape(batches, length).sum(axis=1) / length).tolist()
-    mean = math.fsum(means) / batches
-    variance = math.fsum((one - mean) ** 2 for one in means) / (batches - 1)
-    half = math.sqrt(variance / batches) * _quantile(batches - 1, 0.5 + 0.5 * confidence)
+    kept = logarithms[len(logarithms) - length * BATCHES :]
+    means = (kept.reshape(BATCHES, length).sum(axis=1) / length).tolist()
+    mean = math.fsum(means) / BATCHES
+    variance = math.fsum((one - mean) ** 2 for one in means) / (BATCHES - 1)
+    half = math.sqrt(variance / BATCHES) * _quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
     return Interval(mean, mean - half, mean + half)
 
 

@@ -28,6 +28,7 @@ from hpcsweep.dynamics.continuation.cycle import (
     jacobian,
     solve_at,
 )
+from hpcsweep.dynamics.orbit import divisors
 
 VALUES = 8
 """Values of the parameter at which orbits are sought, in the middles of as many parts of a span."""
@@ -75,10 +76,9 @@ def search(
             known, seen = {}, len(catalogue.branches)
         key = period, value
         if key not in known:
-            own = (p for p in range(1, period + 1) if period % p == 0)
             known[key] = [
                 np.roll(np.tile(orbit, (period // p, 1)), shift, axis=0)
-                for p in own
+                for p in divisors(period)
                 for orbit in catalogue.orbits_at(p, value)
                 for shift in range(p)
             ]

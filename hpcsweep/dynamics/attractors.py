@@ -1,10 +1,10 @@
 """Find all attractors at one point (structure, A, Omega), and which starts reach them.
 
 Starts are classified in groups that double in size, so that later ones use the attractors found by
-earlier ones. Once a start enters the neighbourhood of a known orbit (`hpcsweep.dynamics.approach`)
-it counts as a start of that orbit. A start still outside all of them after the transient is
-compared, by its last `WINDOW` points, with the known motions that are not orbits
-(`hpcsweep.dynamics.resemblance`), and only one that resembles none is classified on its own
+earlier ones. Once a start enters the neighbourhood of a known orbit
+(`hpcsweep.dynamics.neighbourhood`) it counts as a start of that orbit. A start still outside all of
+them after the transient is compared, by its last `WINDOW` points, with the known motions that are
+not orbits (`hpcsweep.dynamics.known`), and only one that resembles none is classified on its own
 (`hpcsweep.dynamics.classify_motion`).
 
 Chaos may be a transient, and what looks like a torus the slow approach to an orbit. When all starts
@@ -25,15 +25,13 @@ from copy import copy
 
 import numpy as np
 
-from hpcsweep.dynamics.approach import WINDOW, Approached, approach
 from hpcsweep.dynamics.arrival import NEAR
-from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Motion
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.classify_motion import SETTLED, classify_motion
 from hpcsweep.dynamics.known import KnownMotions
 from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
-from hpcsweep.dynamics.motion import Motion
-from hpcsweep.dynamics.neighbourhood import neighbourhood
+from hpcsweep.dynamics.neighbourhood import WINDOW, Approached, approach, neighbourhood
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
 

@@ -6,7 +6,7 @@ by a part of it from then on, and classified each time by its later part. A moti
 
 - periodic if it has closed on or is verified to go to an orbit that does not repel (`arrival`);
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
-(`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
+(`stability.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
 - quasi-periodic if over `MIN_TORUS` periods or more weighted means over both halves agree to
   `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
@@ -23,11 +23,10 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics.arrival import NEAR, Arrival, Arriving
+from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
-from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
 from hpcsweep.dynamics.lifetime import outlive
-from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.orbit import (
     approached_period,
     closed_period,
@@ -37,7 +36,13 @@ from hpcsweep.dynamics.orbit import (
     returns_near,
     stays_near_orbit,
 )
-from hpcsweep.dynamics.stability import exponent_of_multiplier
+from hpcsweep.dynamics.stability import (
+    UNKNOWN,
+    Interval,
+    aligned,
+    exponent_of_multiplier,
+    growth_interval,
+)
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Growth, Observation
@@ -175,13 +180,6 @@ class _Classifier:
             return end.state, None
         return self._arrived(self._arriving.at(end.state, end.period, end.state))
 
-    def observe(self, z: np.ndarray, n_periods: int, direction=None) -> Growth:
-        """Integrate with a tangent vector."""
-        most = min(n_periods, self.left)
-        seen = self._solver.grow(z, self._amplitude, most, self._poll, direction)
-        self.cycles += len(seen.points)
-        return seen
-
     def judge_window(self, z: np.ndarray, seen: Observation) -> Step:
         """Classify a motion by a window; return the state from which to continue."""
         if seen.outcome is not Outcome.COMPLETE:
@@ -193,7 +191,10 @@ class _Classifier:
     def carry_on(self, z: np.ndarray) -> Step:
         """Observe the motion for longer, and classify it by the end of the continuous stretch."""
         before = self._stretch
-        seen = self.observe(z, self._more(), None if before is None else before.direction)
+        direction = None if before is None else before.direction
+        most = min(self._more(), self.left)
+        seen = self._solver.grow(z, self._amplitude, most, self._poll, direction)
+        self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         added = aligned(seen.logarithms) if before is None else seen.logarithms
@@ -315,7 +316,7 @@ class _Classifier:
         if there.orbit is None:
             return there.state, None
         points = np.roll(there.orbit.points, -1, axis=0)
-        period, multiplier = there.orbit.period, there.multiplier
+        period, multiplier = there.orbit.period, there.orbit.multiplier
         exponent = Interval.exact(exponent_of_multiplier(multiplier, period))
         found = self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
         return there.state, found
@@ -332,4 +333,4 @@ class _Classifier:
     ) -> Motion:
         """Return the result; `growth` is a forcing period's."""
         interval = growth.times(1.0 / self._time)
-        return Motion(kind, points, period, multiplier, *interval, self.cycles, outcome, seen)
+        return Motion(kind, points, period, multiplier, interval, self.cycles, outcome, seen)

@@ -1,12 +1,28 @@
-"""Stability of orbits: Floquet multipliers and the largest Lyapunov exponent."""
+"""Floquet multipliers of orbits, and the largest Lyapunov exponent of motions.
+
+Over a stretch of a motion the exponent has a confidence interval. The logarithms l_1, ..., l_k of
+the factor by which a tangent vector grows in each forcing period are correlated: an impact that
+stretches it is followed by others. Means over batches of k / B of them are nearly independent once
+a batch is longer than the correlation, and nearly normal; their mean is that of the growth a
+period, and Student's t with B - 1 degrees of freedom gives its interval (method of batch means;
+Law, Simulation Modeling and Analysis, 5th ed., section 9.5.3).
+"""
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.model.arguments import count, rows
 from hpcsweep.solvers.branch_rule import MAX_PRODUCT
+
+BATCHES = 10
+"""B of a stretch; each must have at least one period."""
+CONFIDENCE = 0.95
+"""Confidence of both sides of the interval together."""
+ALIGNING = 10
+"""The first 1/10 of a stretch is dropped."""
 
 
 def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
@@ -121,3 +137,61 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
 def exponent_of_multiplier(multiplier: float, time: float) -> float:
     """Return the exponent for the modulus of an orbit's largest multiplier over a time."""
     return math.log(multiplier) / time if multiplier > 0 else -math.inf
+
+
+class Interval(NamedTuple):
+    """A mean with its confidence interval, in whatever unit."""
+
+    mean: float
+    low: float
+    high: float
+
+    @classmethod
+    def exact(cls, mean: float) -> "Interval":
+        """Return the interval of an exactly known mean."""
+        return cls(mean, mean, mean)
+
+    def times(self, factor: float) -> "Interval":
+        """Return the interval in another unit; `factor` > 0."""
+        return Interval(self.mean * factor, self.low * factor, self.high * factor)
+
+
+UNKNOWN = Interval(math.nan, math.nan, math.nan)
+
+
+def aligned(logarithms: np.ndarray) -> np.ndarray:
+    """Drop the first tenth, in which the tangent vector aligns with the direction of growth."""
+    return logarithms[len(logarithms) // ALIGNING :]
+
+
+def growth_interval(logarithms: np.ndarray) -> Interval:
+    """Return the mean growth a period with its confidence interval.
+
+    Parameters
+    ----------
+    logarithms : ndarray, shape (k,)
+        Logarithms of the growth factor in each forcing period, `aligned`.
+
+    Returns
+    -------
+    Interval
+        In units of 1/T; NaN if there are too few periods, or a factor is 0.
+    """
+    length = len(logarithms) // BATCHES
+    # a sum with an infinite term is not finite
+    if length == 0 or not math.isfinite(logarithms.sum()):
+        return UNKNOWN
+    kept = logarithms[len(logarithms) - length * BATCHES :]
+    means = (kept.reshape(BATCHES, length).sum(axis=1) / length).tolist()
+    mean = math.fsum(means) / BATCHES
+    variance = math.fsum((one - mean) ** 2 for one in means) / (BATCHES - 1)
+    half = math.sqrt(variance / BATCHES) * _quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
+    return Interval(mean, mean - half, mean + half)
+
+
+@lru_cache(maxsize=64)
+def _quantile(freedom: int, probability: float) -> float:
+    """Return the quantile of Student's t distribution."""
+    from scipy.special import stdtrit  # reading results does not need it
+
+    return float(stdtrit(freedom, probability))

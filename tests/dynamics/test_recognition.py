@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from maps import GOLDEN, MapSolver, circle, delayed_logistic, focus, logistic
 
+from hpcsweep.dynamics.arrival import shoot
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
-from hpcsweep.dynamics.exponent import aligned, growth_interval
 from hpcsweep.dynamics.orbit import (
     _vanishes,
     closed_period,
@@ -17,7 +17,7 @@ from hpcsweep.dynamics.orbit import (
     returning_period,
     smallest_period,
 )
-from hpcsweep.dynamics.shooting import Nearer, shoot
+from hpcsweep.dynamics.stability import aligned, growth_interval
 
 
 def test_the_tangent_of_the_circle_is_its_derivative():
@@ -137,7 +137,7 @@ def test_a_shot_from_beside_proves_who_goes_there_by_what_its_motion_has_done(of
     solver = logistic(3.3)
     orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real
     z, guess = np.array([orbit[0] + off, 0.0]), np.array([orbit[0] + 1e-6, 0.0])
-    shot = shoot(solver, z, 1.0, 2, Nearer(solver.points(z, 1.0, 2)[0][-1], guess))
+    shot = shoot(solver, z, 1.0, 2, (solver.points(z, 1.0, 2)[0][-1], guess))
     assert shot.point == pytest.approx([orbit[0], 0.0], abs=1e-12)
     assert shot.cycles <= 6
     assert shot.attracts(1e-9) is goes

@@ -20,8 +20,8 @@ from hpcsweep.dynamics.continuation.cycle import Solution
 from hpcsweep.dynamics.continuation.events import (
     Kind,
     Special,
+    grazings,
     locate,
-    locate_change,
     on_unit_circle,
     tests_of_multipliers,
 )
@@ -54,22 +54,14 @@ class Meeting(Enum):
 
 
 WITH: dict[Kind | None, tuple[Meeting, ...]] = {
-    Kind.FOLD: (
-        *(Meeting.RESONANCE_1, Meeting.FOLD_DOUBLING, Meeting.FOLD_TORUS, Meeting.GRAZING_FOLD),
-    ),
-    Kind.DOUBLING: (
-        *(Meeting.FOLD_DOUBLING, Meeting.RESONANCE_2),
-        *(Meeting.DOUBLING_TORUS, Meeting.GRAZING_DOUBLING),
-    ),
-    Kind.TORUS: (
-        *(Meeting.FOLD_TORUS, Meeting.DOUBLING_TORUS),
-        *(Meeting.DOUBLE_TORUS, Meeting.GRAZING_TORUS),
-    ),
-    Kind.GRAZING: (
-        *(Meeting.GRAZING_FOLD, Meeting.GRAZING_DOUBLING),
-        *(Meeting.GRAZING_TORUS, Meeting.DOUBLE_GRAZING),
-    ),
-    None: (Meeting.FOLD, Meeting.DOUBLING, Meeting.TORUS, Meeting.GRAZING),
+    kind: tuple(Meeting(name) for name in names.split(", "))
+    for kind, names in {
+        Kind.FOLD: "resonance 1:1, fold-doubling, fold-torus, grazing-fold",
+        Kind.DOUBLING: "fold-doubling, resonance 1:2, doubling-torus, grazing-doubling",
+        Kind.TORUS: "fold-torus, doubling-torus, double torus, grazing-torus",
+        Kind.GRAZING: "grazing-fold, grazing-doubling, grazing-torus, double grazing",
+        None: "fold, doubling, torus, grazing",
+    }.items()
 }
 """What meets the locus of a kind, None for a level, where a fold, doubling, torus or grazing is."""
 ANGLES = {
@@ -115,14 +107,7 @@ def meetings(locus: Locus, first: Solution, last: Solution) -> list[Special]:
             pair = meeting is WITH[locus.kind][2]
             if not pair or on_unit_circle(np.array(others(locus.kind, at.multipliers))):
                 found.append(Special(meeting, at, fraction))
-    own, low = locus.signature(first), 0.0
-    while own != locus.signature(last):
-        at, low, after = locate_change(
-            locus, first, last, locus.signature, low, own, precision=ROUGH
-        )
-        change = tuple(b - a for a, b in zip(own, after, strict=True))
-        found.append(Special(WITH[locus.kind][3], at, low, change))
-        own = after
+    found += grazings(locus, first, last, WITH[locus.kind][3], ROUGH)
     return sorted(found, key=lambda one: one.fraction)
 
 

@@ -19,11 +19,12 @@ The class is that of the window: chaos may be a transient that would end later.
 import math
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from itertools import groupby
 
 import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
-from hpcsweep.model.arguments import array, count, number, real, refused, rows, words
+from hpcsweep.model.arguments import count, number, real, refused, rows, words
 from hpcsweep.solvers.outcome import Outcome
 
 CHAOS_GROWTH = 5.0
@@ -81,15 +82,8 @@ class MotionClass(IntEnum):
     """The solver failed."""
 
 
-CLASS_NAMES = {
-    MotionClass.NOT_COMPUTED: "not computed",
-    MotionClass.NO_CONTACT: "no contact",
-    MotionClass.PERIODIC: "periodic",
-    MotionClass.LONG_PERIOD: "long period",
-    MotionClass.QUASI_PERIODIC: "quasi-periodic",
-    MotionClass.CHAOTIC: "chaotic",
-    MotionClass.UNDECIDED: "undecided",
-    MotionClass.FAILED: "failed",
+CLASS_NAMES = {kind: kind.name.lower().replace("_", " ") for kind in MotionClass} | {
+    MotionClass.QUASI_PERIODIC: "quasi-periodic"
 }
 
 
@@ -267,7 +261,6 @@ def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
     dict of MotionClass to float
         All classes but NOT_COMPUTED; the shares sum to 1, or are all 0 if nothing was computed.
     """
-    classes = array("classes", classes)
     computed = max(int((classes != MotionClass.NOT_COMPUTED).sum()), 1)
     return {
         kind: int((classes == kind).sum()) / computed
@@ -318,11 +311,7 @@ def contact_name(contact: int, labels: int | Sequence[str], room: int | None = N
 def _ranges(numbers: Sequence[int]) -> list[str]:
     """Format ascending numbers, three and more in a row as a range."""
     parts: list[str] = []
-    start = 0
-    for end in range(1, len(numbers) + 1):
-        if end < len(numbers) and numbers[end] == numbers[end - 1] + 1:
-            continue
-        row = numbers[start:end]
-        parts += [f"{row[0]}-{row[-1]}"] if len(row) > 2 else [str(number) for number in row]
-        start = end
+    for _, group in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
+        row = [str(number) for _, number in group]
+        parts += [f"{row[0]}-{row[-1]}"] if len(row) > 2 else row
     return parts

@@ -9,7 +9,7 @@ Law, Simulation Modeling and Analysis, 5th ed., section 9.5.3).
 """
 
 import math
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -56,51 +56,44 @@ class TangentMaps:
 
     @cached_property
     def multipliers(self) -> np.ndarray:
-        """Floquet multipliers, largest modulus first, shape (N,)."""
-        return multipliers(self.matrices)
+        """Floquet multipliers, the eigenvalues of M_{p-1} ... M_0, largest modulus first.
 
-    def rolled(self, shift: int) -> "TangentMaps":
-        """Return those of the same orbit, its points counted from another one of them."""
-        return TangentMaps(np.roll(self.matrices, shift, axis=0))
+        To first order a relative error of each M_i changes their product P by up to it times
 
+            sum_i |M_{p-1} ... M_{i+1}| |M_i| |M_{i-1} ... M_0|.
 
-def multipliers(matrices: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues of M_{p-1} ... M_0, largest modulus first, shape (N,).
+        Where this is large they are the p-th powers of the eigenvalues of the block cyclic matrix
+        of the M_i, which has each p times and is as well scaled as each M_i (Kressner, Numerical
+        Methods for General and Structured Eigenvalue Problems, 2005, 3.3).
+        """
+        p, n, _ = self.matrices.shape
+        if p == 1:
+            return floquet_multipliers(self.matrices[0])
+        before, after = [np.eye(n)], [np.eye(n)]
+        for first, last in zip(self.matrices, self.matrices[::-1], strict=True):
+            before.append(first @ before[-1])
+            after.append(after[-1] @ last)
+        factors = before[:-1], self.matrices, after[-2::-1]
+        sizes = [np.linalg.norm(each, axis=(1, 2)) for each in factors]
+        if np.prod(sizes, axis=0).sum() <= MAX_PRODUCT:
+            return floquet_multipliers(before[-1])
+        from scipy.linalg import block_diag  # it is seldom needed
 
-    To first order a relative error of each M_i changes their product P by up to it times
+        cyclic = np.roll(block_diag(*self.matrices), n, axis=0)
+        powers = np.linalg.eigvals(cyclic) ** p
+        multipliers = np.empty(n, complex)
+        for k in range(n):
+            largest = powers[np.argmax(np.abs(powers))]
+            order = np.argsort(np.abs(powers - largest), kind="stable")
+            multipliers[k] = powers[order[:p]].mean()
+            powers = powers[order[p:]]
+        return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
 
-        sum_i |M_{p-1} ... M_{i+1}| |M_i| |M_{i-1} ... M_0|.
-
-    Where this is large they are the p-th powers of the eigenvalues of the block
-    cyclic matrix of the M_i, which has each p times and is as well scaled as each M_i (Kressner,
-    Numerical Methods for General and Structured Eigenvalue Problems, 2005, 3.3).
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (p, N, N)
-    """
-    p, n, _ = matrices.shape
-    if p == 1:
-        return floquet_multipliers(matrices[0])
-    before, after = [np.eye(n)], [np.eye(n)]
-    for first, last in zip(matrices, matrices[::-1], strict=True):
-        before.append(first @ before[-1])
-        after.append(after[-1] @ last)
-    sizes = [np.linalg.norm(x, axis=(1, 2)) for x in (before[:-1], matrices, after[-2::-1])]
-    if np.prod(sizes, axis=0).sum() <= MAX_PRODUCT:
-        return floquet_multipliers(before[-1])
-    cyclic = np.zeros((p * n, p * n))
-    for i, matrix in enumerate(matrices):
-        ahead = (i + 1) % p * n
-        cyclic[ahead : ahead + n, i * n : (i + 1) * n] = matrix
-    powers = np.linalg.eigvals(cyclic) ** p
-    found = np.empty(n, complex)
-    for k in range(n):
-        largest = powers[np.argmax(np.abs(powers))]
-        order = np.argsort(np.abs(powers - largest), kind="stable")
-        found[k] = powers[order[:p]].mean()
-        powers = powers[order[p:]]
-    return found[np.argsort(-np.abs(found), kind="stable")]
+    @property
+    def product(self) -> np.ndarray:
+        """M_{p-1} ... M_0, shape (N, N)."""
+        size = self.matrices.shape[1]
+        return reduce(lambda product, matrix: matrix @ product, self.matrices, np.eye(size))
 
 
 def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> float:

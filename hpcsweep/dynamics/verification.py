@@ -94,10 +94,7 @@ class VerifiedOrbit(NamedTuple):
     @property
     def multiplier(self) -> float:
         """Modulus of the largest multiplier: of the product of tangent maps, which keeps it."""
-        product = np.eye(self.points.shape[1])
-        for matrix in self.maps.matrices:
-            product = matrix @ product
-        return float(abs(floquet_multipliers(product)[0]))
+        return float(abs(floquet_multipliers(self.maps.product)[0]))
 
 
 class Verdict(NamedTuple):

@@ -28,6 +28,7 @@ from hpcsweep.dynamics.continuation.events import (
     cubic,
     special_points,
 )
+from hpcsweep.dynamics.stability import TangentMaps
 from hpcsweep.solvers.branch_rule import (
     ANGLE,
     ASTRAY,
@@ -325,7 +326,8 @@ def _shifted(curve, point: Solution, shift: int) -> Solution:
         return np.append(np.roll(vector[:n], -turn), vector[n:])
 
     y, tangent = turned_by(point.y), turned_by(point.tangent)
-    return point._replace(y=y, tangent=tangent, maps=point.maps.rolled(-shift), inverse=None)
+    maps = TangentMaps(np.roll(point.maps.matrices, -shift, axis=0))
+    return point._replace(y=y, tangent=tangent, maps=maps, inverse=None)
 
 
 def _passes(start: Solution, last: Solution, point: Solution) -> float:

@@ -9,8 +9,9 @@ its orbits and their order.
 
 import contextlib
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -127,21 +128,24 @@ class Catalogue:
     def branch_of(self, points: np.ndarray, value: float) -> int:
         """Return the branch on which an orbit lies to `SAME`, -1 for none."""
         for number, branch in enumerate(self.branches):
-            if branch.arc.curve.period == len(points) and _holds(branch.arc, points, value):
+            curve = branch.arc.curve
+
+            def across(guess: np.ndarray, tangent: np.ndarray, y: np.ndarray, curve=curve):
+                return curve.solve(guess + tangent @ (y - guess) * tangent, tangent).y
+
+            if curve.period == len(points) and passes(branch.arc, points, value, SAME, across):
                 return number
         return -1
 
     def orbits_at(self, period: int, value: float) -> list[np.ndarray]:
         """Return all orbits of the branches of a period at a value, shape (p, N) each."""
-        found = []
-        for branch in self.branches:
-            if branch.arc.curve.period == period:
-                for guess, _, _ in places_at(branch.arc, value / branch.arc.curve.scale):
-                    there = branch.arc.curve.split(guess)[0]
-                    with contextlib.suppress(NotConvergedError):
-                        exact = solve_at(branch.arc.curve, there, value)
-                        found.append(branch.arc.curve.split(exact.y)[0])
-        return found
+        orbits = []
+        for arc in (branch.arc for branch in self.branches if branch.arc.curve.period == period):
+            for guess, _, _ in places_at(arc, value / arc.curve.scale):
+                with contextlib.suppress(NotConvergedError):
+                    exact = solve_at(arc.curve, arc.curve.split(guess)[0], value)
+                    orbits.append(arc.curve.split(exact.y)[0])
+        return orbits
 
     def grow(self) -> None:
         """Follow the branches that leave others."""
@@ -237,22 +241,34 @@ class Catalogue:
         return -1
 
 
-def _holds(arc: Arc, points: np.ndarray, value: float) -> bool:
-    """Return whether an orbit, or one of its shifts, lies on a piece of a branch."""
-    curve = arc.curve
-    shifts = [np.roll(points, shift, axis=0) for shift in range(len(points))]
-    for guess, tangent, chord in places_at(arc, value / curve.scale):
-        there = curve.split(guess)[0]
-        far = [float(np.abs(z - there).max()) for z in shifts]
-        if min(far) > OFF * chord + SAME:
-            continue
-        own = curve.join(shifts[int(np.argmin(far))], value)
-        try:  # the point of the branch on the hyperplane through the orbit, across the branch
-            exact = curve.solve(guess + tangent @ (own - guess) * tangent, tangent).y
-        except NotConvergedError:
-            continue
-        if np.abs(exact - own).max() <= SAME:
-            return True
+def passes(
+    arc: Arc,
+    points: np.ndarray,
+    value: Any,
+    same: float,
+    through: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+) -> bool:
+    """Return whether a curve passes an orbit, or one of its shifts, to within `same`.
+
+    Parameters
+    ----------
+    arc : Arc
+    points : ndarray, shape (p, N)
+    value : float, or pair
+        Of the parameter at the orbit.
+    same : float
+    through : callable
+        Return y of the point of the curve by the orbit, from y near the curve, its tangent there,
+        and y of the orbit.
+    """
+    shifts = [arc.curve.join(np.roll(points, k, axis=0), value) for k in range(len(points))]
+    for guess, tangent, chord in places_at(arc, shifts[0][-1]):
+        far = [float(np.abs(guess - y)[:-1].max()) for y in shifts]
+        if min(far) <= OFF * chord + same:
+            with contextlib.suppress(ArithmeticError):
+                exact = through(guess, tangent, shifts[int(np.argmin(far))])
+                if min(np.abs(exact - y).max() for y in shifts) <= same:
+                    return True
     return False
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
 from hpcsweep.dynamics.continuation.events import Kind, Special, n_unstable, tests_of
+from hpcsweep.dynamics.stability import TangentMaps
 
 DISTANCES = (1e-3, 1e-4, 1e-5, 1e-6)
 """eps, in units of the state, as they are tried: at a large one the orbit of twice the period may
@@ -41,7 +42,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     """
     doubles = special.kind is Kind.DOUBLING
     points, value = curve.split(special.at.y)
-    vector = _null_vector(special.at.maps.matrices, -1.0 if doubles else 1.0)
+    vector = _null_vector(special.at.maps, -1.0 if doubles else 1.0)
     if doubles:
         points, vector = np.tile(points, (2, 1)), np.concatenate((vector, -vector))
     new = replace(curve, period=len(points))
@@ -79,14 +80,10 @@ def criticality(before: Solution, after: Solution, special: Special, leaving: So
     return 1 if (side * way > 0) == unstable_after else -1
 
 
-def _null_vector(matrices: np.ndarray, multiplier: float) -> np.ndarray:
+def _null_vector(maps: TangentMaps, multiplier: float) -> np.ndarray:
     """Return phi_i of the multiplier nearest to a real one, shape (p, N)."""
-    product = np.eye(matrices.shape[1])
-    for matrix in matrices:
-        product = matrix @ product
-    values, vectors = np.linalg.eig(product)
-    phi = vectors[:, np.argmin(np.abs(values - multiplier))].real
-    chain = [phi]
-    for matrix in matrices[:-1]:
+    values, vectors = np.linalg.eig(maps.product)
+    chain = [vectors[:, np.argmin(np.abs(values - multiplier))].real]
+    for matrix in maps.matrices[:-1]:
         chain.append(matrix @ chain[-1])
     return np.array(chain)

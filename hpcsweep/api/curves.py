@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.api.branches import MAX_STEPS, orbit_variables, values_of
+from hpcsweep.api.branches import MAX_STEPS, dataset_of
 from hpcsweep.api.levels import first_at, measure_of
-from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
+from hpcsweep.dynamics.continuation.branch import Limits, follow
 from hpcsweep.dynamics.continuation.cycle import NotConvergedError
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
@@ -116,8 +116,13 @@ def curve(
     except NotConvergedError as error:
         raise ArithmeticError(f"no curve begins at the special point: {error}") from None
     arc = follow(locus, start, limits, step=step_of_locus)
-    followed = {"kind": kind.name.lower()} if kind else {"kind": measure, "limit": limit}
-    return _dataset_of(arc, forced, followed)
+    return dataset_of(
+        arc,
+        forced,
+        [special.kind.value for _, special in arc.specials],
+        {"parameter": list(forced.parameters)},
+        {"kind": kind.name.lower()} if kind else {"kind": measure, "limit": limit},
+    )
 
 
 def _kind(special: Any) -> Kind:
@@ -150,28 +155,3 @@ def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[flo
             raise ValueError(f"span must hold {name} = {value:g}, is {low:g} to {high:g}")
     first, second = (tuple(pair) for pair in pairs)
     return first, second
-
-
-def _dataset_of(arc: Arc, forced: ForcedMap, followed: dict):
-    import xarray
-
-    variables, coordinates = orbit_variables(arc, forced)
-    specials = [one for _, one in arc.specials]
-    met = values_of(arc.curve, [one.at for one in specials]).reshape(len(specials), 2)
-    return xarray.Dataset(
-        {
-            **variables,
-            "value": (("step", "parameter"), values_of(arc.curve, arc.points)),
-            "special_kind": ("special", [one.kind.value for one in specials]),
-            "special_value": (("special", "parameter"), met),
-        },
-        coords={**coordinates, "parameter": list(forced.parameters)},
-        attrs={
-            **followed,
-            "period": arc.curve.period,
-            "amplitude": forced.amplitude,
-            "omega": forced.omega,
-            "begins": arc.ends[0],
-            "ends": arc.ends[1],
-        },
-    )

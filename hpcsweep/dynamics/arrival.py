@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.dynamics.orbit import limit_of_approach
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 from hpcsweep.solvers.outcome import Outcome
@@ -150,9 +151,7 @@ class Arriving:
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self._units = solver.structure.state_units
 
-    def jump(
-        self, points: np.ndarray, period: int, limit: np.ndarray | None, tolerance: float
-    ) -> Arrival:
+    def jump(self, points: np.ndarray, period: int, tolerance: float) -> Arrival:
         """Jump to the approached orbit, if the motion is verified to go there.
 
         Parameters
@@ -160,12 +159,11 @@ class Arriving:
         points : ndarray, shape (k, 2n)
             Of the motion, the last one that of the state.
         period : int
-        limit : ndarray, shape (2n,), or None
-            Of the points, in units of the state, by extrapolation, if it exists.
         tolerance : float
             Largest distance of the point that is found from the orbit.
         """
         z, nearer = points[-1], None
+        limit = limit_of_approach(points / self._units, period)
         if limit is not None:
             z, nearer = points[-1 - period], (points[-1], limit * self._units)
         shot = shoot(self._solver, z, self._amplitude, period, nearer)

@@ -33,7 +33,7 @@ from hpcsweep.dynamics.known import KnownMotions
 from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
 from hpcsweep.dynamics.neighbourhood import WINDOW, Approached, approach, neighbourhood
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach
+from hpcsweep.solvers.records import Approach, Observation
 
 FIRST_GROUP, MAX_GROUP = 4, 256
 """Starts of the first group, and of the largest."""
@@ -290,17 +290,8 @@ class AttractorSearch:
 
     def _settle(self, state: np.ndarray, cycles: int) -> Approach:
         """Follow a motion until it reaches an orbit, for at most `cycles` forcing periods."""
-        settings = self._settings
-        end = self._solver.settle(
-            state,
-            self._amplitude,
-            cycles,
-            self._longest,
-            SETTLED,
-            settings.period_tolerance,
-            NEAR,
-            self._poll,
-        )
+        rules = cycles, self._longest, SETTLED, self._settings.period_tolerance, NEAR
+        end = self._solver.settle(state, self._amplitude, *rules, self._poll)
         self.cycles += end.n_periods + end.n_newton
         return end
 
@@ -313,18 +304,16 @@ class AttractorSearch:
         there = self._known.orbit(motion.points)
         if there is not None:
             return there
-        seen = self._solver.observe(
-            motion.points[-1],
-            self._amplitude,
-            motion.period,
-            True,
-            poll=self._poll,
-            measures=self._settings.measures,
-        )
+        seen = self._observe(motion, motion.period)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
         near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
         return self._known.add(motion, motion.points, seen, near)
+
+    def _observe(self, motion: Motion, n_periods: int) -> Observation:
+        options = {"poll": self._poll, "measures": self._settings.measures}
+        z = motion.points[-1]
+        return self._solver.observe(z, self._amplitude, n_periods, True, **options)
 
     def _place_aperiodic(self, motion: Motion) -> int:
         """Return the index of a motion without a period, as one that is still to be tested."""
@@ -332,8 +321,7 @@ class AttractorSearch:
         if there is not None:
             self._known.remember(motion.points, there)
             return there
-        options = {"poll": self._poll, "measures": self._settings.measures}
-        seen = self._solver.observe(motion.points[-1], self._amplitude, RECORD, True, **options)
+        seen = self._observe(motion, RECORD)
         self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)

@@ -153,11 +153,5 @@ def portrait(
     outcome = Outcome.COMPLETE
     if search.failures and not found and not np.any(labels == UNDECIDED):
         outcome = search.failures.most_common(1)[0][0]
-    return Portrait(
-        found,
-        labels,
-        search.cycles,
-        outcome,
-        search.n_transient,
-        search.transient.lifetime(confidence),
-    )
+    transient = search.n_transient, search.transient.lifetime(confidence)
+    return Portrait(found, labels, search.cycles, outcome, *transient)

@@ -139,21 +139,15 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
         classes[results["contact"].values == 0] = MotionClass.NO_CONTACT
     classes = _with_failures(classes, outcome)
     if "poincare" in results:
-        open_ones = np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0))
         points, counts = results["poincare"].values, results["n_points"].values
         omega, amplitude = results["omega"].values, results["amplitude"].values
-        own = results["forcing_amplitude"].values if "forcing_amplitude" in results else None
-
-        def forcing(at) -> tuple[float, float]:
-            _, frame, place = at
-            return float(omega[frame]), float(amplitude[place] if own is None else own[frame])
-
-        for at in map(tuple, open_ones):
-            classes[at] = classify_points(
-                points[at][: counts[at]] / (units_at(*forcing(at)) if units_at else 1.0),
-                growth[at],
-                settings.period_tolerance,
-            )
+        of_frames = results["forcing_amplitude"].values if "forcing_amplitude" in results else None
+        for at in np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0)):
+            _, frame, place = run = tuple(at)
+            forcing = amplitude[place] if of_frames is None else of_frames[frame]
+            units = units_at(float(omega[frame]), float(forcing)) if units_at else 1.0
+            window = points[run][: counts[run]] / units
+            classes[run] = classify_points(window, growth[run], settings.period_tolerance)
     return classes
 
 

@@ -169,10 +169,8 @@ class _Classifier:
 
     def watch(self, z: np.ndarray, n_periods: int) -> Step:
         """Integrate until the motion has reached an orbit, or is verified to go to one."""
-        most = min(n_periods, self.left)
-        end = self._solver.settle(
-            z, self._amplitude, most, LONGEST, SETTLED, self._same, NEAR, self._poll
-        )
+        rules = min(n_periods, self.left), LONGEST, SETTLED, self._same, NEAR
+        end = self._solver.settle(z, self._amplitude, *rules, self._poll)
         self.cycles += end.n_periods + end.n_newton
         if end.outcome is not Outcome.COMPLETE:
             return end.state, self.motion(MotionClass.FAILED, end.state[None], outcome=end.outcome)
@@ -252,11 +250,10 @@ class _Classifier:
         last = points[-3 * period :]
         if found.distance <= self._same and self._closed(last, 3 * period // 2):
             return self._arrived(self._arriving.close(end, period))
-        limit = limit_of_approach(last, period)
-        soon = limit is not None or TURNS * period <= size
+        soon = limit_of_approach(last, period) is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
             self._tried[period] = size
-            return self._jump(stretch, period, limit)
+            return self._jump(stretch, period)
         return end, None
 
     def _judge(self, seen: Observation | Growth, longest: int = 0) -> Step:
@@ -281,7 +278,7 @@ class _Classifier:
         period = approached_period(points, LONGEST, NEAR)
         if period:
             # no torus is sought among points that approach an orbit
-            return self._jump(seen.points, period, limit_of_approach(points, period))
+            return self._jump(seen.points, period)
         return end, self._torus(points, seen, whole)
 
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
@@ -296,9 +293,7 @@ class _Classifier:
             return None
         growth = growth_interval(seen.logarithms)
         period = returning_period(points, size // RETURNS, NEAR)
-        locked = None
-        if period:
-            _, locked = self._jump(seen.points, period, limit_of_approach(points, period))
+        locked = self._jump(seen.points, period)[1] if period else None
         if locked or growth.high < 0:
             return locked
         return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
@@ -306,9 +301,9 @@ class _Classifier:
     def _closed(self, points: np.ndarray, max_period: int) -> int:
         return closed_period(points, max_period, self._same)
 
-    def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None) -> Step:
+    def _jump(self, points: np.ndarray, period: int) -> Step:
         """Return the approached orbit, if the motion is verified to go there."""
-        return self._arrived(self._arriving.jump(points, period, limit, 0.1 * self._same))
+        return self._arrived(self._arriving.jump(points, period, 0.1 * self._same))
 
     def _arrived(self, there: Arrival) -> Step:
         """Return where to continue, and the motion if it has come to an orbit."""

@@ -247,19 +247,10 @@ class KnownMotions:
         self, motion: Motion, points: np.ndarray, seen: Observation, near: Neighbourhood | None
     ) -> int:
         """Add a motion; return its index."""
-        self.attractors.append(
-            Attractor(
-                motion.kind,
-                points,
-                motion.period,
-                motion.multiplier,
-                *motion.interval,
-                seen.contact,
-                float(normalised_drift(seen.peak_drift, *self._point)),
-                seen.modal_norm,
-                measures=seen.measures,
-            )
-        )
+        drift = float(normalised_drift(seen.peak_drift, *self._point))
+        decided = motion.kind, points, motion.period, motion.multiplier, *motion.interval
+        observed = seen.contact, drift, seen.modal_norm
+        self.attractors.append(Attractor(*decided, *observed, measures=seen.measures))
         self.neighbourhoods.append(near)
         return len(self.attractors) - 1
 

@@ -173,15 +173,15 @@ def closing_period(
         Distances within it need not fall.
     """
     coordinates = _coordinates(points)
-    best = Recurrence(0, near)
+    closing = []
     returns = _near_ends(coordinates, min(max_period, len(points) // 3), near)
     for period in [p for p in returns if p >= min_period][:CANDIDATES]:
         apart = _apart(coordinates[:, -3 * period :], period)
         before, last = float(apart[:period].max()), float(apart[period:].max())
-        falls = last <= FALLS * before or last <= tolerance
-        if falls and last < best.distance:
-            best = Recurrence(period, last)
-    return best
+        if last < near and (last <= FALLS * before or last <= tolerance):
+            closing.append((last, period))
+    distance, period = min(closing, default=(near, 0))
+    return Recurrence(period, distance)
 
 
 def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:

@@ -214,7 +214,8 @@ def step_of_branch(
         guess = last.y + step * (last.tangent + 0.5 * step * bend)
         across = curve.border(last.tangent)
         if point is None:
-            point = curve.solve(guess, across, last, _largest_move(step))
+            reached = min(ON_A_STEP, max(OF_A_STEP * step, MIN_MOVE))
+            point = curve.solve(guess, across, last, reached)
         angle = angle_of_step(last, guess, point, step)
         if angle is None:
             return None
@@ -250,11 +251,6 @@ def _grazes(curve: Curve, last: Solution) -> bool:
         return ahead != curve.signature(last)
     except ArithmeticError:
         return False
-
-
-def _largest_move(step: float) -> float:
-    """Return the largest last move of Newton's method to a point at the end of a step."""
-    return min(ON_A_STEP, max(OF_A_STEP * step, MIN_MOVE))
 
 
 def _crosses(specials: list[Special]) -> bool:

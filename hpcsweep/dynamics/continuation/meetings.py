@@ -20,6 +20,7 @@ from hpcsweep.dynamics.continuation.cycle import Solution
 from hpcsweep.dynamics.continuation.events import (
     Kind,
     Special,
+    Tests,
     grazings,
     locate,
     on_unit_circle,
@@ -147,20 +148,18 @@ def _off_angle(meeting: Meeting, point: Solution) -> float:
 
 def _tests(kind: Kind | None, first: Solution, last: Solution) -> dict[Meeting, Test]:
     """Return functions of a point that change their signs at meetings."""
-    with_fold, with_doubling, with_torus, _ = WITH[kind]
 
     def test(name: str, point: Solution) -> float:
         return getattr(tests_of_multipliers(others(kind, point.multipliers)), name)
 
     tests: dict[Meeting, Test] = {
-        with_fold: partial(test, "fold"),
-        with_doubling: partial(test, "doubling"),
-        with_torus: partial(test, "torus"),
+        meeting: partial(test, name)
+        for meeting, name in zip(WITH[kind][:3], Tests._fields, strict=True)
     }
     if kind is Kind.FOLD:
-        tests[with_fold] = partial(_again, 1.0)
+        tests[Meeting.RESONANCE_1] = partial(_again, 1.0)
     elif kind is Kind.DOUBLING:
-        tests[with_doubling] = partial(_again, -1.0)
+        tests[Meeting.RESONANCE_2] = partial(_again, -1.0)
     if kind is Kind.TORUS:
         for meeting in ANGLES:
             tests[meeting] = partial(_off_angle, meeting)

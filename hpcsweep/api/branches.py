@@ -83,23 +83,24 @@ def branch(
     if not low < high or not low <= value <= high:
         raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
     scale = high - low
-    limits = Limits(
-        low,
-        high,
-        count("steps", steps, 1, MAX_STEPS),
-        positive("largest_step", largest_step),
-    )
+    n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
+    limits = Limits(low, high, n_steps, largest)
     catalogue = Catalogue(forced, limits, scale, found.period, 1, costly=forced.is_costly)
     catalogue.add(found.points / forced.units, value)
     catalogue.grow()
-    arc = catalogue.branches[0].arc
+    return _of_branch(catalogue.branches[0].arc, forced)
+
+
+def _of_branch(arc: Arc, forced: ForcedMap):
+    """Turn a branch of a structure into a dataset; see `branch`."""
+    structure = forced.structure
     specials = [special for _, special in arc.specials]
     leaving = np.full((len(specials), forced.size), np.nan)
     leaving_value = np.full(len(specials), np.nan)
     for k, special in enumerate(specials):
         if special.leaving is not None:
             leaving[k] = special.leaving.y[: forced.size] * forced.units
-            leaving_value[k] = special.leaving.y[-1] * scale
+            leaving_value[k] = special.leaving.y[-1] * arc.curve.scale
     change = [special.change or (0,) * len(structure.contacts) for special in specials]
     return dataset_of(
         arc,
@@ -116,7 +117,7 @@ def branch(
             "leaving_value": ("special", leaving_value),
             "contact_number": [structure.contact_names[k] for k in structure.contact_numbers],
         },
-        {"parameter": parameter},
+        {"parameter": forced.parameter},
     )
 
 

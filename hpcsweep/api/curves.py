@@ -104,25 +104,16 @@ def curve(
     else:
         change = tuple(special["change"].values.tolist())
         locus = Locus(forced, period, scale, spans, kind, change)
-    limits = Limits(
-        -np.inf,
-        np.inf,
-        count("steps", steps, 1, MAX_STEPS),
-        positive("largest_step", largest_step),
-        SMALLEST,
-    )
+    n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
+    limits = Limits(-np.inf, np.inf, n_steps, largest, SMALLEST)
     try:
         start = locus.start(points, forced.value)
     except NotConvergedError as error:
         raise ArithmeticError(f"no curve begins at the special point: {error}") from None
     arc = follow(locus, start, limits, step=step_of_locus)
-    return dataset_of(
-        arc,
-        forced,
-        [special.kind.value for _, special in arc.specials],
-        {"parameter": list(forced.parameters)},
-        {"kind": kind.name.lower()} if kind else {"kind": measure, "limit": limit},
-    )
+    met = [special.kind.value for _, special in arc.specials]
+    followed = {"kind": kind.name.lower()} if kind else {"kind": measure, "limit": limit}
+    return dataset_of(arc, forced, met, {"parameter": list(forced.parameters)}, followed)
 
 
 def _kind(special: Any) -> Kind:

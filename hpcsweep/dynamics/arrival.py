@@ -178,12 +178,7 @@ class Arriving:
         return self.at(z, period, z, reach=NEAR)
 
     def at(
-        self,
-        point: np.ndarray,
-        period: int,
-        z: np.ndarray,
-        cycles: int = 0,
-        reach: float = REACH,
+        self, point: np.ndarray, period: int, z: np.ndarray, cycles: int = 0, reach: float = REACH
     ) -> Arrival:
         """Come to an orbit, or leave one that repels.
 

@@ -22,27 +22,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from hpcsweep.dynamics import orbit, stability
 from hpcsweep.dynamics.arrival import NEAR, Arrival, Arriving
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
 from hpcsweep.dynamics.lifetime import outlive
-from hpcsweep.dynamics.orbit import (
-    approached_period,
-    closed_period,
-    closing_period,
-    limit_of_approach,
-    returning_period,
-    returns_near,
-    stays_near_orbit,
-)
-from hpcsweep.dynamics.stability import (
-    UNKNOWN,
-    Interval,
-    aligned,
-    exponent_of_multiplier,
-    growth_interval,
-)
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Growth, Observation
@@ -158,9 +143,9 @@ class _Classifier:
         return self._stretch is None and not (self._growing or self._likely_torus)
 
     @property
-    def growth(self) -> Interval:
+    def growth(self) -> stability.Interval:
         """Growth a period over everything observed."""
-        return growth_interval(self._logarithms)
+        return stability.growth_interval(self._logarithms)
 
     def undecided(self, z: np.ndarray) -> Motion:
         """Return the motion as undecided."""
@@ -182,7 +167,7 @@ class _Classifier:
         """Classify a motion by a window; return the state from which to continue."""
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
-        self._logarithms = aligned(seen.logarithms)
+        self._logarithms = stability.aligned(seen.logarithms)
         end, motion = self._judge(seen, len(seen.points) // 2)
         return end, self._confirmed(motion, end)
 
@@ -195,7 +180,7 @@ class _Classifier:
         self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
-        added = aligned(seen.logarithms) if before is None else seen.logarithms
+        added = stability.aligned(seen.logarithms) if before is None else seen.logarithms
         self._logarithms = np.concatenate((self._logarithms, added))
         self._stretch = stretch = seen if before is None else before.followed_by(seen)
         start = stretch.points[-1]
@@ -233,7 +218,7 @@ class _Classifier:
         z = points[-1] if len(points) else z
         if outcome is not Outcome.COMPLETE:
             ended = self.motion(MotionClass.FAILED, z[None], outcome=outcome)
-        elif self.left and returns_near(points[-1 - LONGEST :] / self._units, NEAR):
+        elif self.left and orbit.returns_near(points[-1 - LONGEST :] / self._units, NEAR):
             z, ended = self.watch(z, WATCHED)
         return z, self.cycles - before, ended
 
@@ -243,14 +228,14 @@ class _Classifier:
         It is also claimed where each of the last two turns has closed on the previous one.
         """
         points, size, end = stretch / self._units, len(stretch), stretch[-1]
-        found = closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
+        found = orbit.closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
         period = found.period
         if not period:
             return end, None
         last = points[-3 * period :]
         if found.distance <= self._same and self._closed(last, 3 * period // 2):
             return self._arrived(self._arriving.close(end, period))
-        soon = limit_of_approach(last, period) is not None or TURNS * period <= size
+        soon = orbit.limit_of_approach(last, period) is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
             self._tried[period] = size
             return self._jump(stretch, period)
@@ -272,10 +257,10 @@ class _Classifier:
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
             # near a repelling orbit it is that orbit's growth
             third = size // 3
-            beside = stays_near_orbit(points[:third], LONGEST, NEAR)
+            beside = orbit.stays_near_orbit(points[:third], LONGEST, NEAR)
             if not beside or seen.logarithms[:third].sum() > DRIVEN_AWAY:
                 return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
-        period = approached_period(points, LONGEST, NEAR)
+        period = orbit.approached_period(points, LONGEST, NEAR)
         if period:
             # no torus is sought among points that approach an orbit
             return self._jump(seen.points, period)
@@ -291,15 +276,15 @@ class _Classifier:
             return None
         if not weighted_growth(seen.logarithms).vanishes(size):
             return None
-        growth = growth_interval(seen.logarithms)
-        period = returning_period(points, size // RETURNS, NEAR)
+        growth = stability.growth_interval(seen.logarithms)
+        period = orbit.returning_period(points, size // RETURNS, NEAR)
         locked = self._jump(seen.points, period)[1] if period else None
         if locked or growth.high < 0:
             return locked
         return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
 
     def _closed(self, points: np.ndarray, max_period: int) -> int:
-        return closed_period(points, max_period, self._same)
+        return orbit.closed_period(points, max_period, self._same)
 
     def _jump(self, points: np.ndarray, period: int) -> Step:
         """Return the approached orbit, if the motion is verified to go there."""
@@ -312,7 +297,7 @@ class _Classifier:
             return there.state, None
         points = np.roll(there.orbit.points, -1, axis=0)
         period, multiplier = there.orbit.period, there.orbit.multiplier
-        exponent = Interval.exact(exponent_of_multiplier(multiplier, period))
+        exponent = stability.Interval.exact(stability.exponent_of_multiplier(multiplier, period))
         found = self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
         return there.state, found
 
@@ -322,7 +307,7 @@ class _Classifier:
         points: np.ndarray,
         period: int = 0,
         multiplier: float = math.nan,
-        growth: Interval = UNKNOWN,
+        growth: stability.Interval = stability.UNKNOWN,
         outcome: Outcome = Outcome.COMPLETE,
         seen: Observation | None = None,
     ) -> Motion:

@@ -267,6 +267,10 @@ class Curve:
         misses, matrices, slopes = self.linearise(y)
         return misses, matrices, np.linalg.inv(self.bordered(matrices, slopes, border))
 
+    def through(self, guess: np.ndarray, tangent: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return y of the point by an orbit, across the tangent there; `guess` is on the curve."""
+        return self.solve(guess + tangent @ (y - guess) * tangent, tangent).y
+
     def correct(self, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
         """Find the point near another one, which was sought across the same border.
 

@@ -22,13 +22,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import on_cubic
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, unit
-from hpcsweep.dynamics.continuation.events import (
-    PRECISION,
-    Kind,
-    locate,
-    locate_change,
-    tests_of,
-)
+from hpcsweep.dynamics.continuation.events import PRECISION, Kind, locate, locate_change, tests_of
 
 STEEP, FLAT = 0.005, 0.0005
 """Component along lambda_2 from which points are sought at one lambda_2: of a tangent's part in the
@@ -131,7 +125,14 @@ class Locus(Curve):
         NotConvergedError
             If there is none.
         """
-        y = self.join(points, values)
+        return self._near(self.join(points, values))
+
+    def through(self, guess: np.ndarray, tangent: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return y of the point near `guess`, with the lambda_2 of an orbit."""
+        del tangent
+        return np.append(self._near(np.append(guess[:-1], y[-1])).y[:-1], y[-1])
+
+    def _near(self, y: np.ndarray) -> Solution:
         try:
             return self._start(y, unit(y.size, -1))
         except NotConvergedError:

@@ -15,17 +15,10 @@ from functools import partial
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation import events
 from hpcsweep.dynamics.continuation.branch import Limits, Step, angle_of_step, collapses
 from hpcsweep.dynamics.continuation.cycle import Solution
-from hpcsweep.dynamics.continuation.events import (
-    Kind,
-    Special,
-    Tests,
-    grazings,
-    locate,
-    on_unit_circle,
-    tests_of_multipliers,
-)
+from hpcsweep.dynamics.continuation.events import Kind, Special, Tests
 from hpcsweep.dynamics.continuation.locus import Locus
 
 PRECISION, ROUGH = 1e-10, 1e-6
@@ -104,11 +97,11 @@ def meetings(locus: Locus, first: Solution, last: Solution) -> list[Special]:
     found = []
     for meeting, test in _tests(locus.kind, first, last).items():
         if (test(first) < 0) != (test(last) < 0):
-            at, fraction = locate(locus, first, last, test, PRECISION)
+            at, fraction = events.locate(locus, first, last, test, PRECISION)
             pair = meeting is WITH[locus.kind][2]
-            if not pair or on_unit_circle(np.array(others(locus.kind, at.multipliers))):
+            if not pair or events.on_unit_circle(np.array(others(locus.kind, at.multipliers))):
                 found.append(Special(meeting, at, fraction))
-    found += grazings(locus, first, last, WITH[locus.kind][3], ROUGH)
+    found += events.grazings(locus, first, last, WITH[locus.kind][3], ROUGH)
     return sorted(found, key=lambda one: one.fraction)
 
 
@@ -150,7 +143,7 @@ def _tests(kind: Kind | None, first: Solution, last: Solution) -> dict[Meeting, 
     """Return functions of a point that change their signs at meetings."""
 
     def test(name: str, point: Solution) -> float:
-        return getattr(tests_of_multipliers(others(kind, point.multipliers)), name)
+        return getattr(events.tests_of_multipliers(others(kind, point.multipliers)), name)
 
     tests: dict[Meeting, Test] = {
         meeting: partial(test, name)

@@ -93,7 +93,12 @@ def curves_through(
                 continue
             points, first = branch.arc.curve.split(special.at.y)
             locus, value = plane.locus(len(points), special), (first, plane.second)
-            known = [c for c, arc in enumerate(curves) if _passes(arc, locus, points, value)]
+            known = [
+                c
+                for c, arc in enumerate(curves)
+                if (arc.curve.kind, arc.curve.period) == (locus.kind, locus.period)
+                and passes(arc, points, value, SAME)
+            ]
             room = most_points - sum(len(arc.points) for arc in curves)
             if not known and len(curves) < most_curves and room >= SHORTEST:
                 steps = min(limits.most_steps, (room - 1) // 2)
@@ -107,16 +112,3 @@ def curves_through(
             if known:
                 on[number, k] = known[0]
     return curves, on
-
-
-def _passes(arc: Arc, locus: Locus, points: np.ndarray, value: tuple[float, float]) -> bool:
-    """Return whether a curve passes an orbit, or one of its shifts, on the line."""
-    curve = arc.curve
-
-    def on_line(guess: np.ndarray, _: np.ndarray, y: np.ndarray) -> np.ndarray:
-        there, (first, _) = curve.split(guess)
-        exact = curve.start(there, (first, value[1])).y
-        return np.append(exact[:-1], y[-1])
-
-    same_kind = curve.kind is locus.kind and curve.period == locus.period
-    return same_kind and passes(arc, points, value, SAME, on_line)

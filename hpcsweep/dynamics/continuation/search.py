@@ -19,15 +19,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation import cycle
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
-from hpcsweep.dynamics.continuation.cycle import (
-    Curve,
-    Map,
-    NotConvergedError,
-    continued,
-    jacobian,
-    solve_at,
-)
+from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError
 from hpcsweep.dynamics.orbit import divisors
 
 VALUES = 8
@@ -96,13 +90,13 @@ def deflated(
     """Seek an orbit other than those known, from a start; return its points, shape (p, N)."""
     map_ = curve.map
     try:
-        y = curve.join(continued(map_, start[None], value, curve.period), value)
+        y = curve.join(cycle.continued(map_, start[None], value, curve.period), value)
         for _ in range(STEPS):
             x = curve.split(y)[0]
             images, matrices = map_.tangents(x, value)
-            step = -np.linalg.solve(jacobian(matrices), curve.misses(images, x, y))
+            step = -np.linalg.solve(cycle.jacobian(matrices), curve.misses(images, x, y))
             if np.abs(step).max() <= NEAR:
-                found = curve.split(solve_at(curve, x, value).y)[0]
+                found = curve.split(cycle.solve_at(curve, x, value).y)[0]
                 others = [np.abs(found - one).max() for one in known]
                 return found if min(others, default=np.inf) > OTHER else None
             turn = 0.0

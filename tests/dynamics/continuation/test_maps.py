@@ -5,11 +5,10 @@ import pytest
 from maps_in_closed_form import Delayed, Henon, Logistic
 
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
-from hpcsweep.dynamics.continuation.catalogue import Catalogue
+from hpcsweep.dynamics.continuation.catalogue import Catalogue, switch
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve_at
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.search import search
-from hpcsweep.dynamics.continuation.switching import switch
 from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers
 
 

@@ -14,8 +14,8 @@ from collections import Counter
 import numpy as np
 from tools import DESCRIBED
 
-from hpcsweep.dynamics.portrait import portrait
-from hpcsweep.dynamics.resemblance import distance
+from hpcsweep.dynamics.basins import portrait
+from hpcsweep.dynamics.known import distance
 from hpcsweep.dynamics.starts import box_of, starting_states
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.solver import make_solver

@@ -19,10 +19,10 @@ from itertools import pairwise
 import numpy as np
 
 from hpcsweep import open_results
+from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.classify import CLASS_NAMES, contact_name
 from hpcsweep.dynamics.classify_motion import classify_motion
-from hpcsweep.dynamics.motion import Motion
-from hpcsweep.dynamics.resemblance import distance
+from hpcsweep.dynamics.known import distance
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.store import job_of
 

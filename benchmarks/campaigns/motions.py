@@ -287,7 +287,7 @@ def decided(case: Case) -> Case:
     structure, amplitude, omega = case.point
     solver = make_solver("flow", structure, omega, 1e-9)
     motion = classify_motion(solver, beside(case), amplitude, SweepSettings(), CYCLES)
-    growth = motion.exponent * 2 * math.pi / omega
+    growth = motion.interval.mean * 2 * math.pi / omega
     period, points = motion.period, motion.points / structure.state_units
     sort = sort_of(motion.kind, period, motion.multiplier, growth, points)
     return replace(

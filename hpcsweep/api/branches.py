@@ -83,107 +83,106 @@ def branch(
     if not low < high or not low <= value <= high:
         raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
     scale = high - low
-    limits = Limits(low, high, *read_steps(steps, largest_step))
+    n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
+    limits = Limits(low, high, n_steps, largest)
     catalogue = Catalogue(forced, limits, scale, found.period, 1, costly=forced.is_costly)
     catalogue.add(found.points / forced.units, value)
     catalogue.grow()
-    return dataset_of(catalogue.branches[0].arc, forced)
+    return _of_branch(catalogue.branches[0].arc, forced)
 
 
-def read_steps(steps: int, largest_step: float) -> tuple[int, float]:
-    """Read the number of steps of a branch or curve, and the largest."""
-    return count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
-
-
-def dataset_of(arc: Arc, forced: ForcedMap):
+def _of_branch(arc: Arc, forced: ForcedMap):
     """Turn a branch of a structure into a dataset; see `branch`."""
-    import xarray
-
-    curve = arc.curve
-    structure, units = forced.structure, forced.units
-    n = structure.n_floors
-    specials = [one for _, one in arc.specials]
-    no_change = (0,) * len(structure.contacts)
-    leaving = np.full((len(specials), 2 * n), np.nan)
+    structure = forced.structure
+    specials = [special for _, special in arc.specials]
+    leaving = np.full((len(specials), forced.size), np.nan)
     leaving_value = np.full(len(specials), np.nan)
-    for k, one in enumerate(specials):
-        if one.leaving is not None:
-            leaving[k], leaving_value[k] = one.leaving.y[: 2 * n] * units, one.leaving.y[-1]
-    variables, coordinates, attributes = parts_of(arc, forced)
-    stable = [abs(one.multipliers[0]) < 1.0 for one in arc.points]
-    return xarray.Dataset(
+    for k, special in enumerate(specials):
+        if special.leaving is not None:
+            leaving[k] = special.leaving.y[: forced.size] * forced.units
+            leaving_value[k] = special.leaving.y[-1] * arc.curve.scale
+    change = [special.change or (0,) * len(structure.contacts) for special in specials]
+    return dataset_of(
+        arc,
+        forced,
+        [special.kind.name.lower() for special in specials],
         {
-            **variables,
-            "value": ("step", values_of(curve, arc.points), {"long_name": forced.parameter}),
-            "stable": ("step", np.array(stable)),
-            "special_kind": ("special", [one.kind.name.lower() for one in specials]),
-            "special_value": (
-                "special",
-                values_of(curve, [one.at for one in specials]),
-                {"long_name": forced.parameter},
-            ),
+            "stable": ("step", np.array([abs(one.multipliers[0]) < 1.0 for one in arc.points])),
             "change": (
                 ("special", "contact_number"),
-                np.array([one.change or no_change for one in specials], int).reshape(
-                    len(specials), len(no_change)
-                ),
+                np.array(change, int).reshape(len(specials), len(structure.contacts)),
             ),
             "criticality": ("special", np.array([one.criticality for one in specials], int)),
             "leaving": (("special", "state"), leaving),
-            "leaving_value": ("special", leaving_value * curve.scale),
-        },
-        coords={
-            **coordinates,
+            "leaving_value": ("special", leaving_value),
             "contact_number": [structure.contact_names[k] for k in structure.contact_numbers],
         },
-        attrs={"parameter": forced.parameter, **attributes},
+        {"parameter": forced.parameter},
     )
 
 
-def values_of(curve, points: list[Solution]) -> np.ndarray:
-    """Return the value of the parameter, or the pair of values, at each point of a curve."""
-    return np.array([curve.split(one.y)[1] for one in points], float)
+def dataset_of(arc: Arc, forced: ForcedMap, kinds: list[str], variables: dict, attributes: dict):
+    """Turn a branch of a structure, or a curve over two parameters, into a dataset.
 
+    Parameters
+    ----------
+    arc : Arc
+    forced : ForcedMap
+    kinds : list of str
+        Of the special points.
+    variables, attributes : dict
+        Further ones.
+    """
+    import xarray
 
-def parts_of(arc: Arc, forced: ForcedMap) -> tuple[dict, dict, dict]:
-    """Return what datasets of branches and curves have: variables, coordinates, attributes."""
     curve, structure, units = arc.curve, forced.structure, forced.units
-    n, period = structure.n_floors, curve.period
+    n, period, pair = structure.n_floors, curve.period, len(forced.parameters) == 2
     states = [curve.split(one.y) for one in arc.points]
     seen = [forced.observe(*state) for state in states]
     drift = [
         float(normalised_drift(one.peak_drift, *forced.at(value)[1:]))
         for one, (_, value) in zip(seen, states, strict=True)
     ]
-    specials = [one.at for _, one in arc.specials]
     length, speed = (unit_of(structure, kind) for kind in ("length", "velocity"))
-    attributes = {"units": f"{length}, {speed}", "long_name": "stroboscopic points"}
+    described = {"units": f"{length}, {speed}", "long_name": "stroboscopic points"}
+    named = {} if pair else {"long_name": forced.parameter}
 
-    def points_of(found: list[Solution]) -> np.ndarray:
-        points = [curve.split(one.y)[0] * units for one in found]
-        return np.array(points).reshape(len(found), period, 2 * n)
+    def along(dimension: str, prefix: str, solutions: list[Solution]) -> dict:
+        """Return the orbits at the points of the curve, and the values of the parameter."""
+        size, split = len(solutions), [curve.split(one.y) for one in solutions]
+        points = np.array([x * units for x, _ in split]).reshape(size, period, 2 * n)
+        multipliers = np.array([one.multipliers for one in solutions], complex)
+        values = np.array([value for _, value in split], float)
+        return {
+            f"{prefix}point": ((dimension, "turn", "state"), points, described),
+            f"{prefix}multiplier": (
+                (dimension, "multiplier_number"),
+                multipliers.reshape(size, 2 * n),
+            ),
+            f"{prefix}value": (
+                (dimension, "parameter")[: 1 + pair],
+                values.reshape((size, 2)[: 1 + pair]),
+                named,
+            ),
+        }
 
-    def multipliers_of(found: list[Solution]) -> np.ndarray:
-        return np.array([one.multipliers for one in found], complex).reshape(len(found), 2 * n)
-
-    variables = {
-        "point": (("step", "turn", "state"), points_of(arc.points), attributes),
-        "multiplier": (("step", "multiplier_number"), multipliers_of(arc.points)),
-        "contact": ("step", np.array([one.contact for one in seen], np.uint64)),
-        "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
-        "special_point": (("special", "turn", "state"), points_of(specials), attributes),
-        "special_multiplier": (("special", "multiplier_number"), multipliers_of(specials)),
-        "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
-    }
-    begins, ends = arc.ends
-    return (
-        variables,
-        {"state": [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]},
+    return xarray.Dataset(
         {
+            **along("step", "", arc.points),
+            "contact": ("step", np.array([one.contact for one in seen], np.uint64)),
+            "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
+            **along("special", "special_", [one.at for _, one in arc.specials]),
+            "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
+            "special_kind": ("special", kinds),
+            **variables,
+        },
+        coords={"state": [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]},
+        attrs={
+            **attributes,
             "period": period,
             "amplitude": forced.amplitude,
             "omega": forced.omega,
-            "begins": begins,
-            "ends": ends,
+            "begins": arc.ends[0],
+            "ends": arc.ends[1],
         },
     )

@@ -5,16 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.api.branches import parts_of, read_steps, values_of
+from hpcsweep.api.branches import MAX_STEPS, dataset_of
 from hpcsweep.api.levels import first_at, measure_of
-from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
+from hpcsweep.dynamics.continuation.branch import Limits, follow
 from hpcsweep.dynamics.continuation.cycle import NotConvergedError
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
 from hpcsweep.dynamics.continuation.locus import Locus
 from hpcsweep.dynamics.continuation.meetings import step_of_locus
 from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
-from hpcsweep.model.arguments import finite, finite_vector, instance
+from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
 
 
@@ -104,14 +104,16 @@ def curve(
     else:
         change = tuple(special["change"].values.tolist())
         locus = Locus(forced, period, scale, spans, kind, change)
-    limits = Limits(-np.inf, np.inf, *read_steps(steps, largest_step), SMALLEST)
+    n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
+    limits = Limits(-np.inf, np.inf, n_steps, largest, SMALLEST)
     try:
         start = locus.start(points, forced.value)
     except NotConvergedError as error:
         raise ArithmeticError(f"no curve begins at the special point: {error}") from None
     arc = follow(locus, start, limits, step=step_of_locus)
+    met = [special.kind.value for _, special in arc.specials]
     followed = {"kind": kind.name.lower()} if kind else {"kind": measure, "limit": limit}
-    return _dataset_of(arc, forced, followed)
+    return dataset_of(arc, forced, met, {"parameter": list(forced.parameters)}, followed)
 
 
 def _kind(special: Any) -> Kind:
@@ -144,21 +146,3 @@ def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[flo
             raise ValueError(f"span must hold {name} = {value:g}, is {low:g} to {high:g}")
     first, second = (tuple(pair) for pair in pairs)
     return first, second
-
-
-def _dataset_of(arc: Arc, forced: ForcedMap, followed: dict):
-    import xarray
-
-    variables, coordinates, attributes = parts_of(arc, forced)
-    specials = [one for _, one in arc.specials]
-    met = values_of(arc.curve, [one.at for one in specials]).reshape(len(specials), 2)
-    return xarray.Dataset(
-        {
-            **variables,
-            "value": (("step", "parameter"), values_of(arc.curve, arc.points)),
-            "special_kind": ("special", [one.kind.value for one in specials]),
-            "special_value": (("special", "parameter"), met),
-        },
-        coords={**coordinates, "parameter": list(forced.parameters)},
-        attrs={**followed, **attributes},
-    )

@@ -1,15 +1,51 @@
-"""One attractor, and all that are found at a point (structure, A, Omega)."""
+"""The motion that a state goes to; one attractor, and all at a point (structure, A, Omega)."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.lifetime import Lifetime
+from hpcsweep.dynamics.stability import Interval
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.records import Observation
 
 UNDECIDED, FAILED, ELSEWHERE = -1, -2, -3
 """In place of an attractor's number; the last: one that is not listed."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The motion that a state goes to.
+
+    Attributes
+    ----------
+    kind : MotionClass
+        PERIODIC, QUASI_PERIODIC, CHAOTIC, UNDECIDED or FAILED.
+    points : ndarray, shape (k, 2n)
+        The p points of an orbit in order; the last observed points of other motions.
+    period : int
+        Orbit period p in forcing periods, 0 for other motions.
+    multiplier : float
+        Modulus of the orbit's largest Floquet multiplier; NaN for other motions.
+    interval : Interval
+        Largest Lyapunov exponent per unit of time with its confidence interval, a point for an
+        orbit; NaN if unknown.
+    cycles : int
+        Forcing periods integrated.
+    outcome : Outcome
+        Outcome of the solver.
+    seen : Observation, optional
+        The window, if it classified the motion, and the motion is not an orbit.
+    """
+
+    kind: MotionClass
+    points: np.ndarray
+    period: int
+    multiplier: float
+    interval: Interval
+    cycles: int
+    outcome: Outcome
+    seen: Observation | None = None
 
 
 @dataclass(frozen=True)
@@ -67,11 +103,11 @@ class Found(list[Attractor]):
     ----------
     n_transient : int
         Starts that were transient chaos; they count for the attractors in which they ended.
-    lifetime : Lifetime
+    lifetime : Interval
         Mean lifetime of transient chaos in forcing periods, with its interval; NaN without any.
     """
 
-    def __init__(self, attractors, n_transient: int, lifetime: Lifetime):
+    def __init__(self, attractors, n_transient: int, lifetime: Interval):
         super().__init__(attractors)
         self.n_transient, self.lifetime = n_transient, lifetime
 
@@ -92,7 +128,7 @@ class Portrait:
         COMPLETE if any start succeeded, otherwise the most frequent failure.
     n_transient : int
         Starts that were transient chaos, whatever they ended in.
-    lifetime : Lifetime
+    lifetime : Interval
         Mean lifetime of that in forcing periods; NaN without any.
     """
 
@@ -101,7 +137,7 @@ class Portrait:
     cycles: int
     outcome: Outcome
     n_transient: int
-    lifetime: Lifetime
+    lifetime: Interval
 
     @property
     def n_undecided(self) -> int:

@@ -1,10 +1,10 @@
 """Find all attractors at one point (structure, A, Omega), and which starts reach them.
 
 Starts are classified in groups that double in size, so that later ones use the attractors found by
-earlier ones. Once a start enters the neighbourhood of a known orbit (`hpcsweep.dynamics.approach`)
-it counts as a start of that orbit. A start still outside all of them after the transient is
-compared, by its last `WINDOW` points, with the known motions that are not orbits
-(`hpcsweep.dynamics.resemblance`), and only one that resembles none is classified on its own
+earlier ones. Once a start enters the neighbourhood of a known orbit
+(`hpcsweep.dynamics.neighbourhood`) it counts as a start of that orbit. A start still outside all of
+them after the transient is compared, by its last `WINDOW` points, with the known motions that are
+not orbits (`hpcsweep.dynamics.known`), and only one that resembles none is classified on its own
 (`hpcsweep.dynamics.classify_motion`).
 
 Chaos may be a transient, and what looks like a torus the slow approach to an orbit. When all starts
@@ -25,17 +25,15 @@ from copy import copy
 
 import numpy as np
 
-from hpcsweep.dynamics.approach import WINDOW, Approached, approach
 from hpcsweep.dynamics.arrival import NEAR
-from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Motion
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.classify_motion import SETTLED, classify_motion
 from hpcsweep.dynamics.known import KnownMotions
 from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
-from hpcsweep.dynamics.motion import Motion
-from hpcsweep.dynamics.neighbourhood import neighbourhood
+from hpcsweep.dynamics.neighbourhood import WINDOW, Approached, approach, neighbourhood
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach
+from hpcsweep.solvers.records import Approach, Observation
 
 FIRST_GROUP, MAX_GROUP = 4, 256
 """Starts of the first group, and of the largest."""
@@ -292,17 +290,8 @@ class AttractorSearch:
 
     def _settle(self, state: np.ndarray, cycles: int) -> Approach:
         """Follow a motion until it reaches an orbit, for at most `cycles` forcing periods."""
-        settings = self._settings
-        end = self._solver.settle(
-            state,
-            self._amplitude,
-            cycles,
-            self._longest,
-            SETTLED,
-            settings.period_tolerance,
-            NEAR,
-            self._poll,
-        )
+        rules = cycles, self._longest, SETTLED, self._settings.period_tolerance, NEAR
+        end = self._solver.settle(state, self._amplitude, *rules, self._poll)
         self.cycles += end.n_periods + end.n_newton
         return end
 
@@ -315,18 +304,16 @@ class AttractorSearch:
         there = self._known.orbit(motion.points)
         if there is not None:
             return there
-        seen = self._solver.observe(
-            motion.points[-1],
-            self._amplitude,
-            motion.period,
-            True,
-            poll=self._poll,
-            measures=self._settings.measures,
-        )
+        seen = self._observe(motion, motion.period)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
         near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
         return self._known.add(motion, motion.points, seen, near)
+
+    def _observe(self, motion: Motion, n_periods: int) -> Observation:
+        options = {"poll": self._poll, "measures": self._settings.measures}
+        z = motion.points[-1]
+        return self._solver.observe(z, self._amplitude, n_periods, True, **options)
 
     def _place_aperiodic(self, motion: Motion) -> int:
         """Return the index of a motion without a period, as one that is still to be tested."""
@@ -334,8 +321,7 @@ class AttractorSearch:
         if there is not None:
             self._known.remember(motion.points, there)
             return there
-        options = {"poll": self._poll, "measures": self._settings.measures}
-        seen = self._solver.observe(motion.points[-1], self._amplitude, RECORD, True, **options)
+        seen = self._observe(motion, RECORD)
         self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)

@@ -1,9 +1,10 @@
-"""Basins of attraction at one point (structure, A, Omega): the attractor that a state reaches.
+"""All attractors at one point (structure, A, Omega): their shares of starts, and their basins.
 
-The attractors are found once, from given starts, and ordered by how many starts reach each. Then
-any number of states are classified by them, group by group. Further motions found in a group are
-dropped after it: the label of a state depends only on the attractors and its group, so that groups
-can be classified in any order, on any number of processes.
+A portrait counts the starts that reach each. For basins the attractors are found once, from given
+starts, and ordered by how many starts reach each. Then any number of states are classified by them,
+group by group. Further motions found in a group are dropped after it: the label of a state depends
+only on the attractors and its group, so that groups can be classified in any order, on any number
+of processes.
 """
 
 from collections.abc import Callable
@@ -11,9 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import ELSEWHERE, Attractor
+from hpcsweep.dynamics.attractor import ELSEWHERE, UNDECIDED, Attractor, Portrait
 from hpcsweep.dynamics.attractors import MAX_GROUP, AttractorSearch
-from hpcsweep.dynamics.lifetime import Lifetime
+from hpcsweep.dynamics.shares import share_interval
+from hpcsweep.dynamics.stability import Interval
+from hpcsweep.solvers.outcome import Outcome
 
 CONFIDENCE = 0.95
 """Confidence of the tests of lifetimes."""
@@ -41,7 +44,7 @@ class Basins:
     ----------
     attractors : list of Attractor
         In order of decreasing `hits`.
-    lifetime : Lifetime
+    lifetime : Interval
         Mean lifetime of the transient chaos among `starts`, in forcing periods; NaN without any.
     """
 
@@ -63,7 +66,7 @@ class Basins:
         self.attractors: list[Attractor] = [
             replace(found[place], hits=int(hits[place])) for place in order.tolist()
         ]
-        self.lifetime: Lifetime = self._search.transient.lifetime(CONFIDENCE)
+        self.lifetime: Interval = self._search.transient.lifetime(CONFIDENCE)
         self._listed = np.full(len(found), ELSEWHERE)
         self._listed[order] = np.arange(order.size)
 
@@ -107,3 +110,48 @@ class Basins:
         labels[labels >= self._listed.size] = ELSEWHERE
         labels[known] = self._listed[labels[known]]
         return labels
+
+
+def portrait(
+    solver,
+    amplitude: float,
+    seeds: np.ndarray,
+    starts: np.ndarray,
+    settings,
+    max_cycles: int,
+    confidence: float,
+    poll: Callable[[], None] | None = None,
+) -> Portrait:
+    """Find the attractors at one point and their shares.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the structure and the frequency.
+    amplitude : float
+    seeds : ndarray, shape (m, 2n)
+        States whose motions are classified first and do not count for shares.
+    starts : ndarray, shape (N, 2n)
+    settings : SweepSettings
+    max_cycles : int
+        Forcing periods after which a motion is left undecided.
+    confidence : float
+        Confidence of the intervals of the shares, and of the tests of lifetimes.
+    poll : callable, optional
+        Called before each start and within long ones; may raise to leave.
+    """
+    search = AttractorSearch(solver, amplitude, settings, max_cycles, confidence, poll)
+    for seed in seeds:
+        search.classify(seed)
+    labels = search.labels(starts)
+    found = []
+    for place, attractor in enumerate(search.attractors):
+        hits, total = int((labels == place).sum()), len(starts)
+        low, high = share_interval(hits, total, confidence)
+        share = hits / total if total else 0.0
+        found.append(replace(attractor, hits=hits, share=share, share_low=low, share_high=high))
+    outcome = Outcome.COMPLETE
+    if search.failures and not found and not np.any(labels == UNDECIDED):
+        outcome = search.failures.most_common(1)[0][0]
+    transient = search.n_transient, search.transient.lifetime(confidence)
+    return Portrait(found, labels, search.cycles, outcome, *transient)

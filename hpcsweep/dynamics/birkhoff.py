@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.classify import NEUTRAL_GROWTH
-from hpcsweep.model.arguments import array, rows
 
 TORUS_GROWTH = 0.5
 """Largest weighted growth of a torus over a stretch, either sign; over its halves
@@ -64,10 +63,7 @@ def agreeing_digits(points: np.ndarray) -> float:
         The least over all coordinates and their squares, in units of their largest distance from
         the mean; inf where they agree to the last bit.
     """
-    points = rows("points", points)
     half = len(points) // 2
-    if half < 2:
-        raise ValueError(f"points must be at least 4, are {len(points)}")
     # one row a coordinate: maxima over few long rows are ten times faster
     coordinates = np.ascontiguousarray(points.T)
     centred = coordinates[:, : 2 * half] - coordinates.mean(axis=1, keepdims=True)
@@ -93,7 +89,6 @@ def weighted_means(points: np.ndarray) -> np.ndarray:
     -------
     ndarray, shape (4n,)
     """
-    points = rows("points", points)
     weights = _weights(len(points))
     return np.concatenate((weights @ points, weights @ (points * points)))
 
@@ -106,10 +101,7 @@ def weighted_growth(logarithms: np.ndarray) -> WeightedGrowth:
     logarithms : ndarray, shape (k,)
         Logarithms of its growth in each forcing period, k >= 4.
     """
-    logarithms = array("logarithms", logarithms)
     size, half = len(logarithms), len(logarithms) // 2
-    if half < 2:
-        raise ValueError(f"logarithms must be at least 4, are {size}")
     weights = _weights(half)
     means = (weights @ logarithms[:half], weights @ logarithms[-half:], _weights(size) @ logarithms)
     return WeightedGrowth(*(float(mean) * size for mean in means))

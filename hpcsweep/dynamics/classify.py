@@ -19,11 +19,12 @@ The class is that of the window: chaos may be a transient that would end later.
 import math
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from itertools import groupby
 
 import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
-from hpcsweep.model.arguments import array, count, number, real, refused, rows, words
+from hpcsweep.model.arguments import count, number, real, refused, rows, words
 from hpcsweep.solvers.outcome import Outcome
 
 CHAOS_GROWTH = 5.0
@@ -81,15 +82,8 @@ class MotionClass(IntEnum):
     """The solver failed."""
 
 
-CLASS_NAMES = {
-    MotionClass.NOT_COMPUTED: "not computed",
-    MotionClass.NO_CONTACT: "no contact",
-    MotionClass.PERIODIC: "periodic",
-    MotionClass.LONG_PERIOD: "long period",
-    MotionClass.QUASI_PERIODIC: "quasi-periodic",
-    MotionClass.CHAOTIC: "chaotic",
-    MotionClass.UNDECIDED: "undecided",
-    MotionClass.FAILED: "failed",
+CLASS_NAMES = {kind: kind.name.lower().replace("_", " ") for kind in MotionClass} | {
+    MotionClass.QUASI_PERIODIC: "quasi-periodic"
 }
 
 
@@ -145,21 +139,15 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
         classes[results["contact"].values == 0] = MotionClass.NO_CONTACT
     classes = _with_failures(classes, outcome)
     if "poincare" in results:
-        open_ones = np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0))
         points, counts = results["poincare"].values, results["n_points"].values
         omega, amplitude = results["omega"].values, results["amplitude"].values
-        own = results["forcing_amplitude"].values if "forcing_amplitude" in results else None
-
-        def forcing(at) -> tuple[float, float]:
-            _, frame, place = at
-            return float(omega[frame]), float(amplitude[place] if own is None else own[frame])
-
-        for at in map(tuple, open_ones):
-            classes[at] = classify_points(
-                points[at][: counts[at]] / (units_at(*forcing(at)) if units_at else 1.0),
-                growth[at],
-                settings.period_tolerance,
-            )
+        of_frames = results["forcing_amplitude"].values if "forcing_amplitude" in results else None
+        for at in np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0)):
+            _, frame, place = run = tuple(at)
+            forcing = amplitude[place] if of_frames is None else of_frames[frame]
+            units = units_at(float(omega[frame]), float(forcing)) if units_at else 1.0
+            window = points[run][: counts[run]] / units
+            classes[run] = classify_points(window, growth[run], settings.period_tolerance)
     return classes
 
 
@@ -267,7 +255,6 @@ def class_shares(classes: np.ndarray) -> dict[MotionClass, float]:
     dict of MotionClass to float
         All classes but NOT_COMPUTED; the shares sum to 1, or are all 0 if nothing was computed.
     """
-    classes = array("classes", classes)
     computed = max(int((classes != MotionClass.NOT_COMPUTED).sum()), 1)
     return {
         kind: int((classes == kind).sum()) / computed
@@ -318,11 +305,7 @@ def contact_name(contact: int, labels: int | Sequence[str], room: int | None = N
 def _ranges(numbers: Sequence[int]) -> list[str]:
     """Format ascending numbers, three and more in a row as a range."""
     parts: list[str] = []
-    start = 0
-    for end in range(1, len(numbers) + 1):
-        if end < len(numbers) and numbers[end] == numbers[end - 1] + 1:
-            continue
-        row = numbers[start:end]
-        parts += [f"{row[0]}-{row[-1]}"] if len(row) > 2 else [str(number) for number in row]
-        start = end
+    for _, group in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
+        row = [str(number) for _, number in group]
+        parts += [f"{row[0]}-{row[-1]}"] if len(row) > 2 else row
     return parts

@@ -6,7 +6,7 @@ by a part of it from then on, and classified each time by its later part. A moti
 
 - periodic if it has closed on or is verified to go to an orbit that does not repel (`arrival`);
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
-(`exponent.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
+(`stability.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
 - quasi-periodic if over `MIN_TORUS` periods or more weighted means over both halves agree to
   `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
@@ -22,22 +22,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from hpcsweep.dynamics import orbit, stability
 from hpcsweep.dynamics.arrival import NEAR, Arrival, Arriving
+from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
-from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
 from hpcsweep.dynamics.lifetime import outlive
-from hpcsweep.dynamics.motion import Motion
-from hpcsweep.dynamics.orbit import (
-    approached_period,
-    closed_period,
-    closing_period,
-    limit_of_approach,
-    returning_period,
-    returns_near,
-    stays_near_orbit,
-)
-from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Growth, Observation
@@ -153,9 +143,9 @@ class _Classifier:
         return self._stretch is None and not (self._growing or self._likely_torus)
 
     @property
-    def growth(self) -> Interval:
+    def growth(self) -> stability.Interval:
         """Growth a period over everything observed."""
-        return growth_interval(self._logarithms)
+        return stability.growth_interval(self._logarithms)
 
     def undecided(self, z: np.ndarray) -> Motion:
         """Return the motion as undecided."""
@@ -164,10 +154,8 @@ class _Classifier:
 
     def watch(self, z: np.ndarray, n_periods: int) -> Step:
         """Integrate until the motion has reached an orbit, or is verified to go to one."""
-        most = min(n_periods, self.left)
-        end = self._solver.settle(
-            z, self._amplitude, most, LONGEST, SETTLED, self._same, NEAR, self._poll
-        )
+        rules = min(n_periods, self.left), LONGEST, SETTLED, self._same, NEAR
+        end = self._solver.settle(z, self._amplitude, *rules, self._poll)
         self.cycles += end.n_periods + end.n_newton
         if end.outcome is not Outcome.COMPLETE:
             return end.state, self.motion(MotionClass.FAILED, end.state[None], outcome=end.outcome)
@@ -175,28 +163,24 @@ class _Classifier:
             return end.state, None
         return self._arrived(self._arriving.at(end.state, end.period, end.state))
 
-    def observe(self, z: np.ndarray, n_periods: int, direction=None) -> Growth:
-        """Integrate with a tangent vector."""
-        most = min(n_periods, self.left)
-        seen = self._solver.grow(z, self._amplitude, most, self._poll, direction)
-        self.cycles += len(seen.points)
-        return seen
-
     def judge_window(self, z: np.ndarray, seen: Observation) -> Step:
         """Classify a motion by a window; return the state from which to continue."""
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
-        self._logarithms = aligned(seen.logarithms)
+        self._logarithms = stability.aligned(seen.logarithms)
         end, motion = self._judge(seen, len(seen.points) // 2)
         return end, self._confirmed(motion, end)
 
     def carry_on(self, z: np.ndarray) -> Step:
         """Observe the motion for longer, and classify it by the end of the continuous stretch."""
         before = self._stretch
-        seen = self.observe(z, self._more(), None if before is None else before.direction)
+        direction = None if before is None else before.direction
+        most = min(self._more(), self.left)
+        seen = self._solver.grow(z, self._amplitude, most, self._poll, direction)
+        self.cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
-        added = aligned(seen.logarithms) if before is None else seen.logarithms
+        added = stability.aligned(seen.logarithms) if before is None else seen.logarithms
         self._logarithms = np.concatenate((self._logarithms, added))
         self._stretch = stretch = seen if before is None else before.followed_by(seen)
         start = stretch.points[-1]
@@ -234,7 +218,7 @@ class _Classifier:
         z = points[-1] if len(points) else z
         if outcome is not Outcome.COMPLETE:
             ended = self.motion(MotionClass.FAILED, z[None], outcome=outcome)
-        elif self.left and returns_near(points[-1 - LONGEST :] / self._units, NEAR):
+        elif self.left and orbit.returns_near(points[-1 - LONGEST :] / self._units, NEAR):
             z, ended = self.watch(z, WATCHED)
         return z, self.cycles - before, ended
 
@@ -244,18 +228,17 @@ class _Classifier:
         It is also claimed where each of the last two turns has closed on the previous one.
         """
         points, size, end = stretch / self._units, len(stretch), stretch[-1]
-        found = closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
+        found = orbit.closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
         period = found.period
         if not period:
             return end, None
         last = points[-3 * period :]
         if found.distance <= self._same and self._closed(last, 3 * period // 2):
             return self._arrived(self._arriving.close(end, period))
-        limit = limit_of_approach(last, period)
-        soon = limit is not None or TURNS * period <= size
+        soon = orbit.limit_of_approach(last, period) is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
             self._tried[period] = size
-            return self._jump(stretch, period, limit)
+            return self._jump(stretch, period)
         return end, None
 
     def _judge(self, seen: Observation | Growth, longest: int = 0) -> Step:
@@ -274,13 +257,13 @@ class _Classifier:
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
             # near a repelling orbit it is that orbit's growth
             third = size // 3
-            beside = stays_near_orbit(points[:third], LONGEST, NEAR)
+            beside = orbit.stays_near_orbit(points[:third], LONGEST, NEAR)
             if not beside or seen.logarithms[:third].sum() > DRIVEN_AWAY:
                 return end, self.motion(MotionClass.CHAOTIC, seen.points, growth=growth, seen=whole)
-        period = approached_period(points, LONGEST, NEAR)
+        period = orbit.approached_period(points, LONGEST, NEAR)
         if period:
             # no torus is sought among points that approach an orbit
-            return self._jump(seen.points, period, limit_of_approach(points, period))
+            return self._jump(seen.points, period)
         return end, self._torus(points, seen, whole)
 
     def _torus(self, points, seen: Observation | Growth, whole) -> Motion | None:
@@ -293,21 +276,19 @@ class _Classifier:
             return None
         if not weighted_growth(seen.logarithms).vanishes(size):
             return None
-        growth = growth_interval(seen.logarithms)
-        period = returning_period(points, size // RETURNS, NEAR)
-        locked = None
-        if period:
-            _, locked = self._jump(seen.points, period, limit_of_approach(points, period))
+        growth = stability.growth_interval(seen.logarithms)
+        period = orbit.returning_period(points, size // RETURNS, NEAR)
+        locked = self._jump(seen.points, period)[1] if period else None
         if locked or growth.high < 0:
             return locked
         return self.motion(MotionClass.QUASI_PERIODIC, seen.points, growth=growth, seen=whole)
 
     def _closed(self, points: np.ndarray, max_period: int) -> int:
-        return closed_period(points, max_period, self._same)
+        return orbit.closed_period(points, max_period, self._same)
 
-    def _jump(self, points: np.ndarray, period: int, limit: np.ndarray | None) -> Step:
+    def _jump(self, points: np.ndarray, period: int) -> Step:
         """Return the approached orbit, if the motion is verified to go there."""
-        return self._arrived(self._arriving.jump(points, period, limit, 0.1 * self._same))
+        return self._arrived(self._arriving.jump(points, period, 0.1 * self._same))
 
     def _arrived(self, there: Arrival) -> Step:
         """Return where to continue, and the motion if it has come to an orbit."""
@@ -315,8 +296,8 @@ class _Classifier:
         if there.orbit is None:
             return there.state, None
         points = np.roll(there.orbit.points, -1, axis=0)
-        period, multiplier = there.orbit.period, there.multiplier
-        exponent = Interval.exact(exponent_of_multiplier(multiplier, period))
+        period, multiplier = there.orbit.period, there.orbit.multiplier
+        exponent = stability.Interval.exact(stability.exponent_of_multiplier(multiplier, period))
         found = self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
         return there.state, found
 
@@ -326,10 +307,10 @@ class _Classifier:
         points: np.ndarray,
         period: int = 0,
         multiplier: float = math.nan,
-        growth: Interval = UNKNOWN,
+        growth: stability.Interval = stability.UNKNOWN,
         outcome: Outcome = Outcome.COMPLETE,
         seen: Observation | None = None,
     ) -> Motion:
         """Return the result; `growth` is a forcing period's."""
         interval = growth.times(1.0 / self._time)
-        return Motion(kind, points, period, multiplier, *interval, self.cycles, outcome, seen)
+        return Motion(kind, points, period, multiplier, interval, self.cycles, outcome, seen)

@@ -22,7 +22,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from hpcsweep.model.arguments import count, number
+from hpcsweep.dynamics.stability import UNKNOWN, Interval
 
 HORIZON = 8
 """Mean lifetime, in units of ``max_cycles``, that a motion without period must exceed."""
@@ -35,15 +35,6 @@ one before: so that no motion passes one of many tests by chance."""
 End = TypeVar("End")
 
 
-class Lifetime(NamedTuple):
-    """Mean lifetime of a motion without period, in forcing periods, with its interval."""
-
-    mean: float
-    """Infinite where none of its motions ended."""
-    low: float
-    high: float
-
-
 class Survival(NamedTuple):
     """Motions of one kind that were followed: how many ended, and the periods of all together."""
 
@@ -54,22 +45,22 @@ class Survival(NamedTuple):
         """Return the survival of these motions and more."""
         return Survival(self.escapes + more.escapes, self.at_risk + more.at_risk)
 
-    def lifetime(self, confidence: float) -> Lifetime:
-        """Return the mean lifetime, with the interval of a confidence between 0 and 1.
+    def lifetime(self, confidence: float) -> Interval:
+        """Return the mean lifetime in forcing periods, with the interval of a confidence.
 
-        Where none ended, the lower end is one-sided; NaN where none was followed.
+        Where none ended, the mean is infinite and the lower end one-sided; NaN where none was
+        followed.
         """
         from scipy.special import gammaincinv  # the other commands do not need it
 
-        confidence = number("confidence", confidence, "between 0 and 1", 0.0, 1.0)
-        d, periods = count("escapes", self.escapes), count("at_risk", self.at_risk)
+        d, periods = self
         if periods == 0:
-            return Lifetime(math.nan, math.nan, math.nan)
+            return UNKNOWN
         if d == 0:
-            return Lifetime(math.inf, periods / -math.log1p(-confidence), math.inf)
+            return Interval(math.inf, periods / -math.log1p(-confidence), math.inf)
         tail = 0.5 * (1.0 - confidence)
         high = periods / float(gammaincinv(d, tail))
-        return Lifetime(periods / d, periods / float(gammaincinv(d + 1, 1.0 - tail)), high)
+        return Interval(periods / d, periods / float(gammaincinv(d + 1, 1.0 - tail)), high)
 
 
 def periods_at_risk(max_cycles: int, confidence: float) -> int:

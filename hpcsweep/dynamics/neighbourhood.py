@@ -1,4 +1,4 @@
-"""Neighbourhoods of orbits from which motions converge to the orbit.
+"""Neighbourhoods of orbits from which motions converge to the orbit, and the way into them.
 
 Let z_k be the points of an orbit of period p and T_k the tangent map of the period from z_k to
 z_(k+1). With P_k = T_k' P_(k+1) T_k + Q the quadratic form V_k(x) = x' P_k x falls by x' Q x in
@@ -12,11 +12,14 @@ points of each surface, at the level c and at `INNER` c, from a large level down
 passes. States within `MARGIN` c are taken to go to the orbit.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
 from hpcsweep.solvers.outcome import Outcome
 
 DIRECTIONS = 12
@@ -27,6 +30,10 @@ LARGEST = 0.3
 LEVELS, SHRINK = 6, 9.0
 """Levels tried, each this much lower; half axes shrink by 3."""
 INNER, MARGIN = 0.1, 0.25
+STRIDE = 8
+"""Forcing periods between two tests of the starts."""
+WINDOW = 64
+"""Last points kept of a start that comes near no known orbit."""
 
 
 @dataclass(frozen=True)
@@ -126,3 +133,73 @@ def _falls(solver, amplitude, points, forms, surfaces, level: float) -> bool:
             if end.outcome is not Outcome.COMPLETE or not away @ forms[after] @ away < level:
                 return False
     return True
+
+
+class Approached(NamedTuple):
+    """Starts after their approach.
+
+    Attributes
+    ----------
+    labels : ndarray of int, shape (k,)
+        Index of the orbit, `FAILED`, or `UNDECIDED` for a start near none.
+    cycles : ndarray of int, shape (k,)
+        Forcing periods integrated.
+    windows : dict of int to ndarray
+        Last points of each undecided start, at most `WINDOW`.
+    failures : list of Outcome
+    """
+
+    labels: np.ndarray
+    cycles: np.ndarray
+    windows: dict[int, np.ndarray]
+    failures: list[Outcome]
+
+
+def approach(
+    solver,
+    amplitude: float,
+    starts: np.ndarray,
+    known: list[Neighbourhood | None],
+    longest: int,
+    poll: Callable[[], None] | None = None,
+) -> Approached:
+    """Integrate each start until it is in a neighbourhood, for some `longest` forcing periods.
+
+    Parameters
+    ----------
+    solver : Solver
+    amplitude : float
+    starts : ndarray, shape (k, 2n)
+    known : list of Neighbourhood or None
+        Of the known attractors.
+    longest : int
+        Forcing periods after which a start is left at the next test.
+    poll : callable, optional
+        Called before each stride; may raise to leave.
+    """
+    labels, cycles = np.full(len(starts), UNDECIDED), np.zeros(len(starts), int)
+    failures: list[Outcome] = []
+    left, gone = np.arange(len(starts)), 0
+    trail = np.empty((len(starts), longest + STRIDE, starts.shape[1]))
+    trail[:, 0] = starts
+    while left.size:
+        there = inside(trail[left, gone], known)
+        labels[left[there >= 0]] = there[there >= 0]
+        left = left[there < 0]
+        if gone >= longest:
+            break
+        for k in left.tolist():
+            if poll is not None:
+                poll()
+            points, outcome = solver.points(trail[k, gone], amplitude, STRIDE)
+            cycles[k] += len(points)
+            if outcome is Outcome.COMPLETE:
+                trail[k, gone + 1 : gone + 1 + STRIDE] = points
+            else:
+                labels[k] = FAILED
+                failures.append(outcome)
+        left = left[labels[left] != FAILED]
+        gone += STRIDE
+    first = max(gone + 1 - WINDOW, 0)
+    windows = {k: trail[k, first : gone + 1] for k in left.tolist()}
+    return Approached(labels, cycles, windows, failures)

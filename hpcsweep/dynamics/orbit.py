@@ -16,6 +16,7 @@ the period is claimed. `closed_period` claims an orbit of p only where
 """
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -58,18 +59,8 @@ def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
     """
     points, max_period = rows("points", points), count("max_period", max_period, 1)
     tolerance = number("tolerance", tolerance)
-    return _repeats(_coordinates(points[-2 * max_period :]), max_period, tolerance)
-
-
-def _repeats(coordinates: np.ndarray, max_period: int, tolerance: float) -> int:
-    """Return the smallest p for which all points repeat; see `orbit_period`."""
-    longest = min(max_period, coordinates.shape[1] // 2)
-    # compare the last point with the one p before first
-    back = np.abs(coordinates[:, -2 : -longest - 2 : -1] - coordinates[:, -1:]).max(axis=0)
-    for p in (1 + np.flatnonzero(back <= tolerance)).tolist():
-        if _apart(coordinates, p).max() <= tolerance:
-            return p
-    return 0
+    returns = _returns(points[-2 * max_period :], max_period, tolerance)
+    return next((p for p, apart in returns if apart.max() <= tolerance), 0)
 
 
 def closed_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
@@ -85,10 +76,8 @@ def closed_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
     int
         p, or 0 if there is none, or the points are still converging.
     """
-    points, max_period = rows("points", points), count("max_period", max_period, 1)
-    tolerance = number("tolerance", tolerance)
     coordinates = _coordinates(points[-2 * max_period :])
-    period = _repeats(coordinates, max_period, tolerance)
+    period = orbit_period(points, max_period, tolerance)
     if not period:
         return 0
     apart = _apart(coordinates, period)
@@ -98,10 +87,8 @@ def closed_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
         ratio = last / before.max() if before.max() > 0 else math.inf
         if ratio < 1 and last * ratio > tolerance * (1 - ratio):
             return 0
-    divisors = (shorter for shorter in range(1, period) if period % shorter == 0)
-    if any(_vanishes(_apart(coordinates, shorter)) for shorter in divisors):
-        return 0
-    return period
+    vanishes = any(_vanishes(_apart(coordinates, shorter)) for shorter in divisors(period)[:-1])
+    return 0 if vanishes else period
 
 
 def approached_period(points: np.ndarray, max_period: int, near: float) -> int:
@@ -121,12 +108,8 @@ def approached_period(points: np.ndarray, max_period: int, near: float) -> int:
     int
         p, or 0 if there is none.
     """
-    points, max_period = rows("points", points), count("max_period", max_period, 1)
-    near = number("near", near)
     third = len(points) // 3
-    coordinates = _coordinates(points)
-    for period in _near_ends(coordinates, min(max_period, third // 2), near):
-        apart = _apart(coordinates, period)
+    for period, apart in _returns(points, min(max_period, third // 2), near):
         if apart[-third:].max() <= min(near, apart[-2 * third : -third].max()):
             return period
     return 0
@@ -149,21 +132,17 @@ def returning_period(points: np.ndarray, max_period: int, near: float) -> int:
     int
         p, or 0 if it never returns to within `near`.
     """
-    points, max_period = rows("points", points), count("max_period", max_period, 1)
-    near = number("near", near)
     third = max(len(points) // 3, 1)
-    coordinates = _coordinates(points)
-    best = 0
-    for period in _near_ends(coordinates, min(max_period, len(points) // 2), near):
-        apart = float(_apart(coordinates, period)[-third:].max())
-        if apart < near:
-            near, best = apart, period
-    return best
+    distances = [
+        (float(apart[-third:].max()), period)
+        for period, apart in _returns(points, max_period, near)
+    ]
+    distance, period = min(distances, default=(near, 0))
+    return period if distance < near else 0
 
 
 def returns_near(points: np.ndarray, near: float) -> bool:
     """Return whether any of the points, shape (k, 2n), is near the last one."""
-    points, near = rows("points", points), number("near", near)
     return bool(np.any(np.abs(points[:-1] - points[-1]).max(axis=1) <= near))
 
 
@@ -193,19 +172,16 @@ def closing_period(
     tolerance : float
         Distances within it need not fall.
     """
-    points = rows("points", points)
-    min_period, max_period = count("min_period", min_period, 1), count("max_period", max_period, 1)
-    near, tolerance = number("near", near), number("tolerance", tolerance)
     coordinates = _coordinates(points)
-    best = Recurrence(0, near)
+    closing = []
     returns = _near_ends(coordinates, min(max_period, len(points) // 3), near)
     for period in [p for p in returns if p >= min_period][:CANDIDATES]:
         apart = _apart(coordinates[:, -3 * period :], period)
         before, last = float(apart[:period].max()), float(apart[period:].max())
-        falls = last <= FALLS * before or last <= tolerance
-        if falls and last < best.distance:
-            best = Recurrence(period, last)
-    return best
+        if last < near and (last <= FALLS * before or last <= tolerance):
+            closing.append((last, period))
+    distance, period = min(closing, default=(near, 0))
+    return Recurrence(period, distance)
 
 
 def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:
@@ -226,9 +202,6 @@ def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:
     ndarray, shape (2n,), or None
         None if the approach is not geometric (`ALIKE`), or not along one direction.
     """
-    points, period = rows("points", points), count("period", period, 1)
-    if len(points) < 3 * period:
-        raise ValueError(f"points must be at least {3 * period}, are {len(points)}")
     first, _, _ = _ratio_of_turns(points[: len(points) + 1 - period], period)
     last, moved, defect = _ratio_of_turns(points, period)
     same_ratio = abs(last - first) <= ALIKE * (1.0 - last)
@@ -260,13 +233,7 @@ def stays_near_orbit(points: np.ndarray, max_period: int, near: float) -> bool:
     near : float
         Largest difference of a coordinate.
     """
-    points, max_period = rows("points", points), count("max_period", max_period, 1)
-    near = number("near", near)
-    coordinates = _coordinates(points)
-    return any(
-        _apart(coordinates, period).max() <= near
-        for period in _near_ends(coordinates, min(max_period, len(points) // 2), near)
-    )
+    return any(apart.max() <= near for _, apart in _returns(points, max_period, near))
 
 
 def _coordinates(points: np.ndarray) -> np.ndarray:
@@ -278,6 +245,13 @@ def _near_ends(coordinates: np.ndarray, longest: int, near: float) -> list[int]:
     """Return the p up to `longest` for which the point p before the last is near it."""
     back = coordinates[:, -2 : -longest - 2 : -1] - coordinates[:, -1:]
     return (1 + np.flatnonzero(np.abs(back).max(axis=0) <= near)).tolist()
+
+
+def _returns(points: np.ndarray, longest: int, near: float) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield the p of `_near_ends`, up to half of all, and the distances of points p apart."""
+    coordinates = _coordinates(points)
+    for period in _near_ends(coordinates, min(longest, len(points) // 2), near):
+        yield period, _apart(coordinates, period)
 
 
 def _apart(coordinates: np.ndarray, period: int) -> np.ndarray:
@@ -312,11 +286,13 @@ def smallest_period(points: np.ndarray, same: float) -> int:
     int
         A divisor of p.
     """
-    points, same = rows("points", points), number("same", same)
-    period = len(points)
-    for divisor in range(1, period):
-        if period % divisor == 0:
-            turned = np.concatenate((points[divisor:], points[:divisor]))
-            if np.abs(points - turned).max() <= same:
-                return divisor
-    return period
+    return next(
+        p
+        for p in divisors(len(points))
+        if np.abs(points - np.roll(points, -p, axis=0)).max() <= same
+    )
+
+
+def divisors(period: int) -> list[int]:
+    """Return the divisors of a period, itself the last."""
+    return [p for p in range(1, period + 1) if period % p == 0]

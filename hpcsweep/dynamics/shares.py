@@ -14,8 +14,6 @@ starts, whose numbers scatter less than independent ones, make it safer still.
 
 import math
 
-from hpcsweep.model.arguments import count, number
-
 
 def starts_needed(share: float, risk: float) -> int:
     """Return the number of starts that miss an attractor of a share with probability <= `risk`.
@@ -25,8 +23,6 @@ def starts_needed(share: float, risk: float) -> int:
     share, risk : float
         Between 0 and 1.
     """
-    share = number("share", share, "between 0 and 1", 1e-12, 1 - 1e-12)
-    risk = number("risk", risk, "between 0 and 1", 1e-300, 1 - 1e-12)
     return math.ceil(math.log(risk) / math.log1p(-share) - 1e-9)
 
 
@@ -47,9 +43,7 @@ def share_interval(hits: int, starts: int, confidence: float) -> tuple[float, fl
     """
     from scipy.special import betaincinv  # the other commands do not need it
 
-    starts = count("starts", starts)
-    hits = count("hits", hits, 0, starts)
-    tail = 0.5 * (1.0 - number("confidence", confidence, "between 0 and 1", 0.0, 1.0))
+    tail = 0.5 * (1.0 - confidence)
     low = float(betaincinv(hits, starts - hits + 1, tail)) if hits else 0.0
     high = float(betaincinv(hits + 1, starts - hits, 1.0 - tail)) if hits < starts else 1.0
     return low, high

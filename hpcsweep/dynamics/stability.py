@@ -1,10 +1,28 @@
-"""Stability of orbits: Floquet multipliers and the largest Lyapunov exponent."""
+"""Floquet multipliers of orbits, and the largest Lyapunov exponent of motions.
+
+Over a stretch of a motion the exponent has a confidence interval. The logarithms l_1, ..., l_k of
+the factor by which a tangent vector grows in each forcing period are correlated: an impact that
+stretches it is followed by others. Means over batches of k / B of them are nearly independent once
+a batch is longer than the correlation, and nearly normal; their mean is that of the growth a
+period, and Student's t with B - 1 degrees of freedom gives its interval (method of batch means;
+Law, Simulation Modeling and Analysis, 5th ed., section 9.5.3).
+"""
 
 import math
+from functools import cached_property, lru_cache, reduce
+from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.model.arguments import count, rows
+from hpcsweep.solvers.branch_rule import MAX_PRODUCT
+
+BATCHES = 10
+"""B of a stretch; each must have at least one period."""
+CONFIDENCE = 0.95
+"""Confidence of both sides of the interval together."""
+ALIGNING = 10
+"""The first 1/10 of a stretch is dropped."""
 
 
 def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
@@ -23,6 +41,59 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
         raise ValueError(f"matrix must be square and finite, has shape {matrix.shape}")
     multipliers = np.linalg.eigvals(matrix)
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+
+class TangentMaps:
+    """The tangent maps along an orbit, shape (p, N, N), and what follows from them.
+
+    Their multipliers, too, where they are known.
+    """
+
+    def __init__(self, matrices: np.ndarray, known: np.ndarray | None = None):
+        self.matrices = matrices
+        if known is not None:
+            self.multipliers = known
+
+    @cached_property
+    def multipliers(self) -> np.ndarray:
+        """Floquet multipliers, the eigenvalues of M_{p-1} ... M_0, largest modulus first.
+
+        To first order a relative error of each M_i changes their product P by up to it times
+
+            sum_i |M_{p-1} ... M_{i+1}| |M_i| |M_{i-1} ... M_0|.
+
+        Where this is large they are the p-th powers of the eigenvalues of the block cyclic matrix
+        of the M_i, which has each p times and is as well scaled as each M_i (Kressner, Numerical
+        Methods for General and Structured Eigenvalue Problems, 2005, 3.3).
+        """
+        p, n, _ = self.matrices.shape
+        if p == 1:
+            return floquet_multipliers(self.matrices[0])
+        before, after = [np.eye(n)], [np.eye(n)]
+        for first, last in zip(self.matrices, self.matrices[::-1], strict=True):
+            before.append(first @ before[-1])
+            after.append(after[-1] @ last)
+        factors = before[:-1], self.matrices, after[-2::-1]
+        sizes = [np.linalg.norm(each, axis=(1, 2)) for each in factors]
+        if np.prod(sizes, axis=0).sum() <= MAX_PRODUCT:
+            return floquet_multipliers(before[-1])
+        from scipy.linalg import block_diag  # it is seldom needed
+
+        cyclic = np.roll(block_diag(*self.matrices), n, axis=0)
+        powers = np.linalg.eigvals(cyclic) ** p
+        multipliers = np.empty(n, complex)
+        for k in range(n):
+            largest = powers[np.argmax(np.abs(powers))]
+            order = np.argsort(np.abs(powers - largest), kind="stable")
+            multipliers[k] = powers[order[:p]].mean()
+            powers = powers[order[p:]]
+        return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+    @property
+    def product(self) -> np.ndarray:
+        """M_{p-1} ... M_0, shape (N, N)."""
+        size = self.matrices.shape[1]
+        return reduce(lambda product, matrix: matrix @ product, self.matrices, np.eye(size))
 
 
 def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> float:
@@ -59,3 +130,61 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
 def exponent_of_multiplier(multiplier: float, time: float) -> float:
     """Return the exponent for the modulus of an orbit's largest multiplier over a time."""
     return math.log(multiplier) / time if multiplier > 0 else -math.inf
+
+
+class Interval(NamedTuple):
+    """A mean with its confidence interval, in whatever unit."""
+
+    mean: float
+    low: float
+    high: float
+
+    @classmethod
+    def exact(cls, mean: float) -> "Interval":
+        """Return the interval of an exactly known mean."""
+        return cls(mean, mean, mean)
+
+    def times(self, factor: float) -> "Interval":
+        """Return the interval in another unit; `factor` > 0."""
+        return Interval(self.mean * factor, self.low * factor, self.high * factor)
+
+
+UNKNOWN = Interval(math.nan, math.nan, math.nan)
+
+
+def aligned(logarithms: np.ndarray) -> np.ndarray:
+    """Drop the first tenth, in which the tangent vector aligns with the direction of growth."""
+    return logarithms[len(logarithms) // ALIGNING :]
+
+
+def growth_interval(logarithms: np.ndarray) -> Interval:
+    """Return the mean growth a period with its confidence interval.
+
+    Parameters
+    ----------
+    logarithms : ndarray, shape (k,)
+        Logarithms of the growth factor in each forcing period, `aligned`.
+
+    Returns
+    -------
+    Interval
+        In units of 1/T; NaN if there are too few periods, or a factor is 0.
+    """
+    length = len(logarithms) // BATCHES
+    # a sum with an infinite term is not finite
+    if length == 0 or not math.isfinite(logarithms.sum()):
+        return UNKNOWN
+    kept = logarithms[len(logarithms) - length * BATCHES :]
+    means = (kept.reshape(BATCHES, length).sum(axis=1) / length).tolist()
+    mean = math.fsum(means) / BATCHES
+    variance = math.fsum((one - mean) ** 2 for one in means) / (BATCHES - 1)
+    half = math.sqrt(variance / BATCHES) * _quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
+    return Interval(mean, mean - half, mean + half)
+
+
+@lru_cache(maxsize=64)
+def _quantile(freedom: int, probability: float) -> float:
+    """Return the quantile of Student's t distribution."""
+    from scipy.special import stdtrit  # reading results does not need it
+
+    return float(stdtrit(freedom, probability))

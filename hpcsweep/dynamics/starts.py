@@ -71,12 +71,8 @@ def starting_states(
     """
     key = [seed, *np.array([omega, amplitude]).view(np.uint64).tolist()]
     shift = np.random.default_rng(key).random(len(box))
-    unit = (_sobol(len(box), _power(starts), seed)[:starts] + shift) % 1.0
+    unit = (_sobol(len(box), max(starts - 1, 0).bit_length(), seed)[:starts] + shift) % 1.0
     return box[:, 0] + unit * (box[:, 1] - box[:, 0])
-
-
-def _power(starts: int) -> int:
-    return max(starts - 1, 0).bit_length()
 
 
 @lru_cache(maxsize=4)

@@ -38,9 +38,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import jacobian
-from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
 from hpcsweep.dynamics.orbit import smallest_period
-from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers
 
 STEPS = 40
 NEAR, PATIENCE = 1e-3, 6
@@ -95,10 +94,7 @@ class VerifiedOrbit(NamedTuple):
     @property
     def multiplier(self) -> float:
         """Modulus of the largest multiplier: of the product of tangent maps, which keeps it."""
-        product = np.eye(self.points.shape[1])
-        for matrix in self.maps.matrices:
-            product = matrix @ product
-        return float(abs(floquet_multipliers(product)[0]))
+        return float(abs(floquet_multipliers(self.maps.product)[0]))
 
 
 class Verdict(NamedTuple):

@@ -11,10 +11,10 @@ from tools import DESCRIBED
 
 import hpcsweep
 from hpcsweep.dynamics.attractors import AttractorSearch
+from hpcsweep.dynamics.basins import portrait
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.known import Signature, distance, matched, same_orbit
 from hpcsweep.dynamics.neighbourhood import inside, lyapunov_forms, neighbourhood
-from hpcsweep.dynamics.portrait import portrait
-from hpcsweep.dynamics.resemblance import Signature, distance, matched, same_orbit
 from hpcsweep.dynamics.shares import share_interval, starts_needed
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.model.structure import Structure

@@ -28,8 +28,8 @@ def test_a_slow_approach_is_an_orbit_of_period_1(modulus, turns):
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 1)
     assert np.abs(motion.points - [1.0, 2.0]).max() < 1e-9
     assert motion.multiplier == pytest.approx(modulus, abs=1e-9)
-    assert motion.exponent == pytest.approx(math.log(modulus), abs=1e-9)
-    assert motion.exponent_low == motion.exponent == motion.exponent_high
+    assert motion.interval.mean == pytest.approx(math.log(modulus), abs=1e-9)
+    assert motion.interval.low == motion.interval.mean == motion.interval.high
 
 
 @pytest.mark.parametrize(
@@ -51,21 +51,21 @@ def test_periods_of_the_logistic_map(r, period):
 def test_chaos_of_the_logistic_map_has_its_exponent_in_its_interval(r):
     motion = reported(logistic(r))
     assert motion.kind is MotionClass.CHAOTIC
-    assert 0 < motion.exponent_low < motion.exponent < motion.exponent_high
+    assert 0 < motion.interval.low < motion.interval.mean < motion.interval.high
     x, total, count = 0.3, 0.0, 200_000
     for k in range(count + 1000):
         x = r * x * (1 - x)
         if k >= 1000:
             total += math.log(abs(r * (1 - 2 * x)))
-    half = motion.exponent_high - motion.exponent_low
-    assert motion.exponent_low - half < total / count < motion.exponent_high + half
+    half = motion.interval.high - motion.interval.low
+    assert motion.interval.low - half < total / count < motion.interval.high + half
 
 
 def test_chaos_and_orbit_of_the_henon_map():
     motion = reported(henon(1.4), (0.1, 0.1))
     assert motion.kind is MotionClass.CHAOTIC
-    assert motion.exponent_low < 0.419 + 0.1
-    assert motion.exponent_high > 0.419 - 0.1  # 0.4192 (Sprott, Chaos and Time-Series Analysis)
+    assert motion.interval.low < 0.419 + 0.1
+    assert motion.interval.high > 0.419 - 0.1  # 0.4192 (Sprott, Chaos and Time-Series Analysis)
     motion = reported(henon(1.25), (0.1, 0.1))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 7)
 
@@ -74,7 +74,7 @@ def test_chaos_and_orbit_of_the_henon_map():
 def test_a_torus(a):
     motion = reported(delayed_logistic(a), (0.4, 0.4))
     assert motion.kind is MotionClass.QUASI_PERIODIC
-    assert abs(motion.exponent) < 0.01
+    assert abs(motion.interval.mean) < 0.01
     assert motion.period == 0
 
 
@@ -104,7 +104,7 @@ def test_a_circle_without_a_lock_is_a_torus_soon(pull):
     motion = reported(circle(GOLDEN, 1, pull))
     assert motion.kind is MotionClass.QUASI_PERIODIC
     assert motion.cycles <= 1100
-    assert motion.exponent_low <= 0 <= motion.exponent_high
+    assert motion.interval.low <= 0 <= motion.interval.high
 
 
 def test_chaos_that_stays_within_the_near_of_an_orbit_is_chaos():
@@ -114,7 +114,7 @@ def test_chaos_that_stays_within_the_near_of_an_orbit_is_chaos():
     assert 1e-6 < np.ptp(points[2000::64, 0]) < 1e-3
     motion = reported(solver)
     assert motion.kind is MotionClass.CHAOTIC
-    assert motion.exponent_low > 0
+    assert motion.interval.low > 0
 
 
 @pytest.mark.parametrize(

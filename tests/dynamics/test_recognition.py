@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from maps import GOLDEN, MapSolver, circle, delayed_logistic, focus, logistic
 
+from hpcsweep.dynamics.arrival import shoot
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
-from hpcsweep.dynamics.exponent import aligned, growth_interval
 from hpcsweep.dynamics.orbit import (
     _vanishes,
     closed_period,
@@ -17,7 +17,7 @@ from hpcsweep.dynamics.orbit import (
     returning_period,
     smallest_period,
 )
-from hpcsweep.dynamics.shooting import Nearer, shoot
+from hpcsweep.dynamics.stability import aligned, growth_interval
 
 
 def test_the_tangent_of_the_circle_is_its_derivative():
@@ -48,8 +48,6 @@ def test_weighted_means_tell_a_torus_from_chaos_and_from_an_approach():
     angle = 2 * np.pi * GOLDEN * np.arange(100.0)
     assert agreeing_digits(np.stack((np.cos(angle), np.zeros(100)), axis=1)) > 4
     assert agreeing_digits(np.zeros((8, 2))) == math.inf
-    with pytest.raises(ValueError, match="points must be at least 4, are 3"):
-        agreeing_digits(np.zeros((3, 2)))
 
 
 def test_weighted_growth_is_none_on_a_torus_and_the_exponent_of_a_lock():
@@ -66,8 +64,6 @@ def test_weighted_growth_is_none_on_a_torus_and_the_exponent_of_a_lock():
     growth, _ = both(circle(34 / 89, 89, 1e-4))
     assert growth == pytest.approx([800 * math.log(1 - 0.0089)] * 3, rel=0.01)
     assert weighted_growth(np.full(9, 0.5)) == pytest.approx([4.5] * 3)
-    with pytest.raises(ValueError, match="logarithms must be at least 4, are 3"):
-        weighted_growth(np.zeros(3))
 
 
 def test_what_closes_is_told_from_what_only_returns():
@@ -105,8 +101,6 @@ def test_an_approach_is_extrapolated_where_it_is_geometric():
     slower = 2e-3 / (1 + np.arange(600.0) / 89)  # as 1 / k: no orbit is approached
     assert limit_of_approach(after(0.0, slower), 89) is None
     assert limit_of_approach(np.zeros((9, 2)), 1) is None
-    with pytest.raises(ValueError, match="points must be at least 267, are 266"):
-        limit_of_approach(locked[:266], 89)
     aside = approach([0.5], [1e-4], [0.9], 60) * [1.0, 0.0]
     aside[:, 1] = 1e-4 * 0.8 ** np.arange(60.0) * np.cos(np.arange(60.0))
     assert limit_of_approach(aside[:9], 1) is None  # along two directions
@@ -143,7 +137,7 @@ def test_a_shot_from_beside_proves_who_goes_there_by_what_its_motion_has_done(of
     solver = logistic(3.3)
     orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real
     z, guess = np.array([orbit[0] + off, 0.0]), np.array([orbit[0] + 1e-6, 0.0])
-    shot = shoot(solver, z, 1.0, 2, Nearer(solver.points(z, 1.0, 2)[0][-1], guess))
+    shot = shoot(solver, z, 1.0, 2, (solver.points(z, 1.0, 2)[0][-1], guess))
     assert shot.point == pytest.approx([orbit[0], 0.0], abs=1e-12)
     assert shot.cycles <= 6
     assert shot.attracts(1e-9) is goes

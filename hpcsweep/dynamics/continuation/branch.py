@@ -19,26 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation import events
 from hpcsweep.dynamics.continuation.cycle import Curve, Solution, solve_at
-from hpcsweep.dynamics.continuation.events import (
-    PRECISION,
-    REAL,
-    Kind,
-    Special,
-    cubic,
-    special_points,
-)
-from hpcsweep.solvers.branch_rule import (
-    ANGLE,
-    ASTRAY,
-    CLOSED,
-    GROWTH,
-    MAX_ANGLE,
-    MIN_MOVE,
-    OF_A_STEP,
-    ON_A_STEP,
-    ON_DIVISOR,
-)
+from hpcsweep.dynamics.continuation.events import Kind, Special, special_points
+from hpcsweep.dynamics.stability import TangentMaps
+from hpcsweep.solvers import branch_rule
 
 COLLAPSED = 1e-4
 """Step within which an orbit comes to one of a period that divides its own, or to a crossing."""
@@ -194,7 +179,7 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
             break
         bend = (point.tangent - last.tangent) / np.linalg.norm(point.y - last.y)
         last = point
-        step *= min(GROWTH, ANGLE / max(angle, 1e-12))
+        step *= min(branch_rule.GROWTH, branch_rule.ANGLE / max(angle, 1e-12))
         step = min(max(step, limits.smallest), limits.largest)
     arc.ends = ("", why)
     return arc
@@ -213,7 +198,9 @@ def step_of_branch(
         guess = last.y + step * (last.tangent + 0.5 * step * bend)
         across = curve.border(last.tangent)
         if point is None:
-            point = curve.solve(guess, across, last, _largest_move(step))
+            reached = max(branch_rule.OF_A_STEP * step, branch_rule.MIN_MOVE)
+            reached = min(branch_rule.ON_A_STEP, reached)
+            point = curve.solve(guess, across, last, reached)
         angle = angle_of_step(last, guess, point, step)
         if angle is None:
             return None
@@ -235,7 +222,9 @@ def step_of_branch(
         specials = special_points(curve, last, point)
     except ArithmeticError:  # not converged, or the map has no image
         return None
-    if _has_pole(specials) or (step > COLLAPSED and _crosses(specials)):
+    # a step that jumps to a branch nearby seems to cross it
+    crosses = any(special.kind is Kind.BRANCH_POINT for special in specials)
+    if _has_pole(specials) or (step > COLLAPSED and crosses):
         return None
     if not _explained(specials, last, point) and step > 16 * limits.smallest:
         return None
@@ -251,16 +240,6 @@ def _grazes(curve: Curve, last: Solution) -> bool:
         return False
 
 
-def _largest_move(step: float) -> float:
-    """Return the largest last move of Newton's method to a point at the end of a step."""
-    return min(ON_A_STEP, max(OF_A_STEP * step, MIN_MOVE))
-
-
-def _crosses(specials: list[Special]) -> bool:
-    """Return whether another branch crosses; a step that jumps to one nearby seems to, too."""
-    return any(one.kind is Kind.BRANCH_POINT for one in specials)
-
-
 def _explained(specials: list[Special], last: Solution, point: Solution) -> bool:
     """Return whether special points explain how many multipliers leave the unit circle, or enter.
 
@@ -269,7 +248,7 @@ def _explained(specials: list[Special], last: Solution, point: Solution) -> bool
     """
     kinds = [one.kind for one in specials]
     real, paired = (b - a for a, b in zip(_outside(last), _outside(point), strict=True))
-    n_real, n_pairs = sum(kind in REAL for kind in kinds), kinds.count(Kind.TORUS)
+    n_real, n_pairs = sum(kind in events.REAL for kind in kinds), kinds.count(Kind.TORUS)
     if n_real + n_pairs == 0:
         return real + paired == 0
     return abs(real) <= n_real and abs(paired) <= 2 * n_pairs
@@ -286,14 +265,14 @@ def _has_pole(specials: list[Special]) -> bool:
     """Return whether a multiplier goes from +infinity to -infinity among special points."""
     flips = [one.fraction for one in specials if one.kind is Kind.DOUBLING]
     ones = [one.fraction for one in specials if one.kind in (Kind.FOLD, Kind.BRANCH_POINT)]
-    return any(abs(flip - one) <= 2.0 * PRECISION for flip in flips for one in ones)
+    return any(abs(flip - one) <= 2.0 * events.PRECISION for flip in flips for one in ones)
 
 
 def angle_of_step(last: Solution, guess: np.ndarray, point: Solution, step: float) -> float | None:
     """Return the angle by which a step turns the tangent, None if it is too long."""
     angle = float(np.arccos(min(float(point.tangent @ last.tangent), 1.0)))
-    astray = float(np.linalg.norm(point.y - guess)) > ASTRAY * step
-    return None if angle > MAX_ANGLE or astray else angle
+    astray = float(np.linalg.norm(point.y - guess)) > branch_rule.ASTRAY * step
+    return None if angle > branch_rule.MAX_ANGLE or astray else angle
 
 
 def on_cubic(
@@ -309,12 +288,12 @@ def on_cubic(
     rises = last.y[component] > first.y[component]
     for _ in range(HALVINGS):
         s = 0.5 * (low + high)
-        if (cubic(s, first.y[component], last.y[component], own, other) < value) == rises:
+        if (events.cubic(s, first.y[component], last.y[component], own, other) < value) == rises:
             low = s
         else:
             high = s
     s = 0.5 * (low + high)
-    return cubic(s, first.y, last.y, length * first.tangent, length * last.tangent), s
+    return events.cubic(s, first.y, last.y, length * first.tangent, length * last.tangent), s
 
 
 def _shifted(curve, point: Solution, shift: int) -> Solution:
@@ -325,7 +304,8 @@ def _shifted(curve, point: Solution, shift: int) -> Solution:
         return np.append(np.roll(vector[:n], -turn), vector[n:])
 
     y, tangent = turned_by(point.y), turned_by(point.tangent)
-    return point._replace(y=y, tangent=tangent, maps=point.maps.rolled(-shift), inverse=None)
+    maps = TangentMaps(np.roll(point.maps.matrices, -shift, axis=0))
+    return point._replace(y=y, tangent=tangent, maps=maps, inverse=None)
 
 
 def _passes(start: Solution, last: Solution, point: Solution) -> float:
@@ -344,7 +324,7 @@ def _passes(start: Solution, last: Solution, point: Solution) -> float:
     # a parabola between the two points, as far as the chord's sag
     sag = 0.25 * length * float(np.linalg.norm(point.tangent - last.tangent))
     away = float(np.linalg.norm(start.y - last.y - share * step))
-    return share if away <= max(sag, CLOSED * length) else 0.0
+    return share if away <= max(sag, branch_rule.CLOSED * length) else 0.0
 
 
 def collapses(curve, last: Solution, point: Solution) -> bool:
@@ -357,6 +337,6 @@ def collapses(curve, last: Solution, point: Solution) -> bool:
             shift = curve.period // prime
             before, after = (curve.split(one.y)[0] for one in (last, point))
             first, second = (x - np.roll(x, shift, axis=0) for x in (before, after))
-            if (first * second).sum() < ON_DIVISOR * (first * first).sum():
+            if (first * second).sum() < branch_rule.ON_DIVISOR * (first * first).sum():
                 return True
     return False

@@ -5,26 +5,28 @@ of that branch on the hyperplane through the orbit, it is assigned to it; otherw
 followed. Then the branches that leave at period doublings and branch points are followed, in the
 order in which they are found, unless they are known. Nothing is random: a catalogue depends only on
 its orbits and their order.
+
+At a doubling the tangent map of the chain X of p points, gone round twice, has the null vector
+Phi = (phi_0, ..., phi_{p-1}, -phi_0, ..., -phi_{p-1}) with phi_{i+1} = M_i phi_i and M phi_0 =
+-phi_0. The orbits of twice the period leave along it, at a distance eps with lambda = lambda_* + c
+eps^2 + ...: they are found on the hyperplane across Phi at the distance eps. The doubling is
+supercritical if they lie on the side where the orbits of period p are unstable, which is the sign
+of c, that of the normal form's coefficient (Kuznetsov, Elements of Applied Bifurcation Theory,
+4.5). At a branch point the null vector is of one round, with M phi_0 = phi_0.
 """
 
 import contextlib
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import COLLAPSED, Arc, Limits, follow, on_cubic
-from hpcsweep.dynamics.continuation.cycle import (
-    Curve,
-    NotConvergedError,
-    Solution,
-    solve_at,
-)
-from hpcsweep.dynamics.continuation.events import Kind, Special
-from hpcsweep.dynamics.continuation.maps import Map
-from hpcsweep.dynamics.continuation.switching import criticality, switch
+from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError, Solution, solve_at
+from hpcsweep.dynamics.continuation.events import Kind, Special, n_unstable, tests_of
 from hpcsweep.dynamics.orbit import smallest_period
+from hpcsweep.dynamics.stability import TangentMaps
 
 FOLDS_OF_A_STEP = 8
 """Room for the folds of a last step."""
@@ -34,6 +36,12 @@ STRIDE = 8
 """Steps of a new branch from one orbit that is sought on known branches to the next."""
 OFF = 0.2
 """Chords of a piece of a branch within which its points lie from the cubic through its ends."""
+
+DISTANCES = (1e-3, 1e-4, 1e-5, 1e-6)
+"""eps, in units of the state, as they are tried: at a large one the orbit of twice the period may
+have doubled itself."""
+APART = 0.1
+"""Share of eps at which the orbit found is another one."""
 
 
 @dataclass
@@ -118,7 +126,7 @@ class Catalogue:
         NotConvergedError
             If there is no orbit at these points.
         """
-        curve = Curve(self._map, len(points), self._scale, self._costly)
+        curve = Curve(self._map, len(points), self._scale, costly=self._costly)
         found = solve_at(curve, points, value)
         there = curve.split(found.y)[0]
         distance = float(np.abs(there - points).max())
@@ -133,21 +141,20 @@ class Catalogue:
     def branch_of(self, points: np.ndarray, value: float) -> int:
         """Return the branch on which an orbit lies to `SAME`, -1 for none."""
         for number, branch in enumerate(self.branches):
-            if branch.arc.curve.period == len(points) and _holds(branch.arc, points, value):
+            arc = branch.arc
+            if arc.curve.period == len(points) and passes(arc, points, value, SAME):
                 return number
         return -1
 
     def orbits_at(self, period: int, value: float) -> list[np.ndarray]:
         """Return all orbits of the branches of a period at a value, shape (p, N) each."""
-        found = []
-        for branch in self.branches:
-            if branch.arc.curve.period == period:
-                for guess, _, _ in places_at(branch.arc, value / branch.arc.curve.scale):
-                    there = branch.arc.curve.split(guess)[0]
-                    with contextlib.suppress(NotConvergedError):
-                        exact = solve_at(branch.arc.curve, there, value)
-                        found.append(branch.arc.curve.split(exact.y)[0])
-        return found
+        orbits = []
+        for arc in (branch.arc for branch in self.branches if branch.arc.curve.period == period):
+            for guess, _, _ in places_at(arc, value / arc.curve.scale):
+                with contextlib.suppress(NotConvergedError):
+                    exact = solve_at(arc.curve, arc.curve.split(guess)[0], value)
+                    orbits.append(arc.curve.split(exact.y)[0])
+        return orbits
 
     def grow(self) -> None:
         """Follow the branches that leave others."""
@@ -161,8 +168,7 @@ class Catalogue:
     def _follow(self, curve: Curve, start: Solution, parent: int, searched: bool = False) -> int:
         if self.is_full:
             return -1
-        arc = follow(curve, start, self._limits, born=parent >= 0)
-        arc, known = self.own_part(arc, start)
+        arc, known = self.own_part(follow(curve, start, self._limits, born=parent >= 0), start)
         if len(arc.points) == 1 and known >= 0:
             return known
         self.branches.append(Branch(arc, parent, searched))
@@ -192,10 +198,8 @@ class Catalogue:
             if known >= 0:
                 while abs(outside - own) > 1:
                     middle = (own + outside) // 2
-                    if self._known_at(arc, middle) >= 0:
-                        outside = middle
-                    else:
-                        own = middle
+                    known_there = self._known_at(arc, middle) >= 0
+                    own, outside = (own, middle) if known_there else (middle, outside)
                 return own, known
             own = outside
         return end, -1
@@ -213,8 +217,7 @@ class Catalogue:
         curve, start = switched
         around = arc.points[max(place - 1, 0)], arc.points[min(place, len(arc.points) - 1)]
         if special.kind is Kind.DOUBLING:
-            side = criticality(arc.curve, *around, special, start)
-            special = special._replace(criticality=side)
+            special = special._replace(criticality=criticality(*around, special, start))
         points, value = curve.split(start.y)
         number = -1
         if self._limits.low <= value <= self._limits.high:
@@ -243,22 +246,25 @@ class Catalogue:
         return -1
 
 
-def _holds(arc: Arc, points: np.ndarray, value: float) -> bool:
-    """Return whether an orbit, or one of its shifts, lies on a piece of a branch."""
-    curve = arc.curve
-    shifts = [np.roll(points, shift, axis=0) for shift in range(len(points))]
-    for guess, tangent, chord in places_at(arc, value / curve.scale):
-        there = curve.split(guess)[0]
-        far = [float(np.abs(z - there).max()) for z in shifts]
-        if min(far) > OFF * chord + SAME:
-            continue
-        own = curve.join(shifts[int(np.argmin(far))], value)
-        try:  # the point of the branch on the hyperplane through the orbit, across the branch
-            exact = curve.solve(guess + tangent @ (own - guess) * tangent, tangent).y
-        except NotConvergedError:
-            continue
-        if np.abs(exact - own).max() <= SAME:
-            return True
+def passes(arc: Arc, points: np.ndarray, value: Any, same: float) -> bool:
+    """Return whether a curve passes an orbit, or one of its shifts, to within `same`.
+
+    Parameters
+    ----------
+    arc : Arc
+    points : ndarray, shape (p, N)
+    value : float, or pair
+        Of the parameter at the orbit.
+    same : float
+    """
+    shifts = [arc.curve.join(np.roll(points, k, axis=0), value) for k in range(len(points))]
+    for guess, tangent, chord in places_at(arc, shifts[0][-1]):
+        far = [float(np.abs(guess - y)[:-1].max()) for y in shifts]
+        if min(far) <= OFF * chord + same:
+            with contextlib.suppress(ArithmeticError):
+                exact = arc.curve.through(guess, tangent, shifts[int(np.argmin(far))])
+                if min(np.abs(exact - y).max() for y in shifts) <= same:
+                    return True
     return False
 
 
@@ -277,3 +283,68 @@ def places_at(arc: Arc, at: float) -> list[tuple[np.ndarray, np.ndarray, float]]
         chord = float(np.abs(last.y - first.y).max())
         found.append((y, tangent / np.linalg.norm(tangent), chord))
     return found
+
+
+def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
+    """Find an orbit on the branch that leaves at a doubling or a branch point.
+
+    Parameters
+    ----------
+    curve : Curve
+        Curve of the branch of the special point.
+    special : Special
+
+    Returns
+    -------
+    curve : Curve
+        Of the branch that leaves.
+    point : Solution
+        None, instead of both, if there is none at any of `DISTANCES`.
+    """
+    doubles = special.kind is Kind.DOUBLING
+    points, value = curve.split(special.at.y)
+    vector = _null_vector(special.at.maps, -1.0 if doubles else 1.0)
+    if doubles:
+        points, vector = np.tile(points, (2, 1)), np.concatenate((vector, -vector))
+    new = replace(curve, period=len(points))
+    border = np.append(vector.ravel() / np.linalg.norm(vector), 0.0)
+    start = new.join(points, value)
+    sign = 1.0 if doubles else np.sign(tests_of(special.at).doubling)
+    for distance in DISTANCES:
+        eps = distance * np.sqrt(len(points))
+        try:
+            found = new.solve(start + eps * border, border)
+        except NotConvergedError:
+            continue
+        is_apart = float((found.y - start) @ border) > (1.0 - APART) * eps
+        if is_apart and tests_of(found).doubling * sign > 0:
+            return new, found
+    return None
+
+
+def criticality(before: Solution, after: Solution, special: Special, leaving: Solution) -> int:
+    """Return 1 for a supercritical doubling, -1 for a subcritical one, 0 if undetermined.
+
+    Parameters
+    ----------
+    before, after : Solution
+        Neighbours of the special point on its branch.
+    special : Special
+    leaving : Solution
+        Of the branch that leaves.
+    """
+    unstable_after = n_unstable(after.multipliers) > n_unstable(before.multipliers)
+    side = float(leaving.y[-1] - special.at.y[-1])
+    way = float(after.y[-1] - before.y[-1])
+    if side == 0.0 or way == 0.0:
+        return 0
+    return 1 if (side * way > 0) == unstable_after else -1
+
+
+def _null_vector(maps: TangentMaps, multiplier: float) -> np.ndarray:
+    """Return phi_i of the multiplier nearest to a real one, shape (p, N)."""
+    values, vectors = np.linalg.eig(maps.product)
+    chain = [vectors[:, np.argmin(np.abs(values - multiplier))].real]
+    for matrix in maps.matrices[:-1]:
+        chain.append(matrix @ chain[-1])
+    return np.array(chain)

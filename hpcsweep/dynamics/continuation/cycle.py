@@ -24,13 +24,14 @@ twice for this factor; the one here serves any map and parameter, and orbits who
 no product with the digits of the multipliers.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.maps import Map
-from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
+from hpcsweep.dynamics.stability import TangentMaps
 from hpcsweep.solvers.branch_rule import CONTRACTS, EXACT, REACHED, ROUNDING, STEPS
 
 STEEP = 0.2
@@ -41,148 +42,34 @@ class NotConvergedError(ArithmeticError):
     """Raised where Newton's method has found no orbit."""
 
 
-class Solvable(Protocol):
-    """A curve whose points on hyperplanes can be found."""
+class Map(Protocol):
+    """A map with a parameter, or two; points are in units in which they are of order 1."""
 
-    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
-        """Return across what a point is sought, between two where the curve goes along `way`."""
+    size: int
+    """Dimension N."""
+
+    def images(self, points: np.ndarray, value: Any) -> np.ndarray:
+        """Return F of each point, shape (p, N); raise `ArithmeticError` where there is none."""
         ...
 
-    def solve(
-        self, guess: np.ndarray, border: np.ndarray, near: "Solution | None" = None
-    ) -> "Solution":
-        """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
+    def tangents(self, points: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return F and dF/dx of each point, shapes (p, N) and (p, N, N)."""
         ...
 
-    def correct(self, guess: np.ndarray, border: np.ndarray, near: "Solution") -> "Solution":
-        """Find it where a neighbour was sought across the same border; see `correct`."""
+    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
+        """Return dF/dlambda at each point, whose F is known; of parameter number `k` of two."""
         ...
 
+    def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
+        """Count non-smooth events of the map along an orbit, (p, N); () for smooth maps."""
+        ...
 
-class Curve(NamedTuple):
-    """The curve of the orbits of one period.
+    def tracer(self, period: int, scale: float, made: Callable[..., Any]) -> Any:
+        """Return what finds points of a `Curve` by compiled kernels, None for most maps.
 
-    Attributes
-    ----------
-    map : Map
-    period : int
-    scale : float
-        Of the parameter: the last component of y is lambda / scale.
-    costly : bool
-        Whether a new value of the parameter is: then points are sought at one value, where the
-        curve is not nearly across the parameter.
-    """
-
-    map: Map
-    period: int
-    scale: float
-    costly: bool = False
-
-    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
-        """Return across what a point is sought: a direction of the curve, or the parameter's.
-
-        The latter where a value is costly and `way` and all `tangents` go along the parameter.
+        See `hpcsweep.solvers.flow.orbit.tracer`; `made` makes a point of what that knows of it.
         """
-        along = [np.sign(way[-1]) * one[-1] for one in (way, *tangents)]
-        return _along(way.size, way[-1]) if self.costly and min(along) >= STEEP else way
-
-    def split(self, y: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the points of y, shape (p, N), and the value of the parameter."""
-        return y[:-1].reshape(self.period, -1), float(y[-1]) * self.scale
-
-    def join(self, points: np.ndarray, value: float) -> np.ndarray:
-        """Return y of points and a value of the parameter."""
-        return np.append(points.ravel(), value / self.scale)
-
-    def residual(self, y: np.ndarray) -> np.ndarray:
-        """Evaluate G, shape (p N,)."""
-        points, value = self.split(y)
-        return miss_of(self.map.images(points, value), points)
-
-    def linearise(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Evaluate G, the tangent maps, (p, N, N), and dF/dlambda at each point, (p, N)."""
-        points, value = self.split(y)
-        images, matrices = self.map.tangents(points, value)
-        slopes = self.map.slopes(points, value, images)
-        return miss_of(images, points), matrices, slopes
-
-    def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
-        """Return the Jacobian of G by y, and `border` below it, shape (p N + 1, p N + 1)."""
-        size = slopes.size
-        whole = np.empty((size + 1, size + 1))
-        whole[:size, :size] = jacobian(matrices)
-        whole[:size, size] = slopes.ravel() * self.scale
-        whole[-1] = border
-        return whole
-
-    @property
-    def tracer(self) -> Any:
-        """What finds the points by compiled kernels, or None; see `Map`."""
-        return self.map.tracer(self.period, self.scale, Solution.made)
-
-    def signature(self, point: "Solution") -> tuple[int, ...]:
-        """Return the signature of an orbit."""
-        if point.signature is not None:
-            return point.signature
-        return self.map.signature(*self.split(point.y))
-
-    def solve(
-        self,
-        guess: np.ndarray,
-        border: np.ndarray,
-        near: "Solution | None" = None,
-        reached: float = REACHED,
-    ) -> "Solution":
-        """Find the point on the hyperplane through `guess` across `border`; see `solve`."""
-        tracer = self.tracer
-        if tracer is None:
-            return solve(self, guess, border, near, reached)
-        found = tracer.solve(guess, border, None if near is None else near.inverse, reached)
-        if found is None:
-            raise NotConvergedError("Newton's method has not converged")
-        return found
-
-    def correct(self, guess: np.ndarray, border: np.ndarray, near: "Solution") -> "Solution":
-        """Find it where a neighbour was sought across the same border; see `correct`."""
-        return correct(self, guess, border, near)
-
-
-def _along(size: int, sign: float) -> np.ndarray:
-    """Return the direction of the parameter in which it grows, or falls."""
-    unit = np.zeros(size)
-    unit[-1] = np.copysign(1.0, sign)
-    return unit
-
-
-def continued(map_: Map, points: np.ndarray, value: Any, period: int) -> np.ndarray:
-    """Return the first points of an orbit, shape (k, N), and the images of the last, (p, N)."""
-    found = list(points)
-    while len(found) < period:
-        found.append(map_.images(found[-1][None], value)[0])
-    return np.array(found)
-
-
-def jacobian(matrices: np.ndarray) -> np.ndarray:
-    """Return the Jacobian of G by X, shape (p N, p N)."""
-    p, n, _ = matrices.shape
-    whole = _shift(p, n).copy()
-    for i, matrix in enumerate(matrices):
-        rows = slice(i * n, (i + 1) * n)
-        whole[rows, rows] += matrix
-    return whole
-
-
-@lru_cache(maxsize=16)
-def _shift(p: int, n: int) -> np.ndarray:
-    """Return the constant part of the Jacobian: -dx_{i+1}/dX."""
-    return -np.roll(np.eye(p * n), n, axis=1)
-
-
-def miss_of(images: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return F(x_i) - x_{i+1} of all points; `images` is overwritten."""
-    images[:-1] -= points[1:]
-    images[-1] -= points[0]
-    return images.ravel()
+        ...
 
 
 class Solution(NamedTuple):
@@ -222,73 +109,221 @@ class Solution(NamedTuple):
         return self.maps.multipliers
 
 
-def solve(
-    curve: Any,
-    guess: np.ndarray,
-    border: np.ndarray,
-    near: Solution | None = None,
-    reached: float = REACHED,
-) -> Solution:
-    """Find the point of a curve on the hyperplane through `guess` across `border`.
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """The curve of the orbits of one period.
 
-    Parameters
+    Attributes
     ----------
-    curve : Curve
-        Or another one with `residual`, `linearise` and `bordered`.
-    guess, border : ndarray, shape (p N + 1,)
-        The tangent that is returned points along `border`.
-    near : Solution, optional
-        A point whose Jacobian is used first.
-    reached : float
-        Largest last move, whose square is about the remaining distance: tangent and multipliers are
-        those of its start.
-
-    Raises
-    ------
-    NotConvergedError
-        If Newton's method does not converge, or the map fails on its way.
+    map : Map
+    period : int
+    scale : float, or ndarray, shape (2,)
+        Of the parameter: the last component of y is lambda / scale. Of two, the last two are.
+    costly : bool
+        Whether a new value of the parameter is: then points are sought at one value, where the
+        curve is not nearly across the parameter.
     """
-    try:
-        return _solve(curve, guess, border, None if near is None else near.inverse, reached)
-    except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
-        raise NotConvergedError(str(error)) from None
 
+    map: Map
+    period: int
+    scale: Any
+    costly: bool = field(default=False, kw_only=True)
 
-def _solve(
-    curve: Any,
-    guess: np.ndarray,
-    border: np.ndarray,
-    inverse: np.ndarray | None,
-    reached: float,
-) -> Solution:
-    y, least, fresh_least = guess, np.inf, np.inf
-    for _ in range(STEPS):
-        fresh = inverse is None
-        if inverse is None:
-            misses, matrices, slopes = curve.linearise(y)
-            inverse = np.linalg.inv(curve.bordered(matrices, slopes, border))
-        else:
-            misses = curve.residual(y)
+    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
+        """Return across what a point is sought, between two where the curve goes along `way`.
+
+        A direction of the curve, or the parameter's where a value is costly and `way` and all
+        `tangents` go along the parameter.
+        """
+        along = [np.sign(way[-1]) * tangent[-1] for tangent in (way, *tangents)]
+        at_one_value = self.costly and min(along) >= STEEP
+        return unit(way.size, -1, np.copysign(1.0, way[-1])) if at_one_value else way
+
+    def split(self, y: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Return the points of y, shape (p, N), and the value of the parameter, or of both."""
+        size = self.period * self.map.size
+        values = (y[size:] * self.scale).tolist()
+        return y[:size].reshape(self.period, -1), values[0] if len(values) == 1 else tuple(values)
+
+    def join(self, points: np.ndarray, value: Any) -> np.ndarray:
+        """Return y of points and a value of the parameter, or of both."""
+        return np.append(points.ravel(), np.divide(value, self.scale))
+
+    def misses(self, images: np.ndarray, points: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return G = F(x_i) - x_{i+1} of points whose images are known, shape (p N,).
+
+        `images` is overwritten.
+        """
+        del y
+        images[:-1] -= points[1:]
+        images[-1] -= points[0]
+        return images.ravel()
+
+    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray) -> np.ndarray:
+        """Return dF/dlambda at each point, shape (p, N)."""
+        return self.map.slopes(points, value, images)
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """Evaluate G, shape (p N,)."""
+        points, value = self.split(y)
+        return self.misses(self.map.images(points, value), points, y)
+
+    def linearise(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Evaluate G, the tangent maps, (p, N, N), and dF/dlambda at each point, (p, N)."""
+        points, value = self.split(y)
+        images, matrices = self.map.tangents(points, value)
+        slopes = self.slopes(points, value, images)
+        return self.misses(images, points, y), matrices, slopes
+
+    def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
+        """Return the Jacobian of G by y, and `border` below it, shape (p N + 1, p N + 1)."""
+        size = self.period * self.map.size
+        whole = np.empty((border.size, border.size))
+        whole[:size, :size] = jacobian(matrices)
+        whole[:size, size:] = slopes.reshape(size, -1) * self.scale
+        whole[-1] = border
+        return whole
+
+    @property
+    def tracer(self) -> Any:
+        """What finds the points by compiled kernels, or None; see `Map`."""
+        return self.map.tracer(self.period, self.scale, Solution.made)
+
+    def signature(self, point: Solution) -> tuple[int, ...]:
+        """Return the signature of an orbit."""
+        if point.signature is not None:
+            return point.signature
+        return self.map.signature(*self.split(point.y))
+
+    def solve(
+        self,
+        guess: np.ndarray,
+        border: np.ndarray,
+        near: Solution | None = None,
+        reached: float = REACHED,
+    ) -> Solution:
+        """Find the point of the curve on the hyperplane through `guess` across `border`.
+
+        Parameters
+        ----------
+        guess, border : ndarray, shape (p N + 1,)
+            The tangent that is returned points along `border`.
+        near : Solution, optional
+            A point whose Jacobian is used first.
+        reached : float
+            Largest last move, whose square is about the remaining distance: tangent and
+            multipliers are those of its start.
+
+        Raises
+        ------
+        NotConvergedError
+            If Newton's method does not converge, or the map fails on its way.
+        """
+        inverse, tracer = None if near is None else near.inverse, self.tracer
+        if tracer is not None:
+            point = tracer.solve(guess, border, inverse, reached)
+            if point is None:
+                raise NotConvergedError("Newton's method has not converged")
+            return point
+        try:
+            return self._solve(guess, border, inverse, reached)
+        except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
+            raise NotConvergedError(str(error)) from None
+
+    def _solve(
+        self, guess: np.ndarray, border: np.ndarray, inverse: np.ndarray | None, reached: float
+    ) -> Solution:
+        y, least, fresh_least = guess, np.inf, np.inf
+        for _ in range(STEPS):
+            fresh = inverse is None
+            if inverse is None:
+                misses, _, inverse = self._inverted(y, border)
+            else:
+                misses = self.residual(y)
+            move = _move(misses, y - guess, border, inverse)
+            distance = float(np.abs(move).max())
+            if fresh:
+                if not distance < fresh_least:
+                    raise NotConvergedError("moves of Newton's method do not fall")
+                least = fresh_least = distance
+            elif distance > CONTRACTS * least:
+                inverse = None
+            if fresh or distance < least:
+                y, least = y - move, distance
+            if distance <= reached:
+                break
+        misses, matrices, inverse = self._inverted(y, border)
         move = _move(misses, y - guess, border, inverse)
-        distance = float(np.abs(move).max())
-        if fresh:
-            if not distance < fresh_least:
-                raise NotConvergedError("moves of Newton's method do not fall")
-            least = fresh_least = distance
-        elif distance > CONTRACTS * least:
-            inverse = None
-        if fresh or distance < least:
-            y, least = y - move, distance
-        if distance <= reached:
-            break
-    misses, matrices, slopes = curve.linearise(y)
-    inverse = np.linalg.inv(curve.bordered(matrices, slopes, border))
-    move = _move(misses, y - guess, border, inverse)
-    if not np.abs(move).max() <= reached:
-        raise NotConvergedError(f"Newton's method has not converged in {STEPS} steps")
-    tangent = inverse[:, -1] / np.linalg.norm(inverse[:, -1])
-    size = float(np.abs(misses).max())
-    return Solution(y - move, tangent, TangentMaps(matrices), size, inverse)
+        if not np.abs(move).max() <= reached:
+            raise NotConvergedError(f"Newton's method has not converged in {STEPS} steps")
+        tangent = inverse[:, -1] / np.linalg.norm(inverse[:, -1])
+        size = float(np.abs(misses).max())
+        return Solution(y - move, tangent, TangentMaps(matrices), size, inverse)
+
+    def _inverted(
+        self, y: np.ndarray, border: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Evaluate G, the tangent maps, and the inverse of the bordered Jacobian."""
+        misses, matrices, slopes = self.linearise(y)
+        return misses, matrices, np.linalg.inv(self.bordered(matrices, slopes, border))
+
+    def through(self, guess: np.ndarray, tangent: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return y of the point by an orbit, across the tangent there; `guess` is on the curve."""
+        return self.solve(guess + tangent @ (y - guess) * tangent, tangent).y
+
+    def correct(self, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
+        """Find the point near another one, which was sought across the same border.
+
+        By moves with the Jacobian of that one, whose tangent, tangent maps and inverse the point
+        keeps; by `solve` where these do not contract.
+        """
+        assert near.inverse is not None
+        y, least = guess, np.inf
+        try:
+            for _ in range(STEPS):
+                move = _move(self.residual(y), y - guess, border, near.inverse)
+                distance = float(np.abs(move).max())
+                if distance <= EXACT:
+                    return near._replace(y=y - move, signature=None)
+                if not distance <= CONTRACTS * least:
+                    if least <= ROUNDING:
+                        return near._replace(y=y, signature=None)
+                    break
+                y, least = y - move, distance
+        except ArithmeticError:
+            pass
+        return self.solve(guess, border, near)
+
+
+def unit(size: int, place: int, length: float = 1.0) -> np.ndarray:
+    """Return the vector of a length along one component."""
+    vector = np.zeros(size)
+    vector[place] = length
+    return vector
+
+
+def continued(map_: Map, points: np.ndarray, value: Any, period: int) -> np.ndarray:
+    """Return the first points of an orbit, shape (k, N), and the images of the last, (p, N)."""
+    found = list(points)
+    while len(found) < period:
+        found.append(map_.images(found[-1][None], value)[0])
+    return np.array(found)
+
+
+def jacobian(matrices: np.ndarray) -> np.ndarray:
+    """Return the Jacobian of G by X, shape (p N, p N)."""
+    p, n, _ = matrices.shape
+    whole = _shift(p, n).copy()
+    for i, matrix in enumerate(matrices):
+        rows = slice(i * n, (i + 1) * n)
+        whole[rows, rows] += matrix
+    return whole
+
+
+@lru_cache(maxsize=16)
+def _shift(p: int, n: int) -> np.ndarray:
+    """Return the constant part of the Jacobian: -dx_{i+1}/dX."""
+    return -np.roll(np.eye(p * n), n, axis=1)
 
 
 def _move(
@@ -303,31 +338,7 @@ def _move(
     return move
 
 
-def correct(curve: Any, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
-    """Find the point of a curve near another one, which was sought across the same border.
-
-    By moves with the Jacobian of that one, whose tangent, tangent maps and inverse the point keeps;
-    by `solve` where these do not contract.
-    """
-    assert near.inverse is not None
-    y, least = guess, np.inf
-    try:
-        for _ in range(STEPS):
-            move = _move(curve.residual(y), y - guess, border, near.inverse)
-            distance = float(np.abs(move).max())
-            if distance <= EXACT:
-                return near._replace(y=y - move, signature=None)
-            if not distance <= CONTRACTS * least:
-                if least <= ROUNDING:
-                    return near._replace(y=y, signature=None)
-                break
-            y, least = y - move, distance
-    except ArithmeticError:
-        pass
-    return solve(curve, guess, border, near)
-
-
 def solve_at(curve: Curve, points: np.ndarray, value: float) -> Solution:
     """Find the orbit near `points`, shape (p, N), at a value of the parameter; see `solve`."""
     y = curve.join(points, value)
-    return curve.solve(y, _along(y.size, 1.0))
+    return curve.solve(y, unit(y.size, -1))

@@ -14,13 +14,14 @@ All are functions along the arc, found by Brent's method, the last one by bisect
 is a point of the branch. A point is known to about `PRECISION` of the step.
 """
 
+import contextlib
 from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, Solvable
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
 
 PRECISION = 1e-12
 BISECTIONS = 44
@@ -114,7 +115,7 @@ def n_unstable(multipliers: np.ndarray) -> int:
 
 
 def between(
-    curve: Solvable,
+    curve: Curve,
     first: Solution,
     last: Solution,
     fraction: float,
@@ -165,7 +166,8 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
             at, fraction = _located(curve, first, last, test, ends)
             if kind is not Kind.TORUS or on_unit_circle(at.multipliers):
                 found.append(Special(kind, at, fraction))
-    found += _grazings(curve, first, last)
+    precision = PRECISION / min(1.0, float(np.linalg.norm(last.y - first.y)))
+    found += grazings(curve, first, last, Kind.GRAZING, precision)
     return sorted(found, key=lambda one: one.fraction)
 
 
@@ -184,32 +186,48 @@ def _read(point: Solution) -> Reading:
     return float(point.tangent[-1]), *tests_of(point)
 
 
+class Chord:
+    """Points of a curve near the chord between two of its points, each sought from the one before.
+
+    As of a curve's tracer (`begin_chord`), which gives readings of points or signatures for points.
+    """
+
+    def __init__(self, curve: Curve, first: Solution, last: Solution):
+        self._ends, self._point, self.fraction = (curve, first, last), last, 1.0
+
+    def along(self, fraction: float, counts: bool = False) -> Solution:
+        """Move to a fraction of the chord; `counts`: with the Jacobian of the point before."""
+        corrects = counts and self._point is not self._ends[2]
+        self._point = between(*self._ends, fraction, self._point, corrects)
+        self.fraction = fraction
+        return self._point
+
+    def point(self) -> Solution:
+        """Return the point to which a move has led."""
+        return self._point
+
+
+def _need(found: Any) -> Any:
+    if found is None:
+        raise NotConvergedError("no point on a chord")
+    return found
+
+
 def _located(
     curve: Curve, first: Solution, last: Solution, test, ends: tuple[float, float]
 ) -> tuple[Solution, float]:
     """Find where a function vanishes between two points, by kernels where that is possible."""
     tracer = curve.tracer
-    if tracer is None or 0.0 in ends:
-        return locate(curve, first, last, lambda point: test(_read(point)))
-
-    def value(fraction: float) -> float:
-        found = tracer.along(fraction)
-        if found is None:
-            raise NotConvergedError("no point on a chord")
-        return test(found)
-
-    tracer.begin_chord(first, last)
-    try:
-        fraction = _root(value, *ends, PRECISION)
-        if fraction != tracer.fraction:
-            value(fraction)
-    except NotConvergedError:  # or a product of tangent maps without the digits of its multipliers
-        return locate(curve, first, last, lambda point: test(_read(point)))
-    return tracer.point(), fraction
+    if tracer is not None and 0.0 not in ends:
+        tracer.begin_chord(first, last)
+        # there may be no point, or a product of tangent maps without its multipliers' digits
+        with contextlib.suppress(NotConvergedError):
+            return _root(tracer, test, ends, PRECISION)
+    return locate(curve, first, last, lambda point: test(_read(point)))
 
 
 def locate(
-    curve: Solvable,
+    curve: Curve,
     first: Solution,
     last: Solution,
     test: Callable[[Solution], float],
@@ -219,21 +237,34 @@ def locate(
 
     Return the point, and its fraction of the chord, which is known to `precision`.
     """
-    at, place = last, 1.0
+    return _root(Chord(curve, first, last), test, (test(first), test(last)), precision)
 
-    def value(fraction: float) -> float:
-        nonlocal at, place
-        at, place = between(curve, first, last, fraction, at), fraction
-        return test(at)
 
-    fraction = _root(value, test(first), test(last), precision)
-    if fraction != place:
-        at = between(curve, first, last, fraction, at)
-    return at, fraction
+def _root(
+    chord: Any, test: Callable[[Any], float], ends: tuple[float, float], precision: float
+) -> tuple[Solution, float]:
+    """Return the point of a chord where a function with known end values changes its sign."""
+    from scipy.optimize import brentq  # takes a while to load
+
+    known = dict(zip((0.0, 1.0), ends, strict=True))
+    if 0.0 in ends:
+        fraction = float(ends.index(0.0))
+    else:
+        try:
+            fraction = float(
+                brentq(
+                    lambda s: known.get(s) or test(_need(chord.along(s))), 0.0, 1.0, xtol=precision
+                )
+            )
+        except (RuntimeError, ValueError) as error:
+            raise NotConvergedError(str(error)) from None
+    if fraction != chord.fraction:
+        _need(chord.along(fraction))
+    return chord.point(), fraction
 
 
 def locate_change(
-    curve: Solvable,
+    curve: Curve,
     first: Solution,
     last: Solution,
     label: Callable[[Solution], tuple],
@@ -246,36 +277,33 @@ def locate_change(
     It is that at the fraction `low` of the chord, and another at its end. Return the point on the
     far side, its fraction, and its label.
     """
-    near = last
-
-    def label_at(fraction: float) -> tuple:
-        nonlocal near
-        near = between(curve, first, last, fraction, near, near is not last)
-        return label(near)
-
-    high, after = _bisected(label_at, low, own, label(last), precision)
-    at = last if high == 1.0 else between(curve, first, last, high, near)
-    return at, high, after
+    return _change(Chord(curve, first, last), last, label, low, own, label(last), precision)
 
 
-def _bisected(
-    label_at: Callable[[float], tuple], low: float, own: tuple, after: tuple, precision: float
-) -> tuple[float, tuple]:
-    """Return up to where, from 1 where it is `after`, a label is no longer `own`; and that there.
-
-    It is `own` at `low`.
-    """
+def _change(
+    chord: Any,
+    last: Solution,
+    label: Callable[[Any], tuple],
+    low: float,
+    own: tuple,
+    after: tuple,
+    precision: float,
+) -> tuple[Solution, float, tuple]:
+    """Find by bisection where a label is no longer `own`; at the end of the chord it is `after`."""
     high = 1.0
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         if not low < middle < high or high - low <= precision:
             break
-        seen = label_at(middle)
-        if seen == own:
+        there = label(chord.along(middle, True))
+        if there == own:
             low = middle
         else:
-            high, after = middle, seen
-    return high, after
+            high, after = middle, there
+    if high == 1.0:
+        return last, high, after
+    chord.along(high)
+    return _need(chord.point()), high, after
 
 
 def on_unit_circle(multipliers: np.ndarray) -> bool:
@@ -284,57 +312,19 @@ def on_unit_circle(multipliers: np.ndarray) -> bool:
     return bool(abs(abs(nearest) - 1.0) < COMPLEX < abs(nearest.imag))
 
 
-def _grazings(curve: Curve, first: Solution, last: Solution) -> list[Special]:
-    found: list[Special] = []
-    low, own, end = 0.0, curve.signature(first), curve.signature(last)
-    precision = PRECISION / min(1.0, float(np.linalg.norm(last.y - first.y)))
+def grazings(
+    curve: Curve, first: Solution, last: Solution, kind: Any, precision: float
+) -> list[Special]:
+    """Find where the signature changes between two points, by kernels where that is possible."""
+    specials: list[Special] = []
+    low, own, end, tracer = 0.0, curve.signature(first), curve.signature(last), curve.tracer
     while own != end:
-        at, low, after = _changed(curve, first, last, low, own, end, precision)
+        if tracer is None:
+            at, low, after = locate_change(curve, first, last, curve.signature, low, own, precision)
+        else:
+            tracer.begin_chord(first, last)
+            at, low, after = _change(tracer, last, _need, low, own, end, precision)
         change = tuple(b - a for a, b in zip(own, after, strict=True))
-        found.append(Special(Kind.GRAZING, at, low, change))
+        specials.append(Special(kind, at, low, change))
         own = after
-    return found
-
-
-def _changed(
-    curve: Curve,
-    first: Solution,
-    last: Solution,
-    low: float,
-    own: tuple,
-    end: tuple,
-    precision: float,
-) -> tuple[Solution, float, tuple]:
-    """Find where the signature is no longer `own`, by kernels where that is possible."""
-    tracer = curve.tracer
-    if tracer is None:
-        return locate_change(curve, first, last, curve.signature, low, own, precision)
-
-    def label_at(fraction: float) -> tuple:
-        found = tracer.along(fraction, counts=True)
-        if found is None:
-            raise NotConvergedError("no point on a chord")
-        return found
-
-    tracer.begin_chord(first, last)
-    high, after = _bisected(label_at, low, own, end, precision)
-    if high == 1.0:
-        return last, high, after
-    tracer.along(high)
-    at = tracer.point()
-    if at is None:
-        raise NotConvergedError("no point on a chord")
-    return at, high, after
-
-
-def _root(function: Callable[[float], float], first: float, last: float, precision: float) -> float:
-    """Return where a function on [0, 1] with known end values changes its sign."""
-    from scipy.optimize import brentq  # takes a while to load
-
-    ends = {0.0: first, 1.0: last}
-    if first == 0.0 or last == 0.0:
-        return 0.0 if first == 0.0 else 1.0
-    try:
-        return float(brentq(lambda s: ends.get(s) or function(s), 0.0, 1.0, xtol=precision))
-    except (RuntimeError, ValueError) as error:
-        raise NotConvergedError(str(error)) from None
+    return specials

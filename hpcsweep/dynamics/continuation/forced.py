@@ -49,11 +49,6 @@ def check_parameter(structure: Structure, parameter: str) -> None:
             raise ValueError(f"{what}, is {shown(given)}")
 
 
-def _numbers(value: Any) -> tuple[float, ...]:
-    """Return the values of all parameters: `value` is a number for one, a tuple for two."""
-    return value if isinstance(value, tuple) else (value,)
-
-
 class ForcedMap:
     """The map z(0) -> z(T), points in units of the state; see `hpcsweep.dynamics.continuation`.
 
@@ -120,9 +115,14 @@ class ForcedMap:
         )
         return next(given) if isinstance(self.parameter, str) else tuple(given)
 
+    def _values(self, value: Any) -> dict[str, float]:
+        """Return the values of all parameters: `value` is a number for one, a tuple for two."""
+        values = value if isinstance(value, tuple) else (value,)
+        return dict(zip(self.parameters, values, strict=True))
+
     def at(self, value: Any) -> tuple[Structure, float, float]:
         """Return structure, amplitude and frequency at a value of the parameter."""
-        changed: dict[str, Any] = dict(zip(self.parameters, _numbers(value), strict=True))
+        changed: dict[str, Any] = self._values(value)
         amplitude = changed.pop("amplitude", self.amplitude)
         omega = changed.pop("omega", self.omega)
         structure = replace(self.structure, **changed) if changed else self.structure
@@ -130,13 +130,8 @@ class ForcedMap:
 
     def solver(self, value: Any) -> tuple[Any, float]:
         """Return the solver and the amplitude at a value of the parameter."""
-        amplitude = self.amplitude
-        key: tuple[float, ...] = ()
-        for name, number in zip(self.parameters, _numbers(value), strict=True):
-            if name == "amplitude":
-                amplitude = number
-            else:
-                key = (*key, number)
+        others = self._values(value)
+        amplitude, key = others.pop("amplitude", self.amplitude), tuple(others.values())
         solver = self._solvers.get(key)
         if solver is None:
             structure, amplitude, omega = self.at(value)
@@ -159,10 +154,10 @@ class ForcedMap:
 
     def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
         """Return the derivatives of `images` by the parameter, or by number `k` of two."""
-        own = _numbers(value)
-        high = own[k] + DIFFERENCE * (abs(own[k]) or 1.0)
-        ahead = self.images(points, (*own[:k], high, *own[k + 1 :]))
-        return (ahead - images) / (high - own[k])
+        values = self._values(value)
+        name, low = self.parameters[k], values[self.parameters[k]]
+        values[name] = high = low + DIFFERENCE * (abs(low) or 1.0)
+        return (self.images(points, tuple(values.values())) - images) / (high - low)
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
         """Return the number of closings of each contact along an orbit."""
@@ -172,17 +167,15 @@ class ForcedMap:
         """Return the observation of an orbit, shape (p, N), with impacts and other measures."""
         key = points.tobytes(), value, measures
         if key not in self._seen:
-            self._seen[key] = self._observe(points, value, measures | IMPACT_FLAG)
+            solver, amplitude = self._begin(value, len(points))
+            measures |= IMPACT_FLAG
+            seen = solver.observe_each(points * self.units, amplitude, measures, self._poll)
+            if seen.outcome is not Outcome.COMPLETE:
+                raise ArithmeticError(f"flow: {seen.outcome.name}")
+            self._seen[key] = seen
             if len(self._seen) > KEPT_SEEN:
                 self._seen.popitem(last=False)
         return self._seen[key]
-
-    def _observe(self, points: np.ndarray, value: Any, measures: int) -> Observation:
-        solver, amplitude = self._begin(value, len(points))
-        seen = solver.observe_each(points * self.units, amplitude, measures, self._poll)
-        if seen.outcome is not Outcome.COMPLETE:
-            raise ArithmeticError(f"flow: {seen.outcome.name}")
-        return seen
 
     def closings(self, seen: Observation) -> tuple[int, ...]:
         """Return the number of closings of each contact in a window."""

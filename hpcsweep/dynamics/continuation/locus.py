@@ -16,20 +16,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import on_cubic
-from hpcsweep.dynamics.continuation.cycle import NotConvergedError, Solution
-from hpcsweep.dynamics.continuation.events import (
-    PRECISION,
-    Kind,
-    locate,
-    locate_change,
-    tests_of,
-)
-from hpcsweep.dynamics.continuation.maps import Map
-from hpcsweep.dynamics.continuation.slice import Slice, split
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, unit
+from hpcsweep.dynamics.continuation.events import PRECISION, Kind, locate, locate_change, tests_of
 
 STEEP, FLAT = 0.005, 0.0005
 """Component along lambda_2 from which points are sought at one lambda_2: of a tangent's part in the
@@ -50,16 +43,55 @@ FIRST = 1e-3
 """Distance that counts as the step to the first point, in units of y."""
 
 
-SIDES: dict[Kind | None, Callable[[Solution], float]] = {
-    Kind.FOLD: lambda point: tests_of(point).fold,
-    Kind.DOUBLING: lambda point: tests_of(point).doubling,
-    Kind.TORUS: lambda point: tests_of(point).torus,
-}
-"""Functions of a point that vanish at special points of a kind."""
+@dataclass(frozen=True, eq=False)
+class Slice(Curve):
+    """The curve of the orbits of one period on a hyperplane, over two parameters.
+
+    Attributes
+    ----------
+    map : Map
+        Its value is a pair.
+    period : int
+    scale : ndarray, shape (2,)
+    across, at : ndarray, shape (p N + 2,)
+        The hyperplane across . (y - at) = 0.
+    """
+
+    across: np.ndarray
+    at: np.ndarray
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the hyperplane is that of one lambda_2."""
+        return abs(self.across[-1]) == 1.0
+
+    def split(self, y: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
+        """Return the points of y, shape (p, N), and the values of the parameters."""
+        points, (first, second) = super().split(y)
+        if self.is_fixed:  # to the last bit, so that it is one solver
+            second = float(self.at[-1] * self.scale[1])
+        return points, (first, second)
+
+    def misses(self, images: np.ndarray, points: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return G and the distance from the hyperplane, shape (p N + 1,)."""
+        return np.append(super().misses(images, points, y), self.across @ (y - self.at))
+
+    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray) -> np.ndarray:
+        """Return the slopes by both parameters, shape (p, N, 2)."""
+        slopes = np.zeros((*points.shape, 2))
+        for k in range(1 if self.is_fixed else 2):  # no step goes along a fixed lambda_2
+            slopes[..., k] = self.map.slopes(points, value, images, k)
+        return slopes
+
+    def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
+        """Return the Jacobian of the misses, and `border` below it, shape (p N + 2, p N + 2)."""
+        whole = super().bordered(matrices, slopes, border)
+        whole[-2] = self.across
+        return whole
 
 
 @dataclass(frozen=True, eq=False)
-class Locus:
+class Locus(Curve):
     """The curve over two parameters on which a special point lies.
 
     Attributes
@@ -78,21 +110,10 @@ class Locus:
         Function of the points of an orbit, shape (p, N), and of the values that vanishes on it.
     """
 
-    map: Map
-    period: int
-    scale: np.ndarray
     spans: tuple[tuple[float, float], tuple[float, float]]
     kind: Kind | None
     change: tuple[int, ...] = ()
     side: Callable[[np.ndarray, tuple[float, float]], float] | None = None
-
-    def split(self, y: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
-        """Return the points of y, shape (p, N), and the values of the parameters."""
-        return split(y, self.period, self.scale)
-
-    def signature(self, point: Solution) -> tuple[int, ...]:
-        """Return the signature of an orbit."""
-        return self.map.signature(*self.split(point.y))
 
     def start(self, points: np.ndarray, values: tuple[float, float]) -> Solution:
         """Find the point of the locus near an orbit, shape (p, N).
@@ -104,11 +125,18 @@ class Locus:
         NotConvergedError
             If there is none.
         """
-        y = np.append(points.ravel(), np.array(values) / self.scale)
+        return self._near(self.join(points, values))
+
+    def through(self, guess: np.ndarray, tangent: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return y of the point near `guess`, with the lambda_2 of an orbit."""
+        del tangent
+        return np.append(self._near(np.append(guess[:-1], y[-1])).y[:-1], y[-1])
+
+    def _near(self, y: np.ndarray) -> Solution:
         try:
-            return self._start(y, _unit(y.size, -1))
+            return self._start(y, unit(y.size, -1))
         except NotConvergedError:
-            return self._start(y, _unit(y.size, -2))
+            return self._start(y, unit(y.size, -2))
 
     def _start(self, y: np.ndarray, across: np.ndarray) -> Solution:
         cut = Slice(self.map, self.period, self.scale, across, y)
@@ -121,13 +149,12 @@ class Locus:
         at = self._cross(y, normal, across, None, FIRST)
         return self._with_tangent(at, across, across, FIRST, across)
 
-    def border(self, way: np.ndarray, *tangents: np.ndarray) -> np.ndarray:
-        """Return across what a point is sought: along the locus."""
-        del tangents
-        return way
-
     def solve(
-        self, guess: np.ndarray, border: np.ndarray, near: Solution | None = None
+        self,
+        guess: np.ndarray,
+        border: np.ndarray,
+        near: Solution | None = None,
+        reached: float = 0.0,
     ) -> Solution:
         """Find the point of the locus near a guess.
 
@@ -138,10 +165,11 @@ class Locus:
         near : Solution
             A point of the locus, with its inverse.
         """
+        del reached  # `PRECISION` is the locus's own
         assert near is not None
         assert near.inverse is not None
         steep = abs(border[-1]) >= max(STEEP * math.hypot(*border[-2:]), FLAT)
-        across = _unit(border.size, -1) if steep else border / np.linalg.norm(border)
+        across = unit(border.size, -1) if steep else border / np.linalg.norm(border)
         step = max(float(np.linalg.norm(guess - near.y)), MIN_APART)
         found = self._cross(guess, near.inverse[:, -1], across, near, step)
         chord, way = found.y - near.y, near.tangent
@@ -150,9 +178,7 @@ class Locus:
         way = way if way @ border > 0 else -way
         return self._with_tangent(found, border, across, step, way)
 
-    def correct(self, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
-        """Find the point of the locus near a guess; see `solve`."""
-        return self.solve(guess, border, near)
+    correct = solve
 
     def clipped(self, last: Solution, point: Solution) -> tuple[Solution, str]:
         """Return the point where a step leaves the spans, and that it does; else the step's."""
@@ -164,7 +190,7 @@ class Locus:
                 guess, _ = on_cubic(last, point, own, border)
                 guess[own] = border
                 assert point.inverse is not None
-                across = _unit(guess.size, own)
+                across = unit(guess.size, own)
                 step = float(np.linalg.norm(point.y - last.y))
                 at = self._cross(guess, point.inverse[:, -1], across, point, step)
                 at.y[own] = border
@@ -238,7 +264,10 @@ class Locus:
 
     def _side(self, cut: Slice, point: Solution) -> float:
         """Evaluate the function that vanishes on the locus."""
-        return self.side(*cut.split(point.y)) if self.side else SIDES[self.kind](point)
+        if self.side:
+            return self.side(*cut.split(point.y))
+        assert self.kind
+        return getattr(tests_of(point), self.kind.name.lower())
 
     def _between(
         self, cut: Slice, low: Solution, high: Solution, middle: Solution | None
@@ -267,9 +296,3 @@ class Locus:
         if (side(low) < 0) == (side(high) < 0):
             return None
         return middle or locate(cut, low, high, side, precision)[0]
-
-
-def _unit(size: int, place: int) -> np.ndarray:
-    unit = np.zeros(size)
-    unit[place] = 1.0
-    return unit

@@ -15,16 +15,10 @@ from functools import partial
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation import events
 from hpcsweep.dynamics.continuation.branch import Limits, Step, angle_of_step, collapses
 from hpcsweep.dynamics.continuation.cycle import Solution
-from hpcsweep.dynamics.continuation.events import (
-    Kind,
-    Special,
-    locate,
-    locate_change,
-    on_unit_circle,
-    tests_of_multipliers,
-)
+from hpcsweep.dynamics.continuation.events import Kind, Special, Tests
 from hpcsweep.dynamics.continuation.locus import Locus
 
 PRECISION, ROUGH = 1e-10, 1e-6
@@ -54,22 +48,14 @@ class Meeting(Enum):
 
 
 WITH: dict[Kind | None, tuple[Meeting, ...]] = {
-    Kind.FOLD: (
-        *(Meeting.RESONANCE_1, Meeting.FOLD_DOUBLING, Meeting.FOLD_TORUS, Meeting.GRAZING_FOLD),
-    ),
-    Kind.DOUBLING: (
-        *(Meeting.FOLD_DOUBLING, Meeting.RESONANCE_2),
-        *(Meeting.DOUBLING_TORUS, Meeting.GRAZING_DOUBLING),
-    ),
-    Kind.TORUS: (
-        *(Meeting.FOLD_TORUS, Meeting.DOUBLING_TORUS),
-        *(Meeting.DOUBLE_TORUS, Meeting.GRAZING_TORUS),
-    ),
-    Kind.GRAZING: (
-        *(Meeting.GRAZING_FOLD, Meeting.GRAZING_DOUBLING),
-        *(Meeting.GRAZING_TORUS, Meeting.DOUBLE_GRAZING),
-    ),
-    None: (Meeting.FOLD, Meeting.DOUBLING, Meeting.TORUS, Meeting.GRAZING),
+    kind: tuple(Meeting(name) for name in names.split(", "))
+    for kind, names in {
+        Kind.FOLD: "resonance 1:1, fold-doubling, fold-torus, grazing-fold",
+        Kind.DOUBLING: "fold-doubling, resonance 1:2, doubling-torus, grazing-doubling",
+        Kind.TORUS: "fold-torus, doubling-torus, double torus, grazing-torus",
+        Kind.GRAZING: "grazing-fold, grazing-doubling, grazing-torus, double grazing",
+        None: "fold, doubling, torus, grazing",
+    }.items()
 }
 """What meets the locus of a kind, None for a level, where a fold, doubling, torus or grazing is."""
 ANGLES = {
@@ -111,18 +97,11 @@ def meetings(locus: Locus, first: Solution, last: Solution) -> list[Special]:
     found = []
     for meeting, test in _tests(locus.kind, first, last).items():
         if (test(first) < 0) != (test(last) < 0):
-            at, fraction = locate(locus, first, last, test, PRECISION)
+            at, fraction = events.locate(locus, first, last, test, PRECISION)
             pair = meeting is WITH[locus.kind][2]
-            if not pair or on_unit_circle(np.array(others(locus.kind, at.multipliers))):
+            if not pair or events.on_unit_circle(np.array(others(locus.kind, at.multipliers))):
                 found.append(Special(meeting, at, fraction))
-    own, low = locus.signature(first), 0.0
-    while own != locus.signature(last):
-        at, low, after = locate_change(
-            locus, first, last, locus.signature, low, own, precision=ROUGH
-        )
-        change = tuple(b - a for a, b in zip(own, after, strict=True))
-        found.append(Special(WITH[locus.kind][3], at, low, change))
-        own = after
+    found += events.grazings(locus, first, last, WITH[locus.kind][3], ROUGH)
     return sorted(found, key=lambda one: one.fraction)
 
 
@@ -162,20 +141,18 @@ def _off_angle(meeting: Meeting, point: Solution) -> float:
 
 def _tests(kind: Kind | None, first: Solution, last: Solution) -> dict[Meeting, Test]:
     """Return functions of a point that change their signs at meetings."""
-    with_fold, with_doubling, with_torus, _ = WITH[kind]
 
     def test(name: str, point: Solution) -> float:
-        return getattr(tests_of_multipliers(others(kind, point.multipliers)), name)
+        return getattr(events.tests_of_multipliers(others(kind, point.multipliers)), name)
 
     tests: dict[Meeting, Test] = {
-        with_fold: partial(test, "fold"),
-        with_doubling: partial(test, "doubling"),
-        with_torus: partial(test, "torus"),
+        meeting: partial(test, name)
+        for meeting, name in zip(WITH[kind][:3], Tests._fields, strict=True)
     }
     if kind is Kind.FOLD:
-        tests[with_fold] = partial(_again, 1.0)
+        tests[Meeting.RESONANCE_1] = partial(_again, 1.0)
     elif kind is Kind.DOUBLING:
-        tests[with_doubling] = partial(_again, -1.0)
+        tests[Meeting.RESONANCE_2] = partial(_again, -1.0)
     if kind is Kind.TORUS:
         for meeting in ANGLES:
             tests[meeting] = partial(_off_angle, meeting)

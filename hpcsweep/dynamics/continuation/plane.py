@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
-from hpcsweep.dynamics.continuation.catalogue import OFF, Catalogue, places_at
+from hpcsweep.dynamics.continuation.catalogue import Catalogue, passes
+from hpcsweep.dynamics.continuation.cycle import Map
 from hpcsweep.dynamics.continuation.events import Kind, Special
 from hpcsweep.dynamics.continuation.locus import Locus
-from hpcsweep.dynamics.continuation.maps import Map
 from hpcsweep.dynamics.continuation.meetings import step_of_locus
 
 SAME = 1e-6
@@ -91,14 +91,19 @@ def curves_through(
         for k, (_, special) in enumerate(branch.arc.specials):
             if special.kind not in kinds or branch.arc.curve.period > longest:
                 continue
-            points, value = branch.arc.curve.split(special.at.y)
-            locus = plane.locus(len(points), special)
-            known = [c for c, arc in enumerate(curves) if _passes(arc, locus, points, value, plane)]
+            points, first = branch.arc.curve.split(special.at.y)
+            locus, value = plane.locus(len(points), special), (first, plane.second)
+            known = [
+                c
+                for c, arc in enumerate(curves)
+                if (arc.curve.kind, arc.curve.period) == (locus.kind, locus.period)
+                and passes(arc, points, value, SAME)
+            ]
             room = most_points - sum(len(arc.points) for arc in curves)
             if not known and len(curves) < most_curves and room >= SHORTEST:
                 steps = min(limits.most_steps, (room - 1) // 2)
                 try:
-                    start = locus.start(points, (value, plane.second))
+                    start = locus.start(points, value)
                     own = limits._replace(most_steps=steps, smallest=SMALLEST)
                     curves.append(follow(locus, start, own, step=step_of_locus))
                 except ArithmeticError:
@@ -107,25 +112,3 @@ def curves_through(
             if known:
                 on[number, k] = known[0]
     return curves, on
-
-
-def _passes(arc: Arc, locus: Locus, points: np.ndarray, value: float, plane: Plane) -> bool:
-    """Return whether a curve passes an orbit, or one of its shifts, on the line."""
-    own = arc.curve
-    if own.kind is not locus.kind or own.period != locus.period:
-        return False
-    shifts = [np.roll(points, shift, axis=0).ravel() for shift in range(own.period)]
-    first = value / plane.scale[0]
-    for guess, _, chord in places_at(arc, plane.second / plane.scale[1]):
-        far = [max(np.abs(guess[:-2] - x).max(), abs(guess[-2] - first)) for x in shifts]
-        if min(far) > OFF * chord + SAME:
-            continue
-        there, (near, _) = own.split(guess)
-        try:
-            exact = own.start(there, (near, plane.second)).y
-        except ArithmeticError:
-            continue
-        away = [max(np.abs(exact[:-2] - x).max(), abs(exact[-2] - first)) for x in shifts]
-        if min(away) <= SAME:
-            return True
-    return False

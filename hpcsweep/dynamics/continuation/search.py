@@ -19,16 +19,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation import cycle
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
-from hpcsweep.dynamics.continuation.cycle import (
-    Curve,
-    NotConvergedError,
-    continued,
-    jacobian,
-    miss_of,
-    solve_at,
-)
-from hpcsweep.dynamics.continuation.maps import Map
+from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError
+from hpcsweep.dynamics.orbit import divisors
 
 VALUES = 8
 """Values of the parameter at which orbits are sought, in the middles of as many parts of a span."""
@@ -76,10 +70,9 @@ def search(
             known, seen = {}, len(catalogue.branches)
         key = period, value
         if key not in known:
-            own = (p for p in range(1, period + 1) if period % p == 0)
             known[key] = [
                 np.roll(np.tile(orbit, (period // p, 1)), shift, axis=0)
-                for p in own
+                for p in divisors(period)
                 for orbit in catalogue.orbits_at(p, value)
                 for shift in range(p)
             ]
@@ -97,14 +90,13 @@ def deflated(
     """Seek an orbit other than those known, from a start; return its points, shape (p, N)."""
     map_ = curve.map
     try:
-        n = map_.size
-        y = curve.join(continued(map_, start[None], value, curve.period), value)
+        y = curve.join(cycle.continued(map_, start[None], value, curve.period), value)
         for _ in range(STEPS):
-            x = y[:-1].reshape(-1, n)
+            x = curve.split(y)[0]
             images, matrices = map_.tangents(x, value)
-            step = -np.linalg.solve(jacobian(matrices), miss_of(images, x))
+            step = -np.linalg.solve(cycle.jacobian(matrices), curve.misses(images, x, y))
             if np.abs(step).max() <= NEAR:
-                found = curve.split(solve_at(curve, y[:-1].reshape(-1, n), value).y)[0]
+                found = curve.split(cycle.solve_at(curve, x, value).y)[0]
                 others = [np.abs(found - one).max() for one in known]
                 return found if min(others, default=np.inf) > OTHER else None
             turn = 0.0

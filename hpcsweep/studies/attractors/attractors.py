@@ -3,7 +3,7 @@
 A frame is a path of ascending amplitudes. At each amplitude the attractors of the previous one are
 continued: a point of each is a seed, whose motion is classified first. Then the starts are
 classified (`hpcsweep.dynamics.attractors`), and the attractors are matched to those of the previous
-amplitude by the distance of their points (`hpcsweep.dynamics.resemblance`): near ones keep their
+amplitude by the distance of their points (`hpcsweep.dynamics.known`): near ones keep their
 identity, others get a new one. Seeds do not count for shares; an attractor that only a seed reached
 has share 0 with the interval of no hit in all starts.
 

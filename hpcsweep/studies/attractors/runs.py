@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.dynamics.attractor import Found, Portrait
-from hpcsweep.dynamics.portrait import portrait
-from hpcsweep.dynamics.resemblance import matched
+from hpcsweep.dynamics.basins import portrait
+from hpcsweep.dynamics.known import matched
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure

@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
 from hpcsweep.dynamics.classify_motion import classify_motion
-from hpcsweep.dynamics.exponent import UNKNOWN, Interval, aligned, growth_interval
-from hpcsweep.dynamics.motion import Motion
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
-from hpcsweep.dynamics.stability import orbit_exponent
+from hpcsweep.dynamics.stability import UNKNOWN, Interval, aligned, growth_interval, orbit_exponent
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.studies.blocks import Poll

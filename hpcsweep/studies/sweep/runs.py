@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.exponent import Interval
+from hpcsweep.dynamics.stability import Interval
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach

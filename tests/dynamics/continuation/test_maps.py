@@ -5,13 +5,11 @@ import pytest
 from maps_in_closed_form import Delayed, Henon, Logistic
 
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
-from hpcsweep.dynamics.continuation.catalogue import Catalogue
+from hpcsweep.dynamics.continuation.catalogue import Catalogue, switch
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve_at
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.search import search
-from hpcsweep.dynamics.continuation.switching import switch
-from hpcsweep.dynamics.continuation.tangent_maps import multipliers
-from hpcsweep.dynamics.stability import floquet_multipliers
+from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers
 
 
 def found_on(arc):
@@ -119,7 +117,7 @@ def test_multipliers_do_not_depend_on_how_a_product_is_cut():
     matrices = [
         bases[i + 1] @ np.diag(roots * (signs if i == 0 else 1.0)) @ bases[i].T for i in range(6)
     ]
-    found = multipliers(np.array(matrices))
+    found = TangentMaps(np.array(matrices)).multipliers
     np.testing.assert_allclose(found, own[np.argsort(-np.abs(own))], rtol=1e-9)
     product = np.linalg.multi_dot(matrices[::-1])
     # of the product the smallest has lost its digits

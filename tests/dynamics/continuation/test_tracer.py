@@ -11,7 +11,7 @@ from hpcsweep.dynamics.continuation.branch import Limits, follow
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve_at
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.forced import ForcedMap
-from hpcsweep.dynamics.continuation.tangent_maps import TangentMaps
+from hpcsweep.dynamics.stability import TangentMaps
 from hpcsweep.solvers.polling import Polling
 
 TWO_MASSES = load_job("jobs/structures/two-masses.toml").structure

@@ -180,7 +180,7 @@ class FlowMap:
         z = motion(self, state, 0.0, rules.transient)[0]
         self._watch_for(closing[0])
         wanted = self._wanted(modal_norm, measures)
-        run = batch.new_run(amplitudes, z, self.structure, self._units, closing[0], wanted)
+        run = batch.new_run(n, self._units.size, closing[0], wanted)
         tally = self._shared.tally if measures else None
         rows = batch.new_orbits(len(amplitudes), n, closing[0], tally)
         why = batch.MORE
@@ -189,6 +189,10 @@ class FlowMap:
                 self._packed,
                 self._packed_watch,
                 NOTHING if free is None else free.packed,
+                amplitudes,
+                z,
+                np.array(self.structure.state_units),
+                self._units.amplitude_unit,
                 self._polling.begin(poll),
                 tuple(rules._replace(max_period=closing[0])),
                 run,

@@ -97,5 +97,14 @@ class RecordMap:
         return whole * self.dt + rest, Outcome.COMPLETE
 
     def _march(self, z, samples, amplitude, first, last, length, wanted):
-        intervals, nowhere = (first, last, length), self._shared.no_points
-        return march_record(self._packed, z, samples, amplitude, intervals, wanted, nowhere)
+        return march_record(
+            self._packed,
+            z,
+            samples,
+            amplitude,
+            first,
+            last,
+            length,
+            wanted,
+            self._shared.no_points,
+        )

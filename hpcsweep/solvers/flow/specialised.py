@@ -25,12 +25,13 @@ from hpcsweep.kernels.compile.warm import load_all, missing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
+from hpcsweep.solvers.flow.dashpot.march import march_dashpots
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.orbit.walk import move_along, solve_point, walk_branch
-from hpcsweep.solvers.flow.period.march import march, march_dashpots, march_measured
+from hpcsweep.solvers.flow.period.march import march, march_measured
 from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
 
 

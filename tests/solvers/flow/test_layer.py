@@ -50,7 +50,7 @@ def test_error_of_a_layer_step_is_measured():
                 begun = tau + part * h
                 forcing.forcing_at(begun, 0.3, model, pairs, 0)
                 accelerations(pairs[0], start, model, a)
-                if scheme.collocate((begun, h), start, a, 0.3, pairs, stiffness, model, work):
+                if scheme.collocate(begun, h, start, a, 0.3, pairs, stiffness, model, work):
                     scheme.finish(h, start, work.g, end)
                     if parts == 1:
                         measured = scheme.quadrature_error(h, z, model, work)

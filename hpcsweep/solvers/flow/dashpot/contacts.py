@@ -40,17 +40,12 @@ from hpcsweep.solvers.flow.search.search import (
     may_reach,
     rising_root,
 )
-from hpcsweep.solvers.flow.state.state import (
-    Segment,
-    approach_speed,
-    contact_bit,
-    distance,
-    linear_accelerations,
-    passing_with,
-)
+from hpcsweep.solvers.flow.state.state import Segment, approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.measures import ROUNDING
 
+SAME_INSTANT = 2.0**-40
+"""Part of a step within which contacts are at their stops at one instant, see `period`."""
 AT_REST = 2.0**-40
 """Part of the size of a state, or of a gap, that hides whether a contact at its stop moves: the
 rounding of a speed that the restarts of a motion leave, some 1e-13, grown tenfold."""
@@ -98,8 +93,7 @@ def past_stops(tau, z, amplitude, model, work):
             resting |= contact_bit(k)
     if resting != np.uint64(0):
         forcing_at(tau, amplitude, model, work.forcing, 0)
-        ground = total_forcing(work.forcing, 0, model)
-        linear_accelerations(pushing(past, z, contacts), ground, z, model, work.a)
+        _accelerations(pushing(past, z, contacts), z, model, work)
         for k in range(contacts.row.shape[0]):
             if resting & contact_bit(k) and contacts.sign[k] * work.a[contacts.row[k]] > 0.0:
                 past |= contact_bit(k)
@@ -132,8 +126,7 @@ def rest_at_stops(tau, past, key, z, amplitude, model, work):
     if resting == np.uint64(0):
         return past, key
     forcing_at(tau, amplitude, model, work.forcing, 0)
-    ground = total_forcing(work.forcing, 0, model)
-    linear_accelerations(key & ~resting, ground, z, model, work.a)
+    _accelerations(key & ~resting, z, model, work)
     for k in range(contacts.row.shape[0]):
         bit = contact_bit(k)
         if resting & bit == np.uint64(0):
@@ -146,6 +139,25 @@ def rest_at_stops(tau, past, key, z, amplitude, model, work):
         past = past | bit if way > 0.0 else past & ~bit
         key = key | bit if way > 0.0 else key & ~bit
     return past, key
+
+
+@kernel
+def _accelerations(key, z, model, work):
+    """Evaluate y'' into ``work.a`` where the contacts of a set push; ``work.forcing`` shakes."""
+    contacts, a = model.contacts, work.a
+    n = a.shape[0]
+    ground = total_forcing(work.forcing, 0, model)
+    for i in range(n):
+        force = model.forcing[i] * ground
+        for j in range(n):
+            force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
+        a[i] = force
+    for k in range(contacts.row.shape[0]):
+        if key & contact_bit(k):
+            x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
+            force = contacts.beta[k] * x + contacts.edges[k, DRAG] * w
+            for p in range(contacts.first[k], contacts.first[k + 1]):
+                a[contacts.push_row[p]] -= contacts.push[p] * force
 
 
 @kernel
@@ -241,7 +253,7 @@ def _force_root(k, segment, end, model, tables, work):
 def changed(place, segment, past, model, z):
     """Let contacts change in a state z, the stop of the first of them put where it is.
 
-    Contacts at their stops at one instant pass together.
+    Contacts at their stops at one instant pass together (`period.passing_contacts`).
 
     Returns
     -------
@@ -253,7 +265,14 @@ def changed(place, segment, past, model, z):
     if place >= m:
         return past, key ^ contact_bit(place - m)
     z[contacts.row[place]] = contacts.sign[place] * contacts.gap[place]
-    passing = passing_with(place, past, segment.h, z, contacts)
+    passing = contact_bit(place)
+    for k in range(m):
+        bit = contact_bit(k)
+        w = approach_speed(k, z, contacts)
+        goes_on = w < 0.0 if past & bit else w > 0.0
+        near = SAME_INSTANT * segment.h * abs(w)
+        if k != place and goes_on and abs(distance(k, z, contacts)) <= near:
+            passing |= bit
     closing = passing & ~past
     return past ^ passing, (key & ~passing) | closing
 

@@ -7,7 +7,9 @@ energy is lost to the dashpot: (kappa / 2) times what x^2 falls by.
 
 import numpy as np
 
+from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import CONTACT, DRIFT
@@ -30,6 +32,7 @@ from hpcsweep.solvers.flow.linear.polynomials import (
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.drift import (
     drift_on_segment,
+    largest_of_storeys,
     raise_peak,
     raise_to_ends,
     row_may_be_higher,
@@ -40,22 +43,17 @@ from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent, linear_tangent
 from hpcsweep.solvers.flow.search.events import coast, take_step
 from hpcsweep.solvers.flow.search.search import UNDECIDED
-from hpcsweep.solvers.flow.state.shared import (
-    IMPACTS,
-    NO_TALLY,
-    PASSAGES,
-    PEAKS,
-    STEPS,
-    wants_norms,
-)
+from hpcsweep.solvers.flow.state.shared import IMPACTS, NO_TALLY, PEAKS, read_shared, wants_norms
 from hpcsweep.solvers.flow.state.state import (
     OVERFLOW,
     Segment,
     Stretch,
     approach_speed,
+    begin_period,
     contact_bit,
     copy_state,
     distance,
+    end_period,
     is_ordinary,
     start,
     time_of,
@@ -102,10 +100,13 @@ def _force_peaks(segment, span, shared):
         g0, v0 = value_and_slope(rows, 0, h, 0.0)
         g1, v1 = value_and_slope(rows, 0, h, span)
         ends = (g0, v0, g1, v1)
-        along = (h, span, time, tally.times[w] - time)
-        raise_to_ends(ends, 1, along, w, tally)
+        at = raise_to_ends(ends, 1, span, w, tally.peaks)
         if row_may_be_higher(tally.peaks[w], 1, span, ends, bound4):
-            raise_peak(rows, along, ends, bound4, 1, w, tally, work.stack)
+            near = tally.times[w] - time
+            found = raise_peak(rows, h, span, ends, bound4, 1, w, near, tally.peaks, work.stack)
+            at = found if found >= 0.0 else at
+        if at >= 0.0:
+            tally.times[w] = time + at
 
 
 @kernel
@@ -172,7 +173,7 @@ def start_next(segment, place, span, z, amplitude, model, tables, work):
 
 
 @inlined
-def march_dashpot_period(packed, z, amplitude, shared, wanted, tangent):
+def march_period(packed, z, amplitude, shared, wanted, tangent):
     """Advance z over one forcing period, in place; see `flow.period.period.march_period`.
 
     Returns
@@ -218,9 +219,9 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
             tau, coasted, known = coast(segment, shared.max_steps - steps, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)
-            counts[STEPS] += coasted
+            counts[0] += coasted
             steps += coasted
-        counts[STEPS] += 1
+        counts[0] += 1
         span = take_step(segment, known, tables, work)
         place, span = first_change(segment, past, span, model, tables, work)
         if place == UNDECIDED:
@@ -239,7 +240,7 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
             if wanted != NO_TALLY:
                 observe_segment(segment, past, span, amplitude, wanted, shared)
         if place >= 0:
-            counts[PASSAGES] += 1
+            counts[1] += 1
             before = past
             past, key = changed(place, segment, before, model, work.z_end)
             now = segment.tau + span
@@ -253,3 +254,31 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
         start_next(segment, place, span, z, amplitude, model, tables, work)
         tau = end if span >= end - tau else tau + span
     return COMPLETE
+
+
+@entry_point(
+    (INT, INT),
+    *(BYTES, VECTOR, FLOAT, INT, MATRIX, INT, MATRIX, VECTOR),
+    inner=True,
+    specialises=True,
+    on_demand=True,
+)
+def march_dashpots(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
+    """Advance z over `n_periods` forcing periods, in place; see `flow.period.march.march`.
+
+    A loop of its own, so that the periods of elastic contacts pay nothing for it: a call within
+    their loop cost them 5 %.
+    """
+    common = read_shared(shared)
+    z = as_long_as(z, common.previous)
+    tangent = as_long_as(tangent, common.previous)
+    for period in range(n_periods):
+        begin_period(z, tangent, common)
+        outcome = march_period(shared, z, amplitude, common, wanted, tangent)
+        if outcome != COMPLETE:
+            copy_state(common.previous, z)
+            return period, outcome
+        end_period(period, z, points, tangent, growth)
+    if wanted & DRIFT:
+        largest_of_storeys(common.model, common.tally)
+    return n_periods, COMPLETE

@@ -92,19 +92,18 @@ def accelerations_in_layer(step, z0, z1, first, model, tally, work):
             right = sign * values[min(k + 1, N_POINTS - 1)]
             rise = max(here - left, here - right)
             if here >= left and here >= right and here + rise > tally.peaks[p]:
-                top, at = _highest_beside(k, i, tally.peaks[p], step, z0, z1, model, work)
+                top, at = _highest_beside(k, i, sign, tally.peaks[p], step, z0, z1, model, work)
                 if top > tally.peaks[p]:
                     tally.peaks[p], tally.times[p] = top, time + at * h
 
 
 @kernel
-def _highest_beside(k, i, peak, step, z0, z1, model, work):
-    """Find the largest modulus of the acceleration of floor i beside point k, a local maximum.
+def _highest_beside(k, i, sign, peak, step, z0, z1, model, work):
+    """Find the largest sign times the acceleration of floor i beside point k, a local maximum.
 
     Return it, and at which part of the step. The search ends where it does not exceed the peak.
     """
     values = work.layer.values
-    sign = 1.0 if values[k] > 0.0 else -1.0
     a, b = POINTS[max(k - 1, 0)], POINTS[min(k + 1, N_POINTS - 1)]
     fa, fb = sign * values[max(k - 1, 0)], sign * values[min(k + 1, N_POINTS - 1)]
     m, fm = POINTS[k], sign * values[k]

@@ -59,7 +59,7 @@ def impacts_in_layer(h, z0, z1, alone, model, ways, tally, work):
         if start[0] >= 0.0:
             tally.closed[0] |= contact_bit(k)
             tally.beside[0] |= contact_bit(k)
-        _follow(k, (h, start, end), z0, model, tally, work)
+        _follow(k, h, start, end, z0, model, tally, work)
 
 
 @inlined
@@ -95,14 +95,12 @@ def impacts_without_change(h, z0, z1, model, tally, work):
 
 
 @inlined
-def _follow(k, step, z0, model, tally, work):
+def _follow(k, h, start, end, z0, model, tally, work):
     """Add closings and the time at x >= 0 of a contact, with x given as in `_highest`.
 
-    `step` is its length, and x, x' and x'' at both ends. Crossings are found on quintics through
-    neighbours, as in `_highest`, and then on the polynomial through
-    distance and speed at the ends and all stages.
+    Crossings are found on quintics through neighbours, as in `_highest`, and then on the polynomial
+    through distance and speed at the ends and all stages.
     """
-    h, start, end = step
     left_s, left = 0.0, start
     for s in range(N_STAGES + 1):
         if s < N_STAGES:
@@ -121,13 +119,13 @@ def _follow(k, step, z0, model, tally, work):
             turn = turn_of(quintic, inward, left[1] / (left[1] - right[1]))
             if inward * value_of(quintic, turn) >= 0.0:
                 near = left_s + d * root_of(quintic, 0.0, turn, -inward)
-                begin, since = turn, _change(k, step, near, since, z0, model, tally, work)
+                begin, since = turn, _change(k, h, near, since, start, end, z0, model, tally, work)
                 closed = not closed
                 if not closed:
                     note_apart(k, value_of(quintic, turn), model.contacts, tally)
         if (right[0] >= 0.0) != closed:
             near = left_s + d * root_of(quintic, begin, 1.0, 1.0 if closed else -1.0)
-            since = _change(k, step, near, since, z0, model, tally, work)
+            since = _change(k, h, near, since, start, end, z0, model, tally, work)
             closed = not closed
         if closed:
             tally.impacts[TIME, k] += (right_s - since) * h
@@ -135,10 +133,9 @@ def _follow(k, step, z0, model, tally, work):
 
 
 @kernel
-def _change(k, step, s, since, z0, model, tally, work):
+def _change(k, h, s, since, start, end, z0, model, tally, work):
     """Record that a contact closes or opens near s, a fraction of the step; return s exactly."""
     closed = tally.closed[0] & contact_bit(k) != np.uint64(0)
-    h, start, end = step
     interpolate(h, start, end, work)
     slope = 0.0
     for _ in range(3):

@@ -312,21 +312,21 @@ def replace(g, fresh):
 
 
 @inlined
-def collocate(step, z, a, amplitude, pairs, stiffness, model, work):
+def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
     """Solve the collocation equations of one step.
 
     Parameters
     ----------
-    step : tuple of float
-        Start and length.
+    tau, h : float
+        Start and length of the step.
     z : ndarray, shape (2R,)
-        State at the start; not changed.
+        State at `tau`; not changed.
     a : ndarray, shape (n,)
-        Accelerations there, the first guess.
+        Accelerations at `tau`, the first guess.
     amplitude : float
         A.
     pairs : ndarray
-        The forcing there, see `forcing`.
+        The forcing at `tau`, see `forcing`.
     stiffness : float
         Largest |dG/du| expected.
     work : LayerWorkspace
@@ -338,7 +338,7 @@ def collocate(step, z, a, amplitude, pairs, stiffness, model, work):
         Whether the iteration converged.
     """
     u, v, g, fresh, ground, active = (work.u, work.v, work.g, work.fresh, work.ground, work.active)
-    (tau, h), free, speeds = step, work.free, work.speeds
+    free, speeds = work.free, work.speeds
     n = a.shape[0]
     _forcing_at_stages(tau, h, amplitude, pairs, model, ground)
     _find_active(h, z, a, model, active)

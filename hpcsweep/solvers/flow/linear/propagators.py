@@ -33,8 +33,7 @@ from hpcsweep.kernels.simd.vectors import (
 )
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.linear.algebra import spectral_radius
-from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
-from hpcsweep.solvers.flow.state.state import renew_outputs
+from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
     ECONOMISATION,
@@ -84,30 +83,34 @@ def build_series(generator, vectors, model, series, impulses):
             vector[i] = contacts.reach[contact, i] * unit[i] if i < n else 0.0
         for k in range(LANES):
             if k > 0:
-                _multiply(generator.T, vector, k, spare)
+                for j in range(size):
+                    spare[j] = 0.0
+                for i in range(size):
+                    for j in range(size):
+                        spare[j] += vector[i] * generator[i, j]
+                for j in range(size):
+                    vector[j] = spare[j] / k
             for j in range(size):
                 series[contact, place_of(j, n, n_rows), k] = vector[j] / unit[j]
         for i in range(size):
             vector[i] = contacts.kick[contact, i - n] / unit[i] if n <= i < 2 * n else 0.0
         for k in range(LANES):
             if k > 0:
-                _multiply(generator, vector, k, spare)
-            kicked = impulses[contact, k]
-            for i in range(n):
-                kicked[i], kicked[n_rows + i] = vector[i] * unit[i], vector[n + i] * unit[n + i]
-            renew_outputs(kicked[: 2 * n_rows], model)
-
-
-@inlined
-def _multiply(matrix, vector, k, spare):
-    """Multiply a vector by a matrix over k, in place."""
-    size = vector.shape[0]
-    for i in range(size):
-        spare[i] = 0.0
-        for j in range(size):
-            spare[i] += matrix[i, j] * vector[j]
-    for i in range(size):
-        vector[i] = spare[i] / k
+                for i in range(size):
+                    spare[i] = 0.0
+                    for j in range(size):
+                        spare[i] += generator[i, j] * vector[j]
+                for i in range(size):
+                    vector[i] = spare[i] / k
+            for half in range(2):
+                first = half * n_rows
+                for i in range(n):
+                    impulses[contact, k, first + i] = vector[half * n + i] * unit[half * n + i]
+                for extra in range(n_rows - n):
+                    value = 0.0
+                    for j in range(n):
+                        value += model.rows[extra, j] * impulses[contact, k, first + j]
+                    impulses[contact, k, first + n + extra] = value
 
 
 @inlined
@@ -156,7 +159,7 @@ def lookup(key, packed):
         forget(shared.responses)
     index = tables.count[0]
     _build(key, shared.model, tables, index)
-    shared.counts[TABLES] += 1
+    shared.counts[4] += 1
     tables.keys[index] = key
     tables.count[0] = index + 1
     return index

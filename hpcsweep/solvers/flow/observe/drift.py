@@ -57,7 +57,7 @@ def drift_on_segment(index, x, z_end, s, model, tables, tally, work):
         i, below = model.drift_rows[d]
         row = (i, below, 0, 0.0)
         ends, bound4 = row_at_ends(row, x, z_end, work.bounds)
-        tally.peak_drift[0] = max(tally.peak_drift[0], max(abs(ends[0]), abs(ends[2])))
+        raise_to_ends(ends, 0, s, 0, tally.peak_drift)
         if row_may_be_higher(tally.peak_drift[0], 0, s, ends, bound4):
             expand_difference(row, index, x, tables, work)
             search_peak(
@@ -106,13 +106,14 @@ def row_at_ends(row, x, z_end, bounds):
 
 
 @inlined
-def raise_to_ends(ends, side, along, w, tally):
-    """Raise peak w, and its time, to the values at the ends of a step; `along` of `raise_peak`."""
+def raise_to_ends(ends, side, s, w, peaks):
+    """Raise peak w to the values at the ends of a step; return when, -1 if it was not below."""
     start, end = _size(ends[0], side), _size(ends[2], side)
     reached = max(start, end)
-    if reached > tally.peaks[w]:
-        tally.peaks[w] = reached
-        tally.times[w] = along[2] + (0.0 if start == reached else along[1])
+    if not reached > peaks[w]:
+        return -1.0
+    peaks[w] = reached
+    return 0.0 if start == reached else s
 
 
 @inlined
@@ -195,8 +196,8 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
 
 
 @kernel
-def raise_peak(rows, along, ends, bound4, side, w, tally, stack):
-    """Update peak w and its time by the extrema of a polynomial, as `search_peak` does.
+def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
+    """Update peak w with the extrema of polynomial 0 of `rows` on [0, s], as `search_peak` does.
 
     The coefficients bound the fourth derivative more sharply than the state does, which makes most
     searches needless. Where slopes at the `ends`, of `row_at_ends`, differ in sign, Newton's method
@@ -205,23 +206,16 @@ def raise_peak(rows, along, ends, bound4, side, w, tally, stack):
     extremum. It ends where the Hermite bounds of the parts before and beyond allow no more than the
     peak, after one to four evaluations. Otherwise, and where that fails, the peak is searched.
 
-    Parameters
-    ----------
-    rows : ndarray
-        Polynomial 0 is that of a step.
-    along : tuple
-        Length of the step, part of it, time of its start, and `near`, from there.
-    ends, bound4, side, w
-        See `row_at_ends`.
-    tally
-        Has `peaks` and `times`.
+    Returns
+    -------
+    float
+        Time of the peak, -1 if it has not been raised.
     """
-    h, s, time, near = along
-    peaks, at = tally.peaks, -1.0
     g0, v0, g1, v1 = ends
+    time = -1.0
     bound4 = min(bound4, _fourth_derivative(rows, h))
     if not _may_be_higher(peaks[w], side, s, g0, v0, g1, v1, bound4):
-        return
+        return time
     if v0 * v1 < 0.0 and (side == 0 or v0 > 0.0):
         m = 3.0 * (g1 - g0) / s - v0 - v1
         root = math.sqrt(m * m - v0 * v1)
@@ -233,19 +227,16 @@ def raise_peak(rows, along, ends, bound4, side, w, tally, stack):
                 break
             g, v, bend = value_slope_bend(rows, 0, h, t)
             if _size(g, side) > peaks[w]:
-                peaks[w], at = _size(g, side), t
+                peaks[w], time = _size(g, side), t
             known = peaks[w]
             before = _may_be_higher(known, side, t, g0, v0, g, v, bound4)
             if not before and not _may_be_higher(known, side, s - t, g, v, g1, v1, bound4):
-                tally.times[w] = time + at if at >= 0.0 else tally.times[w]
-                return
+                return time
             if v0 * bend >= 0.0:
                 break
             t -= v / bend
     found = search_peak(rows, h, s, bound4, side, w, peaks, stack)
-    at = found if found >= 0.0 else at
-    if at >= 0.0:
-        tally.times[w] = time + at
+    return found if found >= 0.0 else time
 
 
 @inlined

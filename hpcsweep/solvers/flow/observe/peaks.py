@@ -76,11 +76,15 @@ def _displacements_on_segment(segment, span, wanted, shared):
             i, below, side, _ = model.watched[p]
             row = (i, below, side, gap)
             ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
-            along = (tables.h[index], span, time, tally.times[p] - time)
-            raise_to_ends(ends, side, along, p, tally)
+            at = raise_to_ends(ends, side, span, p, peaks)
             if row_may_be_higher(peaks[p], side, span, ends, bound4):
                 expand_difference(row, index, work.x, tables, work)
-                raise_peak(work.drift_rows, along, ends, bound4, side, p, tally, work.stack)
+                h, rows = tables.h[index], work.drift_rows
+                near = tally.times[p] - time
+                found = raise_peak(rows, h, span, ends, bound4, side, p, near, peaks, work.stack)
+                at = found if found >= 0.0 else at
+            if at >= 0.0:
+                tally.times[p] = time + at
 
 
 @inlined
@@ -131,13 +135,17 @@ def _accelerations_on_segment(segment, span, amplitude, shared):
 @inlined
 def _raise_acceleration(p, segment, span, shared):
     """Raise the peak of floor p by its extrema on a step."""
-    work, outputs, tally = shared.work, shared.outputs, shared.tally
+    work, outputs, peaks = shared.work, shared.outputs, shared.tally.peaks
     w, at = outputs.first + p, p + p // LANES * LANES
     start, end = outputs.start, outputs.end
     ends = (start[at], start[at + LANES], end[at], end[at + LANES])
     bound4, time = outputs.bounds[p], time_of(segment.tau, shared.model)
-    along = (segment.h, span, time, tally.times[w] - time)
-    raise_to_ends(ends, 0, along, w, tally)
-    if row_may_be_higher(tally.peaks[w], 0, span, ends, bound4):
+    reached = raise_to_ends(ends, 0, span, w, peaks)
+    if row_may_be_higher(peaks[w], 0, span, ends, bound4):
         expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
-        raise_peak(outputs.rows[p : p + 1], along, ends, bound4, 0, w, tally, work.stack)
+        rows = outputs.rows[p : p + 1]
+        near, h = shared.tally.times[w] - time, segment.h
+        found = raise_peak(rows, h, span, ends, bound4, 0, w, near, peaks, work.stack)
+        reached = found if found >= 0.0 else reached
+    if reached >= 0.0:
+        shared.tally.times[w] = time + reached

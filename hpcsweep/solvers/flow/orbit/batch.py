@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.compile.entry_points import BYTES, INT, entry_point, type_of
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
 from hpcsweep.model.structure import Structure
-from hpcsweep.model.units import Units
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.period.march import march
 from hpcsweep.solvers.flow.state.shared import (
     IMPACTS,
+    MAXIMA,
     PEAKS,
     Tally,
     clear,
@@ -63,16 +63,8 @@ class Rules(NamedTuple):
 
 
 class Run(NamedTuple):
-    """The runs, and the current one."""
+    """The current run."""
 
-    amplitudes: np.ndarray
-    """(k,)"""
-    state: np.ndarray
-    """(2n,): of its start; changed in place."""
-    units: np.ndarray
-    """(2n,): units of states, and ..."""
-    amplitude_unit: float
-    """... of amplitudes, in kernel units."""
     place: np.ndarray
     """(6,) int: see `NUMBER`."""
     number: np.ndarray
@@ -89,21 +81,9 @@ class Run(NamedTuple):
     """(2n,): workspace."""
 
 
-def new_run(
-    amplitudes: np.ndarray,
-    state: np.ndarray,
-    structure: Structure,
-    units: Units,
-    max_period: int,
-    wanted: int,
-) -> Run:
-    """Allocate the runs of some amplitudes, the first of which starts from a state."""
-    n, size = structure.n_floors, units.size
+def new_run(n: int, size: int, max_period: int, wanted: int) -> Run:
+    """Allocate the current run for n coordinates and kernel states of a size."""
     return Run(
-        amplitudes=amplitudes,
-        state=state,
-        units=np.array(structure.state_units),
-        amplitude_unit=units.amplitude_unit,
         place=np.zeros(6, np.int64),
         number=np.zeros(2),
         z=np.empty(size),
@@ -140,32 +120,29 @@ def in_units(orbits: Orbits, n_runs: int, structure: Structure) -> Orbits:
 
 
 RULES = type_of((1, 0.0, 0.0, 0.0, 1, 1, True))
-RUN = type_of(
-    Run(
-        *(np.empty(1),) * 3,
-        1.0,
-        np.empty(1, int),
-        *(np.empty(1),) * 3,
-        1,
-        np.empty((1, 2)),
-        np.empty(2),
-    )
-)
+RUN = type_of(new_run(1, 2, 1, MAXIMA))
 ORBITS = type_of(new_orbits(1, 1, 1))
 
 
 @entry_point(
     (INT, INT, INT),
-    *(BYTES, BYTES, BYTES, INT, RULES, RUN, ORBITS),
+    *(BYTES, BYTES, BYTES, VECTOR, VECTOR, VECTOR, FLOAT, INT, RULES, RUN, ORBITS),
     specialises=True,
 )
-def follow_orbits(shared, watch, free, n_periods, rules, run, rows):
+def follow_orbits(
+    shared, watch, free, amplitudes, state, units, amplitude_unit, n_periods, rules, run, rows
+):
     """Compute runs from `run` on, until one is left open or about `n_periods` have been integrated.
 
     Parameters
     ----------
     shared, watch, free : ndarray of bytes
         A packed `Shared`, `Watch` and `hpcsweep.solvers.free.Free`.
+    amplitudes : ndarray, shape (k,)
+    state : ndarray, shape (2n,)
+        Of the run's start; changed in place.
+    units : ndarray, shape (2n,)
+        Units of states, and `amplitude_unit` of amplitudes, in kernel units.
     n_periods : int
         Forcing periods after which to return, for polling; also after `FREE_RUNS` runs without
         contact. Newton's method is not interrupted.
@@ -189,24 +166,22 @@ def follow_orbits(shared, watch, free, n_periods, rules, run, rows):
     place = run.place
     n_done = 0
     n_free = 0
-    while place[NUMBER] < run.amplitudes.shape[0]:
+    while place[NUMBER] < amplitudes.shape[0]:
         if n_done >= n_periods or n_free == FREE_RUNS:
             return MORE, n_done, COMPLETE
         k = place[NUMBER]
-        amplitude = run.amplitudes[k]
+        amplitude = amplitudes[k]
         if place[STAGE] == BEGIN:
-            if is_free(free, run.state, amplitude, run.end) != 0:
+            if is_free(free, state, amplitude, run.end) != 0:
                 n_free += 1
-                _end_free(follow, run, rows)
+                _end_free(state, follow, run, rows)
                 continue
-            _begin(common, watch, near, run)
+            _begin(common, watch, state, units, near, run)
         if place[STAGE] == TRANSIENT:
             closing = (max_period, settled, same, run.number[NEAR])
             wanted = min(n_periods - n_done, transient - place[TRANSIENT_PERIODS])
             done, by_newton, period, run.number[MULTIPLIER], run.number[NEAR], outcome = (
-                end_of_transient(
-                    shared, watch, run.z, amplitude / run.amplitude_unit, wanted, closing
-                )
+                end_of_transient(shared, watch, run.z, amplitude / amplitude_unit, wanted, closing)
             )
             place[TRANSIENT_PERIODS] += done
             place[NEWTON_PERIODS] += by_newton
@@ -220,22 +195,22 @@ def follow_orbits(shared, watch, free, n_periods, rules, run, rows):
             copy_state(run.z, run.reached)
         wanted = min(max(n_periods - n_done, 1), place[ORBIT_PERIOD] - place[PERIODS_ROUND])
         n_done += wanted
-        if not _go_round(shared, common, amplitude / run.amplitude_unit, wanted, run, rows):
+        if not _go_round(shared, common, amplitude / amplitude_unit, wanted, units, run, rows):
             copy_state(run.reached, run.z)
             return OPEN, n_done, COMPLETE
         if place[PERIODS_ROUND] == place[ORBIT_PERIOD]:
-            _finish(transient + sampling, same, common.tally, run, rows)
+            _finish(transient + sampling, same, units, common.tally, run, rows)
             if follow:
-                copy_state(rows.points[k, place[ORBIT_PERIOD] - 1], run.state)
+                copy_state(rows.points[k, place[ORBIT_PERIOD] - 1], state)
             place[NUMBER] = k + 1
             place[STAGE] = BEGIN
     return DONE, n_done, COMPLETE
 
 
 @kernel
-def _end_free(follow, run, rows):
+def _end_free(state, follow, run, rows):
     """Write the results of a run without contact, and advance to the next."""
-    k, state = run.place[NUMBER], run.state
+    k = run.place[NUMBER]
     rows.rule[k] = LINEAR
     rows.length[k] = 1
     rows.period[k] = 1
@@ -247,9 +222,8 @@ def _end_free(follow, run, rows):
 
 
 @kernel
-def _begin(common, watch, near, run):
+def _begin(common, watch, state, units, near, run):
     """Begin the transient of a run."""
-    state, units = run.state, run.units
     n = state.shape[0] // 2
     half = run.z.shape[0] // 2
     for i in range(n):
@@ -267,9 +241,9 @@ def _begin(common, watch, near, run):
 
 
 @kernel
-def _go_round(shared, common, amplitude, n_periods, run, rows):
+def _go_round(shared, common, amplitude, n_periods, units, run, rows):
     """Continue round the orbit; return whether the solver succeeded."""
-    place, units = run.place, run.units
+    place = run.place
     n = units.shape[0] // 2
     half = run.z.shape[0] // 2
     for _ in range(n_periods):
@@ -293,14 +267,14 @@ def _go_round(shared, common, amplitude, n_periods, run, rows):
 
 
 @kernel
-def _finish(whole_run, same, tally, run, rows):
+def _finish(whole_run, same, units, tally, run, rows):
     """Write the results of a run after one turn round its orbit.
 
     Its points are in the order of the last ones of the window procedure, `whole_run` periods from
     the start: the point from which the next amplitude starts can decide which attractor it reaches,
     so that a shortened run must end at the same one.
     """
-    place, units = run.place, run.units
+    place = run.place
     k, length = place[NUMBER], place[ORBIT_PERIOD]
     jumped = not math.isnan(run.number[MULTIPLIER])
     rows.rule[k] = NEWTON if jumped else CONVERGED

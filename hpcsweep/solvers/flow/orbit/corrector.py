@@ -9,7 +9,7 @@ Newton's method for a point of a branch along the amplitude, compiled
 
 Multipliers of a point of a branch and functions of them, and the closings of its contacts
 ------------------------------------------------------------------------------------------
-As `dynamics.continuation` has them, in `tangent_maps`, `events` and `forced`. The eigenvalues are
+As `dynamics.continuation` has them, in `stability`, `events` and `forced`. The eigenvalues are
 those of `linear.spectrum`: 4 us for three floors, 14 from Python.
 """
 
@@ -350,7 +350,7 @@ def find_multipliers(packed):
 
 @kernel
 def _multiply(packed):
-    """Write M_{p-1} ... M_0 to ``product``; return whether errors grow little; see `tangent_maps`.
+    """Write M_{p-1} ... M_0 to ``product``; return whether errors grow little; see `stability`.
 
     ``sizes`` receives the norms of M_{p-1} ... M_{i+1}.
     """

@@ -46,7 +46,6 @@ from hpcsweep.solvers.flow.state.state import (
     contact_bit,
     copy_state,
     distance,
-    linear_accelerations,
 )
 
 MEAN_WAY = 3.0
@@ -290,11 +289,26 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     z = as_long_as(z, shared.previous)
     model, work = shared.model, shared.work
     arrival = Arrival(contact, before.key, tau, work.forcing)
-    contacts, a, rho = model.contacts, work.a, model.rho
-    n, row, sign = a.shape[0], contacts.row[contact], contacts.sign[contact]
+    contacts, a = model.contacts, work.a
+    stiffness, damping, rho = model.stiffness, model.damping, model.rho
+    n = stiffness.shape[0]
+    row, sign = contacts.row[contact], contacts.sign[contact]
     z[row] = sign * contacts.gap[contact]
     ground = total_forcing(arrival.forcing, 0, model)
-    linear_accelerations(arrival.key & ~contact_bit(contact), ground, z, model, a)
+    for i in range(n):
+        force = model.forcing[i] * ground
+        k = contacts.solo[i]
+        if k >= 0 and k != contact and arrival.key & contact_bit(k):
+            force -= contacts.sign[k] * contacts.beta[k] * distance(k, z, contacts)
+        for j in range(n):
+            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
+        a[i] = force
+    for other in range(contacts.others.shape[0]):
+        k = contacts.others[other]
+        if k != contact and arrival.key & contact_bit(k):
+            force = contacts.beta[k] * distance(k, z, contacts)
+            for p in range(contacts.first[k], contacts.first[k + 1]):
+                a[contacts.push_row[p]] -= contacts.push[p] * force
     jerk = jerk_at_stop(arrival, z, a, model)
     if not contacts.is_elastic:
         return INTEGRATED, jerk, promised

@@ -12,7 +12,6 @@ length and a table of its own (`passing_contacts`).
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -48,15 +47,17 @@ from hpcsweep.solvers.flow.search.events import (
     take_step,
 )
 from hpcsweep.solvers.flow.search.search import UNDECIDED, Bracket, Curve, Level, rising_root
-from hpcsweep.solvers.flow.state.shared import LAYER_STEPS, NO_TALLY, PASSAGES, STEPS, VISITS
+from hpcsweep.solvers.flow.state.shared import NO_TALLY
 from hpcsweep.solvers.flow.state.state import (
     OVERFLOW,
     Ending,
     Segment,
+    Stretch,
+    approach_speed,
     contact_bit,
     copy_state,
+    distance,
     is_ordinary,
-    passing_with,
     start,
 )
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
@@ -66,17 +67,8 @@ NO_TABLE, AT_EDGE = -1, -2
 layer, possibly just outside it by rounding."""
 SHORTEST = 0.01
 """Fraction of a step after which a contact that reaches its stop beyond the step is tried again."""
-
-
-class Begin(NamedTuple):
-    """Begin of a part of a forcing period or of a sample interval, and its end."""
-
-    tau: float
-    end: float
-    key: np.uint64
-    """Contact set, ..."""
-    index: int
-    """... and its table, which may be `NO_TABLE`."""
+SAME_INSTANT = 2.0**-40
+"""Fraction of a step within which contacts of infinite sharpness reach their stops at once."""
 
 
 @inlined
@@ -116,32 +108,37 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
         how, jerk, promised = pass_layer(
             contact, segment, tau + at_stop, z, promised, amplitude, packed
         )
-    span, beyond, rounded = at_stop, False, False
-    if how == INTEGRATED:
-        span = rising_root(curve, bracket, edge)
-        beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
-        rounded = model.rho == math.inf and at_stop < bracket.a
-        evaluate_rows(rows, h, span, work.z_end)
-    return Ending(
-        span=span,
-        contact=contact,
-        how=how,
-        beyond=beyond,
-        rounded=rounded,
-        jerk=jerk,
-        promised=promised,
-    )
+    if how != INTEGRATED:
+        return Ending(at_stop, contact, how, False, False, jerk, promised)
+    span = rising_root(curve, bracket, edge)
+    beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
+    rounded = model.rho == math.inf and at_stop < bracket.a
+    evaluate_rows(rows, h, span, work.z_end)
+    return Ending(span, contact, INTEGRATED, beyond, rounded, jerk, promised)
 
 
 @inlined
 def passing_contacts(segment, ending, z, model):
-    """Return the contacts, a set, that pass their stops at the end of a segment, in state z."""
+    """Return the contacts, a set, that pass their stops at the end of a segment, in state z.
+
+    A contact of infinite sharpness whose force begins or ends by the time t too early changes the
+    speed by no more than beta |w| t^2 / 2, w its own: with t = `SAME_INSTANT` h and beta h^2 of the
+    order of 10 that is 1e-23 |w|.
+    """
     contacts, contact = model.contacts, ending.contact
     if contact < 0 or ending.beyond or not (ending.how in (FAST, SLOW) or ending.rounded):
         return np.uint64(0)
+    passing = contact_bit(contact)
     if model.rho != math.inf:
-        return contact_bit(contact)
-    return passing_with(contact, segment.key, segment.h, z, contacts)
+        return passing
+    for k in range(contacts.row.shape[0]):
+        bit = contact_bit(k)
+        w = approach_speed(k, z, contacts)
+        goes_on = w < 0.0 if segment.key & bit else w > 0.0
+        near = SAME_INSTANT * segment.h * abs(w)
+        if k != contact and goes_on and abs(distance(k, z, contacts)) <= near:
+            passing |= bit
+    return passing
 
 
 @inlined
@@ -191,15 +188,7 @@ def take_segment(segment, known, promised, z, amplitude, packed, shared):
     event = first_event(segment, span, shared.model, shared.tables.poly, shared.work)
     if event[0] >= 0:
         return _end_at_event(segment, event, promised, z, amplitude, packed, shared)
-    return Ending(
-        span=span,
-        contact=event[0],
-        how=INTEGRATED,
-        beyond=False,
-        rounded=False,
-        jerk=0.0,
-        promised=promised,
-    )
+    return Ending(span, event[0], INTEGRATED, False, False, 0.0, promised)
 
 
 @inlined
@@ -229,17 +218,21 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
     """
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    begin = Begin(0.0, shared.model.period, np.uint64(0), NO_TABLE)
-    return march_segments(packed, begin, z, amplitude, shared, wanted, tangent, measures)
+    stretch, key = Stretch(0.0, shared.model.period), np.uint64(0)
+    return march_segments(
+        packed, stretch, key, NO_TABLE, z, amplitude, shared, wanted, tangent, measures
+    )
 
 
 @inlined
-def march_segments(packed, begin, z, amplitude, shared, wanted, tangent, measures):
+def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, tangent, measures):
     """Advance z over a part of a period or of a sample interval, in place; return the outcome.
 
     Parameters
     ----------
-    begin : Begin
+    stretch : Stretch
+    key, index : uint64, int
+        Contact set at its start and its table, which may be `NO_TABLE`.
     wanted : int
         Of a record only `PEAKS` and `IMPACTS`, together.
     tangent : ndarray, shape (2R, m), or None
@@ -248,7 +241,7 @@ def march_segments(packed, begin, z, amplitude, shared, wanted, tangent, measure
         See `march_period`.
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    tau, end, key, index = begin
+    tau, end = stretch
     steps = 0
     promised = np.uint64(0)
     while tau < end:
@@ -257,13 +250,13 @@ def march_segments(packed, begin, z, amplitude, shared, wanted, tangent, measure
             return STEP_LIMIT
         if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
             interval = Interval(tau, end, shared.max_steps - steps)
-            counts[VISITS] += 1
+            counts[3] += 1
             if tangent is None:
                 nothing = shared.no_tangent
                 tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, nothing)
             else:
                 tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
-            counts[LAYER_STEPS] += used
+            counts[2] += used
             steps += used
             if outcome != COMPLETE:
                 return outcome
@@ -281,14 +274,14 @@ def march_segments(packed, begin, z, amplitude, shared, wanted, tangent, measure
             tau, coasted, known = coast(segment, steps_left, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)
-            counts[STEPS] += coasted
+            counts[0] += coasted
             steps += coasted
-        counts[STEPS] += 1
+        counts[0] += 1
         ending = take_segment(segment, known, promised, z, amplitude, packed, shared)
         if ending.contact == UNDECIDED:
             return SOLVER_FAILED
         promised = ending.promised
-        counts[PASSAGES] += ending.how != INTEGRATED
+        counts[1] += ending.how != INTEGRATED
         if tangent is not None and tangent.shape[1] > 0:
             segment_tangent(segment, ending, packed, shared, tangent)
         if ending.how != INTEGRATED:

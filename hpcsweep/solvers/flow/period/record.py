@@ -11,15 +11,7 @@ import numpy as np
 
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.compile.entry_points import (
-    BYTES,
-    FLOAT,
-    INT,
-    MATRIX,
-    VECTOR,
-    entry_point,
-    type_of,
-)
+from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
@@ -32,9 +24,9 @@ from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
 from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
-from hpcsweep.solvers.flow.period.period import NO_TABLE, Begin, march_segments
+from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
-from hpcsweep.solvers.flow.state.shared import IMPACTS, NO_TALLY, PEAKS, STEPS, read_shared
+from hpcsweep.solvers.flow.state.shared import IMPACTS, NO_TALLY, PEAKS, read_shared
 from hpcsweep.solvers.flow.state.state import (
     OVERFLOW,
     Segment,
@@ -55,12 +47,9 @@ PEAKS_AT_SAMPLES, ALL_PEAKS = 1, 2
 """What is gathered: peaks at the samples, or over continuous time, and impacts; 0: nothing."""
 
 
-INTERVALS = type_of((0, 0, 0.0))
-
-
-@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, INTERVALS, INT, MATRIX)
-def march_record(shared, z, samples, amplitude, intervals, wanted, points):
-    """Advance z over some intervals of a record, in place.
+@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, INT, INT, FLOAT, INT, MATRIX)
+def march_record(shared, z, samples, amplitude, first, last, length, wanted, points):
+    """Advance z over the intervals `first`, .., `last` - 1 of a record, in place.
 
     Parameters
     ----------
@@ -71,9 +60,9 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
         Of the ground; from the last one on there is none.
     amplitude : float
         By which they are multiplied.
-    intervals : tuple
-        The first and the one behind the last, and the length of each: that of a sample, or a part
-        of it.
+    first, last : int
+    length : float
+        Of each interval: that of a sample, or a part of it.
     wanted : int
     points : ndarray, shape (last - first, 2R) or (0, 2R)
         Receives the states at the ends of the intervals; not written if empty.
@@ -87,20 +76,23 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
     z = as_long_as(z, common.previous)
     model, tables, work = common.model, common.tables, common.work
     key, index = np.uint64(0), NO_TABLE
-    first, last, length = intervals
     with_dashpots = has_dashpots(model)
-    flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
     for j in range(first, last):
-        _write_ramp(j, samples, model)
+        model.ramp[0, 0] = model.ramp[0, 1] = 0.0
+        model.ramp[0, 2] = j * model.period
+        if j + 1 < samples.shape[0]:
+            model.ramp[0, 0] = samples[j]
+            model.ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
         if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
             return j - first, NON_FINITE
         if model.rows.shape[0] > 0:
             # at every one, so that nothing depends on where a call begins
             renew_rows(z, common.no_tangent, model)
-        if index == NO_TABLE and _is_linear(z, amplitude, model, work):
-            key = np.uint64(0)
-            if not with_dashpots:
-                key = contact_key(0.0, z, amplitude, model, work)
+        if index == NO_TABLE and with_dashpots:
+            if past_stops(0.0, z, amplitude, model, work) == np.uint64(0):
+                index = table_of(key, tables, shared)
+        elif index == NO_TABLE and not inside_layer(z, model):
+            key = contact_key(0.0, z, amplitude, model, work)
             index = table_of(key, tables, shared)
         tau = 0.0
         if index != NO_TABLE:
@@ -111,12 +103,14 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
+            rest = Stretch(tau, length)
+            flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
             if with_dashpots:
-                rest = Stretch(tau, length)
                 outcome = march_with_dashpots(shared, rest, z, amplitude, common, flags, None)
             else:
-                begin = Begin(tau, length, key, index)
-                outcome = march_segments(shared, begin, z, amplitude, common, flags, None, True)
+                outcome = march_segments(
+                    shared, rest, key, index, z, amplitude, common, flags, None, True
+                )
             if outcome != COMPLETE:
                 return j - first, outcome
             index = NO_TABLE
@@ -125,25 +119,6 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
         if points.shape[0] > 0:
             copy_state(z, points[j - first])
     return last - first, COMPLETE
-
-
-@inlined
-def _write_ramp(j, samples, model):
-    """Write the ground of interval j: its first sample, its slope, and the time of its start."""
-    ramp = model.ramp
-    ramp[0, 0] = ramp[0, 1] = 0.0
-    ramp[0, 2] = j * model.period
-    if j + 1 < samples.shape[0]:
-        ramp[0, 0] = samples[j]
-        ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
-
-
-@inlined
-def _is_linear(z, amplitude, model, work):
-    """Return whether a motion begins linearly: outside all layers, with no dashpot at work."""
-    if has_dashpots(model):
-        return past_stops(0.0, z, amplitude, model, work) == np.uint64(0)
-    return not inside_layer(z, model)
 
 
 @inlined
@@ -179,7 +154,7 @@ def _coast(segment, amplitude, wanted, shared):
         for row in range(work.z_end.shape[0]):
             x[row] = wide[row]
         turn_forcing(x, work.z_end.shape[0], tables, index)
-        shared.counts[STEPS] += 1
+        shared.counts[0] += 1
     reached = n_steps * h
     return end if abs(reached - end) <= 1e-12 * end else reached
 

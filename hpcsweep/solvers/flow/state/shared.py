@@ -34,9 +34,6 @@ from hpcsweep.solvers.flow.state.tables import (
 from hpcsweep.solvers.flow.state.workspace import Workspace
 from hpcsweep.solvers.measures import IMPACT_FLAG, N_IMPACTS
 
-STEPS, PASSAGES, LAYER_STEPS, VISITS, TABLES = range(5)
-"""Entries of `Shared.counts`: linear steps, passages in closed form, steps inside layers, visits to
-layers, and tables built."""
 NO_TALLY, MAXIMA, NORMS = range(3)
 PEAKS, IMPACTS = sum(PEAK_FLAGS), IMPACT_FLAG
 ANY_MEASURE = PEAKS | IMPACTS
@@ -105,7 +102,7 @@ class Shared(NamedTuple):
     work: Workspace = part(Workspace)
     tally: Tally = part(Tally)
     counts: np.ndarray = zeros(5, dtype=int)
-    """Of the work so far, see `STEPS`."""
+    """Linear steps, fast passages, layer steps, layer visits and tables built so far."""
     previous: np.ndarray = zeros("2R")
     """Workspace for the start of a period."""
     no_points: np.ndarray = zeros(0, "2R")

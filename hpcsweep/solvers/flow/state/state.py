@@ -8,7 +8,6 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import type_of
 from hpcsweep.model.contact import FAR, contact_force
-from hpcsweep.model.kernel_contacts import DRAG
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -58,22 +57,19 @@ def start(x, z, pairs):
 @kernel
 def renew_rows(z, tangent, model):
     """Recompute the rows beyond n from the first n, in z and in the columns of `tangent`."""
-    renew_outputs(z, model)
-    for column in range(tangent.shape[1]):
-        renew_outputs(tangent[:, column], model)
-
-
-@kernel
-def renew_outputs(z, model):
-    """Recompute the rows beyond n from the first n, in one state."""
     n = model.modal_transform.shape[0]
     half = z.shape[0] // 2
-    for begin in range(0, 2 * half, half):
+    for start in range(0, 2 * half, half):
         for extra in range(half - n):
             value = 0.0
             for j in range(n):
-                value += model.rows[extra, j] * z[begin + j]
-            z[begin + n + extra] = value
+                value += model.rows[extra, j] * z[start + j]
+            z[start + n + extra] = value
+            for column in range(tangent.shape[1]):
+                value = 0.0
+                for j in range(n):
+                    value += model.rows[extra, j] * tangent[start + j, column]
+                tangent[start + n + extra, column] = value
 
 
 @kernel
@@ -92,36 +88,6 @@ def distance(k, z, contacts):
 def approach_speed(k, z, contacts):
     """Return the speed of that distance."""
     return contacts.edges[k, 0] * z[contacts.places[k, 1]]
-
-
-SAME_INSTANT = 2.0**-40
-"""Part of a step within which contacts of infinite sharpness are at their stops at one instant."""
-
-
-@inlined
-def passing_with(contact, past, h, z, contacts):
-    """Return the contacts, a set, that pass their stops together with one, in state z.
-
-    A contact whose force begins or ends by the time t too early changes the speed by no more than
-    beta |w| t^2 / 2, w its own: with t = `SAME_INSTANT` h and beta h^2 of the order of 10 that is
-    1e-23 |w|.
-
-    Parameters
-    ----------
-    past : uint64
-        Contacts past their stops before.
-    h : float
-        Length of a step.
-    """
-    passing = contact_bit(contact)
-    for k in range(contacts.row.shape[0]):
-        bit = contact_bit(k)
-        w = approach_speed(k, z, contacts)
-        goes_on = w < 0.0 if past & bit else w > 0.0
-        near = SAME_INSTANT * h * abs(w)
-        if k != contact and goes_on and abs(distance(k, z, contacts)) <= near:
-            passing |= bit
-    return passing
 
 
 @kernel
@@ -157,34 +123,6 @@ def accelerations(ground, z, model, out):
         force = push_of(k, z, model)
         for p in range(contacts.first[k], contacts.first[k + 1]):
             out[contacts.push_row[p]] -= contacts.push[p] * force
-
-
-@kernel
-def linear_accelerations(key, ground, z, model, out):
-    """Evaluate u'' at one state into `out` where the contacts of a set push, and no others."""
-    contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
-    n = out.shape[0]
-    for i in range(n):
-        force = model.forcing[i] * ground
-        k = contacts.solo[i]
-        if k >= 0 and key & contact_bit(k):
-            force -= contacts.sign[k] * linear_push_of(k, z, contacts)
-        for j in range(n):
-            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
-        out[i] = force
-    for other in range(contacts.others.shape[0]):
-        k = contacts.others[other]
-        if key & contact_bit(k):
-            force = linear_push_of(k, z, contacts)
-            for p in range(contacts.first[k], contacts.first[k + 1]):
-                out[contacts.push_row[p]] -= contacts.push[p] * force
-
-
-@inlined
-def linear_push_of(k, z, contacts):
-    """Evaluate the force of spring and dashpot of contact k, on its distance, at one state."""
-    drag = contacts.edges[k, DRAG] * approach_speed(k, z, contacts)
-    return contacts.beta[k] * distance(k, z, contacts) + drag
 
 
 @inlined

@@ -268,7 +268,7 @@ class Tally(Protocol):
     def done(self) -> int:
         """Number of computed runs."""
 
-    def add(self, frame: Any, study: Any) -> None:
+    def add(self, frame: Any, study: "Study") -> None:
         """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
 
     def summary(self) -> dict[str, Any]:

@@ -55,10 +55,10 @@ class BaseTally:
                 **self._place(at, study, part),
             }
 
-    def _place(self, at, study: Any, part: str) -> dict[str, Any]:
+    def _place(self, at, study: Study, part: str) -> dict[str, Any]:
         """Return the place of a value of a frame."""
         del part
-        omega = float(at["omega"] if "omega" in at.coords else study.omega[0])
+        omega = float(at["omega"] if "omega" in at.coords else study.coordinates["omega"].values[0])
         return {"amplitude": float(at["amplitude"]), "omega": omega}
 
     def summary(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Counts over the lines of a study of branches, for its summary."""
 
 from collections import Counter
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from hpcsweep.dynamics.continuation.plane import KINDS
 from hpcsweep.studies.branches.variables import Origin, Reason
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.tally import BaseTally, count, share, shares
+
+if TYPE_CHECKING:
+    from hpcsweep.studies.branches.branches import Branches
 
 CODES = {
     "found_by": "branch_id",
@@ -33,7 +36,7 @@ class BranchTally(BaseTally):
         self.points = self.stable = self.curve_points = self.asked = self.followed = 0
         self.missed: list[dict] = []
 
-    def add(self, line, study: Any) -> None:
+    def add(self, line, study: Study) -> None:
         """Count a line; see `BaseTally.add`."""
         super().add(line, study)
         if not line["outcome"].values.any():
@@ -45,21 +48,22 @@ class BranchTally(BaseTally):
             self.sums[name] += int(line[name].values.sum()) if name in line else 0
         self.points += int((line["step_branch"].values > 0).sum())
         self.stable += int((line["stable"].values > 0).sum())
-        if study.curves:
-            self._add_curves(line, study)
+        branches = cast("Branches", study)
+        if branches.curves:
+            self._add_curves(line, branches)
         there = line["seed_period"].values > 0
         for k in np.argwhere(there & (line["seed_reason"].values > 0)).tolist():
             at = {name: line[name].values[tuple(k)].item() for name in SEED_VARIABLES}
             self.missed.append(
                 {
-                    "line": study.describe_task(int(line["line"].values[k[1]])),
+                    "line": branches.describe_task(int(line["line"].values[k[1]])),
                     "value": at["seed_value"],
                     "period": at["seed_period"],
                     "reason": Reason(at["seed_reason"]).name.lower().replace("_", " "),
                 }
             )
 
-    def _add_curves(self, line, study: Any) -> None:
+    def _add_curves(self, line, study: "Branches") -> None:
         kinds, branch = (line[f"special_{x}"].values for x in ("kind", "branch"))
         period = np.take_along_axis(line["branch_period"].values, np.maximum(branch, 1) - 1, -1)
         asked = np.isin(kinds, [KINDS[name] for name in study.curves])
@@ -73,7 +77,7 @@ class BranchTally(BaseTally):
         branches, seeds = sources.total(), self.sums["n_seeds"]
         return super().summary() | {
             "branches": branches,
-            "parameter": cast(Any, self._study).parameter,
+            "parameter": cast("Branches", self._study).parameter,
             "sources": {
                 one.name.lower(): share(sources[one], branches)
                 for one in Origin

@@ -1,11 +1,14 @@
 """Count over the runs of a study of records, for its summary."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion.variables import PEAKS
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.tally import BaseTally, share
+
+if TYPE_CHECKING:
+    from hpcsweep.studies.ground_motion.records import Records
 
 
 class ResponseTally(BaseTally):
@@ -18,7 +21,7 @@ class ResponseTally(BaseTally):
         self.linear = self.touching = 0
         self.ratios: set[tuple] = set()
 
-    def add(self, frame, study: Any) -> None:
+    def add(self, frame, study: Study) -> None:
         """Count the runs of one record; see `BaseTally.add`."""
         super().add(frame, study)
         outcome, rule = frame["outcome"].values[0], frame["skip_rule"].values[0]
@@ -27,11 +30,12 @@ class ResponseTally(BaseTally):
         if "impacts" in frame:
             self.touching += int((frame["impacts"].values[0] > 0).any(axis=-1).sum())
         name = str(frame["record"].values[0])
-        own = hash(study.responses.computed)
+        responses = cast("Records", study).responses
+        own = hash(responses.computed)
         for factor in frame["factor"].values[0][(outcome > 0) & ~linear].tolist():
-            self.ratios.add((own, name, study.responses.ratio(factor)))
+            self.ratios.add((own, name, responses.ratio(factor)))
 
-    def _place(self, at, study: Any, part: str) -> dict[str, Any]:
+    def _place(self, at, study: Study, part: str) -> dict[str, Any]:
         """Return the place of a value of a frame."""
         del study
         return {"record": str(at["record"].item()), "scale": float(at["scale"]), "part": part}

@@ -253,9 +253,13 @@ class LinearDynamics(System):
     def grazing_amplitude(self, omega: float) -> float:
         """Return the amplitude at which the linear steady state first touches a stop.
 
-        For stops without layer; 0 if the structure rests at a stop, inf if there is none.
+        For stops without layer; 0 if the structure rests at a stop, and at an undamped resonance,
+        where every amplitude reaches one; inf if there is none.
         """
-        reach = trigonometric_maxima(*self.steady_harmonics(omega), self.directions)
+        try:
+            reach = trigonometric_maxima(*self.steady_harmonics(omega), self.directions)
+        except ZeroDivisionError:
+            return 0.0 if self.contacts else math.inf
         lowest = math.inf
         for contact, most in zip(self.contacts, reach.tolist(), strict=True):
             if contact.gap <= 0:

@@ -100,10 +100,4 @@ def _grazing_amplitudes(structure: Structure, omega: np.ndarray) -> np.ndarray:
     omegas = np.unique(omega)
     if omegas.size > MAX_FRAMES:
         omegas = omegas[np.linspace(0, omegas.size - 1, MAX_FRAMES).astype(int)]
-    found = []
-    for each in omegas.tolist():
-        try:
-            found.append(structure.grazing_amplitude(each))
-        except ZeroDivisionError:
-            found.append(0.0)
-    return np.array([omegas, found])
+    return np.array([omegas, [structure.grazing_amplitude(each) for each in omegas.tolist()]])

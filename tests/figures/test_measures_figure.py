@@ -55,6 +55,19 @@ def buildings(tmp_path_factory) -> Path:
     return path
 
 
+def test_measures_are_drawn_at_an_undamped_resonance(tmp_path):
+    text = SMALL + "storey_drift = true\n"
+    job = parse_job(text, "job", "job")
+    resonance = float(job.structure.frequencies[0])
+    (tmp_path / "job.toml").write_text(text)
+    keys = {"structure.damping_ratio": "0.0", "sweep.omega": f"[{resonance!r}]"}
+    given = [word for key, value in keys.items() for word in ("--set", f"{key}={value}")]
+    out, picture = str(tmp_path / "job.h5"), tmp_path / "job.png"
+    assert main(["run", str(tmp_path / "job.toml"), *given, "-o", out]) == 0
+    assert main(["plot", out, "--kind", "measures", "-o", str(picture)]) == 0
+    assert picture.stat().st_size > 1000
+
+
 def test_measures_are_drawn_where_they_are_held(tmp_path, capsys):
     for name, more in (
         ("held", "storey_drift = true\ncontact_force = true\nimpacts = true\n"),

@@ -39,6 +39,12 @@ def test_grazing_amplitude_of_the_described_damping():
     assert structure.grazing_amplitude(0.445) == pytest.approx(0.0410, abs=5e-5)
 
 
+def test_an_undamped_resonance_grazes_at_any_amplitude():
+    structure = Structure(damping_ratio=0.0)
+    for resonance in structure.frequencies.tolist():
+        assert structure.grazing_amplitude(resonance) == 0.0
+
+
 def test_grazing_amplitude_of_one_storey():
     omega, zeta = 0.7, 0.1
     exact = math.sqrt((1 - omega**2) ** 2 + (2 * zeta * omega) ** 2)

@@ -302,15 +302,7 @@ def _curve(structure, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     # cached for the panels and pages of a study: computing it takes longer than drawing it
     omega = np.linspace(low, high, 800)
     with np.errstate(divide="ignore"):
-        return np.array([grazing_amplitude(structure, value) for value in omega]), omega
-
-
-def grazing_amplitude(structure, omega: float) -> float:
-    """Return the amplitude at which the free steady state touches the stop, in closed form."""
-    try:
-        return float(structure.grazing_amplitude(float(omega)))
-    except ZeroDivisionError:
-        return 0.0
+        return np.array([structure.grazing_amplitude(value) for value in omega.tolist()]), omega
 
 
 def map_height(results, height: float) -> float:

@@ -107,7 +107,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
             at = style.direction_index(frame, direction)
             from_cells.append(float(inferred(frame)[at, 0].mean()))
             motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
-            grazing.append(mesh.grazing_amplitude(frames.study.structure, frame["omega"].item()))
+            grazing.append(frames.study.structure.grazing_amplitude(frame["omega"].item()))
         pairs = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
     study, shape = frames.study, (len(panels), len(rows))

@@ -11,7 +11,6 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams.mesh import grazing_amplitude
 from hpcsweep.figures.explorer import encode
 from hpcsweep.figures.explorer.branches import pack_branches, with_members
 from hpcsweep.figures.explorer.page_data import PageData
@@ -238,7 +237,7 @@ def _plain(words: str) -> str:
 
 def _grazing(structure, omega: float) -> float | None:
     """Return the grazing amplitude; None where there is none."""
-    amplitude = grazing_amplitude(structure, omega)
+    amplitude = structure.grazing_amplitude(float(omega))
     return amplitude if math.isfinite(amplitude) else None
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hpcsweep.store.records import BlockCost, History, PilotCost
+from hpcsweep.store.records import BlockCost, CampaignHistory, PilotCost
 from hpcsweep.studies.study import Study
 
 STRATA = 8
@@ -69,7 +69,7 @@ class TaskCosts:
         self._prior: np.ndarray | None = None
         self._left: list[float] | None = None
 
-    def learn(self, history: History, done: np.ndarray) -> None:
+    def learn(self, history: CampaignHistory, done: np.ndarray) -> None:
         """Update from a journal, and from the places of the blocks that are done."""
         for cost in history.costs:
             self.measured(cost)

@@ -54,7 +54,7 @@ BYTES_PER_TASK = 1000
 """Memory (bytes) that rank 0 keeps for each task, with its blocks."""
 
 
-class Interval(NamedTuple):
+class TimeInterval(NamedTuple):
     """Ends of an interval (s)."""
 
     low: float
@@ -99,7 +99,7 @@ def useful_ranks(tasks: np.ndarray) -> float:
     return float(tasks.sum() / tasks.max())
 
 
-def mean_interval(passes: tuple[Pass, Pass]) -> Interval:
+def mean_interval(passes: tuple[Pass, Pass]) -> TimeInterval:
     """Return an interval of the mean cost (s) of a run; see the module."""
     from scipy.special import stdtrit  # other commands do not need it
 
@@ -111,7 +111,7 @@ def mean_interval(passes: tuple[Pass, Pass]) -> Interval:
         processor.append(mean)
         clock.append(float(each.clock.mean()))
     factor = max(factors)
-    return Interval(min(processor) / factor, max(*clock, LOAD * max(processor)) * factor)
+    return TimeInterval(min(processor) / factor, max(*clock, LOAD * max(processor)) * factor)
 
 
 def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
@@ -150,15 +150,15 @@ def _time(study: Study, tasks: TaskCosts, index: int, n_runs: int) -> tuple[floa
     return each * min(processor / clock, 1.0), each, sample.runs
 
 
-def whole(job: Job, passes: tuple[Pass, Pass], n_least_runs: int) -> Interval:
+def whole(job: Job, passes: tuple[Pass, Pass], n_least_runs: int) -> TimeInterval:
     """Return an interval of the processor's time (s) of a whole job, `n_least_runs` at least."""
     study, mean = job.study, mean_interval(passes)
     n_blocks = study.n_runs / study.block_size
     low = n_least_runs / study.n_runs * n_blocks * COMMIT_SECONDS[0] + n_least_runs * mean.low
-    return Interval(low, n_blocks * COMMIT_SECONDS[1] + study.n_runs * mean.high)
+    return TimeInterval(low, n_blocks * COMMIT_SECONDS[1] + study.n_runs * mean.high)
 
 
-def advised_ranks(useful: float, total: Interval) -> int:
+def advised_ranks(useful: float, total: TimeInterval) -> int:
     """Return the most ranks that are of use and whose session is not too short."""
     return max(int(min(useful, total.low / SESSION_SECONDS)), 1)
 
@@ -192,7 +192,7 @@ def study_text(study: Study) -> str:
     return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
 
 
-def cost_lines(job: Job, pilot: Pilot, total: Interval, peak: int) -> list[str]:
+def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> list[str]:
     """Format what a job costs, and the lines of a batch script that fit."""
     study, noun = job.study, job.study.run_noun
     first, second = pilot.passes

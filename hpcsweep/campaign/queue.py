@@ -16,7 +16,7 @@ from functools import partial
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.pilot import remaining_of
 from hpcsweep.campaign.progress import Silent
-from hpcsweep.campaign.work import Work
+from hpcsweep.campaign.work import RankWork
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
 from hpcsweep.store import StoreError, WriteError
@@ -43,7 +43,7 @@ class Queue:
         After `do`, whether each campaign's file holds all of its job; the same on every rank.
     """
 
-    def __init__(self, comm, works: Sequence[Work], flag: StopFlag):
+    def __init__(self, comm, works: Sequence[RankWork], flag: StopFlag):
         self._comm, self._works, self._flag = comm, works, flag
         sizes = [work.study.n_tasks for work in works]
         self._firsts = [0, *itertools.accumulate(sizes)]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.campaign.pilot import KnownCosts
-from hpcsweep.campaign.work import Failures, Work
+from hpcsweep.campaign.work import Failures, RankWork
 from hpcsweep.parallel import farm
 from hpcsweep.store import StoreError, WriteError
 from hpcsweep.store.inferred import Inferred, write_inferred
@@ -58,8 +58,8 @@ class RoundCosts(KnownCosts):
         return max(self._left, 0) * self.spent / self._done / self.n_computing
 
 
-class RoundsWork(Work):
-    """A study that grows: the tasks of one round after the other; see `Work`."""
+class RoundsWork(RankWork):
+    """A study that grows: the tasks of one round after the other; see `RankWork`."""
 
     def _scan(self, say) -> None:
         """Verify the contents of the file, each rank its share of the frames."""

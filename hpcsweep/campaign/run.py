@@ -14,7 +14,7 @@ from hpcsweep.campaign import provenance
 from hpcsweep.campaign.progress import Silent, say_line
 from hpcsweep.campaign.queue import Queue
 from hpcsweep.campaign.rounds import RoundsWork
-from hpcsweep.campaign.work import Work
+from hpcsweep.campaign.work import RankWork
 from hpcsweep.job import Job
 from hpcsweep.job.paths import followed
 from hpcsweep.parallel.mpi import on_master
@@ -50,7 +50,7 @@ STOP_MARGIN = 5.0
 """Seconds before the time limit at which the ranks begin to stop."""
 
 
-class Ending(NamedTuple):
+class JobEnd(NamedTuple):
     """Ending of a job: its exit code, and the reason if it is neither complete nor stopped."""
 
     output: Path
@@ -86,7 +86,7 @@ def run_all(
     say: Callable[[str], None] = lambda text: None,
     flag: StopFlag | None = None,
     reuse: Sequence[Path] = (),
-) -> list[Ending]:
+) -> list[JobEnd]:
     """Run jobs on all ranks, creating the file of each or resuming it (collective).
 
     Their tasks are one queue. One of several jobs that cannot be run, or fails, does not stop the
@@ -124,7 +124,7 @@ def run_all(
             flag.deadline = begun + max_hours * 3600 - STOP_MARGIN
         if len(jobs) > 1:
             _allow_open_files()
-        endings: dict[int, Ending] = {}
+        endings: dict[int, JobEnd] = {}
         opened: dict[int, tuple[Layout, Path, Lock]] = {}
         hosts = comm.gather(socket.gethostname())
         for k, (job, output) in enumerate(jobs):
@@ -139,7 +139,7 @@ def run_all(
             except StoreError as error:
                 if len(jobs) == 1:
                     raise
-                endings[k] = Ending(output, REFUSED, str(error))
+                endings[k] = JobEnd(output, REFUSED, str(error))
             else:
                 lock.join()
                 opened[k] = layout, output, lock
@@ -151,7 +151,7 @@ def run_all(
 
 def _run_opened(
     opened: list[tuple[Layout, Path, Lock]], comm, flag, hosts: list[str], progress, say, reuse
-) -> list[Ending]:
+) -> list[JobEnd]:
     """Run jobs whose files are prepared and locked."""
     output = opened[0][1]
     try:
@@ -160,7 +160,7 @@ def _run_opened(
         works = []
         for (layout, output, _), campaign in zip(opened, campaigns, strict=True):
             earlier = Reuse(layout, reuse)
-            kind = RoundsWork if layout.study.growth else Work
+            kind = RoundsWork if layout.study.growth else RankWork
             works.append(kind(comm, output, campaign, flag, hosts, say, earlier))
         queue = Queue(comm, works, flag)
         try:
@@ -187,9 +187,9 @@ def _run_opened(
     endings = []
     for k, (_, output, _) in enumerate(opened):
         if k in queue.failed:
-            endings.append(Ending(output, FAILED, queue.failed[k]))
+            endings.append(JobEnd(output, FAILED, queue.failed[k]))
         else:
-            endings.append(Ending(output, COMPLETE if queue.complete[k] else STOPPED))
+            endings.append(JobEnd(output, COMPLETE if queue.complete[k] else STOPPED))
     return endings
 
 

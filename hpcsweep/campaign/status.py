@@ -16,7 +16,7 @@ from hpcsweep.store import Layout, open_layout, read_history
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
 from hpcsweep.store.opening import check_file
-from hpcsweep.store.records import History, Session
+from hpcsweep.store.records import CampaignHistory, Session
 
 RECENT = 60.0
 """Seconds over which the recent rate is measured."""
@@ -134,7 +134,7 @@ def _runs(
     }
 
 
-def _costs(history: History, work: float | None, complete: bool) -> dict:
+def _costs(history: CampaignHistory, work: float | None, complete: bool) -> dict:
     """Return the timed costs and what is left."""
     seconds = sum(cost.seconds for cost in history.costs)
     runs = sum(cost.runs for cost in history.costs)
@@ -159,7 +159,7 @@ def _rates(session: Session | None, now: float) -> dict:
 
 
 def _remaining(
-    layout: Layout, history: History, committed: np.ndarray, session: Session | None
+    layout: Layout, history: CampaignHistory, committed: np.ndarray, session: Session | None
 ) -> tuple[float | None, float | None]:
     """Estimate work left on one core, and the wall time left, from the costs so far."""
     costs = TaskCosts(layout.study)
@@ -168,7 +168,7 @@ def _remaining(
     return costs.remaining(), costs.remaining(computing)
 
 
-def _frame_seconds(layout: Layout, history: History) -> dict | None:
+def _frame_seconds(layout: Layout, history: CampaignHistory) -> dict | None:
     """Return the cost of the frames whose blocks were all timed."""
     study, dims = layout.study, layout.commit.dims
     seconds = np.full(layout.shape(layout.commit), np.nan)

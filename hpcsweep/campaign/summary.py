@@ -9,7 +9,7 @@ from hpcsweep.dynamics.classify import tells_chaos
 from hpcsweep.job.paths import path_of
 from hpcsweep.model.description import one_line
 from hpcsweep.store import Frames, read_history
-from hpcsweep.store.records import History
+from hpcsweep.store.records import CampaignHistory
 
 
 def summarize(path: str | Path) -> dict:
@@ -70,7 +70,7 @@ def summarize(path: str | Path) -> dict:
     }
 
 
-def total_cost(history: History) -> dict | None:
+def total_cost(history: CampaignHistory) -> dict | None:
     """Sum the sessions of a journal; return None if nothing was timed."""
     latest = history.latest.values()
     if not history.sessions or not latest:

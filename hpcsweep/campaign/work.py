@@ -49,7 +49,7 @@ class Failures:
             display.message(f"  {Outcome(outcome).name} ({count}): {remedy}")
 
 
-class Work:
+class RankWork:
     """Unfinished tasks of one campaign: what one rank computes and reports to rank 0.
 
     Attributes

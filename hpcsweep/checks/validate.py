@@ -39,7 +39,7 @@ LOCATING_SECONDS = 60.0
 
 
 @dataclass
-class Report:
+class Findings:
     """Findings of a validation; `sound` is the verdict.
 
     Attributes
@@ -79,7 +79,7 @@ class _OutOfTime(Exception):
     """Raised where a block takes too long to recompute."""
 
 
-def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
+def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Findings:
     """Validate a results file, live or not, without disturbing its writers.
 
     Parameters
@@ -101,7 +101,7 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Report:
     """
     path = path_of("path", path)
     samples, seed = arguments.count("samples", samples), arguments.count("seed", seed)
-    report = Report(str(path))
+    report = Findings(str(path))
     try:
         layout = read_layout(path)
         layout.study = with_inputs(layout.job).study
@@ -153,7 +153,7 @@ def _row(study: Study, block: Block, row: int) -> str:
 class _Checker:
     """Checker of the committed blocks of a file."""
 
-    def __init__(self, blocks: Blocks, report: Report):
+    def __init__(self, blocks: Blocks, report: Findings):
         self._blocks, self._report = blocks, report
         self._study = blocks.study
         self._seconds_left = LOCATING_SECONDS

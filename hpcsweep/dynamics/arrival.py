@@ -118,7 +118,7 @@ def shoot(
     return Shot(best, multiplier, least, float(bent), largest, cycles, seen)
 
 
-class Arrival(NamedTuple):
+class Destination(NamedTuple):
     """Where a motion has come to.
 
     Attributes
@@ -151,7 +151,7 @@ class Arriving:
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self._units = solver.structure.state_units
 
-    def jump(self, points: np.ndarray, period: int, tolerance: float) -> Arrival:
+    def jump(self, points: np.ndarray, period: int, tolerance: float) -> Destination:
         """Jump to the approached orbit, if the motion is verified to go there.
 
         Parameters
@@ -168,18 +168,18 @@ class Arriving:
             z, nearer = points[-1 - period], (points[-1], limit * self._units)
         shot = shoot(self._solver, z, self._amplitude, period, nearer)
         if not shot.attracts(tolerance):
-            return Arrival(points[-1], None, shot.cycles)
+            return Destination(points[-1], None, shot.cycles)
         # the points that are at hand end where those of the orbit begin
         known = shot.point if shot.points is None else np.roll(shot.points, 1, axis=0)
         return self.at(known, period, points[-1], shot.cycles)
 
-    def close(self, z: np.ndarray, period: int) -> Arrival:
+    def close(self, z: np.ndarray, period: int) -> Destination:
         """Come to the orbit on which a motion has closed, if there is one."""
         return self.at(z, period, z, reach=NEAR)
 
     def at(
         self, point: np.ndarray, period: int, z: np.ndarray, cycles: int = 0, reach: float = REACH
-    ) -> Arrival:
+    ) -> Destination:
         """Come to an orbit, or leave one that repels.
 
         Parameters
@@ -197,11 +197,11 @@ class Arriving:
         verdict = verify_orbit(self._solver, point, self._amplitude, period, reach, self._poll)
         orbit, cycles = verdict.orbit, cycles + verdict.cycles
         if orbit is None:
-            return Arrival(z, None, cycles)
+            return Destination(z, None, cycles)
         if orbit.multiplier <= 1 + REPELS:
-            return Arrival(z, orbit, cycles)
+            return Destination(z, orbit, cycles)
         point = orbit.points[0]
         if np.abs((z - point) / self._units).max() <= PUSH:  # otherwise it is on its way already
             # in no direction that a structure prefers
             z = point + PUSH * self._units * np.cos(np.arange(z.size))
-        return Arrival(z, None, cycles)
+        return Destination(z, None, cycles)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.stability import Interval
+from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 
@@ -42,7 +42,7 @@ class Motion:
     points: np.ndarray
     period: int
     multiplier: float
-    interval: Interval
+    interval: MeanInterval
     cycles: int
     outcome: Outcome
     seen: Observation | None = None
@@ -107,7 +107,7 @@ class Found(list[Attractor]):
         Mean lifetime of transient chaos in forcing periods, with its interval; NaN without any.
     """
 
-    def __init__(self, attractors, n_transient: int, lifetime: Interval):
+    def __init__(self, attractors, n_transient: int, lifetime: MeanInterval):
         super().__init__(attractors)
         self.n_transient, self.lifetime = n_transient, lifetime
 
@@ -137,7 +137,7 @@ class Portrait:
     cycles: int
     outcome: Outcome
     n_transient: int
-    lifetime: Interval
+    lifetime: MeanInterval
 
     @property
     def n_undecided(self) -> int:

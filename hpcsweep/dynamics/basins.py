@@ -15,14 +15,14 @@ import numpy as np
 from hpcsweep.dynamics.attractor import ELSEWHERE, UNDECIDED, Attractor, Portrait
 from hpcsweep.dynamics.attractors import MAX_GROUP, AttractorSearch
 from hpcsweep.dynamics.shares import share_interval
-from hpcsweep.dynamics.stability import Interval
+from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.solvers.outcome import Outcome
 
 CONFIDENCE = 0.95
 """Confidence of the tests of lifetimes."""
 
 
-class Basins:
+class StateBasins:
     """Attractors of a point, and classification of states by them.
 
     Parameters
@@ -66,7 +66,7 @@ class Basins:
         self.attractors: list[Attractor] = [
             replace(found[place], hits=int(hits[place])) for place in order.tolist()
         ]
-        self.lifetime: Interval = self._search.transient.lifetime(CONFIDENCE)
+        self.lifetime: MeanInterval = self._search.transient.lifetime(CONFIDENCE)
         self._listed = np.full(len(found), ELSEWHERE)
         self._listed[order] = np.arange(order.size)
 

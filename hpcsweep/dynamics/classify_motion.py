@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics import orbit, stability
-from hpcsweep.dynamics.arrival import NEAR, Arrival, Arriving
+from hpcsweep.dynamics.arrival import NEAR, Arriving, Destination
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
@@ -143,7 +143,7 @@ class _Classifier:
         return self._stretch is None and not (self._growing or self._likely_torus)
 
     @property
-    def growth(self) -> stability.Interval:
+    def growth(self) -> stability.MeanInterval:
         """Growth a period over everything observed."""
         return stability.growth_interval(self._logarithms)
 
@@ -290,14 +290,15 @@ class _Classifier:
         """Return the approached orbit, if the motion is verified to go there."""
         return self._arrived(self._arriving.jump(points, period, 0.1 * self._same))
 
-    def _arrived(self, there: Arrival) -> Step:
+    def _arrived(self, there: Destination) -> Step:
         """Return where to continue, and the motion if it has come to an orbit."""
         self.cycles += there.cycles
         if there.orbit is None:
             return there.state, None
         points = np.roll(there.orbit.points, -1, axis=0)
         period, multiplier = there.orbit.period, there.orbit.multiplier
-        exponent = stability.Interval.exact(stability.exponent_of_multiplier(multiplier, period))
+        exact = stability.exponent_of_multiplier(multiplier, period)
+        exponent = stability.MeanInterval.exact(exact)
         found = self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
         return there.state, found
 
@@ -307,7 +308,7 @@ class _Classifier:
         points: np.ndarray,
         period: int = 0,
         multiplier: float = math.nan,
-        growth: stability.Interval = stability.UNKNOWN,
+        growth: stability.MeanInterval = stability.UNKNOWN,
         outcome: Outcome = Outcome.COMPLETE,
         seen: Observation | None = None,
     ) -> Motion:

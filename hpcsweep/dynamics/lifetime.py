@@ -22,7 +22,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from hpcsweep.dynamics.stability import UNKNOWN, Interval
+from hpcsweep.dynamics.stability import UNKNOWN, MeanInterval
 
 HORIZON = 8
 """Mean lifetime, in units of ``max_cycles``, that a motion without period must exceed."""
@@ -45,7 +45,7 @@ class Survival(NamedTuple):
         """Return the survival of these motions and more."""
         return Survival(self.escapes + more.escapes, self.at_risk + more.at_risk)
 
-    def lifetime(self, confidence: float) -> Interval:
+    def lifetime(self, confidence: float) -> MeanInterval:
         """Return the mean lifetime in forcing periods, with the interval of a confidence.
 
         Where none ended, the mean is infinite and the lower end one-sided; NaN where none was
@@ -57,10 +57,10 @@ class Survival(NamedTuple):
         if periods == 0:
             return UNKNOWN
         if d == 0:
-            return Interval(math.inf, periods / -math.log1p(-confidence), math.inf)
+            return MeanInterval(math.inf, periods / -math.log1p(-confidence), math.inf)
         tail = 0.5 * (1.0 - confidence)
         high = periods / float(gammaincinv(d, tail))
-        return Interval(periods / d, periods / float(gammaincinv(d + 1, 1.0 - tail)), high)
+        return MeanInterval(periods / d, periods / float(gammaincinv(d + 1, 1.0 - tail)), high)
 
 
 def periods_at_risk(max_cycles: int, confidence: float) -> int:

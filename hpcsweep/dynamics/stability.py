@@ -132,7 +132,7 @@ def exponent_of_multiplier(multiplier: float, time: float) -> float:
     return math.log(multiplier) / time if multiplier > 0 else -math.inf
 
 
-class Interval(NamedTuple):
+class MeanInterval(NamedTuple):
     """A mean with its confidence interval, in whatever unit."""
 
     mean: float
@@ -140,16 +140,16 @@ class Interval(NamedTuple):
     high: float
 
     @classmethod
-    def exact(cls, mean: float) -> "Interval":
+    def exact(cls, mean: float) -> "MeanInterval":
         """Return the interval of an exactly known mean."""
         return cls(mean, mean, mean)
 
-    def times(self, factor: float) -> "Interval":
+    def times(self, factor: float) -> "MeanInterval":
         """Return the interval in another unit; `factor` > 0."""
-        return Interval(self.mean * factor, self.low * factor, self.high * factor)
+        return MeanInterval(self.mean * factor, self.low * factor, self.high * factor)
 
 
-UNKNOWN = Interval(math.nan, math.nan, math.nan)
+UNKNOWN = MeanInterval(math.nan, math.nan, math.nan)
 
 
 def aligned(logarithms: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ def aligned(logarithms: np.ndarray) -> np.ndarray:
     return logarithms[len(logarithms) // ALIGNING :]
 
 
-def growth_interval(logarithms: np.ndarray) -> Interval:
+def growth_interval(logarithms: np.ndarray) -> MeanInterval:
     """Return the mean growth a period with its confidence interval.
 
     Parameters
@@ -179,7 +179,7 @@ def growth_interval(logarithms: np.ndarray) -> Interval:
     mean = math.fsum(means) / BATCHES
     variance = math.fsum((one - mean) ** 2 for one in means) / (BATCHES - 1)
     half = math.sqrt(variance / BATCHES) * _quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
-    return Interval(mean, mean - half, mean + half)
+    return MeanInterval(mean, mean - half, mean + half)
 
 
 @lru_cache(maxsize=64)

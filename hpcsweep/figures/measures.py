@@ -20,7 +20,7 @@ LABELS = {
 """What each measure is, its quantity, and the dimension of its places."""
 
 
-class Measure(NamedTuple):
+class ShownMeasure(NamedTuple):
     """A measure as figures show it."""
 
     label: str
@@ -39,7 +39,7 @@ def held_measures(results) -> list[str]:
     return [name for name in LABELS if name in results]
 
 
-def measure_of(results, structure, name: str) -> Measure:
+def measure_of(results, structure, name: str) -> ShownMeasure:
     """Return how a measure is shown; drifts as ratios to the storeys' heights where known.
 
     Parameters
@@ -54,6 +54,6 @@ def measure_of(results, structure, name: str) -> Measure:
     places = tuple(f"{word} {place}" for place in results[dim].values.tolist())
     percent = percent_of_height(results)
     if name == "storey_drift" and percent is not None:
-        return Measure(DRIFT_RATIO, "  [%]", dim, places, percent)
+        return ShownMeasure(DRIFT_RATIO, "  [%]", dim, places, percent)
     own = "" if quantity == "1" else labels.unit(structure, quantity)
-    return Measure(label, own, dim, places, np.ones(len(places)))
+    return ShownMeasure(label, own, dim, places, np.ones(len(places)))

@@ -74,7 +74,7 @@ class Inferred:
         points : ndarray of int, shape (k,)
             Flat indices among all points, ascending, of those whose own checksum holds.
         labels : ndarray of uint64, shape (k, m)
-            See `hpcsweep.studies.growth.Growth`.
+            See `hpcsweep.studies.growth.StudyGrowth`.
         """
         blocks = self._blocks
         growth = blocks.study.growth

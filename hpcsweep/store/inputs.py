@@ -15,7 +15,7 @@ import numpy as np
 from hpcsweep.store.check import CURVES
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import StoreError
-from hpcsweep.studies.refine.crossing import Curve
+from hpcsweep.studies.refine.crossing import KnownCurve
 from hpcsweep.studies.study import Study
 
 NAMES = ("outcome", "curve_of_step", "curve_omega", "curve_amplitude")
@@ -91,7 +91,7 @@ class Inputs:
             )
 
 
-def _curves_of(path: Path, study: Study) -> Iterator[Curve]:
+def _curves_of(path: Path, study: Study) -> Iterator[KnownCurve]:
     """Read the curves of a file that are of the structure of the map, or of one of its parts."""
     with closing(Frames(path, "branches", None)) as frames:
         if not getattr(frames.study, "curves", ()):
@@ -106,7 +106,7 @@ def _curves_of(path: Path, study: Study) -> Iterator[Curve]:
             if fit:
                 found = True
                 lines = list(_polylines(path, frames))
-                yield from (Curve(at, line) for at in fit for line in lines)
+                yield from (KnownCurve(at, line) for at in fit for line in lines)
         if not found:
             raise StoreError(f"{path}: is of another structure than the map")
 

@@ -69,7 +69,7 @@ class Session:
 
 
 @dataclass
-class History:
+class CampaignHistory:
     """History of a campaign, from its journal.
 
     Attributes
@@ -104,9 +104,9 @@ def load_record(load: Traffic) -> dict:
     return dict(zip(_LOAD, (load.messages, *seconds, load.recalls), strict=True))
 
 
-def read_history(path: Path) -> History:
+def read_history(path: Path) -> CampaignHistory:
     """Read the journal of a results file; empty if there is none."""
-    history = History()
+    history = CampaignHistory()
     for record in Journal(path).read():
         history.last = record["time"]
         with contextlib.suppress(KeyError, TypeError, ValueError):
@@ -160,7 +160,7 @@ _KINDS = {
 """Checks of the values of records."""
 
 
-def _take(history: History, record: dict) -> None:
+def _take(history: CampaignHistory, record: dict) -> None:
     """Add a record; one of a kind that a later version writes changes nothing."""
     kind, now = record["kind"], record["time"]
     session = history.sessions[-1] if history.sessions else None

@@ -25,7 +25,7 @@ from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
 from hpcsweep.studies.report import MAX_FRAMES, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
-from hpcsweep.studies.study import RunAgain, Tally
+from hpcsweep.studies.study import RunAgain, StudyTally
 from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import (
@@ -306,7 +306,7 @@ class RunGrid(Part):
             "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
         }
 
-    def tally(self) -> Tally:
+    def tally(self) -> StudyTally:
         """Return a tally of runs for ``summary``."""
         return RunTally(self)
 

@@ -33,7 +33,7 @@ class Rounds(Protocol):
         """Return the variables that follow from all rounds."""
 
 
-class Growth(Protocol):
+class StudyGrowth(Protocol):
     """How a study grows by what its runs are found to be."""
 
     @property
@@ -59,7 +59,7 @@ class Growth(Protocol):
         """Results files whose curves guide it."""
 
     def crossed(self, curves: Iterable) -> np.ndarray:
-        """Return where curves, `refine.crossing.Curve`, cross the map of all runs."""
+        """Return where curves, `refine.crossing.KnownCurve`, cross the map of all runs."""
 
     def problem(self) -> str:
         """Return why the study cannot grow; '' if it can."""

@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, Place, Rows
-from hpcsweep.studies.growth import Growth
+from hpcsweep.studies.growth import StudyGrowth
 from hpcsweep.studies.invariants import Broken, listed, of_each
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis
@@ -54,7 +54,7 @@ class Part(ABC):
         return {}
 
     @property
-    def growth(self) -> Growth | None:
+    def growth(self) -> StudyGrowth | None:
         """Return None: all runs are computed."""
         return None
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows, Say, Timed
-from hpcsweep.studies.growth import Growth
+from hpcsweep.studies.growth import StudyGrowth
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -118,7 +118,7 @@ class Work(Protocol):
         """Fields that say which runs there are; empty where a run depends on all of the job."""
 
     @property
-    def growth(self) -> Growth | None:
+    def growth(self) -> StudyGrowth | None:
         """How it grows, round by round; None if all runs are computed."""
 
     @property
@@ -261,7 +261,7 @@ class Data(Protocol):
         """Return the part to which a block belongs, and the block with its index there."""
 
 
-class Tally(Protocol):
+class StudyTally(Protocol):
     """Counts over the runs of a study, for ``summary``."""
 
     @property
@@ -322,7 +322,7 @@ class Report(Protocol):
             The variables `status_variables`, ``outcome`` and ``cycles``.
         """
 
-    def tally(self) -> Tally:
+    def tally(self) -> StudyTally:
         """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
 
 

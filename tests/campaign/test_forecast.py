@@ -12,8 +12,8 @@ from hpcsweep.campaign.forecast import (
     LOAD,
     SESSION_SECONDS,
     SHARE,
-    Interval,
     Pass,
+    TimeInterval,
     advised_ranks,
     mean_interval,
     useful_ranks,
@@ -40,7 +40,7 @@ def test_more_ranks_than_the_whole_over_the_longest_task_are_of_no_use(tasks, ex
     ],
 )
 def test_no_rank_is_asked_for_that_has_less_than_minutes_to_do(useful, seconds, expected):
-    assert advised_ranks(useful, Interval(seconds, 3 * seconds)) == expected
+    assert advised_ranks(useful, TimeInterval(seconds, 3 * seconds)) == expected
     assert expected == 1 or seconds / expected >= SESSION_SECONDS
 
 

@@ -60,7 +60,7 @@ def still_film():
     """Make the picture of a film without a file, and an empty frame of it."""
     from tools import SMALL
 
-    from hpcsweep.figures.film.film import Found
+    from hpcsweep.figures.film.film import FirstPass
     from hpcsweep.figures.film.picture import Picture
     from hpcsweep.job import parse_job
 
@@ -94,6 +94,6 @@ def still_film():
             "outcome": np.ones(shape, int),
             "contact": np.zeros(shape, np.uint64),
         }
-        return Picture(film, Found(low, high, *counts, {0: (1, 1), 3: (1, 1)})), frame
+        return Picture(film, FirstPass(low, high, *counts, {0: (1, 1), 3: (1, 1)})), frame
 
     return make

@@ -271,7 +271,7 @@ def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn_
     structure = style.job_of(results).structure
     classes = classes_of(results)[:, 2]
     run = np.argwhere((classes == MotionClass.PERIODIC) & (frame["contact"].values > 0))[-1]
-    points, curves = phase.orbit_curves(frame, phase.Motion(*run), structure)
+    points, curves = phase.orbit_curves(frame, phase.DrawnRun(*run), structure)
     assert np.abs(curves[:, -1] - np.roll(points, -1, axis=0)).max() < 1e-5
     touching = [i for i in range(2) if int(frame["contact"].values[tuple(run)]) >> i & 1]
     assert np.all(curves[:, :, touching].max(axis=(0, 1)) >= 1)
@@ -289,9 +289,9 @@ def test_the_asked_period_is_found_in_the_middle_of_its_longest_stretch(results)
     kinds = np.where(period > 0, MotionClass.PERIODIC, MotionClass.CHAOTIC)
     kinds[:, :4] = MotionClass.NO_CONTACT
     frame = frame.assign(orbit_period=(("direction", "amplitude"), period))
-    assert phase.find_period(frame, kinds, 2) == phase.Motion(0, 8)
-    assert phase.find_period(frame, kinds, 1) == phase.Motion(1, 5)
-    assert phase.find_period(frame, kinds, 1, "up") == phase.Motion(0, 1)
+    assert phase.find_period(frame, kinds, 2) == phase.DrawnRun(0, 8)
+    assert phase.find_period(frame, kinds, 1) == phase.DrawnRun(1, 5)
+    assert phase.find_period(frame, kinds, 1, "up") == phase.DrawnRun(0, 1)
     with pytest.raises(style.PlotError, match=r"--period 5: .* periods that occur: 1, 2, 4$"):
         phase.find_period(frame, kinds, 5)
     with pytest.raises(style.PlotError, match=r"sweep up .* occur: 1, 2$"):

@@ -13,7 +13,7 @@ from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.attractors import AttractorSearch
-from hpcsweep.dynamics.basins import Basins
+from hpcsweep.dynamics.basins import StateBasins
 from hpcsweep.figures.diagrams.basins import attractors_of
 from hpcsweep.figures.palette import MOTION_COLOURS, MOTION_NAMES
 from hpcsweep.job import JobError, parse_job
@@ -137,7 +137,7 @@ def test_a_group_is_told_alike_in_any_order_and_what_is_not_listed_is_elsewhere(
     solver = make_solver("flow", structure, 1.0, 1e-9)
     rng = np.random.default_rng(4)
     states = rng.uniform(-1, 1, (60, 2))
-    both = Basins(solver, 0.7, states[:20], SweepSettings(), 600, 8)
+    both = StateBasins(solver, 0.7, states[:20], SweepSettings(), 600, 8)
     assert [one.hits for one in both.attractors] == sorted(
         (one.hits for one in both.attractors), reverse=True
     )
@@ -145,11 +145,11 @@ def test_a_group_is_told_alike_in_any_order_and_what_is_not_listed_is_elsewhere(
     second, _ = both.labels(states[40:])
     again, _ = both.labels(states[20:40])
     assert np.array_equal(first, again)
-    one = Basins(solver, 0.7, states[:20], SweepSettings(), 600, 1)
+    one = StateBasins(solver, 0.7, states[:20], SweepSettings(), 600, 1)
     (kept,) = one.attractors
     assert kept.hits == both.attractors[0].hits
     assert np.array_equal(one.labels(states[40:])[0], np.where(second == 0, 0, ELSEWHERE))
-    none = Basins(solver, 0.7, states[:0], SweepSettings(), 600, 8)
+    none = StateBasins(solver, 0.7, states[:0], SweepSettings(), 600, 8)
     assert none.attractors == []
     assert set(none.labels(states[:4])[0].tolist()) == {ELSEWHERE}
     assert ELSEWHERE not in (UNDECIDED, FAILED)

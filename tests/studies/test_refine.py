@@ -6,9 +6,9 @@ import pytest
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.studies.refine.audit import ALPHA, draw, interval, n_allowed, n_drawn
 from hpcsweep.studies.refine.cells import WRONG, Cells, Labels
-from hpcsweep.studies.refine.crossing import Counts, Curve, crossed_boxes
+from hpcsweep.studies.refine.crossing import Counts, KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.refinement import Refinement, Source
-from hpcsweep.studies.refine.rounds import Rounds, n_least
+from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
 
 
 def bands(shape, seed) -> np.ndarray:
@@ -28,7 +28,7 @@ def walk(truth, shape, refinement, known=(), cost=1, crossed=None):
     """Walk all rounds; the labels, and the points of each round."""
     cost = np.broadcast_to(cost, truth.shape)
     labels, asked = Labels(truth.size), []
-    rounds = Rounds(shape, refinement, labels, crossed)
+    rounds = RefinementRounds(shape, refinement, labels, crossed)
 
     def learn(points):
         told = np.stack([truth[points] == 0, truth[points], cost[points]], axis=1)
@@ -178,13 +178,13 @@ def test_the_interval_holds_the_share_of_wrong_points():
     assert held >= 190
 
 
-def tongue(shape) -> tuple[np.ndarray, list[Curve]]:
+def tongue(shape) -> tuple[np.ndarray, list[KnownCurve]]:
     """One field with a tongue of a twelfth of a step of the coarsest cells, and its borders."""
     x, y = np.linspace(0, 1, shape[-2]), np.linspace(0, 1, shape[-1])
     left = 0.31 + 0.3 * y
     inside = (x[:, None] > left - 0.004) & (x[:, None] < left + 0.004)
     borders = [np.stack((left + half, y), axis=1)[[0, -1]] for half in (-0.004, 0.004)]
-    return np.where(inside, 2, 1), [Curve((1,) * (len(shape) - 2), one) for one in borders]
+    return np.where(inside, 2, 1), [KnownCurve((1,) * (len(shape) - 2), one) for one in borders]
 
 
 @pytest.mark.parametrize("shape", [(161, 97), (3, 161, 97)])
@@ -214,14 +214,16 @@ def test_a_thin_tongue_is_missed_without_its_curve_and_found_with_it(shape):
 
 def test_boxes_on_both_sides_of_a_curve_along_a_line_of_the_grid():
     axes = [np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.0, 1.0, 2.0])]
-    along = crossed_boxes((4, 3), axes, [Curve((), np.array([[1.0, 0.1], [1.0, 0.9]]))])
+    along = crossed_boxes((4, 3), axes, [KnownCurve((), np.array([[1.0, 0.1], [1.0, 0.9]]))])
     assert np.argwhere(along).tolist() == [[0, 0], [1, 0]]
-    point = crossed_boxes((4, 3), axes, [Curve((), np.array([[3.0, 2.0]]))])
+    point = crossed_boxes((4, 3), axes, [KnownCurve((), np.array([[3.0, 2.0]]))])
     assert np.argwhere(point).tolist() == [[2, 1]]
-    beyond = crossed_boxes((4, 3), axes, [Curve((), np.array([[-9.0, 0.5], [9.0, 0.5]]))])
+    beyond = crossed_boxes((4, 3), axes, [KnownCurve((), np.array([[-9.0, 0.5], [9.0, 0.5]]))])
     assert np.argwhere(beyond).tolist() == [[0, 0], [1, 0], [2, 0]]
-    assert not crossed_boxes((4, 3), axes, [Curve((), np.array([[4.5, 0.0], [9.0, 2.0]]))]).any()
-    slices = crossed_boxes((4, 4, 3), axes, [Curve((2,), np.array([[0.5, 1.5], [3.0, 1.6]]))])
+    assert not crossed_boxes(
+        (4, 3), axes, [KnownCurve((), np.array([[4.5, 0.0], [9.0, 2.0]]))]
+    ).any()
+    slices = crossed_boxes((4, 4, 3), axes, [KnownCurve((2,), np.array([[0.5, 1.5], [3.0, 1.6]]))])
     assert np.argwhere(slices).tolist() == [[k, i, 1] for k in (1, 2) for i in (0, 1, 2)]
 
 
@@ -230,7 +232,7 @@ def test_the_boxes_of_a_polyline_are_those_that_many_points_on_it_lie_in(seed):
     rng = np.random.default_rng(seed)
     axes = [np.sort(rng.uniform(0, 1, n)) for n in (23, 41)]
     line = np.cumsum(rng.normal(0, 0.15, (30, 2)), axis=0) + 0.5
-    crossed = crossed_boxes((23, 41), axes, [Curve((), line)])
+    crossed = crossed_boxes((23, 41), axes, [KnownCurve((), line)])
     t = np.linspace(0, 29, 400_001)
     dense = np.stack([np.interp(t, np.arange(30), line[:, k]) for k in (0, 1)], axis=1)
     seen = np.zeros_like(crossed)

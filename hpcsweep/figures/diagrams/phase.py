@@ -41,7 +41,7 @@ MAX_CYCLES = 60
 """Forcing periods drawn of a motion that does not repeat: more would fill the panel."""
 
 
-class Motion(NamedTuple):
+class DrawnRun(NamedTuple):
     """A run to draw: its index in the frame."""
 
     direction: int
@@ -101,7 +101,7 @@ def draw(
     return style.head(figure, title, fontsize=9)
 
 
-def find_period(frame, classes: np.ndarray, period: int, direction: str | None = None) -> Motion:
+def find_period(frame, classes: np.ndarray, period: int, direction: str | None = None) -> DrawnRun:
     """Return a motion of an orbit period: the middle of its longest stretch of amplitudes.
 
     Motions with impact are preferred; of equal stretches, the first direction's.
@@ -133,7 +133,7 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
         ]
         if stretches:
             length, d, start = max(stretches, key=lambda stretch: stretch[0])
-            return Motion(d, int(start + (length - 1) // 2))
+            return DrawnRun(d, int(start + (length - 1) // 2))
     occur = ", ".join(str(p) for p in np.unique(found[usable])) or "none"
     swept = f"the sweep {direction}" if direction else "the sweeps"
     raise style.PlotError(
@@ -147,14 +147,14 @@ def _stretches(flags: np.ndarray) -> Iterator[tuple[int, int]]:
     return zip(np.flatnonzero(change == 1), np.flatnonzero(change == -1), strict=True)
 
 
-def _at_amplitude(frame, value: float, direction: str | None) -> Motion:
+def _at_amplitude(frame, value: float, direction: str | None) -> DrawnRun:
     amplitude = frame["amplitude"].values
     step = float(np.diff(amplitude).max()) if amplitude.size > 1 else 0.0
     if not amplitude[0] - step <= value <= amplitude[-1] + step:
         raise style.PlotError(
             f"--amplitude {value:g}: the sweep goes from {amplitude[0]:g} to {amplitude[-1]:g}"
         )
-    motion = Motion(
+    motion = DrawnRun(
         style.direction_index(frame, direction), int(np.argmin(np.abs(amplitude - value)))
     )
     if frame["outcome"].values[motion] != Outcome.COMPLETE:
@@ -162,7 +162,7 @@ def _at_amplitude(frame, value: float, direction: str | None) -> Motion:
     return motion
 
 
-def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarray]:
+def orbit_curves(frame, motion: DrawnRun, structure) -> tuple[np.ndarray, np.ndarray]:
     """Integrate a motion again from each of its stroboscopic points.
 
     Restarting from every point keeps a chaotic curve on the computed motion.
@@ -182,7 +182,7 @@ def orbit_curves(frame, motion: Motion, structure) -> tuple[np.ndarray, np.ndarr
     return points, curves
 
 
-def _row(axes, one: Frame, motion: Motion, label: str, colour: str) -> None:
+def _row(axes, one: Frame, motion: DrawnRun, label: str, colour: str) -> None:
     """Draw one motion on the axes of its floors."""
     points, curves = orbit_curves(one.runs, motion, one.structure)
     n = one.structure.n_floors
@@ -221,7 +221,7 @@ def _stops(axis, structure, floor: int) -> None:
     axis.set_xlim(low, high)
 
 
-def _label(one: Frame, motion: Motion, row: int) -> str:
+def _label(one: Frame, motion: DrawnRun, row: int) -> str:
     frame, period = one.runs, int(one.runs["orbit_period"].values[motion])
     name = f"P{period}" if period else CLASS_NAMES[MotionClass(int(one.classes[motion]))]
     if "contact" in frame:

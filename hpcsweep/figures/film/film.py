@@ -22,7 +22,7 @@ from hpcsweep.figures.film import video
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.film.request import WIDTH, Request
 from hpcsweep.figures.film.workers import Workers
-from hpcsweep.figures.measures import Measure, measure_of
+from hpcsweep.figures.measures import ShownMeasure, measure_of
 from hpcsweep.figures.overlay import Overlay
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
@@ -34,7 +34,7 @@ PIECE = 40
 
 
 @dataclass
-class Found:
+class FirstPass:
     """Findings of the first pass.
 
     Attributes
@@ -54,7 +54,7 @@ class Found:
     contacts: Counter = field(default_factory=Counter)
     richness: dict[int, tuple[int, int]] = field(default_factory=dict)
 
-    def add(self, other: "Found") -> None:
+    def add(self, other: "FirstPass") -> None:
         """Merge findings of other frames."""
         self.low = np.minimum(self.low, other.low)
         self.high = np.maximum(self.high, other.high)
@@ -71,7 +71,7 @@ class Film:
         self.frames = Frames(request.file, at=request.at)
         self.study = as_kind(self.frames.study, RunGrid)
         self.structure = self.frames.job.structure
-        self.measure: Measure | None = None
+        self.measure: ShownMeasure | None = None
         if request.show:
             self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
         known = self.study.directions
@@ -107,9 +107,9 @@ class Film:
             found["motion"] = palette.motion_index(classes, found["orbit_period"])
         return found
 
-    def survey(self, frames: list[int]) -> Found:
+    def survey(self, frames: list[int]) -> FirstPass:
         """Find ranges and classes of some frames."""
-        total = Found()
+        total = FirstPass()
         for k in frames:
             frame = self.read(k)
             points = frame["poincare"][np.isfinite(frame["poincare"][..., 0])]
@@ -122,22 +122,22 @@ class Film:
                 kinds = set(zip(periods, contacts or periods, strict=True))
                 extremes = points.min(axis=0), points.max(axis=0)
                 richness = {k: (len(kinds), len(points))}
-                total.add(Found(*extremes, Counter(motions), Counter(contacts), richness))
+                total.add(FirstPass(*extremes, Counter(motions), Counter(contacts), richness))
         return total
 
-    def picture(self, found: Found) -> Picture:
+    def picture(self, found: FirstPass) -> Picture:
         """Return the picture of the frames, made once."""
         if self._picture is None:
             self._picture = Picture(self, found)
         return self._picture
 
-    def paint(self, found: Found, frame: int) -> np.ndarray:
+    def paint(self, found: FirstPass, frame: int) -> np.ndarray:
         """Paint one frame; shape (height, width, 4)."""
         omega = float(self.study.omega[frame])
         branches = self.overlay.at(omega) if self.overlay else []
         return self.picture(found).paint(omega, self.read(frame), branches)
 
-    def encode(self, frames: list[int], found: Found) -> None:
+    def encode(self, frames: list[int], found: FirstPass) -> None:
         """Paint some frames and encode them as a segment."""
         pictures = (self.paint(found, frame) for frame in frames)
         request = self.request
@@ -209,7 +209,7 @@ def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
 
 def _make(film: Film, comm, processes: int, advance: Callable[[int], None]) -> int | None:
     """Survey all frames, then paint and join them."""
-    found = Found()
+    found = FirstPass()
     with Workers(comm, processes, film, advance) as workers:
         if not workers.run(Film.survey, _pieces(film.order), collect=found.add):
             return None
@@ -228,7 +228,7 @@ def _pieces(frames: list[int]) -> list[list[int]]:
     return [frames[k : k + PIECE] for k in range(0, len(frames), PIECE)]
 
 
-def _finish(film: Film, found: Found, segments: list[Path]) -> None:
+def _finish(film: Film, found: FirstPass, segments: list[Path]) -> None:
     """Join the segments, write the poster, move both to their places."""
     from PIL import Image
 

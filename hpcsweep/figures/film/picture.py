@@ -16,7 +16,7 @@ from hpcsweep.figures.overlay import Drawn
 from hpcsweep.solvers.outcome import Outcome
 
 if TYPE_CHECKING:
-    from hpcsweep.figures.film.film import Film, Found
+    from hpcsweep.figures.film.film import Film, FirstPass
 
 WIDTH = 1280
 """Width (pixels) for which the sizes below are meant; other widths scale them."""
@@ -55,7 +55,7 @@ class Picture:
     bands : axes or None
     """
 
-    def __init__(self, film: "Film", found: "Found"):
+    def __init__(self, film: "Film", found: "FirstPass"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 

@@ -29,7 +29,7 @@ from hpcsweep.studies.attractors.search import (
     SEED,
     STARTS,
     UNSTORED,
-    Limits,
+    SearchLimits,
     attractors_as_runs,
     count_starts,
     read_limits,
@@ -42,7 +42,7 @@ from hpcsweep.studies.grid_kinds import UP, AlongAmplitudes, MappedRuns
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
-from hpcsweep.studies.study import Tally
+from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -61,7 +61,7 @@ VELOCITY = Key(
 
 
 @dataclass(frozen=True, eq=False)
-class AttractorGrid(Limits, RunGrid):
+class AttractorGrid(SearchLimits, RunGrid):
     """Attractors of the points of a grid; see `RunGrid`."""
 
     kind: ClassVar[str] = "attractors"
@@ -188,7 +188,7 @@ class AttractorGrid(Limits, RunGrid):
             ),
         }
 
-    def tally(self) -> Tally:
+    def tally(self) -> StudyTally:
         """Return a tally of points for ``summary``."""
         return AttractorTally(self)
 

@@ -13,7 +13,7 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.attractors.search import Limits, store_attractor
+from hpcsweep.studies.attractors.search import SearchLimits, store_attractor
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
@@ -61,7 +61,9 @@ class AttractorRuns:
     limits : Limits
     """
 
-    def __init__(self, structure: Structure, omega: float, settings: SweepSettings, limits: Limits):
+    def __init__(
+        self, structure: Structure, omega: float, settings: SweepSettings, limits: SearchLimits
+    ):
         self._structure, self._settings, self._limits = structure, settings, limits
         self._omega = omega
         self._solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
@@ -173,12 +175,12 @@ def attractors(
     amplitude: float,
     omega: float,
     *,
-    starts: int = Limits.starts,
+    starts: int = SearchLimits.starts,
     box=None,
-    seed: int = Limits.seed,
+    seed: int = SearchLimits.seed,
     states=(),
-    confidence: float = Limits.confidence,
-    max_cycles: int = Limits.max_cycles,
+    confidence: float = SearchLimits.confidence,
+    max_cycles: int = SearchLimits.max_cycles,
     max_orbit_period: int = 16,
     period_tolerance: float = 1e-6,
     solver: str = "flow",
@@ -254,7 +256,7 @@ def attractors(
         solver=name,
         rtol=SOLVERS[name].rtol if rtol is None else rtol,
     )
-    limits = Limits(
+    limits = SearchLimits(
         box=tuple(map(tuple, box_of(box, usual_reach(structure)).tolist())),
         starts=arguments.count("starts", starts, 1, 10**9),
         seed=arguments.count("seed", seed, 0, 2**62),

@@ -52,7 +52,7 @@ MATCH_DISTANCE = Key(
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class SearchLimits:
     """Limits of the search of attractors at a point.
 
     Attributes

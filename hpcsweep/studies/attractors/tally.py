@@ -10,7 +10,7 @@ from hpcsweep.studies.study import Study
 from hpcsweep.studies.tally import BaseTally, contact_shares, share, shares
 
 
-class Found(NamedTuple):
+class Counted(NamedTuple):
     """Counted properties of an attractor; `contact` is None where the file lacks it."""
 
     motion_class: int
@@ -24,7 +24,7 @@ class Found(NamedTuple):
         return name if self.contact is None else f"{name} {contact_name(self.contact, labels)}"
 
 
-def attractors_in(frame) -> tuple[list[int], list[Found]]:
+def attractors_in(frame) -> tuple[list[int], list[Counted]]:
     """Return identity and kind of all attractors of a frame, an xarray.Dataset."""
     held = frame["attractor_id"].values > 0
     number, kind, period = (
@@ -32,7 +32,7 @@ def attractors_in(frame) -> tuple[list[int], list[Found]]:
         for name in ("attractor_id", "motion_class", "orbit_period")
     )
     contact = frame["contact"].values[held].tolist() if "contact" in frame else [None] * len(kind)
-    return number, list(map(Found, kind, period, contact))
+    return number, list(map(Counted, kind, period, contact))
 
 
 class SearchTally(BaseTally):
@@ -50,7 +50,7 @@ class SearchTally(BaseTally):
         for name in UNSTORED:
             self.starts[name] += int(frame[f"n_{name}"].values[there].sum())
 
-    def told_of(self, numbers: Counter[int], attractors: Counter[Found]) -> dict:
+    def told_of(self, numbers: Counter[int], attractors: Counter[Counted]) -> dict:
         """Return the counts; shares of the kinds of attractors are of all attractors."""
         starts, held = self.starts["all"], attractors.total()
         classes, periods, contacts = Counter[int](), Counter[int](), Counter[int]()
@@ -81,7 +81,7 @@ class AttractorTally(SearchTally):
     def __init__(self, study: Study):
         super().__init__(study)
         self.numbers: Counter[int] = Counter()
-        self.attractors: Counter[Found] = Counter()
+        self.attractors: Counter[Counted] = Counter()
 
     def add(self, frame, study: Study) -> None:
         """Count the points of one frame; see `BaseTally.add`."""

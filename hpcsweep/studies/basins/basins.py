@@ -20,7 +20,7 @@ from hpcsweep.studies.basins.variables import COMMIT, RUN, basin_variables
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.refine.refinement import read_refinement
-from hpcsweep.studies.study import Tally
+from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Variable
 
 
@@ -75,7 +75,7 @@ class Basins(SliceGrid):
             (runs[f"n_{name}"][good].sum() for name in UNSTORED),
         )
 
-    def tally(self) -> Tally:
+    def tally(self) -> StudyTally:
         """Return a tally of rows for ``summary``."""
         return BasinTally(self)
 

@@ -28,7 +28,7 @@ from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.grid_kinds import MappedRuns
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.refine.refinement import Refinement
-from hpcsweep.studies.study import Tally
+from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -117,7 +117,7 @@ class RefinedBasins(MappedRuns, SliceGrid):
         counts = ((runs["label"][done] == k).sum() for k in (UNDECIDED, FAILED, ELSEWHERE))
         return count_starts(int(done.sum()), runs["cycles"][done].sum(), counts)
 
-    def tally(self) -> Tally:
+    def tally(self) -> StudyTally:
         """Return a tally of starts for ``summary``."""
         return StartTally(self)
 

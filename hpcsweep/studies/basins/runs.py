@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
-from hpcsweep.dynamics.basins import Basins
+from hpcsweep.dynamics.basins import StateBasins
 from hpcsweep.dynamics.starts import starting_states
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
@@ -34,7 +34,7 @@ class SliceRuns:
         self._solver = make_solver(
             self._settings.solver, measured, self._omega, self._settings.rtol
         )
-        self._basins: Basins | None = None
+        self._basins: StateBasins | None = None
 
     def row(self, horizontal: np.ndarray, ordinate: float, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach.
@@ -107,14 +107,14 @@ class SliceRuns:
         states[:, first], states[:, second] = horizontal, ordinate
         return states
 
-    def _known(self, poll: Poll) -> Basins:
+    def _known(self, poll: Poll) -> StateBasins:
         """Find the attractors, once."""
         if self._basins is None:
             study = self._study
             box = np.stack((study.initial_state, study.initial_state), axis=1)
             for k, values in zip(study.components, (study.horizontal, study.vertical), strict=True):
                 box[k] = values[[0, -1]]
-            self._basins = Basins(
+            self._basins = StateBasins(
                 self._solver,
                 self._amplitude,
                 starting_states(box, study.starts, study.seed, *self._point),

@@ -8,7 +8,7 @@ import numpy as np
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import UNSTORED
-from hpcsweep.studies.attractors.tally import Found, SearchTally, attractors_in
+from hpcsweep.studies.attractors.tally import Counted, SearchTally, attractors_in
 from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import SOURCE, inferred_name
 from hpcsweep.studies.study import Study
@@ -20,7 +20,7 @@ class BasinTally(SearchTally):
 
     def __init__(self, study: Study):
         super().__init__(study)
-        self.attractors: dict[str, Found] = {}
+        self.attractors: dict[str, Counted] = {}
         self.hits: Counter[str] = Counter()
 
     def add(self, frame, study: Study) -> None:

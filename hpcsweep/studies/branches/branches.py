@@ -44,7 +44,7 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
-from hpcsweep.studies.study import Tally
+from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -313,7 +313,7 @@ class Branches(RunGrid):
         super().warm_up(say, n_ranks)
         load(branch_kernels(self.structure), say, kernels="kernels of branches")
 
-    def tally(self) -> Tally:
+    def tally(self) -> StudyTally:
         """Make what counts the lines for ``summary``."""
         return BranchTally(self)
 

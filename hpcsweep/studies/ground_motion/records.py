@@ -19,7 +19,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.ground_motion import keys
-from hpcsweep.studies.ground_motion.responses import SKIP_RULES, Responses
+from hpcsweep.studies.ground_motion.responses import SKIP_RULES, RecordResponses
 from hpcsweep.studies.ground_motion.tally import ResponseTally
 from hpcsweep.studies.ground_motion.variables import (
     COMMIT,
@@ -155,10 +155,10 @@ class Records(Part):
         return self.scale / measures[:, None]
 
     @cached_property
-    def responses(self) -> Responses:
+    def responses(self) -> RecordResponses:
         """Responses that compute the runs."""
         n_instants = sum(one.values.size for one in self.instants.values())
-        return Responses(self.structure, self.settings, self.tail, self.history, n_instants)
+        return RecordResponses(self.structure, self.settings, self.tail, self.history, n_instants)
 
     def record(self, i: int) -> Record:
         """Return the samples of record i.

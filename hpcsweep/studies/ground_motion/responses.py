@@ -53,7 +53,7 @@ MAX_KEPT = 6_000_000
 """Numbers of responses that a process keeps, 50 MB."""
 
 
-class Responses:
+class RecordResponses:
     """Responses of a structure to records.
 
     Parameters

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 
-class Curve(NamedTuple):
+class KnownCurve(NamedTuple):
     """A known curve.
 
     Attributes
@@ -29,7 +29,7 @@ class Curve(NamedTuple):
 
 
 def crossed_boxes(
-    shape: tuple[int, ...], axes: Sequence[np.ndarray], curves: Iterable[Curve]
+    shape: tuple[int, ...], axes: Sequence[np.ndarray], curves: Iterable[KnownCurve]
 ) -> np.ndarray:
     """Return which boxes of a grid are crossed, one fewer along each axis than points.
 

@@ -12,9 +12,9 @@ import numpy as np
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.refine.cells import Labels
-from hpcsweep.studies.refine.crossing import Curve, crossed_boxes
+from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
-from hpcsweep.studies.refine.rounds import Rounds, n_least
+from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
 from hpcsweep.studies.refine.variables import (
     derived_coordinates,
     derived_values,
@@ -36,7 +36,7 @@ class Mapped(Protocol):
 
 @dataclass(frozen=True)
 class MapGrowth:
-    """Growth of a study's map; see `hpcsweep.studies.growth.Growth`.
+    """Growth of a study's map; see `hpcsweep.studies.growth.StudyGrowth`.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class MapGrowth:
         """Results files whose curves are not to be missed."""
         return self.refinement.curves
 
-    def crossed(self, curves: Iterable[Curve]) -> np.ndarray:
+    def crossed(self, curves: Iterable[KnownCurve]) -> np.ndarray:
         """Return which boxes of the map curves cross; see `crossed_boxes`."""
         return crossed_boxes(map_shape(self.study), [*self.axes.values()], curves)
 
@@ -126,7 +126,7 @@ class MapRounds:
     def __init__(self, study: Study, refinement: Refinement, crossed: np.ndarray | None):
         self._study, self._refinement = study, refinement
         self._labels = Labels(study.n_runs)
-        self._rounds = Rounds(map_shape(study), refinement, self._labels, crossed)
+        self._rounds = RefinementRounds(map_shape(study), refinement, self._labels, crossed)
         self._walk = iter(self._rounds)
 
     @property

@@ -28,7 +28,7 @@ def n_least(
     return min(points.size + n_drawn(refinement.wrong, 1, n), n)
 
 
-class Rounds:
+class RefinementRounds:
     """State of a refined map.
 
     Parameters

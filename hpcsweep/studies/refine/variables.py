@@ -8,7 +8,7 @@ from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
-from hpcsweep.studies.refine.rounds import Rounds
+from hpcsweep.studies.refine.rounds import RefinementRounds
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.variable import Coordinate, Variable, code
 from hpcsweep.studies.variables import numbered
@@ -63,7 +63,9 @@ def derived_coordinates() -> dict[str, Coordinate]:
     }
 
 
-def derived_values(study: Study, refinement: Refinement, rounds: Rounds, labels: Labels) -> Rows:
+def derived_values(
+    study: Study, refinement: Refinement, rounds: RefinementRounds, labels: Labels
+) -> Rows:
     """Return the variables of a complete map, without the checksums.
 
     Returns
@@ -104,7 +106,7 @@ def replay(
     shape, boxes = map_shape(study), None
     if crossed is not None:
         boxes = crossed.reshape(shape)[(slice(-1),) * len(shape)] != 0
-    rounds = Rounds(shape, refinement, labels, boxes)
+    rounds = RefinementRounds(shape, refinement, labels, boxes)
     for points in rounds:
         if not labels.known[points].all():
             return None

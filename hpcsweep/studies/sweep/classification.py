@@ -17,7 +17,13 @@ from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
 from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
-from hpcsweep.dynamics.stability import UNKNOWN, Interval, aligned, growth_interval, orbit_exponent
+from hpcsweep.dynamics.stability import (
+    UNKNOWN,
+    MeanInterval,
+    aligned,
+    growth_interval,
+    orbit_exponent,
+)
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.studies.blocks import Poll
@@ -48,7 +54,7 @@ class Classification:
 
     seen: Observation
     period: int
-    exponent: Interval
+    exponent: MeanInterval
     kind: MotionClass = MotionClass.UNDECIDED
     window_period: int = NOT_TESTED
     window_class: MotionClass = MotionClass.NOT_COMPUTED
@@ -104,7 +110,9 @@ def classify_window(
     exponent = UNKNOWN
     if "lyapunov" in settings.metrics:
         if period:
-            exponent = Interval.exact(exponent_of_orbit(solver, seen.points[-1], amplitude, period))
+            exponent = MeanInterval.exact(
+                exponent_of_orbit(solver, seen.points[-1], amplitude, period)
+            )
         else:
             time = solver.structure.forcing.period(solver.omega)
             within = growth_interval(aligned(seen.logarithms)).times(1.0 / time)

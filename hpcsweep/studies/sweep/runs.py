@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.stability import Interval
+from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
@@ -173,7 +173,7 @@ class FrameRuns:
             return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
         if self.settings.measures:
             closed = replace(closed, measures=self._free.orbit.measures(amplitude)[0])
-        exponent = Interval.exact(self._free.orbit.lyapunov_exponent)
+        exponent = MeanInterval.exact(self._free.orbit.lyapunov_exponent)
         found = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
         row = _row(result, index)
         self._store(row, amplitude, found, closed.points[-1], 0)

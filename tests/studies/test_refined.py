@@ -250,7 +250,8 @@ def test_the_number_of_attractors_is_refined_point_by_point(tmp_path):
         stored = results["poincare"].values[0, frame, at]
         assert np.array_equal(stored, alone["poincare"][0], equal_nan=True)
     assert validate(path, samples=1).problems == []
-    for words in (("status", path), ("summary", path), ("plot", path, "--cells")):
+    figures = [("plot", path, "--kind", kind) for kind in ("number", "shares", "attractors")]
+    for words in (("status", path), ("summary", path), ("plot", path, "--cells"), *figures):
         assert hpcsweep(0, *words, cwd=tmp_path).returncode == 0
     with pytest.raises(JobError, match="must be a list of number"):
         parse_job(NUMBER.replace("wrong = 0.6", 'on = ["class"]'), "job", "job")

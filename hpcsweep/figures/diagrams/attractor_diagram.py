@@ -9,7 +9,7 @@ from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.options import FLOORS, OMEGA
-from hpcsweep.studies.attractors.attractors import Attractors
+from hpcsweep.studies.attractors.attractors import AttractorGrid
 from hpcsweep.studies.report import starting_range
 
 NAME = "attractors"
@@ -83,7 +83,7 @@ def motions_of(frame) -> np.ndarray:
     return np.where(frame["attractor_id"].values > 0, index, -1)
 
 
-def starts_words(study: Attractors) -> str:
+def starts_words(study: AttractorGrid) -> str:
     """Format the number of starts of a point, and where they lie."""
     box = [line.replace("omega_0", labels.WORD) for line in starting_range(study)]
     where = " and ".join(box) if len(box) <= MAX_RANGES else "a box, each floor its own range"
@@ -92,7 +92,7 @@ def starts_words(study: Attractors) -> str:
 
 def starts_text(results, frame) -> str:
     """Format the starts, and the share of them that reached no drawn attractor."""
-    study = style.study_of(results, Attractors)
+    study = style.study_of(results, AttractorGrid)
     done = max(int((frame["outcome"].values > 0).sum()), 1) * study.starts
     parts = []
     for name in ("undecided", "failed", "elsewhere"):

@@ -10,7 +10,7 @@ from hpcsweep.figures.diagrams.attractor_diagram import starts_words
 from hpcsweep.figures.fitting import LEGEND, area, blank
 from hpcsweep.figures.inferred import filled, gather, inferred, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
-from hpcsweep.studies.attractors.attractors import Attractors
+from hpcsweep.studies.attractors.attractors import AttractorGrid
 
 NAME = "number"
 DRAWS = "attractors"
@@ -56,7 +56,7 @@ def draw(results, cells: bool | None = None, **_options):
     for axis, (name, values, least) in zip(axes, counts, strict=True):
         _panel(axis, results, name, values, least)
     mesh.finish(axes, results, cells)
-    study = style.study_of(results, Attractors)
+    study = style.study_of(results, AttractorGrid)
     undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * study.starts, 1)
     note = f"{starts_words(study)}; undecided {style.percent(float(undecided))}"
     return style.head(figure, style.caption(results), note, note_of(results))

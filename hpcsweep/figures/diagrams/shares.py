@@ -8,7 +8,7 @@ from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.fitting import blank
 from hpcsweep.figures.options import OMEGA
-from hpcsweep.studies.attractors.attractors import Attractors
+from hpcsweep.studies.attractors.attractors import AttractorGrid
 
 NAME = "shares"
 DRAWS = "attractors"
@@ -31,7 +31,7 @@ def draw(results, omega: float | None = None):
         If there is nothing to draw.
     """
     frame, index, structure = opened(results, omega)
-    study = style.study_of(results, Attractors)
+    study = style.study_of(results, AttractorGrid)
     figure, axes = style.new_figure(2, 6.6)
     amplitude = frame["amplitude"].values
     edges = np.clip(edges_of(amplitude), amplitude[0], amplitude[-1])

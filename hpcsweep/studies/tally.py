@@ -1,7 +1,7 @@
 """Count over the runs of a study, for its summary: cost, kinds of motion, failures."""
 
 from collections import Counter
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class BaseTally:
     def _place(self, at, study: Study, part: str) -> dict[str, Any]:
         """Return the place of a value of a frame."""
         del part
-        omega = float(at["omega"] if "omega" in at.coords else study.coordinates["omega"].values[0])
+        omega = float(at["omega"] if "omega" in at.coords else cast(Any, study).omega[0])
         return {"amplitude": float(at["amplitude"]), "omega": omega}
 
     def summary(self) -> dict[str, Any]:

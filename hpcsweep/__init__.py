@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.model.buildings import Building as Building
     from hpcsweep.model.buildings import adjacent as adjacent
     from hpcsweep.model.matrices import Contact as Contact
+    from hpcsweep.model.matrices import Slider as Slider
     from hpcsweep.model.record import Record as Record
     from hpcsweep.model.structure import Structure as Structure
     from hpcsweep.solvers.response import Response as Response
@@ -51,7 +52,7 @@ _NAMES = {
     "earthquakes.synthetic": "synthetic_records",
     "job": "load_job",
     "model.buildings": "Building adjacent",
-    "model.matrices": "Contact",
+    "model.matrices": "Contact Slider",
     "model.record": "Record",
     "model.structure": "Structure",
     "solvers.response": "Response first_contact_scale history response",

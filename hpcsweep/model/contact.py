@@ -12,7 +12,7 @@ passages in closed form, fast ones by their energy and slow ones by the rule for
 
 With a dashpot (`hpcsweep.model.dashpot`) it depends on the speed, too, and jumps where the
 contact closes. Such a contact is sharp, and its motion is linear from one change of the contact to
-the next: `flow.dashpot`.
+the next: `flow.elements`.
 """
 
 import math

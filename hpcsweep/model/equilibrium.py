@@ -35,25 +35,38 @@ def pressed(structure) -> np.ndarray:
     return (gaps < 0.0) & (structure.contact_stiffness > 0.0)
 
 
-def static_equilibrium(structure) -> np.ndarray:
+def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarray:
     """Return the displacements at which a structure rests on its contacts, shape (n,).
 
-    Exactly 0 if no contact is pressed.
+    Exactly 0 if no contact is pressed and no slider has slipped.
+
+    Parameters
+    ----------
+    structure : Structure
+    plastic : ndarray, shape (L,), optional
+        Lasting elongations p of the sliders, which stick: the loads k p.
 
     Raises
     ------
     ArithmeticError
         If it is not found.
     """
-    u = np.zeros(structure.n_floors)
-    if not pressed(structure).any():
+    load = np.zeros(structure.n_floors)
+    for slider, p in zip(structure.sliders, () if plastic is None else plastic, strict=False):
+        load += slider.stiffness * p * np.array(slider.direction)
+    u = np.linalg.solve(structure.stiffness_matrix, load) if load.any() else load
+    gaps = [contact.gap for contact in structure.contacts]
+    if (
+        not pressed(structure).any()
+        and not (structure.directions @ u > np.maximum(gaps, 0.0)).any()
+    ):
         return u
     for rho in dict.fromkeys((np.inf, structure.sharpness)):
-        u = _solved(structure, rho, u)
+        u = _solved(structure, rho, u, load)
     return u
 
 
-def _solved(structure, rho: float, u: np.ndarray) -> np.ndarray:
+def _solved(structure, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarray:
     """Solve r = 0 for contacts of sharpness rho, from u on."""
     stiffness, rows = structure.stiffness_matrix, structure.directions
     kappa = structure.contact_stiffness
@@ -68,7 +81,7 @@ def _solved(structure, rho: float, u: np.ndarray) -> np.ndarray:
         return s * x, s * (1.0 + rho * x * (1.0 - s))
 
     def residual(u):
-        return stiffness @ u + rows.T @ (kappa * law(u)[0])
+        return stiffness @ u - load + rows.T @ (kappa * law(u)[0])
 
     for _ in range(MAX_STEPS):
         stiff = kappa * law(u)[1]

@@ -15,12 +15,14 @@ the state of the kernels has R >= n rows of displacements and as many velocities
 beyond n enter no force but that of their contact.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.kernels.simd import LANES
+from hpcsweep.model.elements import Elements, kernel_elements
 from hpcsweep.model.kernel_contacts import Contacts, kernel_contacts, wide
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
@@ -62,8 +64,10 @@ class Model(NamedTuple):
     rows: np.ndarray
     """(R - n, n): E."""
     contacts: Contacts
+    elements: Elements
     drift_rows: np.ndarray
-    """(any, 2) int: a drift is y[first] - y[second], or y[first] where the second is -1."""
+    """(any, 2) int: a drift is y[first] - y[second], or y[first] where the second is -1; drifts of
+    the structure, then elongations of sliders that are no such drift."""
     watched: np.ndarray
     """(Q, 4) int: rows whose peaks can be requested: first and second as for a drift, a side (0 for
     |y|, 1 or -1 for that times y), and the flag that requests them. In the order of `PEAK_FLAGS`,
@@ -110,12 +114,16 @@ def _at_any_frequency(structure: Structure) -> Model:
     damping = per_mass(mass, structure.damping_matrix) / rate
     rows = _Rows(n)
     places = [rows.of(direction) for direction in structure.directions]
-    drift_rows = np.array([rows.difference(row) for row in structure.drift_rows], np.int64)
+    slides = [rows.slide(slider.direction) for slider in structure.sliders]
+    drifts = [rows.difference(row) for row in structure.drift_rows]
+    drifts += [(i, below) for i, below, _ in slides if (i, below) not in drifts]
+    drift_rows = np.array(drifts, np.int64)
     extra = np.array(rows.extra).reshape(-1, n)
     layer = float(structure.layer_half_width / length)
     energy = _energy(structure)
     masses = np.diag(mass)
     forcing = wide(per_mass(mass, structure.forcing_vector), extra)
+    contacts = kernel_contacts(structure, places, extra, (stiffness, damping), layer)
     model = Model(
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
@@ -124,7 +132,8 @@ def _at_any_frequency(structure: Structure) -> Model:
         harmonics=np.array(structure.forcing.terms, float).reshape(-1, 3),
         ramp=np.zeros((0, 3)),
         rows=extra,
-        contacts=kernel_contacts(structure, places, extra, (stiffness, damping), layer),
+        contacts=contacts,
+        elements=kernel_elements(structure, contacts, slides, extra),
         drift_rows=drift_rows.reshape(-1, 2),
         watched=_watched(drift_rows.reshape(-1, 2), n, places),
         modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
@@ -203,6 +212,12 @@ class _Rows:
                     return self._n + place, sign
         self.extra.append(np.array(direction, float))
         return self._n + len(self.extra) - 1, 1.0
+
+    def slide(self, direction: Sequence[float]) -> tuple[int, int, float]:
+        """Return the two rows, and the sign of their difference, of an elongation."""
+        array = np.array(direction, float)
+        first, second = self.difference(array)
+        return (first, second, 1.0) if second >= 0 else (first, -1, self.of(array)[1])
 
     def difference(self, direction: np.ndarray) -> tuple[int, int]:
         """Return the two rows whose difference is a drift, or one row and -1."""

@@ -44,9 +44,11 @@ class LinearDynamics(System):
     def length_unit(self) -> float:
         """Length to which tolerances are relative, a power of two.
 
-        That is `motion_length`, or else the smallest gap that is not 0, up to a factor.
+        That is `motion_length`, or else the smallest gap that is not 0, or without one the smallest
+        elongation at which a slider slips, up to a factor.
         """
         gaps = [abs(contact.gap) for contact in self.contacts if contact.gap]
+        gaps = gaps or [slider.strength / slider.stiffness for slider in self.sliders]
         return self.motion_length or power_of_two(min(gaps, default=1.0))
 
     @cached_property

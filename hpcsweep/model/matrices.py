@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, flag, not_negative, number, plain, shown
+from hpcsweep.model.arguments import finite, flag, not_negative, number, plain, positive, shown
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 
 MAX_FLOORS = 64
@@ -162,6 +162,56 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class Slider:
+    """A spring in series with a slider, which slips where the force reaches its strength.
+
+    The force is k (d - p), d = b . u, with |k (d - p)| <= F; while it slips p follows d, so that
+    F stays. Rest is p = 0. Beside an elastic spring of stiffness alpha k0 a slider with k =
+    (1 - alpha) k0 and F = (1 - alpha) f_y makes a bilinear spring of initial stiffness k0 that
+    yields at the force f_y, with kinematic hardening; several in parallel, any backbone. See
+    `hpcsweep.model.elements`.
+
+    Parameters
+    ----------
+    direction : sequence of n floats
+        b: the displacement that lengthens it by 1, not 0.
+    stiffness : float
+        k > 0.
+    strength : float
+        F > 0.
+    name : str, optional
+
+    Raises
+    ------
+    ValueError
+        If a value is of the wrong kind or outside its range; the message names it.
+
+    Examples
+    --------
+    The second of two storeys yields at a drift of 20 mm:
+
+    >>> slider = hpcsweep.Slider(direction=(-1.0, 1.0), stiffness=1e7, strength=2e5)
+    >>> slider.strength / slider.stiffness
+    0.02
+    """
+
+    direction: Vector
+    stiffness: float
+    strength: float
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        direction = vector("slider.direction", self.direction, None, read=finite)
+        if not any(direction):
+            raise ValueError("slider.direction must not be 0: such a slider is never moved")
+        object.__setattr__(self, "direction", direction)
+        for name in ("stiffness", "strength"):
+            object.__setattr__(self, name, positive(f"slider.{name}", getattr(self, name)))
+        if self.name is not None and not (isinstance(self.name, str) and self.name):
+            raise ValueError(f"slider.name must be a text, is {shown(self.name)}")
+
+
+@dataclass(frozen=True)
 class Matrices:
     """Validated arguments of `Structure.from_matrices`; hashable tuples."""
 
@@ -171,10 +221,11 @@ class Matrices:
     damping: Matrix | None = None
     forcing: Vector | None = None
     drift: Matrix | None = None
+    sliders: tuple[Slider, ...] = ()
 
 
 def read_matrices(
-    mass: Any, stiffness: Any, contacts: Any, damping: Any, forcing: Any, drift: Any
+    mass: Any, stiffness: Any, contacts: Any, damping: Any, forcing: Any, drift: Any, sliders: Any
 ) -> Matrices:
     """Validate matrices; see `Structure.from_matrices`."""
     # a vector of masses stands for a diagonal matrix
@@ -188,31 +239,39 @@ def read_matrices(
     found = Matrices(
         checked,
         matrix("matrices.stiffness", stiffness, (n, n)),
-        _contacts(contacts, n),
+        _several(Contact, contacts, n),
         None if damping is None else matrix("matrices.damping", damping, (n, n)),
         None if forcing is None else vector("matrices.forcing", forcing, n, read=finite),
         None if drift is None else matrix("matrices.drift", drift, (None, n)),
+        _several(Slider, sliders, n),
     )
+    if len(found.contacts) + len(found.sliders) > MAX_CONTACTS:
+        raise ValueError(
+            f"contacts and sliders must be at most {MAX_CONTACTS} together, "
+            f"are {len(found.contacts)} and {len(found.sliders)}"
+        )
     if found.damping is not None:
         _check_damping(np.array(found.damping))
     return found
 
 
-def _contacts(given: Any, n: int) -> tuple[Contact, ...]:
+def _several(kind: Any, given: Any, n: int) -> tuple:
+    """Read contacts or sliders of a structure with n coordinates."""
+    name = kind.__name__
     if isinstance(given, str | bytes) or not isinstance(given, Iterable):
-        raise ValueError(f"contacts must be a list of Contact, is {shown(given)}")
-    contacts = tuple(given)
-    if len(contacts) > MAX_CONTACTS:
-        raise ValueError(f"contacts must be at most {MAX_CONTACTS}, are {len(contacts)}")
-    for place, contact in enumerate(contacts, 1):
-        if not isinstance(contact, Contact):
-            raise ValueError(f"contacts must be a list of Contact, holds {shown(contact)}")
-        if len(contact.direction) != n:
+        raise ValueError(f"{name.lower()}s must be a list of {name}, is {shown(given)}")
+    listed = tuple(given)
+    if len(listed) > MAX_CONTACTS:
+        raise ValueError(f"{name.lower()}s must be at most {MAX_CONTACTS}, are {len(listed)}")
+    for place, element in enumerate(listed, 1):
+        if not isinstance(element, kind):
+            raise ValueError(f"{name.lower()}s must be a list of {name}, holds {shown(element)}")
+        if len(element.direction) != n:
             raise ValueError(
-                f"contact.direction of contact {place} must have {n} entries, "
-                f"has {len(contact.direction)}"
+                f"{name.lower()}.direction of {name.lower()} {place} must have {n} entries, "
+                f"has {len(element.direction)}"
             )
-    return contacts
+    return listed
 
 
 def check_definite(name: str, array: np.ndarray) -> None:

@@ -160,6 +160,10 @@ class Structure(MeasuredDynamics):
         self._set("tension", flag("tension", self.tension))
         told = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth(self._all_contacts, self.sharpness, told)
+        if self.sliders and self.sharpness != math.inf:
+            raise ValueError(
+                f"sliders need sharpness = inf, stops that are sharp: it is {self.sharpness:g}"
+            )
         if max(self.contact_numbers, default=0) > MAX_CONTACTS:
             raise ValueError(
                 f"gap_left: {n} floors have stops on the left numbered up to "
@@ -184,13 +188,15 @@ class Structure(MeasuredDynamics):
         harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC,
         drift: Any = None,
         rayleigh: tuple[float, float] | None = None,
+        sliders: Any = (),
     ) -> "Structure":
-        """Return a structure from its matrices and contacts.
+        """Return a structure from its matrices, contacts and sliders.
 
         Parameters
         ----------
         mass, stiffness : array_like, shape (n, n)
-            M and K, symmetric and positive definite; n masses stand for a diagonal M.
+            M and K without sliders, symmetric; n masses stand for a diagonal M. M is positive
+            definite, and so is K with the springs of all sliders.
         contacts : sequence of Contact
             64 at most.
         damping_ratio : float or sequence of n floats, optional
@@ -207,7 +213,10 @@ class Structure(MeasuredDynamics):
         drift : array_like, shape (any, n), optional
             Rows whose largest |row . u| is the drift. Default: each coordinate.
         rayleigh : (float, float), optional
-            (alpha, beta) of C = alpha M + beta K.
+            (alpha, beta) of C = alpha M + beta K, K with the springs of all sliders.
+        sliders : sequence of Slider, optional
+            They need sharpness = inf. Modes and damping ratios are those of the structure whose
+            sliders stick.
 
         Raises
         ------
@@ -218,7 +227,7 @@ class Structure(MeasuredDynamics):
         used = [name for name, value in given.items() if value is not None]
         if len(used) > 1:
             raise ValueError(f"{used[0]} and {used[1]} must not be given both")
-        read = read_matrices(mass, stiffness, contacts, damping, forcing, drift)
+        read = read_matrices(mass, stiffness, contacts, damping, forcing, drift, sliders)
         return cls(
             n_floors=len(read.mass),
             stiffness_ratio=0.0,
@@ -258,6 +267,7 @@ class Structure(MeasuredDynamics):
         shown = [f"n_floors={self.n_floors}"]
         if self.matrices is not None:
             shown.append(f"matrices, {len(self.matrices.contacts)} contacts")
+            shown += [f"{len(self.sliders)} sliders"] if self.sliders else []
             hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
             if self.matrices.damping is not None:
                 low, high = self.damping_ratios.min(), self.damping_ratios.max()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.dashpot import dashpots_of_floors
-from hpcsweep.model.matrices import Contact, Matrices
+from hpcsweep.model.matrices import Contact, Matrices, Slider
 from hpcsweep.model.unit_names import Names
 
 PerFloor = float | tuple[float, ...]
@@ -61,12 +61,20 @@ class System:
 
     @cached_property
     def stiffness_matrix(self) -> np.ndarray:
-        """K, (3) of equal storeys, shape (n, n)."""
+        """K, (3) of equal storeys, with the springs of all sliders, shape (n, n)."""
         if self.matrices is not None:
-            return frozen(np.array(self.matrices.stiffness))
+            found = np.array(self.matrices.stiffness)
+            for slider in self.sliders:
+                found += slider.stiffness * np.outer(slider.direction, slider.direction)
+            return frozen(found)
         own = np.array(self._floors(self.storey_stiffness))
         above = np.append(own[1:], 0.0)
         return frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
+
+    @property
+    def sliders(self) -> tuple[Slider, ...]:
+        """Sliders of the matrices."""
+        return () if self.matrices is None else self.matrices.sliders
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:

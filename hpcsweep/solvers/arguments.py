@@ -12,8 +12,10 @@ MAX_PERIOD = 10_000
 0.8 GB."""
 
 
-def solver_arguments(structure, omega, rtol) -> tuple[Structure, float, float]:
-    """Return the validated arguments of a solver.
+def solver_arguments(
+    structure, omega, rtol, *, yields: bool = False
+) -> tuple[Structure, float, float]:
+    """Return the validated arguments of a solver, which may know sliders.
 
     Raises
     ------
@@ -21,6 +23,11 @@ def solver_arguments(structure, omega, rtol) -> tuple[Structure, float, float]:
         One line that names the argument.
     """
     instance("structure", structure, Structure)
+    if structure.sliders and not yields:
+        raise ValueError(
+            "a structure with sliders moves under ground-motion records alone (hpcsweep.response), "
+            "not yet under a harmonic forcing"
+        )
     omega = positive("omega", omega)
     rtol = number("rtol", rtol)
     if not 0 < rtol < 1:

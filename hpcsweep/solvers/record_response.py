@@ -1,16 +1,29 @@
 """Peaks of the response of a structure to a ground-motion record."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpcsweep.model.equilibrium import static_equilibrium
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, SPEED, TIME
 from hpcsweep.solvers.outcome import Outcome
 
 SAME_TIME = 1e-9
 """Part of a sample interval by which a tail may miss a whole number of them."""
+
+
+class Slid(NamedTuple):
+    """What the L sliders of a structure have done, in units of length; shapes (L,)."""
+
+    elongation: np.ndarray
+    """Largest |b . u|."""
+    plastic: np.ndarray
+    """p at the end."""
+    path: np.ndarray
+    """Sum of |dp|."""
+    excursions: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +55,24 @@ class Response:
     dissipated : ndarray, shape (k,)
         Energy that the dashpot of each contact has taken; 0 without one.
     residual : ndarray, shape (n,)
-        |u_i - u_i at rest| at the end: what is left of the motion after the tail, as an elastic
-        structure has no lasting displacement.
+        |u_i - u_i at rest| at the end: what is left of the motion after the tail, and of a
+        structure whose sliders have slipped their lasting displacement with it.
+    residual_displacement, residual_drift : ndarray, shapes (n,) and (rows,)
+        Displacements from rest at which the structure would come to rest with its sliders as they
+        ended, and the drifts there; 0 without sliders.
     final_state : ndarray, shape (2n,)
         (u, u') at the end.
     displacement_time, drift_time, acceleration_time, force_time : ndarray
         When these peaks are, from the first sample on.
+    ductility, slider_force : ndarray, shape (L,)
+        Largest elongation of each slider over that at which it first slips, F / k, and its largest
+        force.
+    plastic, plastic_path : ndarray, shape (L,)
+        Lasting elongation p of each slider at the end, and the sum of its changes.
+    excursions : ndarray of int, shape (L,)
+        How often it has slipped.
+    slider_energy : ndarray, shape (L,)
+        Energy that it has dissipated, F times the plastic path.
     duration : float
         Time that was integrated; that up to the failure if one occurred.
     outcome : Outcome
@@ -79,6 +104,14 @@ class Response:
     drift_time: np.ndarray
     acceleration_time: np.ndarray
     force_time: np.ndarray
+    ductility: np.ndarray
+    slider_force: np.ndarray
+    plastic: np.ndarray
+    plastic_path: np.ndarray
+    excursions: np.ndarray
+    slider_energy: np.ndarray
+    residual_displacement: np.ndarray
+    residual_drift: np.ndarray
     duration: float
     outcome: Outcome
 
@@ -88,6 +121,7 @@ def response_of(
     peaks: np.ndarray,
     times: np.ndarray,
     impacts: np.ndarray,
+    slid: Slid,
     state: np.ndarray,
     duration: float,
     outcome: Outcome,
@@ -98,9 +132,11 @@ def response_of(
     ----------
     structure : Structure
     peaks, times : ndarray, shape (P,)
-        Of drifts, floors, absolute accelerations, and forces of contacts over their units.
+        Of drifts, with elongations of sliders behind them, floors, absolute accelerations, and
+        forces of contacts over their units.
     impacts : ndarray, shape (N_IMPACTS, k)
         See `measures`.
+    slid : Slid
     state : ndarray, shape (2n,)
         At the end, in units of the structure.
     duration : float
@@ -109,13 +145,21 @@ def response_of(
     """
     n, n_drifts = structure.n_floors, len(structure.drift_rows)
     length, rate = structure.length_unit, structure.frequency_unit
-    ends = np.cumsum([n_drifts, n, n])
+    n_contacts = len(structure.contacts)
+    ends = np.cumsum([len(peaks) - 2 * n - n_contacts, n, n])
     size: list[Any] = np.split(peaks * length, ends)
     when = np.split(times / rate, ends)
     unit = structure.force_per_length
+    spring = np.array([slider.stiffness for slider in structure.sliders])
+    strength = np.array([slider.strength for slider in structure.sliders])
+    elongation, path = slid.elongation * length, slid.path * length
+    plastic = slid.plastic * length
+    lasting = np.zeros(n)
+    if plastic.any():
+        lasting = static_equilibrium(structure, plastic) - structure.rest[:n]
     return Response(
         displacement=size[1],
-        drift=size[0],
+        drift=size[0][:n_drifts],
         floor_acceleration=size[2] * rate**2,
         force=size[3] * unit,
         impacts=impacts[CLOSINGS].astype(int),
@@ -126,9 +170,17 @@ def response_of(
         residual=np.abs(state[:n] - structure.rest[:n]),
         final_state=state,
         displacement_time=when[1],
-        drift_time=when[0],
+        drift_time=when[0][:n_drifts],
         acceleration_time=when[2],
         force_time=when[3],
+        ductility=elongation * spring / strength,
+        slider_force=np.where(slid.excursions, strength, spring * elongation),
+        plastic=plastic,
+        plastic_path=path,
+        excursions=slid.excursions,
+        slider_energy=strength * path,
+        residual_displacement=lasting,
+        residual_drift=structure.drift_rows @ lasting,
         duration=duration,
         outcome=outcome,
     )

@@ -101,7 +101,7 @@ def response(
 def linear_response(
     structure: Structure, record: Record, tail: float = 0.0
 ) -> tuple[Response, np.ndarray]:
-    """Return the response without contacts, and how far it reaches towards each of them.
+    """Return the response without contacts and slips, and how far it reaches towards each of them.
 
     From u = 0; times s it is the response at any scale s up to that of `first_contact_scale`. What
     it reaches is the gap that a contact needs if it is not to close.
@@ -115,25 +115,27 @@ def linear_response(
     -------
     Response
         At scale 1; forces, impacts and impulses are 0.
-    ndarray, shape (k,)
-        max_t d_k . u of each contact, at least 0.
+    ndarray, shape (k + L,)
+        max_t d_k . u of each contact, at least 0; then max_t |b_j . u| of each slider.
     """
     structure, record, tail = _arguments(structure, record, tail)
     from hpcsweep.solvers.flow.record_map import RecordMap
 
-    reach = structure.directions
-    n_drifts, n_contacts = len(structure.drift_rows), len(reach)
+    slides = np.array([slider.direction for slider in structure.sliders], float)
+    slides = slides.reshape(-1, structure.n_floors)
+    n_drifts, n_contacts = len(structure.drift_rows), len(structure.contacts)
     free = Structure.from_matrices(
         structure.mass_matrix,
         structure.stiffness_matrix,
         [],
         damping=structure.damping_matrix,
         forcing=structure.forcing_vector,
-        drift=np.vstack((structure.drift_rows, reach)),
+        drift=np.vstack((structure.drift_rows, slides, structure.directions)),
     )
     found = RecordMap(free, record.dt, one_sided=n_contacts).respond(record.acceleration, 1.0, tail)
     _complete(found)
-    nothing = np.zeros(n_contacts)
+    nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
+    reach = found.drift[n_drifts:]
     linear = replace(
         found,
         drift=found.drift[:n_drifts],
@@ -145,14 +147,22 @@ def linear_response(
         impulse=nothing,
         dissipated=nothing,
         force_time=nothing,
+        ductility=none,
+        slider_force=none,
+        plastic=none,
+        plastic_path=none,
+        excursions=none.astype(int),
+        slider_energy=none,
+        residual_drift=np.zeros(n_drifts),
     )
-    return linear, found.drift[n_drifts:]
+    return linear, np.roll(reach, n_contacts)
 
 
 def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0) -> float:
-    """Return the scale of a record below which no contact closes, from rest.
+    """Return the scale of a record below which no contact closes and no slider slips, from rest.
 
-    min over contacts of gap / max_t(d . u), from one motion without contacts; 0 if a contact is
+    min over contacts of gap / max_t(d . u), from one motion without contacts, and over sliders of
+    F / (k max_t |b . u|); 0 if a contact is
     pressed, gap < 0, and closed at rest; inf if nothing moves towards a contact. Stops are taken as
     sharp.
 
@@ -176,9 +186,11 @@ def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0)
 
 def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
     """Return the scale of `first_contact_scale`, from what `linear_response` reaches."""
+    gaps = [contact.gap for contact in structure.contacts]
+    gaps += [slider.strength / slider.stiffness for slider in structure.sliders]
     scales = [
-        max(contact.gap, 0.0) / way if way > 0.0 else 0.0 if contact.gap < 0.0 else math.inf
-        for contact, way in zip(structure.contacts, reach.tolist(), strict=True)
+        max(gap, 0.0) / way if way > 0.0 else 0.0 if gap < 0.0 else math.inf
+        for gap, way in zip(gaps, reach.tolist(), strict=True)
     ]
     return min(scales, default=math.inf)
 

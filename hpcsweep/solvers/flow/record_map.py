@@ -15,9 +15,10 @@ from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.period.record import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
+from hpcsweep.solvers.measures import ROUNDING
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
-from hpcsweep.solvers.record_response import Response, intervals, response_of
+from hpcsweep.solvers.record_response import Response, Slid, intervals, response_of
 
 KERNELS = with_called(march_record, measure_layer_step)
 """All that responses to records call."""
@@ -38,7 +39,7 @@ class RecordMap:
     """
 
     def __init__(self, structure: Structure, dt: float, rtol: float = 1e-9, *, one_sided: int = 0):
-        self.structure, self.dt, self.rtol = solver_arguments(structure, dt, rtol)
+        self.structure, self.dt, self.rtol = solver_arguments(structure, dt, rtol, yields=True)
         model = record_model(structure, self.dt)
         self._units = Units(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
@@ -62,6 +63,8 @@ class RecordMap:
     ) -> Response:
         """Return the response to a record; see `hpcsweep.solvers.response.response`."""
         reset(self._shared.tally)
+        reset(self._shared.modes)
+        self._shared.modes.mode[:] = self._shared.model.elements.first
         z = self._units.into(self.structure.rest if state is None else state)
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
         wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
@@ -75,9 +78,34 @@ class RecordMap:
             peaks,
             tally.times[self._told],
             tally.impacts,
+            self._slid(z),
             self._units.out_of(z).copy(),
             done,
             outcome,
+        )
+
+    def _slid(self, z: np.ndarray) -> Slid:
+        """Return what the sliders have done, up to the state z at the end."""
+        model, modes, structure = self._shared.model, self._shared.modes, self.structure
+        elements, n_loads = model.elements, len(structure.sliders)
+        own = slice(len(modes.mode) - n_loads, None)
+        y = [z[i] - (z[below] if below >= 0 else 0.0) for i, below in elements.rows[own].tolist()]
+        load = elements.load[modes.mode[own]]
+        state = np.where(load[:, 1] == 0.0, load[:, 0] + y, modes.state[own])
+        change = np.abs(state - modes.state[own])
+        slips = change > ROUNDING * np.maximum(np.abs(state), np.abs(load[:, 0]))
+        sign = [
+            1.0 if np.array_equal(reach, slider.direction) else -1.0
+            for reach, slider in zip(elements.reach, structure.sliders, strict=True)
+        ]
+        drifts = model.drift_rows.tolist()
+        return Slid(
+            elongation=self._shared.tally.peaks[
+                [drifts.index(row) for row in elements.rows[own].tolist()]
+            ],
+            plastic=sign * state,
+            path=modes.path[own] + change,
+            excursions=modes.taken[own] + slips,
         )
 
     def _advance(self, z, samples, scale, tail, poll, wanted) -> tuple[float, Outcome]:

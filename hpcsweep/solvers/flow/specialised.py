@@ -24,8 +24,8 @@ from hpcsweep.kernels.compile.places import Shapes, shapes_of
 from hpcsweep.kernels.compile.warm import load_all, missing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
-from hpcsweep.solvers.flow.dashpot.march import march_dashpots
+from hpcsweep.solvers.flow.elements.contacts import by_elements
+from hpcsweep.solvers.flow.elements.march import march_periods
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
@@ -74,7 +74,7 @@ def kernels_for(shared: Shared, shapes: Shapes) -> MotionKernels:
     shapes : Shapes
         Of its arrays.
     """
-    dashpots = has_dashpots.py_func(shared.model)
+    dashpots = by_elements.py_func(shared.model)
     if not (dashpots or _loaded or _kept_keys()):
         return FOR_ANY
     with LOADING:
@@ -98,7 +98,7 @@ def needed_kernels(
     if structure is None:
         return with_called(*_needed(True, measures), *OF_BRANCHES)
     model = kernel_model(structure, 1.0)
-    needed = _needed(has_dashpots.py_func(model), measures)
+    needed = _needed(by_elements.py_func(model), measures)
     if not specialised:
         return needed
     with LOADING:
@@ -107,7 +107,7 @@ def needed_kernels(
 
 @functools.cache
 def _needed(dashpots: bool, measures: bool) -> list[EntryPoint]:
-    own = (march_dashpots,) * dashpots + (march_measured, measure_layer_step) * measures
+    own = (march_periods,) * dashpots + (march_measured, measure_layer_step) * measures
     return with_called(march, end_of_transient, follow_orbits, *own)
 
 

@@ -34,7 +34,7 @@ def forcing_at(tau, amplitude, model, out, first):
 
 @inlined
 def turn_forcing(x, first, tables, index):
-    """Advance the pairs in x[first:] over one step of table `index`."""
+    """Advance the pairs in x[first:], of harmonics or a ramp, over one step of table `index`."""
     rotation = tables.rotation
     for at in range(0, rotation.shape[1], 2):
         cosine = rotation[index, at]
@@ -43,8 +43,8 @@ def turn_forcing(x, first, tables, index):
         c = x[first + at + 1]
         x[first + at] = fma(s, cosine, c * sine)
         x[first + at + 1] = fma(c, cosine, -s * sine)
-    for at in range(first + rotation.shape[1], x.shape[0] - 1, 2):
-        x[at] = fma(tables.h[index], x[at + 1], x[at])
+    if rotation.shape[1] == 0:
+        x[first] = fma(tables.h[index], x[first + 1], x[first])
 
 
 @inlined

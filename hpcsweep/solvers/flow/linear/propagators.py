@@ -34,6 +34,7 @@ from hpcsweep.kernels.simd.vectors import (
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.linear.algebra import spectral_radius
 from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.state.state import contact_bit
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
     ECONOMISATION,
@@ -174,7 +175,9 @@ def _generator(key, model, scale, out):
     """
     n = model.modal_transform.shape[0]
     contacts, unit = model.contacts, model.balance
-    last = out.shape[0] - 1
+    last, elements = out.shape[0] - 1, model.elements
+    n_loads = elements.stiffness.shape[0]
+    loads = last - n_loads
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = 0.0
@@ -184,7 +187,7 @@ def _generator(key, model, scale, out):
             ratio = unit[j] / unit[i]
             out[n + i, j] = -model.stiffness[i, j] * ratio / scale
             out[n + i, n + j] = -model.damping[i, j] * ratio
-        for h in range(2 * n, last, 2):
+        for h in range(2 * n, loads, 2):
             out[n + i, h] = model.forcing[i] / unit[i]
     for k in range(contacts.row.shape[0]):
         if (key >> np.uint64(k)) & np.uint64(1):
@@ -198,6 +201,14 @@ def _generator(key, model, scale, out):
                 if drag != 0.0:
                     for j in range(n):
                         out[n + i, n + j] -= drag * contacts.reach[k, j] * unit[j]
+    for j in range(n_loads):
+        slips = key & contact_bit(contacts.row.shape[0] + j) != np.uint64(0)
+        for i in range(n):
+            push = elements.stiffness[j] * elements.kick[j, i] / (unit[i] * scale)
+            out[n + i, loads + j] += push
+            if slips and push != 0.0:
+                for k in range(n):
+                    out[n + i, k] += push * elements.reach[j, k] * unit[k]
     for h in range(model.harmonics.shape[0]):
         at = 2 * n + 2 * h
         out[at, at + 1] = model.harmonics[h, 0] * model.omega
@@ -315,7 +326,7 @@ def _build(key, model, tables, index):
         unit[i] = model.balance[i]
         unit[n + i] = model.balance[i] * scale
     for k in range(2 * n, size):
-        unit[k] = scale if k < size - 1 else 1.0
+        unit[k] = scale if k < size - 1 - model.elements.stiffness.shape[0] else 1.0
     build_series(generator, tables.vectors, model, tables.series[index], tables.impulses[index])
     _half_step(generator, n, h, half, term, full)
     _square(half, full)

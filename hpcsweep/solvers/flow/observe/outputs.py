@@ -38,7 +38,8 @@ def _fill(index, model, tables, outputs):
     rows, n_rows = outputs.accelerations, model.stiffness.shape[0]
     _write_accelerations(key, model, rows)
     _write_pairs(rows, model, outputs.pair[index])
-    poly, h, last = tables.poly[index], tables.h[index], tables.poly.shape[2] - 1
+    poly, h = tables.poly[index], tables.h[index]
+    loads = poly.shape[1] - 1 - model.elements.stiffness.shape[0]
     for i in range(model.ground.shape[0]):
         own = outputs.poly[index, i]
         for column in range(poly.shape[1]):
@@ -51,8 +52,8 @@ def _fill(index, model, tables, outputs):
                     if rows[i, j] != 0.0:
                         for c in range(N_COEFFICIENTS):
                             own[column, c] += rows[i, j] * poly[j, column, c]
-                if column == last:
-                    own[column, 0] += rows[i, last]
+                if column >= loads:
+                    own[column, 0] += rows[i, column]
             outputs.bound4[index, column, i] = max_fourth_derivative(own[column], h)
 
 
@@ -69,12 +70,13 @@ def _write_accelerations(key, model, out):
     """Write y'' of all rows as rows of the augmented state."""
     n_rows = model.stiffness.shape[0]
     contacts = model.contacts
-    last = out.shape[1] - 1
+    last, elements = out.shape[1] - 1, model.elements
+    loads = last - elements.stiffness.shape[0]
     for i in range(n_rows):
         for j in range(n_rows):
             out[i, j] = -model.stiffness[i, j]
             out[i, n_rows + j] = -model.damping[i, j]
-        for pair in range(2 * n_rows, last, 2):
+        for pair in range(2 * n_rows, loads, 2):
             out[i, pair], out[i, pair + 1] = model.forcing[i], 0.0
         out[i, last] = 0.0
         for k in range(contacts.row.shape[0]):
@@ -84,6 +86,12 @@ def _write_accelerations(key, model, out):
                 drag = contacts.edges[k, DRAG] * contacts.kick[k, i]
                 out[i, n_rows + contacts.row[k]] -= drag * contacts.sign[k]
                 out[i, last] += push * contacts.gap[k]
+        for j in range(elements.stiffness.shape[0]):
+            push = elements.stiffness[j] * elements.kick[j, i]
+            out[i, loads + j] = push
+            if key & contact_bit(contacts.row.shape[0] + j):
+                for k in range(elements.reach.shape[1]):
+                    out[i, k] += push * elements.reach[j, k]
 
 
 @kernel
@@ -91,19 +99,20 @@ def _write_pairs(rows, model, pair):
     """Write the columns of values and slopes."""
     n_rows = rows.shape[0]
     last = pair.shape[0] - 1
+    loads = last - model.elements.stiffness.shape[0]
     for i in range(model.ground.shape[0]):
         value_at = i + i // LANES * LANES
         slope_at = value_at + LANES
         for column in range(last + 1):
-            value = rows[i, column] if column < 2 * n_rows else 0.0
+            forced = 2 * n_rows <= column < loads
+            value = rows[i, column] if not forced else 0.0
             slope = rows[i, column - n_rows] if n_rows <= column < 2 * n_rows else 0.0
             for j in range(n_rows):
                 slope += rows[i, n_rows + j] * rows[j, column]
             pair[column, value_at], pair[column, slope_at] = value, slope
-        pair[last, value_at] = rows[i, last]
         # of a harmonic the pair (sine, cosine), of a ramp (G, G')
         own = model.forcing[i] + model.ground[i]
-        for h in range((last - 2 * n_rows) // 2):
+        for h in range((loads - 2 * n_rows) // 2):
             at = 2 * n_rows + 2 * h
             rate = 1.0
             if h < model.harmonics.shape[0]:

@@ -4,8 +4,8 @@ from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
 from hpcsweep.model.kernel_model import DRIFT
-from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots
-from hpcsweep.solvers.flow.dashpot.march import march_dashpots
+from hpcsweep.solvers.flow.elements.contacts import by_elements
+from hpcsweep.solvers.flow.elements.march import march_periods
 from hpcsweep.solvers.flow.observe.drift import largest_of_storeys
 from hpcsweep.solvers.flow.period.period import march_period
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared
@@ -58,8 +58,8 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     outcome : int
     """
     common = read_shared(shared)
-    if has_dashpots(common.model):
-        return march_dashpots(shared, z, amplitude, n_periods, points, wanted, tangent, growth)
+    if by_elements(common.model):
+        return march_periods(shared, z, amplitude, n_periods, points, wanted, tangent, growth)
     if wanted & ANY_MEASURE:
         return march_measured(shared, z, amplitude, n_periods, points, wanted, tangent, growth)
     return _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, None)

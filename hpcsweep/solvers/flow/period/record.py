@@ -15,8 +15,9 @@ from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VEC
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
-from hpcsweep.solvers.flow.dashpot.contacts import has_dashpots, past_stops, pushing
-from hpcsweep.solvers.flow.dashpot.march import march_with_dashpots
+from hpcsweep.solvers.flow.elements.contacts import by_elements, past_stops, pushing, set_contacts
+from hpcsweep.solvers.flow.elements.guards import all_hold, sets_of, write_loads
+from hpcsweep.solvers.flow.elements.march import march_elements
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import table_of
@@ -76,7 +77,10 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
     z = as_long_as(z, common.previous)
     model, tables, work = common.model, common.tables, common.work
     key, index = np.uint64(0), NO_TABLE
-    with_dashpots = has_dashpots(model)
+    elements, modes = model.elements, common.modes
+    with_elements = by_elements(model)
+    if with_elements:
+        write_loads(modes, elements, work.forcing)
     for j in range(first, last):
         model.ramp[0, 0] = model.ramp[0, 1] = 0.0
         model.ramp[0, 2] = j * model.period
@@ -88,8 +92,10 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
         if model.rows.shape[0] > 0:
             # at every one, so that nothing depends on where a call begins
             renew_rows(z, common.no_tangent, model)
-        if index == NO_TABLE and with_dashpots:
+        if index == NO_TABLE and with_elements:
             if past_stops(0.0, z, amplitude, model, work) == np.uint64(0):
+                set_contacts(np.uint64(0), np.uint64(0), modes, model.contacts)
+                _, key = sets_of(modes, elements)
                 index = table_of(key, tables, shared)
         elif index == NO_TABLE and not inside_layer(z, model):
             key = contact_key(0.0, z, amplitude, model, work)
@@ -105,8 +111,8 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
         if tau < length:
             rest = Stretch(tau, length)
             flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
-            if with_dashpots:
-                outcome = march_with_dashpots(shared, rest, z, amplitude, common, flags, None)
+            if with_elements:
+                outcome = march_elements(shared, rest, z, amplitude, common, flags, None)
             else:
                 outcome = march_segments(
                     shared, rest, key, index, z, amplitude, common, flags, None, True
@@ -133,6 +139,7 @@ def _coast(segment, amplitude, wanted, shared):
     key, index, h, _, end = segment
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     x, wide, places = work.x, work.wide, model.contacts.places
+    with_elements = by_elements(model)
     n_steps = int(end / h + 0.5)
     if n_steps * h != end and abs(n_steps * h - end) > 1e-12 * end:
         # a part of an interval
@@ -140,16 +147,22 @@ def _coast(segment, amplitude, wanted, shared):
     for step in range(n_steps):
         product(tables.step, index, x, wide)
         product_of_moduli(tables.bound4, index, x, work.bounds)
-        for k in range(places.shape[0]):
-            if not is_clear(key, k, h, x, wide, model, work.bounds[places[k, 0]]):
+        for row in range(work.z_end.shape[0]):
+            work.expanded[row] = False
+            work.z_end[row] = wide[row]
+        if with_elements:
+            if not all_hold(h, shared.modes, model.elements, work):
                 return step * h
+        else:
+            for k in range(places.shape[0]):
+                if not is_clear(key, k, h, x, wide, model, work.bounds[places[k, 0]]):
+                    return step * h
         if wanted == ALL_PEAKS:
-            for row in range(work.z_end.shape[0]):
-                work.expanded[row] = False
-                work.z_end[row] = wide[row]
             own = Segment(key, index, h, step * h, end)
             peaks_on_segment(own, h, amplitude, PEAKS, shared)
-            if (key | tally.beside[0]) != np.uint64(0):
+            closed = np.uint64(0) if with_elements else key
+            if (closed | tally.beside[0]) != np.uint64(0):
+                own = Segment(closed, index, h, step * h, end)
                 impacts_on_segment(own, h, model, tables, tally, work)
         for row in range(work.z_end.shape[0]):
             x[row] = wide[row]
@@ -163,7 +176,7 @@ def _coast(segment, amplitude, wanted, shared):
 def _sample_peaks(packed, j, z, amplitude, shared):
     """Raise the peaks by the state at the end of interval j."""
     model, tables, work = shared.model, shared.tables, shared.work
-    outputs, tally = shared.outputs, shared.tally
+    outputs, tally, m = shared.outputs, shared.tally, np.uint64(model.contacts.row.shape[0])
     forcing_at(model.period, amplitude, model, work.forcing, 0)
     within, key = inside_layer(z, model), np.uint64(0)
     ground = total_forcing(work.forcing, 0, model)
@@ -171,8 +184,9 @@ def _sample_peaks(packed, j, z, amplitude, shared):
         accelerations(ground, z, model, work.a)
     else:
         key = contact_key(model.period, z, amplitude, model, work)
-        if not model.contacts.is_elastic:
-            key = pushing(key, z, model.contacts)
+        if by_elements(model):
+            _, sliding = sets_of(shared.modes, model.elements)
+            key = pushing(key, z, model.contacts) | sliding >> m << m
         index = table_of(key, tables, packed)
         fill_outputs(index, model, tables, outputs)
         start(outputs.x_end, z, work.forcing)

@@ -158,7 +158,7 @@ def leaves(d, g0, slope0, g1, slope1, bound4):
 
 
 @kernel
-def _rises_throughout(d, g0, slope0, g1, slope1, bound4):
+def rises_throughout(d, g0, slope0, g1, slope1, bound4):
     """Return whether g' > 0 on the whole interval; True is proved."""
     middle = 3.0 * (g1 - g0) / d - slope0 - slope1
     lowest = min(min(slope0, slope1), middle)
@@ -286,7 +286,7 @@ def first_passage(curve, part, level, bound4, stack):
         cleared = _top(d, ga, da, gb, db, bound4) < touch
         shortest = not d > SHORTEST * curve.h
         if not cleared and gb >= 0.0:
-            if _rises_throughout(d, ga, da, gb, db, bound4):
+            if rises_throughout(d, ga, da, gb, db, bound4):
                 return Bracket(a, ga, b, gb)
             # a fall is no root: there rounding has moved a g that starts from 0
             if shortest and not (da < 0.0 and db < 0.0):

@@ -65,6 +65,18 @@ class Tally(NamedTuple):
     """... by the rounding of this largest displacement or speed, see `measures.ROUNDING`."""
 
 
+class Modes(NamedTuple):
+    """What elements carry along a motion; see `hpcsweep.model.elements`."""
+
+    mode: np.ndarray = zeros("E", dtype=int)
+    state: np.ndarray = zeros("E")
+    """p, 0 at rest ..."""
+    path: np.ndarray = zeros("E")
+    """... the sum of its changes ..."""
+    taken: np.ndarray = zeros("E", dtype=int)
+    """... and how often it has changed by more than rounding."""
+
+
 @inlined
 def wants_norms(wanted):
     """Return whether modal norms are requested."""
@@ -101,6 +113,7 @@ class Shared(NamedTuple):
     tables: Tables = part(Tables)
     work: Workspace = part(Workspace)
     tally: Tally = part(Tally)
+    modes: Modes = part(Modes)
     counts: np.ndarray = zeros(5, dtype=int)
     """Linear steps, fast passages, layer steps, layer visits and tables built so far."""
     previous: np.ndarray = zeros("2R")

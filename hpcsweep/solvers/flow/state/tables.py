@@ -6,10 +6,11 @@ contacts that touch (c_k in {0, 1}) the motion is linear with constant coefficie
 
     u'' + D u' + (K + sum_k c_k beta_k e_k d_k^T) u = sum_k c_k beta_k g_k e_k + f G(tau)
 
-With the augmented state x = (y, y', s_1, c_1, .., s_H, c_H, 1), shape (N,) with N = 2 R + 2 H + 1
-and s_h, c_h = A a_h (sin, cos)(h Omega tau + phi_h), it is x' = M x, and M depends on c but not on
-A. Where G is linear along a period one pair (G, G') replaces those. Rows beyond n are
-outputs: y = E u. A table holds, for one set,
+With the augmented state x = (y, y', s_1, c_1, .., s_H, c_H, q_1, .., q_L, 1), shape (N,) with N =
+2 R + 2 H + L + 1, s_h, c_h = A a_h (sin, cos)(h Omega tau + phi_h) and loads q of sliders
+(`hpcsweep.model.elements`), it is x' = M x, and M depends on c but not on A. Where G is linear
+along a period one pair (G, G') replaces those. Rows beyond n are outputs: y = E u. A table holds,
+for one set,
 
 - ``step``: exp(M h), the propagator over one full step h;
 - ``poly``: exp(M s), 0 <= s <= h, as polynomials in sigma = 2 s / h - 1 of degree `DEGREE`;
@@ -89,14 +90,16 @@ def padded(n: int) -> int:
 def sizes_of(model: Model) -> dict[str, int]:
     """Return the lengths of the arrays of a structure, by their names in `places.zeros`.
 
-    n floors and modes, R rows of displacements, H pairs of the forcing, m contacts; N of the
-    augmented state, B of that without rows beyond n; T tables; W watched rows.
+    n floors and modes, R rows of displacements, H pairs of the forcing, m contacts, E elements, L
+    loads; N of the augmented state, B of that without rows beyond n; T tables; W watched rows.
     """
     n, rows, forcing = len(model.modal_transform), model.stiffness.shape[0], forcing_size(model)
-    m = model.contacts.row.size
+    m, n_loads = model.contacts.row.size, model.elements.stiffness.size
+    constant = forcing + n_loads
     sizes = {"n": n, "2n": 2 * n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
-    sizes |= {"N": 2 * rows + forcing + 1, "B": 2 * n + forcing + 1}
-    sizes |= {"T": min(2**m, MAX_TABLES), "W": len(model.watched)}
+    sizes |= {"N": 2 * rows + constant + 1, "B": 2 * n + constant + 1, "2H+L": constant}
+    sizes |= {"T": min(2 ** (m + n_loads), MAX_TABLES), "W": len(model.watched)}
+    sizes |= {"E": model.elements.first.size}
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
     sizes["2 padded n"] = 2 * sizes["padded n"]

@@ -118,8 +118,8 @@ class Workspace(NamedTuple):
     """Powers of the nodes of an interval."""
     modal_summary: np.ndarray = zeros(LANES)
     """See `modal_norm.SUMMARY`."""
-    forcing: np.ndarray = zeros("2H")
-    """Pairs of the forcing, see `forcing`."""
+    forcing: np.ndarray = zeros("2H+L")
+    """Pairs of the forcing, see `forcing`, and loads of sliders."""
     ways: np.ndarray = zeros("R")
     stack: np.ndarray = zeros(MAX_DEPTH + 2, 3)
     a: np.ndarray = zeros("R")

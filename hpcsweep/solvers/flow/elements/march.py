@@ -1,4 +1,4 @@
-r"""Motions with dashpots: linear segments from one change of the contacts to the next.
+r"""Motions of elements: linear segments from one change of a mode to the next.
 
 A contact takes the energy int F x' dt less what its spring holds, kappa x^2 / 2. While it pushes
 that grows by c int x'^2 dt; once it has let go the spring relaxes by itself, without force, and its
@@ -13,14 +13,19 @@ from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VEC
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import CONTACT, DRIFT
-from hpcsweep.solvers.flow.dashpot.contacts import (
+from hpcsweep.solvers.flow.elements.contacts import (
     change_tangent,
-    changed,
-    first_change,
-    force_polynomial,
     past_stops,
     pushing,
     rest_at_stops,
+    set_contacts,
+)
+from hpcsweep.solvers.flow.elements.guards import (
+    change,
+    first_change,
+    sets_of,
+    write_loads,
+    write_row,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import (
@@ -96,7 +101,10 @@ def _force_peaks(segment, span, shared):
         if segment.key & contact_bit(k) == np.uint64(0):
             continue
         w = shared.outputs.first_contact + k
-        bound4 = force_polynomial(k, 1.0, segment.index, model, tables, work)
+        edges, row = model.contacts.edges[k], (model.contacts.row[k], -1)
+        spring, dashpot = edges[SPRING], edges[DASHPOT]
+        law = (edges[0] * spring, edges[0] * dashpot, spring * model.contacts.gap[k])
+        bound4 = write_row(row, law, segment.index, tables, work)
         g0, v0 = value_and_slope(rows, 0, h, 0.0)
         g1, v1 = value_and_slope(rows, 0, h, span)
         ends = (g0, v0, g1, v1)
@@ -173,6 +181,23 @@ def start_next(segment, place, span, z, amplitude, model, tables, work):
 
 
 @inlined
+def begin(tau, z, amplitude, shared):
+    """Set the modes of the contacts from a state; return the sets of all elements.
+
+    Sliders go on as they are.
+    """
+    model, work, modes = shared.model, shared.work, shared.modes
+    write_loads(modes, model.elements, work.forcing)
+    past = past_stops(tau, z, amplitude, model, work)
+    key = pushing(past, z, model.contacts)
+    set_contacts(past, key, modes, model.contacts)
+    past, key = sets_of(modes, model.elements)
+    past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
+    set_contacts(past, key, modes, model.contacts)
+    return past, key
+
+
+@inlined
 def march_period(packed, z, amplitude, shared, wanted, tangent):
     """Advance z over one forcing period, in place; see `flow.period.period.march_period`.
 
@@ -184,11 +209,11 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
     stretch = Stretch(0.0, shared.model.period)
-    return march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent)
+    return march_elements(packed, stretch, z, amplitude, shared, wanted, tangent)
 
 
 @inlined
-def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
+def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
     """Advance z over a part of a period or of a sample interval, in place; return the outcome.
 
     Parameters
@@ -201,10 +226,9 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
         one by one.
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
+    elements, modes = model.elements, shared.modes
     tau, end = stretch
-    past = past_stops(tau, z, amplitude, model, work)
-    key = pushing(past, z, model.contacts)
-    past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
+    past, key = begin(tau, z, amplitude, shared)
     forcing_at(tau, amplitude, model, work.forcing, 0)
     start(work.x, z, work.forcing)
     steps = 0
@@ -223,7 +247,7 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
             steps += coasted
         counts[0] += 1
         span = take_step(segment, known, tables, work)
-        place, span = first_change(segment, past, span, model, tables, work)
+        place, span = first_change(segment, span, modes, tables, elements, work)
         if place == UNDECIDED:
             return SOLVER_FAILED
         if span >= end - tau:
@@ -242,9 +266,12 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
         if place >= 0:
             counts[1] += 1
             before = past
-            past, key = changed(place, segment, before, model, work.z_end)
+            change(place, segment, span, work.z_end, modes, elements, work)
+            past, key = sets_of(modes, elements)
+            write_loads(modes, elements, work.forcing)
             now = segment.tau + span
             past, key = rest_at_stops(now, past, key, work.z_end, amplitude, model, work)
+            set_contacts(past, key, modes, model.contacts)
             passing = past ^ before
             if tangent is not None:
                 change_tangent(passing, before, segment.key, model, tangent)
@@ -263,7 +290,7 @@ def march_with_dashpots(packed, stretch, z, amplitude, shared, wanted, tangent):
     specialises=True,
     on_demand=True,
 )
-def march_dashpots(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
+def march_periods(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     """Advance z over `n_periods` forcing periods, in place; see `flow.period.march.march`.
 
     A loop of its own, so that the periods of elastic contacts pay nothing for it: a call within

@@ -1,18 +1,10 @@
-r"""The contacts of a motion with dashpots, and what changes them.
+r"""The contacts of a motion that goes from one change of its elements to the next.
 
 A contact set alone does not tell the motion: a contact may be *past* its stop and *push*, or be
 past it and have let go (`hpcsweep.model.dashpot`). The set of those that push makes the motion
-linear, and is the key of its table; the set of those past their stops tells what ends it. A contact
-changes
-
-- where x = 0: it closes, and pushes at once; or it opens, whether it pushes (with tension) or not;
-- without tension, while past its stop, where its force phi = beta x + drag x' falls to 0, or grows
-  above 0 again.
-
-Along a step phi is a polynomial as x and x' are. It is searched as a distance is (`search`), with
-the bound |phi''''| <= sum_p |c_p| p (p - 1) (p - 2) (p - 3) (2 / h)^4 of its own coefficients, and
-measured in units in which the larger of the two parts of its law is 1. All contacts here are sharp:
-there is no layer, and the state does not jump.
+linear, and is in the key of its table; the set of those past their stops tells what ends it. Both
+follow from a state where a stretch begins. All contacts here are sharp: there is no layer, and the
+state does not jump.
 """
 
 import math
@@ -20,32 +12,12 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.model.elements import LET_GO, OPEN, PUSHING
 from hpcsweep.model.kernel_contacts import DASHPOT, DRAG, LETS_GO, SPRING
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
-from hpcsweep.solvers.flow.linear.polynomials import (
-    evaluate_rows,
-    expand_row,
-    expand_rows,
-    value_and_slope,
-)
-from hpcsweep.solvers.flow.search.events import first_event, layer_edge
-from hpcsweep.solvers.flow.search.search import (
-    UNDECIDED,
-    Bracket,
-    Curve,
-    Level,
-    Part,
-    first_passage,
-    leaves,
-    may_reach,
-    rising_root,
-)
-from hpcsweep.solvers.flow.state.state import Segment, approach_speed, contact_bit, distance
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
+from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
 from hpcsweep.solvers.measures import ROUNDING
 
-SAME_INSTANT = 2.0**-40
-"""Part of a step within which contacts are at their stops at one instant, see `period`."""
 AT_REST = 2.0**-40
 """Part of the size of a state, or of a gap, that hides whether a contact at its stop moves: the
 rounding of a speed that the restarts of a motion leave, some 1e-13, grown tenfold."""
@@ -56,12 +28,21 @@ found there whatever side rounding has put it on."""
 
 
 @inlined
-def has_dashpots(model):
-    """Return whether motions go from one change of the dashpots' contacts to the next.
+def by_elements(model):
+    """Return whether motions go from one change of their elements to the next.
 
-    Contacts of finite sharpness take the steps of their layers, with dashpots or without.
+    Contacts of finite sharpness take the steps of their layers.
     """
-    return model.rho == math.inf and not model.contacts.is_elastic
+    return model.elements.first.shape[0] > 0
+
+
+@inlined
+def set_contacts(past, key, modes, contacts):
+    """Set the modes of the contacts, from those past their stops and those that push."""
+    for k in range(contacts.row.shape[0]):
+        bit = contact_bit(k)
+        mode = OPEN if past & bit == np.uint64(0) else LET_GO
+        modes.mode[k] = (LET_GO + 1) * k + (PUSHING if key & bit else mode)
 
 
 @kernel
@@ -158,123 +139,15 @@ def _accelerations(key, z, model, work):
             force = contacts.beta[k] * x + contacts.edges[k, DRAG] * w
             for p in range(contacts.first[k], contacts.first[k + 1]):
                 a[contacts.push_row[p]] -= contacts.push[p] * force
-
-
-@kernel
-def force_polynomial(k, scale, index, model, tables, work):
-    """Write the force of a contact along a step, times `scale`, into ``work.drift_rows``.
-
-    Returns
-    -------
-    float
-        Bound of its fourth derivative.
-    """
-    contacts, rows, out = model.contacts, work.rows, work.drift_rows
-    row = contacts.row[k]
-    speed_row = work.expanded.shape[0] // 2 + row
-    for i in (row, speed_row):
-        if not work.expanded[i]:
-            expand_row(tables.poly, index, i, work.x, rows)
-            work.expanded[i] = True
-    spring, dashpot = scale * contacts.edges[k, SPRING], scale * contacts.edges[k, DASHPOT]
-    sign = contacts.sign[k]
-    bound4 = 0.0
-    for p in range(N_COEFFICIENTS):
-        out[0, p] = spring * sign * rows[row, p] + dashpot * sign * rows[speed_row, p]
-        bound4 += abs(out[0, p]) * (p * (p - 1.0) * (p - 2.0) * (p - 3.0))
-    out[0, 0] -= spring * contacts.gap[k]
-    return bound4 * (2.0 / tables.h[index]) ** 4
-
-
-@inlined
-def first_change(segment, past, span, model, tables, work):
-    """Find the first contact that changes along a step, from ``work.x`` to ``work.z_end``.
-
-    Returns
-    -------
-    place : int
-        The contact, if it is at its stop; m further on, if its force is 0; -1 if none changes
-        (proved), `UNDECIDED` if rounding forbids to tell.
-    time : float
-        When, or `span`. ``work.z_end`` is the state then.
-    """
-    contacts, h, index = model.contacts, segment.h, segment.index
-    m = contacts.row.shape[0]
-    own = Segment(past, index, h, segment.tau, segment.end)
-    place, bracket, _ = first_event(own, span, model, tables.poly, work)
-    time = span
-    if place >= 0:
-        curve = Curve(work.rows, contacts.row[place], h)
-        time = rising_root(curve, bracket, layer_edge(past, place, model))
-    for k in range(m):
-        if place != UNDECIDED and contacts.edges[k, LETS_GO] > 0.0 and past & contact_bit(k):
-            found = _force_root(k, segment, time, model, tables, work)
-            if found == UNDECIDED:
-                place = UNDECIDED
-            elif found >= 0.0:
-                place, time = m + k, found
-    if place >= 0:
-        expand_rows(tables.poly, index, work.x, work.rows, work.expanded, work.z_end.shape[0])
-        evaluate_rows(work.rows, h, time, work.z_end)
-    return place, time
-
-
-@kernel
-def _force_root(k, segment, end, model, tables, work):
-    """Return when the force of a contact first falls, or grows, through 0 up to `end`.
-
-    -1 if it does not (proved), `UNDECIDED` if rounding forbids to tell.
-    """
-    edges = model.contacts.edges
-    scale = 1.0 / max(edges[k, SPRING], edges[k, DASHPOT])
-    bound4 = force_polynomial(k, scale, segment.index, model, tables, work)
-    curve = Curve(work.drift_rows, 0, segment.h)
-    level = Level(-1.0 if segment.key & contact_bit(k) else 1.0, 0.0)
-    g0, slope0 = value_and_slope(curve.rows, 0, curve.h, 0.0)
-    g1, slope1 = value_and_slope(curve.rows, 0, curve.h, end)
-    g0, slope0, g1, slope1 = (
-        level.sign * g0,
-        level.sign * slope0,
-        level.sign * g1,
-        level.sign * slope1,
-    )
-    if not may_reach(end, g0, slope0, g1, slope1, bound4) or leaves(
-        end, g0, slope0, g1, slope1, bound4
-    ):
-        return -1.0
-    part = Part(0.0, g0, slope0, end, g1, slope1)
-    a, ga, b, gb = first_passage(curve, part, level, bound4, work.stack)
-    if a < 0.0:
-        return a
-    return rising_root(curve, Bracket(a, ga, b, gb), level)
-
-
-@inlined
-def changed(place, segment, past, model, z):
-    """Let contacts change in a state z, the stop of the first of them put where it is.
-
-    Contacts at their stops at one instant pass together (`period.passing_contacts`).
-
-    Returns
-    -------
-    past, key : uint64
-        Contacts past their stops, and those that push, afterwards.
-    """
-    contacts, key = model.contacts, segment.key
-    m = contacts.row.shape[0]
-    if place >= m:
-        return past, key ^ contact_bit(place - m)
-    z[contacts.row[place]] = contacts.sign[place] * contacts.gap[place]
-    passing = contact_bit(place)
-    for k in range(m):
-        bit = contact_bit(k)
-        w = approach_speed(k, z, contacts)
-        goes_on = w < 0.0 if past & bit else w > 0.0
-        near = SAME_INSTANT * segment.h * abs(w)
-        if k != place and goes_on and abs(distance(k, z, contacts)) <= near:
-            passing |= bit
-    closing = passing & ~past
-    return past ^ passing, (key & ~passing) | closing
+    elements, m = model.elements, contacts.row.shape[0]
+    n_loads = elements.stiffness.shape[0]
+    for j in range(n_loads):
+        along = work.forcing[work.forcing.shape[0] - n_loads + j]
+        if key & contact_bit(m + j):
+            i, below = elements.rows[m + j]
+            along += z[i] - (z[below] if below >= 0 else 0.0)
+        for i in range(n):
+            a[i] += elements.stiffness[j] * elements.kick[j, i] * along
 
 
 @inlined

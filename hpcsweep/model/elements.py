@@ -1,0 +1,167 @@
+r"""Elements that act linearly in each of their modes, and the guards at which they change it.
+
+An element acts along one row, an elongation y = y_i - y_j or y = y_i of the kernels' displacements.
+In a mode its force is linear in (y, y') and in a *load* q that is constant between changes; a mode
+ends where one of its guards
+
+    s (a y + b y' - c - r p)
+
+rises through 0: a linear row with an offset, which may be the state p of the element. Guards lead
+to another mode; some set p = y + shift. So all that an element is stands in rows of numbers, and
+one march (`hpcsweep.solvers.flow.elements`) serves all:
+
+- a contact, open, pushing or, without tension, past its stop and having let go; it opens and closes
+  where y is at its stop, and lets go, or pushes again, where its force is 0 (`dashpot`);
+- a slider, sticking or slipping up or down: a spring k in series with a slider of strength F.
+  With delta = F / k its force is
+
+      k (y - p),  |y - p| <= delta, while it sticks,      +-F,  p = y -+ delta, while it slips.
+
+  It slips from where y = p +- delta, and sticks from where y' = 0; p is then y -+ delta. The matrix
+  of a structure whose sliders stick has their springs; that of a slider that slips is taken out
+  (the bit of its mode), so that the matrix does not depend on which way it slips. The force is
+  -k y + k q, q = p, and while it slips k q alone, q = -+delta.
+
+The force of a slider is continuous, and so is that of a contact but for its dashpot, which jumps
+where the contact closes.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpcsweep.model.kernel_contacts import DASHPOT, LETS_GO
+from hpcsweep.model.kernel_contacts import SPRING as LAW
+from hpcsweep.model.modes import per_mass
+from hpcsweep.model.structure import Structure
+
+SIGN, SPRING, SPEED, LEVEL, SHARE, TAKES, SHIFT = range(7)
+"""Columns of `Elements.guard`: s, a, b, c, r; 1 where p = y + `SHIFT` is taken."""
+OPEN, PUSHING, LET_GO = range(3)
+"""Modes of a contact, in order."""
+
+
+class Elements(NamedTuple):
+    """The E elements, contacts first; none where all contacts are elastic, or have layers."""
+
+    rows: np.ndarray
+    """(E, 2) int: y = y[first] - y[second], or y[first] where the second is -1."""
+    first: np.ndarray
+    """(E,) int: first mode of each, from which it starts; modes are numbered through."""
+    sets: np.ndarray
+    """(M, 2) unsigned: bits of each mode among the contacts past their stops, and in the key of the
+    tables: of contacts that push, and behind those of sliders that slip."""
+    load: np.ndarray
+    """(M, 2): q = load[0] + load[1] p."""
+    guards: np.ndarray
+    """(M + 1,) int: first guard of each mode."""
+    guard: np.ndarray
+    """(G, 8): see `SIGN`."""
+    owner: np.ndarray
+    """(G,) int: the element of each guard ..."""
+    after: np.ndarray
+    """... and the mode to which it leads."""
+    stiffness: np.ndarray
+    """(L,): spring of each slider that its elongation feels; sliders are the last L elements."""
+    reach: np.ndarray
+    """(L, n): b_j ..."""
+    kick: np.ndarray
+    """(L, R): ... and M^-1 b_j over b_j . M^-1 b_j, of all rows."""
+
+
+class _Table:
+    """Modes and guards as they are listed."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[int, int]] = []
+        self.first: list[int] = []
+        self.modes: list[tuple[int, int, float, float]] = []
+        self.guards: list[list[tuple[Any, ...]]] = []
+
+    def add(self, row: tuple[int, int], *modes: tuple[tuple, list[tuple]]) -> None:
+        """Add an element: of each mode past, key and load, and its guards.
+
+        A guard is the mode to which it leads, counted from the element's first, and its columns.
+        """
+        self.rows.append(row)
+        self.first.append(len(self.modes))
+        for mode, guards in modes:
+            self.modes.append(mode)
+            self.guards.append(guards)
+
+    def packed(self, *sliders: np.ndarray) -> Elements:
+        """Return the elements."""
+        listed = [guard for guards in self.guards for guard in guards]
+        ends = [*self.first, len(self.modes)]
+        of_mode = [e for e in range(len(self.rows)) for _ in range(ends[e], ends[e + 1])]
+        owner = [of_mode[m] for m, guards in enumerate(self.guards) for _ in guards]
+        columns = [(*guard[1:], *(8 - len(guard[1:])) * [0.0]) for guard in listed]
+        return Elements(
+            np.array(self.rows, np.int64).reshape(-1, 2),
+            np.array(self.first, np.int64),
+            np.array([mode[:2] for mode in self.modes], np.uint64).reshape(-1, 2),
+            np.array([mode[2:] for mode in self.modes], float).reshape(-1, 2),
+            np.cumsum([0, *map(len, self.guards)]).astype(np.int64),
+            np.array(columns, float).reshape(-1, 8),
+            np.array(owner, np.int64),
+            np.array([self.first[e] + g[0] for e, g in zip(owner, listed, strict=True)], np.int64),
+            *sliders,
+        )
+
+
+def kernel_elements(structure: Structure, contacts, slides, extra: np.ndarray) -> Elements:
+    """Return the elements of a structure.
+
+    Parameters
+    ----------
+    structure : Structure
+    contacts : Contacts
+    slides : list of (int, int, float)
+        Two rows of each slider, see `Elements.rows`, and the sign of their difference.
+    extra : ndarray, shape (R - n, n)
+        Rows beyond n.
+    """
+    table, sliders = _Table(), structure.sliders
+    if np.isinf(structure.sharpness) and (sliders or not contacts.is_elastic):
+        for k in range(len(contacts.row)):
+            table.add((int(contacts.row[k]), -1), *_contact(k, contacts))
+    length, rate = structure.length_unit, structure.frequency_unit
+    directions = np.array([slider.direction for slider in sliders], float)
+    directions = directions.reshape(-1, structure.n_floors)
+    softness = np.array([b @ per_mass(structure.mass_matrix, b) for b in directions])
+    for j, (slider, (i, below, sign)) in enumerate(zip(sliders, slides, strict=True)):
+        directions[j] *= sign
+        table.add((i, below), *_slider(len(contacts.row) + j, slider, length))
+    stiffness = np.array([slider.stiffness for slider in sliders], float) * softness / rate**2
+    kick = per_mass(structure.mass_matrix, directions.T).T / softness.reshape(-1, 1)
+    wide = np.concatenate((kick, kick @ extra.T), axis=-1)
+    return table.packed(stiffness, directions, wide)
+
+
+def _contact(k: int, contacts) -> list[tuple[tuple, list[tuple]]]:
+    """Return the modes of a contact with their guards."""
+    sign, gap = float(contacts.sign[k]), float(contacts.gap[k])
+    law, dashpot, bit = float(contacts.edges[k, LAW]), float(contacts.edges[k, DASHPOT]), 1 << k
+    stop = sign * gap
+    opens = (OPEN, -sign, 1.0, 0.0, stop)
+    unit = max(law, dashpot) or 1.0
+    force = sign * law / unit, sign * dashpot / unit, law / unit * gap
+    lets_go = contacts.edges[k, LETS_GO] > 0.0
+    return [
+        ((0, 0, 0.0, 0.0), [(PUSHING, sign, 1.0, 0.0, stop)]),
+        ((bit, bit, 0.0, 0.0), [opens, (LET_GO, -1.0, *force)] if lets_go else [opens]),
+        ((bit, 0, 0.0, 0.0), [opens, (PUSHING, 1.0, *force)]),
+    ]
+
+
+def _slider(bit: int, slider, length: float) -> list[tuple[tuple, list[tuple]]]:
+    """Return the modes of a slider with their guards."""
+    delta = slider.strength / slider.stiffness / length
+    up = (0, -1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, -delta)
+    down = (0, 1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, delta)
+    sticks = [(1, 1.0, 1.0, 0.0, delta, 1.0), (2, -1.0, 1.0, 0.0, -delta, 1.0)]
+    return [
+        ((0, 0, 0.0, 1.0), sticks),
+        ((0, 1 << bit, -delta, 0.0), [up]),
+        ((0, 1 << bit, delta, 0.0), [down]),
+    ]

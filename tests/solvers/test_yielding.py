@@ -1,0 +1,216 @@
+"""Structures whose sliders slip, under records: closed forms and an independent reference."""
+
+import math
+
+import numpy as np
+import pytest
+from support.yielding import Yielding
+
+import hpcsweep
+from hpcsweep.solvers.flow import FlowMap
+
+
+def bilinear_storeys(n, rng, hardening, **given):
+    """Return storeys in parallel with sliders that slip at a drift of 0.3, and their reference."""
+    steps = np.eye(n) - np.eye(n, k=-1)
+    k0 = rng.uniform(2.0, 8.0, n)
+    mass, initial = np.diag(rng.uniform(0.5, 2.0, n)), (steps.T * k0) @ steps
+    spring = (1.0 - hardening) * k0
+    sliders = [
+        hpcsweep.Slider(row, k, 0.3 * k) for row, k in zip(steps.tolist(), spring, strict=True)
+    ]
+    contacts = given.get("contacts", [])
+    damping = 0.05 * initial
+    structure = hpcsweep.Structure.from_matrices(
+        mass, hardening * initial, contacts, damping=damping, sliders=sliders
+    )
+    return structure, Yielding(mass, hardening * initial, damping, contacts, sliders)
+
+
+def same(response, reference, end, tolerance=1e-12):
+    """Assert that a response is that of the reference."""
+    size = max(1.0, np.abs(end).max())
+    np.testing.assert_allclose(response.final_state, end, rtol=0, atol=tolerance * size)
+    np.testing.assert_allclose(response.plastic, reference.plastic, rtol=0, atol=tolerance * size)
+    np.testing.assert_allclose(
+        response.plastic_path, reference.path, rtol=tolerance, atol=tolerance
+    )
+    np.testing.assert_array_equal(response.excursions, reference.excursions)
+    yielded = reference.strength / reference.spring
+    np.testing.assert_allclose(response.ductility, reference.elongation / yielded, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_storeys_move_as_the_reference(seed):
+    rng = np.random.default_rng(seed)
+    n, hardening = int(rng.integers(1, 5)), float(rng.choice([0.0, 0.02, 0.3]))
+    stop = hpcsweep.Contact([0.0] * (n - 1) + [1.0], 0.8, 50.0)
+    structure, reference = bilinear_storeys(n, rng, hardening, contacts=[stop] * (seed % 2))
+    record = hpcsweep.Record(rng.standard_normal(30) * rng.uniform(2.0, 8.0), dt=0.1)
+    end = reference.run(record.acceleration, record.dt)
+    found = hpcsweep.response(structure, record)
+    same(found, reference, end)
+    np.testing.assert_allclose(found.slider_energy, reference.strength * found.plastic_path)
+
+
+def test_springs_and_sliders_between_any_coordinates_move_as_the_reference():
+    """Two of unlike directions, one row with two sliders, and a damper without a spring beside."""
+    rng = np.random.default_rng(5)
+    mass = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.0], [0.0, 0.0, 1.5]])
+    stiffness = np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.5]])
+    sliders = [
+        hpcsweep.Slider((0.0, 0.0, -1.0), 4.0, 0.5),
+        hpcsweep.Slider((0.0, 0.0, 1.0), 2.0, 1.0),
+        hpcsweep.Slider((0.5, 1.0, -2.0), 3.0, 0.7, name="brace"),
+    ]
+    contacts = [hpcsweep.Contact((1.0, -1.0, 0.0), 0.05, 40.0)]
+    damping = 0.02 * stiffness
+    structure = hpcsweep.Structure.from_matrices(
+        mass, stiffness, contacts, damping=damping, sliders=sliders
+    )
+    reference = Yielding(mass, stiffness, damping, contacts, sliders)
+    samples = rng.standard_normal(40) * 3.0
+    # a ground motion acts along M 1
+    reference.matrices = (np.linalg.inv(mass), stiffness, damping)
+    end = reference.run(samples, 0.15)
+    found = hpcsweep.response(structure, hpcsweep.Record(samples, dt=0.15))
+    same(found, reference, end)
+    assert found.excursions.min() > 0
+    assert found.impacts[0] > 0
+
+
+def oscillator(strength, hardening=0.0, damping=0.0):
+    """Return a mass 1 on a spring of initial stiffness 1 that yields."""
+    slider = hpcsweep.Slider((1.0,), 1.0 - hardening, (1.0 - hardening) * strength)
+    return hpcsweep.Structure.from_matrices(
+        [1.0], [[hardening]], [], damping=[[damping]], sliders=[slider]
+    )
+
+
+def test_an_elastoplastic_oscillator_under_a_sudden_force_has_its_closed_form():
+    """u = q (1 - cos t) up to u = f, then u'' = q - f until u' = 0, for f < 2 q.
+
+    It slips from t1, cos t1 = 1 - f / q, with the speed v = q sin t1, for v / (f - q) by v^2 / 2 (f
+    - q), f > q.
+    """
+    q, f = 1.0, 1.2
+    t1 = math.acos(1.0 - f / q)
+    v = q * math.sin(t1)
+    duration, way = v / (f - q), 0.5 * v * v / (f - q)
+    record = hpcsweep.Record([-q, -q], dt=t1 + duration + 1.0)
+    found = hpcsweep.response(oscillator(f), record)
+    assert found.plastic[0] == pytest.approx(way, rel=1e-14)
+    assert found.ductility[0] == pytest.approx((f + way) / f, rel=1e-14)
+    assert found.displacement_time[0] == pytest.approx(t1 + duration, rel=1e-12)
+    assert found.slider_force[0] == f
+    assert found.excursions[0] == 1
+    assert found.slider_energy[0] == pytest.approx(f * way, rel=1e-14)
+    assert found.residual_displacement[0] == pytest.approx(way, rel=1e-14)
+    # then it swings about p + q, from p + f at rest
+    at_end = way + q + (f - q) * math.cos(1.0)
+    assert found.final_state[0] == pytest.approx(at_end, rel=1e-13)
+
+
+def test_energy_of_an_undamped_oscillator_balances():
+    """Under a constant force q the work q u is kinetic, strain and slider energy."""
+    q, f, hardening = 1.0, 0.9, 0.2
+    structure = oscillator(f, hardening)
+    found = hpcsweep.response(structure, hpcsweep.Record([-q, -q], dt=20.0))
+    u, v = found.final_state
+    k = 1.0 - hardening
+    spring = k * (u - found.plastic[0])
+    stored = 0.5 * v * v + 0.5 * hardening * u * u + 0.5 * spring**2 / k
+    assert stored + found.slider_energy[0] == pytest.approx(q * u, rel=1e-13)
+    assert found.excursions[0] == 1
+
+
+def test_a_stiff_slider_is_a_block_on_friction():
+    """Newmark's block: under a pulse a it slides by v^2 (1 / g - 1 / a) / 2, v = a t, g = F / m."""
+    a, t, g = 3.0, 0.5, 1.0
+    slider = hpcsweep.Slider((1.0,), 1e8, g)
+    structure = hpcsweep.Structure.from_matrices([1.0], [[0.0]], [], sliders=[slider])
+    samples = np.r_[np.full(501, -a), np.zeros(2000)]
+    found = hpcsweep.response(structure, hpcsweep.Record(samples, dt=t / 500))
+    # the ground stops within one sample: a pulse of t and half a sample more
+    v = a * (t + 0.5 * t / 500)
+    exact = 0.5 * v * v * (1.0 / g - 1.0 / a)
+    assert found.plastic[0] == pytest.approx(exact, rel=2e-3)
+    assert found.excursions[0] == 1
+
+
+def test_below_its_strength_a_slider_is_a_spring():
+    rng = np.random.default_rng(2)
+    record = hpcsweep.Record(rng.standard_normal(200), dt=0.1)
+    yielding, _ = bilinear_storeys(3, np.random.default_rng(3), 0.1)
+    elastic = hpcsweep.Structure.from_matrices(
+        yielding.mass_matrix,
+        yielding.stiffness_matrix,
+        [],
+        damping=yielding.damping_matrix,
+        drift=yielding.drift_rows,
+    )
+    scale = hpcsweep.first_contact_scale(yielding, record)
+    below = hpcsweep.response(yielding, record, 0.999 * scale)
+    linear = hpcsweep.response(elastic, record, 0.999 * scale)
+    np.testing.assert_allclose(below.final_state, linear.final_state, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(below.floor_acceleration, linear.floor_acceleration, rtol=1e-13)
+    assert not below.excursions.any()
+    assert below.ductility.max() == pytest.approx(0.999, rel=1e-9)
+    assert hpcsweep.response(yielding, record, 1.001 * scale).excursions.sum() == 1
+
+
+def test_a_response_scales_with_its_strengths():
+    """From rest all lengths and forces grow with the scale of record and strengths."""
+    rng = np.random.default_rng(4)
+    record = hpcsweep.Record(rng.standard_normal(100) * 3.0, dt=0.1)
+    one = hpcsweep.response(oscillator(1.0, 0.1, 0.05), record)
+    two = hpcsweep.response(oscillator(2.0, 0.1, 0.05), record, 2.0)
+    assert one.excursions[0] == two.excursions[0] > 0
+    np.testing.assert_allclose(two.plastic, 2.0 * one.plastic, rtol=1e-13)
+    np.testing.assert_allclose(two.final_state, 2.0 * one.final_state, rtol=1e-12)
+
+
+def test_continuing_at_samples_and_peaks_at_samples_are_those_of_the_motion():
+    rng = np.random.default_rng(6)
+    structure, _ = bilinear_storeys(2, rng, 0.1)
+    record = hpcsweep.Record(rng.standard_normal(60) * 6.0, dt=0.1)
+    whole = hpcsweep.response(structure, record)
+    sampled = hpcsweep.response(structure, record, at_samples=True)
+    assert whole.excursions.sum() > 0
+    np.testing.assert_array_equal(sampled.final_state, whole.final_state)
+    np.testing.assert_array_equal(sampled.plastic, whole.plastic)
+    assert (sampled.floor_acceleration <= whole.floor_acceleration * (1 + 1e-12)).all()
+    assert (sampled.ductility <= whole.ductility * (1 + 1e-12)).all()
+
+
+WRONG = [
+    ({"direction": (0.0, 0.0)}, "slider.direction must not be 0"),
+    ({"stiffness": 0.0}, "slider.stiffness must be"),
+    ({"strength": -1.0}, "slider.strength must be"),
+    ({"strength": math.inf}, "slider.strength must be"),
+    ({"name": 3}, "slider.name must be a text"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "message"), WRONG)
+def test_wrong_sliders_are_refused(wrong, message):
+    given = {"direction": (1.0, 0.0), "stiffness": 1.0, "strength": 1.0}
+    with pytest.raises(ValueError, match=message):
+        hpcsweep.Slider(**given | wrong)
+
+
+def test_structures_refuse_what_sliders_cannot_do():
+    slider, given = hpcsweep.Slider((1.0,), 1.0, 1.0), ([1.0], [[1.0]])
+    with pytest.raises(ValueError, match="sliders need sharpness = inf"):
+        hpcsweep.Structure.from_matrices(*given, [], sliders=[slider], sharpness=10.0)
+    with pytest.raises(ValueError, match="slider 1 must have 1 entries, has 2"):
+        hpcsweep.Structure.from_matrices(
+            *given, [], sliders=[hpcsweep.Slider((1.0, 0.0), 1.0, 1.0)]
+        )
+    with pytest.raises(ValueError, match="sliders must be at most 64, are 65"):
+        hpcsweep.Structure.from_matrices(*given, [], sliders=[slider] * 65)
+    with pytest.raises(ValueError, match="positive definite"):
+        hpcsweep.Structure.from_matrices([1.0], [[-2.0]], [], sliders=[slider])
+    structure = hpcsweep.Structure.from_matrices(*given, [], sliders=[slider])
+    with pytest.raises(ValueError, match="not yet under a harmonic forcing"):
+        FlowMap(structure, 1.0)

@@ -167,8 +167,10 @@ def _passage(g, segment, end, modes, tables, elements, work):
         0.0, level.sign * g0, level.sign * slope0, end, level.sign * g1, level.sign * slope1
     )
     _, g0, slope0, _, g1, slope1 = part
-    if 0.0 < g0 < ROUNDING and slope0 <= 0.0:
-        part = Part(0.0, 0.0, slope0, end, g1, slope1)
+    if guard[SHARE] != 0.0 and abs(g0) < ROUNDING and abs(slope0) * h < ROUNDING:
+        # a slider that has just stuck, at its guard and at rest to rounding: it moves on, if at all,
+        # by its acceleration
+        part = Part(0.0, min(g0, 0.0), min(slope0, 0.0), end, g1, slope1)
     if not may_reach(end, g0, slope0, g1, slope1, bound4) or leaves(
         end, g0, slope0, g1, slope1, bound4
     ):

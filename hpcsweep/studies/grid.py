@@ -168,34 +168,17 @@ class RunGrid(Part):
         return run_variables(self.settings)
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        n = self.structure.n_floors
-        measured = measure_coordinates(self.structure, self.settings)
-        return {
-            **{name: c.values.size for name, c in measured.items()},
-            "direction": len(self.directions),
-            self.frame_dim: self.omega.size,
-            "amplitude": self.n_amplitudes,
-            self.point_dim: self.settings.stored_points,
-            "state": 2 * n,
-            "mode": n,
-            "block": self.n_blocks,
-        }
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
-        n, size = self.structure.n_floors, self.dimensions
         return {
             **measure_coordinates(self.structure, self.settings),
             "direction": named(self.directions, self.direction_name),
             "omega": Coordinate(self.omega.astype("<f8"), *OMEGA),
             "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),
-            self.point_dim: numbered(size[self.point_dim], "stroboscopic point"),
+            self.point_dim: numbered(self.settings.stored_points, "stroboscopic point"),
             "state": states(self.structure),
-            "mode": numbered(n, "mode of the free structure", first=1),
-            "block": numbered(size["block"], "block of amplitudes"),
+            "mode": numbered(self.structure.n_floors, "mode of the free structure", first=1),
+            "block": numbered(self.n_blocks, "block of amplitudes"),
         }
 
     @property

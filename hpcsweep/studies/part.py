@@ -10,7 +10,7 @@ from hpcsweep.studies.growth import StudyGrowth
 from hpcsweep.studies.invariants import Broken, listed, of_each
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis
-from hpcsweep.studies.variable import Variable
+from hpcsweep.studies.variable import Coordinate, Variable
 
 
 class Part(ABC):
@@ -29,6 +29,16 @@ class Part(ABC):
     @abstractmethod
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
+
+    @property
+    @abstractmethod
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+        return {name: one.values.size for name, one in self.coordinates.items()}
 
     @abstractmethod
     def relations(self, block: Block, rows: Rows) -> Broken:

@@ -145,11 +145,6 @@ class AttractorGrid(SearchLimits, RunGrid):
         return attractor_variables(self.settings)
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        return {**super().dimensions, "attractor": self.max_attractors}
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         return {

@@ -79,13 +79,6 @@ class RefinedBasins(MappedRuns, SliceGrid):
         return {variable.name: known[variable.name][0] for variable in self.listed_variables}
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        sizes = super().dimensions
-        del sizes["amplitude"]
-        return sizes
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         coordinates = super().coordinates

@@ -111,12 +111,6 @@ class SliceGrid(RunGrid):
         return state[None]
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        own = {"column": self.horizontal.size, "attractor": self.max_attractors}
-        return super().dimensions | own
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         coordinates = super().coordinates | {

@@ -212,38 +212,29 @@ class Branches(RunGrid):
         return [*VARIABLES, *(CURVE_VARIABLES if self.curves else ())]
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        n = self.structure.n_floors
-        of_curves = {
-            "curve": self.max_curves,
-            "curve_step": self.max_curve_points,
-            "meeting": max(self.max_curve_points // SPECIALS_SHARE, 1),
-        }
-        return super().dimensions | {
-            **(of_curves if self.curves else {}),
-            "branch": self.max_branches,
-            "step": self.max_points,
-            "special": max(self.max_points // SPECIALS_SHARE, 1),
-            "seed": self.max_seeds,
-            "number": 2 * n,
-        }
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
-        size = self.dimensions
+        n_special, n_met = (
+            max(most // SPECIALS_SHARE, 1) for most in (self.max_points, self.max_curve_points)
+        )
         coordinates = super().coordinates | {
             "line": numbered(self.omega.size, "line along the parameter"),
             "amplitude": Coordinate(np.array([np.nan]), LINE_AMPLITUDE.units, "see the line's"),
-            "branch": numbered(size["branch"], "branch, in the order found"),
-            "step": numbered(size["step"], "point of a branch, branch after branch"),
-            "special": numbered(size["special"], "special point, branch after branch"),
-            "seed": numbered(size["seed"], "periodic motion of the files"),
-            "number": numbered(size["number"], "multiplier, largest modulus first", first=1),
+            "branch": numbered(self.max_branches, "branch, in the order found"),
+            "step": numbered(self.max_points, "point of a branch, branch after branch"),
+            "special": numbered(n_special, "special point, branch after branch"),
+            "seed": numbered(self.max_seeds, "periodic motion of the files"),
+            "number": numbered(
+                2 * self.structure.n_floors, "multiplier, largest modulus first", first=1
+            ),
         }
-        for name in ("curve", "curve_step", "meeting") if self.curves else ():
-            coordinates[name] = numbered(size[name], f"{name}, of each curve in turn")
+        of_curves = {
+            "curve": self.max_curves,
+            "curve_step": self.max_curve_points,
+            "meeting": n_met,
+        }
+        for name, most in of_curves.items() if self.curves else ():
+            coordinates[name] = numbered(most, f"{name}, of each curve in turn")
         del coordinates["omega"], coordinates["mode"]
         return coordinates
 

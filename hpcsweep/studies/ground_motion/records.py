@@ -183,11 +183,6 @@ class Records(Part):
         return {"time": keys.instants(self.suite, self.tail, self.history)}
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        return {name: one.values.size for name, one in self.coordinates.items()}
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         return {

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.attractor import Attractor
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import starts_needed
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -124,6 +125,8 @@ def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
     return found
 
 
+KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
+"""What an attractor may be."""
 UNSTORED = ("undecided", "failed", "elsewhere")
 """Starts that reached no attractor of the file."""
 

@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.studies.attractors.search import UNSTORED, attractors_as_runs, count_starts
+from hpcsweep.studies.attractors.tally import BasinTally
 from hpcsweep.studies.attractors.variables import SLOTS
-from hpcsweep.studies.basins.refined import LABEL, RefinedBasins
+from hpcsweep.studies.basins.refined import LABEL, RefinedBasins, runs_of
 from hpcsweep.studies.basins.slice import SliceGrid, read_slice
-from hpcsweep.studies.basins.tally import BasinTally
 from hpcsweep.studies.basins.variables import COMMIT, RUN, basin_variables
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.invariants import Broken
@@ -60,7 +60,7 @@ class Basins(SliceGrid):
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach."""
         del places, state
-        return self.slice_runs.row(self.horizontal, float(self.vertical[frame]), poll)
+        return runs_of(self).row(self.horizontal, float(self.vertical[frame]), poll)
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractors listed by a row as motions in which runs ended."""

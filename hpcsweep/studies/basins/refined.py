@@ -13,8 +13,8 @@ import numpy as np
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import attractors_as_runs, count_starts
+from hpcsweep.studies.attractors.tally import StartTally
 from hpcsweep.studies.basins.slice import SliceGrid
-from hpcsweep.studies.basins.tally import StartTally
 from hpcsweep.studies.basins.variables import (
     ROW_AMPLITUDE,
     START_COMMIT,
@@ -34,6 +34,14 @@ from hpcsweep.studies.variables import numbered
 
 LABEL = "attractor"
 """What distinguishes starts, of `hpcsweep.studies.refine.refinement.LABELS`."""
+
+
+def runs_of(study: SliceGrid):
+    """Return the runs of a slice, see `hpcsweep.studies.basins.runs.SliceRuns`; cached."""
+    # imported here: reading results needs no kernels
+    from hpcsweep.studies.basins.runs import slice_runs
+
+    return slice_runs(study)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +83,7 @@ class RefinedBasins(MappedRuns, SliceGrid):
 
     def listed_values(self) -> Rows:
         """Return the values of `listed_variables` for a row, first axis the attractors."""
-        known = self.slice_runs.attractors()
+        known = runs_of(self).attractors()
         return {variable.name: known[variable.name][0] for variable in self.listed_variables}
 
     @property
@@ -94,14 +102,14 @@ class RefinedBasins(MappedRuns, SliceGrid):
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> dict:
         """Classify starts of a row, each on its own."""
         del state
-        return self.slice_runs.starts(self.horizontal[places], float(self.vertical[frame]), poll)
+        return runs_of(self).starts(self.horizontal[places], float(self.vertical[frame]), poll)
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractor that a start goes to as the motion in which a run ended."""
         label = int(run["label"])
         if label <= 0:
             return []
-        known = {name: values[0] for name, values in self.slice_runs.attractors().items()}
+        known = {name: values[0] for name, values in runs_of(self).attractors().items()}
         variables = [v for v in basin_variables(self.settings) if is_of_attractors(v)]
         return attractors_as_runs(variables, known)[label - 1 : label]
 

@@ -134,14 +134,6 @@ class SliceGrid(RunGrid):
         first, second = self.components
         return names[first], names[second]
 
-    @property
-    def slice_runs(self) -> Any:
-        """Runs of the slice, see `hpcsweep.studies.basins.runs.SliceRuns`; cached."""
-        # imported here: reading results needs no kernels
-        from hpcsweep.studies.basins.runs import slice_runs
-
-        return slice_runs(self)
-
 
 def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     """Read the point, the slice and the limits of a job.

@@ -20,13 +20,15 @@ import numpy as np
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
-from hpcsweep.studies.branches.curves import read_curves
+from hpcsweep.studies.branches.invariants import broken_relations
 from hpcsweep.studies.branches.keys import (
     KEYS,
     NUMBERS,
     PARAMETER,
+    BranchGrid,
     lines_of,
     need_parameter,
+    read_curves,
     seeds_of,
     span_of,
 )
@@ -40,7 +42,6 @@ from hpcsweep.studies.branches.variables import (
     SLOTS,
     VARIABLES,
 )
-from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
@@ -56,49 +57,16 @@ AGAIN = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Branches(RunGrid):
-    """Branches along a parameter, a line a task; see `RunGrid`, whose frames are the lines.
+class Branches(BranchGrid):
+    """Branches along a parameter, a line a task; see `BranchGrid`.
 
     Attributes
     ----------
-    seeds : tuple of str
-        Results files.
-    parameter : str
-    span : (float, float)
-        Its lowest and highest value.
-    steps : int
-        Most points of a branch on either side of the orbit by which it is found.
-    largest_step : float
-        Between neighbouring points: in units of the state, and of the span.
-    max_branches, max_points, max_seeds : int
-        Room of a line; of special points an eighth of `max_points`.
-    starts, seed : int
-        Starts of the search for further orbits, and the seed of their sequence.
-    curves : tuple of str
-        Kinds of special points whose curves over A and Omega are followed.
-    curve_span : (float, float) or None
-        Lowest and highest frequency of curves.
-    max_curves, max_curve_points : int
-        Room of a line; of meetings an eighth of `max_curve_points`.
     reader : callable, optional
         Reads the results files; no part of what the study means.
     """
 
-    seeds: tuple[str, ...]
-    parameter: str
-    span: tuple[float, float]
-    steps: int = NUMBERS["steps"].default
-    largest_step: float = NUMBERS["largest_step"].default
-    max_branches: int = NUMBERS["max_branches"].default
-    max_points: int = NUMBERS["max_points"].default
-    max_seeds: int = NUMBERS["max_seeds"].default
-    starts: int = NUMBERS["starts"].default
-    seed: int = NUMBERS["seed"].default
-    curves: tuple[str, ...] = ()
-    curve_span: tuple[float, float] | None = None
     reader: Reader | None = field(default=None, compare=False, repr=False)
-    max_curves: int = NUMBERS["max_curves"].default
-    max_curve_points: int = NUMBERS["max_curve_points"].default
 
     kind: ClassVar[str] = "branches"
     summary: ClassVar[str] = (
@@ -253,7 +221,7 @@ class Branches(RunGrid):
         from hpcsweep.studies.branches.runs import line_of
 
         del places, state
-        return line_of(self, frame, poll)
+        return line_of(self, frame, self.seeds_of(frame), poll)
 
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time one line."""
@@ -310,8 +278,6 @@ class Branches(RunGrid):
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
-        from hpcsweep.studies.branches.invariants import broken_relations
-
         return broken_relations(self, rows)
 
     def describe_task(self, task: int) -> str:

@@ -1,9 +1,13 @@
-"""Keys of a study of branches."""
+"""Keys of a study of branches, and the fields that are read from them."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import PARAMETERS, check_parameter
+from hpcsweep.dynamics.continuation.plane import KINDS
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import Key
 
 PARAMETER = Key("parameter", "what changes along a branch", "amplitude", PARAMETERS)
@@ -47,6 +51,64 @@ KEYS = (
     ),
     *_NUMBERS[7:],
 )
+
+
+@dataclass(frozen=True, eq=False)
+class BranchGrid(RunGrid):
+    """Lines along which branches are followed; see `RunGrid`, whose frames are the lines.
+
+    Attributes
+    ----------
+    seeds : tuple of str
+        Results files.
+    parameter : str
+    span : (float, float)
+        Its lowest and highest value.
+    steps : int
+        Most points of a branch on either side of the orbit by which it is found.
+    largest_step : float
+        Between neighbouring points: in units of the state, and of the span.
+    max_branches, max_points, max_seeds : int
+        Room of a line; of special points an eighth of `max_points`.
+    starts, seed : int
+        Starts of the search for further orbits, and the seed of their sequence.
+    curves : tuple of str
+        Kinds of special points whose curves over A and Omega are followed.
+    curve_span : (float, float) or None
+        Lowest and highest frequency of curves.
+    max_curves, max_curve_points : int
+        Room of a line; of meetings an eighth of `max_curve_points`.
+    """
+
+    seeds: tuple[str, ...]
+    parameter: str
+    span: tuple[float, float]
+    steps: int = NUMBERS["steps"].default
+    largest_step: float = NUMBERS["largest_step"].default
+    max_branches: int = NUMBERS["max_branches"].default
+    max_points: int = NUMBERS["max_points"].default
+    max_seeds: int = NUMBERS["max_seeds"].default
+    starts: int = NUMBERS["starts"].default
+    seed: int = NUMBERS["seed"].default
+    curves: tuple[str, ...] = ()
+    curve_span: tuple[float, float] | None = None
+    max_curves: int = NUMBERS["max_curves"].default
+    max_curve_points: int = NUMBERS["max_curve_points"].default
+
+
+def read_curves(values, parameter: str, omega: np.ndarray) -> dict:
+    """Read which curves are followed, and over which frequencies."""
+    given = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
+    if given and parameter != "amplitude":
+        limit = 'must be "amplitude" where branches.curves are followed'
+        raise values.error("branches.parameter", parameter, limit)
+    whole = [float(omega.min()), float(omega.max())]
+    span, low, high = pair_of(values, "branches.curve_span", whole)
+    values.check_range("branches.curve_span", omega=(low, high))
+    if given and not (low < high and low <= omega.min() and omega.max() <= high):
+        raise values.error("branches.curve_span", span, "must be two ends that hold sweep.omega")
+    kinds = tuple(name for name in KINDS if name in given)
+    return {"curves": kinds, "curve_span": (low, high) if kinds else None}
 
 
 def seeds_of(values) -> tuple[str, ...]:

@@ -130,7 +130,7 @@ class Earlier:
 
     def _block_of(self, old: RunGrid, direction: int, frame: int, at: int) -> Block:
         """Return the block of a part of the other file that holds an amplitude."""
-        count = old.n_amplitudes
+        count = old.n_along
         along = count - 1 - at if old.descends(direction) else at
         return old.block((direction, frame, along // old.block_size))
 

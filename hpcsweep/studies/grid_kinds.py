@@ -17,10 +17,9 @@ class AlongAmplitudes(RunGrid):
 
     is_path: ClassVar[bool] = True
 
-    def task_of(self, direction, frame, number):
+    def task_of(self, *place):
         """Return the task of blocks: their frame."""
-        del direction, number
-        return frame
+        return place[-2]
 
     def path(self, task: int) -> Path:
         """Return the blocks of a frame: up, then down."""

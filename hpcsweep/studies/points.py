@@ -93,12 +93,12 @@ class Points(MappedRuns):
         return self.listed
 
     @property
-    def n_amplitudes(self) -> int:
+    def n_along(self) -> int:
         """Number of runs of one frame: 1 in a list."""
         return 1 if self.listed else self.amplitude.size
 
     def amplitudes_of(self, frame: int) -> np.ndarray:
-        """Return the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
+        """Return the amplitudes of a frame, ascending, shape (n_along,)."""
         return self.amplitude[frame : frame + 1] if self.listed else self.amplitude
 
     @property

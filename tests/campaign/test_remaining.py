@@ -42,9 +42,9 @@ def replay(study, seconds: np.ndarray, ranks: int, pilot: bool):
     for index in range(n_samples(study) if pilot else 0):
         share, along = sample_place(index)
         frame = int(share * study.omega.size)
-        at = int(along * (study.n_amplitudes - PILOT_TIMED))
+        at = int(along * (study.n_along - PILOT_TIMED))
         timed = float(seconds[0, frame, at : at + PILOT_TIMED].sum())
-        costs.sampled(PilotCost(frame, (at + 1) / study.n_amplitudes, PILOT_TIMED, timed))
+        costs.sampled(PilotCost(frame, (at + 1) / study.n_along, PILOT_TIMED, timed))
     order = np.argsort(-costs.totals(), kind="stable") if ranks > 1 else range(study.omega.size)
     left = float(seconds.sum())
     clock = 0.0

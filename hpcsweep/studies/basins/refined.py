@@ -62,7 +62,7 @@ class RefinedBasins(MappedRuns, SliceGrid):
     status_variables: ClassVar[tuple[str, ...]] = ("label",)
 
     @property
-    def n_amplitudes(self) -> int:
+    def n_along(self) -> int:
         """Number of runs of one frame: the starts of a row."""
         return self.horizontal.size
 

@@ -166,7 +166,7 @@ class Branches(BranchGrid):
         )
 
     @property
-    def n_amplitudes(self) -> int:
+    def n_along(self) -> int:
         """Runs of one line."""
         return 1
 

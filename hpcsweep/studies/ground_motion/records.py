@@ -17,7 +17,7 @@ from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.responses import SKIP_RULES, RecordResponses
 from hpcsweep.studies.ground_motion.tally import ResponseTally
@@ -86,17 +86,15 @@ class Records(Part):
 
     kind: ClassVar[str] = "records"
     summary: ClassVar[str] = "responses to ground-motion records, each at several scales, from rest"
-    run_noun: ClassVar[str] = "run"
     keys: ClassVar[Tables] = {"records": keys.KEYS, "output": keys.OUTPUT}
     without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int] = 25
     frame_dim: ClassVar[str] = "record"
     run_dims: ClassVar[tuple[str, ...]] = RUN
-    grid_fields: ClassVar[tuple[str, ...]] = ()
     commit: ClassVar[Variable] = COMMIT
     carried: ClassVar[tuple[str, ...]] = ()
-    directions: ClassVar[tuple[str, ...]] = ()
+    directions: ClassVar[tuple[str, ...]] = ()  # type: ignore[misc]
     holds: ClassVar[str] = "responses"
     is_list: ClassVar[bool] = False
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
@@ -134,19 +132,9 @@ class Records(Part):
         return len(self.suite)
 
     @property
-    def n_tasks(self) -> int:
-        """Tasks of the study: its records."""
-        return len(self.suite)
-
-    @property
-    def n_runs(self) -> int:
-        """Runs of the study: records x scales."""
-        return len(self.suite) * self.scale.size
-
-    @property
-    def n_blocks(self) -> int:
-        """Blocks of one record."""
-        return -(-self.scale.size // self.block_size)
+    def n_along(self) -> int:
+        """Scales."""
+        return self.scale.size
 
     @cached_property
     def factor(self) -> np.ndarray:
@@ -202,43 +190,23 @@ class Records(Part):
         ]
         return [*facts, (FACTOR, self.factor), *storey_heights(self.structure)]
 
+    def task_of(self, *place):
+        """Return the task of blocks: their record."""
+        return place[-2]
+
     def path(self, task: int) -> Sequence[Block]:
         """Return the blocks of a record."""
         return Path(self.n_blocks, lambda number: self.block((task, number)))
-
-    def block(self, place: Place) -> Block:
-        """Return the block with an index in ``commit``: record, number."""
-        record, number = place
-        low = number * self.block_size
-        n_runs = min(self.block_size, self.scale.size - low)
-        return Block(record, place, (record, low), n_runs)
-
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
-        shape = len(self.suite), self.n_blocks
-        record, number = (axis.ravel() for axis in np.indices(shape, np.int32))
-        size, count = self.block_size, self.scale.size
-        n_runs = np.minimum(size, count - number * size)
-        middle = np.minimum((number + 0.5) * size, count) / count
-        return BlockTable(record, n_runs, np.stack((record, number), axis=1), middle)
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return rest: runs inherit nothing from each other."""
         del rows, row
         return self.initial_state
 
-    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
-        """Compute a block; rows in file order."""
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
+        """Compute the runs of a record at some of its scales."""
         del state
-        record, low = block.first
-        factors = self.factor[record, low : low + block.n_runs]
-        return self.responses.rows(self.record(record), factors, poll)
-
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
-        """Compute one run alone."""
-        del state
-        record, at = block.run(row)
-        return self.responses.rows(self.record(record), self.factor[record, at : at + 1])
+        return self.responses.rows(self.record(frame), self.factor[frame, places], poll)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""

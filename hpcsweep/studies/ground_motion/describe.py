@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from hpcsweep.earthquakes.intensity import spectral_acceleration
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.ground_motion.keys import RecordGrid
 
 MOST = 60
 """Records that are listed."""
@@ -16,7 +16,7 @@ FAR = 0.3
 """Peak ground displacement in PGV x duration beyond which a baseline drifts."""
 
 
-def lines(study: Records) -> Iterator[str]:
+def lines(study: RecordGrid) -> Iterator[str]:
     """List scales and records, a line each, warnings last."""
     structure, measure, scale = study.structure, study.measure, study.scale
 
@@ -47,7 +47,7 @@ def lines(study: Records) -> Iterator[str]:
         yield f"  and {len(study.suite) - MOST} more"
 
 
-def _spectral(study: Records, i: int, period: float) -> str:
+def _spectral(study: RecordGrid, i: int, period: float) -> str:
     """Return Sa(T_1) in g of an available record."""
     try:
         return f"{spectral_acceleration(study.record(i), period) / study.gravity:7.4f}"
@@ -55,7 +55,7 @@ def _spectral(study: Records, i: int, period: float) -> str:
         return "not known: the record is not there, or T is too short"
 
 
-def warnings(study: Records) -> Iterator[str]:
+def warnings(study: RecordGrid) -> Iterator[str]:
     """Return one line for each thing that looks like a mistake."""
     for one in study.suite[:MOST]:
         pga = one.pga / study.gravity

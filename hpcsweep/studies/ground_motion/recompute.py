@@ -11,7 +11,7 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.blocks import Block, Rows
-from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.responses import respond
 from hpcsweep.studies.ground_motion.variables import pack, peaks_of
 from hpcsweep.studies.run_names import run_name
@@ -24,12 +24,12 @@ ROUNDING = 1e-12
 COMPARED = ("drift", "displacement", "floor_acceleration", "force", "impulse", "residual")
 
 
-def response_again(study: Records, block: Block, row: int, run: Rows) -> RunAgain:
+def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunAgain:
     """Compute one complete response again.
 
     Parameters
     ----------
-    study : Records
+    study : RecordGrid
     block : Block
     row : int
         Of the block.

@@ -12,14 +12,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hpcsweep.earthquakes.suite import Facts, Files, Measure, Synthetic, checked_record
-from hpcsweep.model.record import Record
-from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
-from hpcsweep.studies.ground_motion import keys
-from hpcsweep.studies.ground_motion.responses import SKIP_RULES, RecordResponses
+from hpcsweep.studies.blocks import Block, Path, Poll, Rows, Say, Timed
+from hpcsweep.studies.ground_motion import describe, keys
+from hpcsweep.studies.ground_motion.keys import RecordGrid
+from hpcsweep.studies.ground_motion.recompute import response_again
+from hpcsweep.studies.ground_motion.responses import SKIP_RULES
 from hpcsweep.studies.ground_motion.tally import ResponseTally
 from hpcsweep.studies.ground_motion.variables import (
     COMMIT,
@@ -32,8 +31,6 @@ from hpcsweep.studies.ground_motion.variables import (
 )
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
-from hpcsweep.studies.part import Part
-from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import RunAgain
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
@@ -42,47 +39,8 @@ ROUNDING = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Records(Part):
-    """Records at scales, a record a task; see `hpcsweep.studies.study.Study`.
-
-    Attributes
-    ----------
-    structure : Structure
-    initial_state : ndarray, shape (2n,)
-        Not used: runs start from the static equilibrium of the structure, `Structure.rest`.
-    settings : SweepSettings
-    block_size : int
-        Scales that are committed together.
-    suite : tuple of Facts
-        Facts about each record.
-    source : Files or Synthetic
-        Source of their samples.
-    measure : Measure
-        Measure of the scales.
-    scale : ndarray, shape (n_scales,)
-        Ascending.
-    tail : float
-        Time of free motion after each record.
-    storey_height : tuple of float
-        Height of each storey; empty if unknown.
-    gravity : float
-        One g in the structure's units.
-    history : float
-        Step between the instants at which the motion is stored; 0: it is not.
-    """
-
-    structure: Structure
-    initial_state: np.ndarray
-    settings: SweepSettings
-    block_size: int
-    suite: tuple[Facts, ...]
-    source: Files | Synthetic
-    measure: Measure
-    scale: np.ndarray
-    tail: float
-    storey_height: tuple[float, ...]
-    gravity: float
-    history: float
+class Records(RecordGrid):
+    """Records at scales, a record a task; see `RecordGrid` and `hpcsweep.studies.study.Study`."""
 
     kind: ClassVar[str] = "records"
     summary: ClassVar[str] = "responses to ground-motion records, each at several scales, from rest"
@@ -137,38 +95,9 @@ class Records(Part):
         return self.scale.size
 
     @cached_property
-    def factor(self) -> np.ndarray:
-        """Factor of each record at each scale, shape (n_records, n_scales)."""
-        measures = np.array([one.measure for one in self.suite])
-        return self.scale / measures[:, None]
-
-    @cached_property
-    def responses(self) -> RecordResponses:
-        """Responses that compute the runs."""
-        n_instants = sum(one.values.size for one in self.instants.values())
-        return RecordResponses(self.structure, self.settings, self.tail, self.history, n_instants)
-
-    def record(self, i: int) -> Record:
-        """Return the samples of record i.
-
-        Raises
-        ------
-        ValueError, OSError
-            If they cannot be read, or are not those of the job.
-        """
-        return checked_record(self.source, self.suite[i], i)
-
-    @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
         return response_variables(self.structure, self.settings, self.history > 0.0)
-
-    @cached_property
-    def instants(self) -> dict[str, Coordinate]:
-        """Dimension of the histories; empty if none are stored."""
-        if not self.history:
-            return {}
-        return {"time": keys.instants(self.suite, self.tail, self.history)}
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -224,8 +153,6 @@ class Records(Part):
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way; see `.recompute`."""
-        from hpcsweep.studies.ground_motion.recompute import response_again
-
         del start
         return response_again(self, block, row, run)
 
@@ -239,11 +166,6 @@ class Records(Part):
         self.responses.rows(samples, factors, poll)
         seconds = time.perf_counter() - begun
         return (record, (at + 0.5 * factors.size) / self.scale.size), factors.size, seconds
-
-    def describe(self, run: Place) -> dict[str, Any]:
-        """Describe a run: ``record``, ``scale``."""
-        record, at = run
-        return {"record": self.suite[record].name, "scale": float(self.scale[at])}
 
     def describe_task(self, task: int) -> str:
         """Describe a task by its record."""
@@ -279,12 +201,8 @@ class Records(Part):
 
     def lines(self) -> Iterator[str]:
         """List the records, a line each, in order."""
-        from hpcsweep.studies.ground_motion.describe import lines
-
-        return lines(self)
+        return describe.lines(self)
 
     def warnings(self) -> Iterator[str]:
         """Return one line for each thing that looks like a mistake in the records."""
-        from hpcsweep.studies.ground_motion.describe import warnings
-
-        return warnings(self)
+        return describe.warnings(self)

@@ -1,14 +1,12 @@
 """Count over the runs of a study of records, for its summary."""
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.variables import PEAKS
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.tally import BaseTally, share
-
-if TYPE_CHECKING:
-    from hpcsweep.studies.ground_motion.records import Records
 
 
 class ResponseTally(BaseTally):
@@ -28,7 +26,7 @@ class ResponseTally(BaseTally):
                 (frame["impacts"].values[0] > 0).any(axis=-1).sum()
             )
         name = str(frame["record"].values[0])
-        responses = cast("Records", study).responses
+        responses = as_kind(study, RecordGrid).responses
         own = hash(responses.computed)
         for factor in frame["factor"].values[0][(outcome > 0) & ~linear].tolist():
             self.counts["ratios"][own, name, responses.ratio(factor)] += 1

@@ -232,8 +232,9 @@ def estimate(job: Job, output: Path) -> str:
     study, size = job.study, Layout(job).file_size()
     pilot, peak = time_pilot(job), memory.peak()
     least, refined = study.n_runs, ""
-    if study.growth is not None:
-        least, refined = study.growth.describe(Inputs(study).crossed())
+    inputs = Inputs(study)
+    if inputs.growth is not None:
+        least, refined = inputs.growth.describe(inputs.crossed())
     lines = [
         f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
         *job.notes,

@@ -1,6 +1,6 @@
 """Campaigns of studies that grow: rounds of runs, each known when the one before is computed.
 
-Rank 0 walks the rounds (`hpcsweep.studies.growth`), which depend on the labels of the runs of
+Rank 0 walks the rounds (`hpcsweep.studies.refine`), which depend on the labels of the runs of
 earlier rounds alone. It knows labels from the file, as far as all ranks have verified it, and from
 what ranks report. A round is cut into tasks: runs of one frame, which are computed together and
 committed one by one. So neither ranks nor kills change which runs are computed, or any byte.
@@ -65,8 +65,8 @@ class RoundsWork(RankWork):
         """Verify the contents of the file, each rank its share of the frames."""
         del say
         blocks, study = self._campaign.blocks, self.study
-        assert study.growth is not None
-        self._growth = study.growth
+        assert blocks.layout.growth is not None
+        self._growth = blocks.layout.growth
         self._shape = blocks.layout.shape(study.commit)
         self.todo, self._complete, self.scanned = [], False, True
         self._inferred = 0
@@ -91,8 +91,8 @@ class RoundsWork(RankWork):
         self._rounds = self._growth.begin(None if self._complete else self._crossed())
         for part in gathered:
             for found in part[0]:
-                self._rounds.learn(*found)
-        self.done_runs = study.n_runs if self._complete else self._rounds.n_known
+                self._rounds.labels.store(*found)
+        self.done_runs = study.n_runs if self._complete else int(self._rounds.labels.known.sum())
 
     def _crossed(self) -> np.ndarray | None:
         """Read where known curves cross; they were found sound when the file was prepared."""
@@ -119,7 +119,7 @@ class RoundsWork(RankWork):
         if runs is not None:
             return runs
         if not self._complete:
-            write_inferred(self._campaign, self._rounds.derived())
+            write_inferred(self._campaign, self._growth.derived(self._rounds))
             self._inferred = self._rounds.n_inferred
             self._complete = True
         return np.zeros(0, int)
@@ -154,7 +154,7 @@ class RoundsWork(RankWork):
         computed = iter(self._growth.compute(new, start, poll) if new else ())
         rows = [next(computed) if found is None else found for found in taken]
         whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}
-        labels, failures = self._growth.labels(whole), Failures()
+        labels, failures = self._growth.refinement.labels(whole), Failures()
         for block, own, failed in zip(blocks, rows, labels[:, 0], strict=True):
             self._campaign.write_block(block, start, own)
             if failed:
@@ -168,7 +168,7 @@ class RoundsWork(RankWork):
         task, labels, cost, failures = value
         runs = self._tasks[task]
         self._failures.add(failures)
-        self._rounds.learn(runs, labels)
+        self._rounds.labels.store(runs, labels)
         self.costs.block_done(BlockCost((), len(runs), cost.seconds if cost else 0.0))
         if cost:
             self._note_cost(rank, cost)

@@ -160,7 +160,7 @@ def _run_opened(
         works = []
         for (layout, output, _), campaign in zip(opened, campaigns, strict=True):
             earlier = Reuse(layout, reuse)
-            kind = RoundsWork if layout.study.growth else RankWork
+            kind = RoundsWork if layout.growth else RankWork
             works.append(kind(comm, output, campaign, flag, hosts, say, earlier))
         queue = Queue(comm, works, flag)
         try:

@@ -64,7 +64,6 @@ def run(options) -> int:
     """Run the command."""
     from hpcsweep.figures.style import resolution, save
     from hpcsweep.store import Frames, job_of
-    from hpcsweep.studies.refine.refinement import refinement_of
 
     known = figures()
     study = job_of(options.file).study
@@ -72,7 +71,7 @@ def run(options) -> int:
     # and of motions without their points there is nothing to draw over an amplitude
     default = _defaults(known)[study.holds]
     pointless = study.holds == "motions" and "poincare" not in {v.name for v in study.variables}
-    if study.is_list or refinement_of(study) or pointless:
+    if study.is_list or study.refine or pointless:
         default = MAPS.get(study.holds, default)
     kind = options.kind or default
     figure = known[kind]

@@ -26,6 +26,7 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
+from hpcsweep.studies.refine.growth import growth_of
 from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT, SweepSettings
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
@@ -128,8 +129,8 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     values = Values(source, tree)
     study = read_varied(values, tree, read_study)
     _check_extent(values, study)
-    reason = study.growth.problem() if study.growth else ""
-    if reason:
+    growth = growth_of(study)
+    if growth is not None and (reason := growth.problem()):
         raise JobError(f"{source}: {reason}")
     return Job(name=_name(values, default_name), text=text, study=study, notes=unused(values, tree))
 

@@ -15,8 +15,8 @@ from hpcsweep.store.commit import Blocks, Campaign
 from hpcsweep.store.layout import Layout
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.refine.audit import Look
-from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import AUDIT, INFERRED, SOURCE, last_look
+from hpcsweep.studies.refinement import Source
 from hpcsweep.studies.variable import Variable
 
 
@@ -74,18 +74,18 @@ class Inferred:
         points : ndarray of int, shape (k,)
             Flat indices among all points, ascending, of those whose own checksum holds.
         labels : ndarray of uint64, shape (k, m)
-            See `hpcsweep.studies.growth.StudyGrowth`.
+            See `hpcsweep.studies.refinement.Refinement.labels`.
         """
         blocks = self._blocks
-        growth = blocks.study.growth
-        assert growth is not None
+        refinement = blocks.study.refine
+        assert refinement is not None
         first = int(np.ravel_multi_index((*place, 0), (*self._shape, self._n)))
         points, labels = [], []
         for at in np.flatnonzero(blocks.read_rows("commit", (*place, 0), self._n)).tolist():
             rows = blocks.believed(blocks.study.block((*place, at)))
             if rows is not None:
                 points.append(first + at)
-                labels.append(growth.labels(rows))
+                labels.append(refinement.labels(rows))
         found = np.concatenate(labels) if labels else np.zeros((0, 2), np.uint64)
         return np.array(points, int), found
 

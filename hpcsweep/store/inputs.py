@@ -16,6 +16,7 @@ from hpcsweep.store.check import CURVES
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import StoreError
 from hpcsweep.studies.refine.crossing import KnownCurve
+from hpcsweep.studies.refine.growth import growth_of
 from hpcsweep.studies.study import Study
 
 NAMES = ("outcome", "curve_of_step", "curve_omega", "curve_amplitude")
@@ -26,6 +27,7 @@ class Inputs:
 
     Attributes
     ----------
+    growth : MapGrowth or None
     curves : list of Curve
         Known curves over Omega and A.
 
@@ -37,7 +39,8 @@ class Inputs:
 
     def __init__(self, study: Study):
         self._study = study
-        self.paths = study.growth.curves if study.growth else ()
+        self.growth = growth_of(study)
+        self.paths = study.refine.curves if study.refine else ()
         self.curves = [curve for path in self.paths for curve in _curves_of(Path(path), study)]
 
     @property
@@ -59,9 +62,9 @@ class Inputs:
         StoreError
             If they cross none.
         """
-        if not self._study.growth or not self.paths:
+        if not self.growth or not self.paths:
             return None
-        crossed = self._study.growth.crossed(self.curves)
+        crossed = self.growth.crossed(self.curves)
         if not crossed.any():
             raise StoreError(f"{', '.join(self.paths)}: no curve crosses the map")
         return crossed

@@ -1,6 +1,6 @@
 """Base of studies over direction, frame (forcing frequency) and forcing amplitude.
 
-Runs are independent, each block a task of its own, or form paths (`hpcsweep.studies.grid_kinds`).
+Runs are independent, each block a task of its own, or form paths (`AlongAmplitudes`).
 """
 
 import time
@@ -14,7 +14,7 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, Place, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
@@ -35,6 +35,8 @@ from hpcsweep.studies.variables import (
     states,
     storey_heights,
 )
+
+UP, DOWN = "up", "down"
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +172,11 @@ class RunGrid(Part):
         return compute_again(self, block, row, run, start)
 
     @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of a map that may be refined, by key of the job."""
+        return {"sweep.omega": self.omega, "sweep.amplitude": self.amplitude}
+
+    @property
     def covered(self) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies and amplitudes of the motions, ascending or their range."""
         frames = range(min(self.n_frames, MAX_FRAMES))
@@ -243,3 +250,39 @@ class RunGrid(Part):
         from hpcsweep.studies.compilation import warm_up, worth_specialising
 
         warm_up(self._all_settings, say, None, self.structure, worth_specialising(self, n_ranks))
+
+
+class AlongAmplitudes(RunGrid):
+    """A grid each frame of which is a path: up, then down if that is a direction too."""
+
+    is_path: ClassVar[bool] = True
+
+    def task_of(self, *place):
+        """Return the task of blocks: their frame."""
+        return place[-2]
+
+    def path(self, task: int) -> Path:
+        """Return the blocks of a frame: up, then down."""
+
+        def block(position: int) -> Block:
+            direction, number = divmod(position, self.n_blocks)
+            return self.block((direction, task, number))
+
+        return Path(len(self.directions) * self.n_blocks, block)
+
+    def descends(self, direction: int) -> bool:
+        """Return whether the amplitudes of a direction are computed in descending order."""
+        return self.directions[direction] == DOWN
+
+    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
+        """Return the index of the previous run on the path; None for the first."""
+        if row != block.begin:
+            return block.run(row + 1 if block.descending else row - 1)
+        path = self.path(block.task)
+        position = next(k for k, other in enumerate(path) if other.place == block.place)
+        before = path[position - 1] if position else None
+        return before.run(before.end) if before else None
+
+    def describe_task(self, task: int) -> str:
+        """Describe a frame by its frequency."""
+        return f"Omega = {self.omega[task]:.6g}"

@@ -9,9 +9,9 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows
-from hpcsweep.studies.growth import StudyGrowth
 from hpcsweep.studies.invariants import Broken, listed, of_each
 from hpcsweep.studies.keys import Tables
+from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -43,6 +43,13 @@ class Part(ABC):
     n_parts: ClassVar[int] = 1
     slots: ClassVar[Mapping[str, str]] = {}
     """See `hpcsweep.studies.invariants.of_each`."""
+    refine: Refinement | None = None
+    """Which points of its map are computed; None: all."""
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of a map that may be refined, by key of the job."""
+        return {}
 
     @property
     @abstractmethod
@@ -166,11 +173,6 @@ class Part(ABC):
     def starting_range(self) -> dict[str, tuple[int, float, float]]:
         """Component and range of drawn or gridded starts, by name; empty if there are none."""
         return {}
-
-    @property
-    def growth(self) -> StudyGrowth | None:
-        """Return None: all runs are computed."""
-        return None
 
     def with_reader(self, _reader: Reader) -> Self:
         """Return the study itself, whose runs start from no motions of files."""

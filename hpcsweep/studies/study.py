@@ -17,7 +17,7 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows, Say, Timed
-from hpcsweep.studies.growth import StudyGrowth
+from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -118,8 +118,12 @@ class Work(Protocol):
         """Fields that say which runs there are; empty where a run depends on all of the job."""
 
     @property
-    def growth(self) -> StudyGrowth | None:
-        """How it grows, round by round; None if all runs are computed."""
+    def refine(self) -> Refinement | None:
+        """Which points of its map are computed, round by round; None: all."""
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of its map, by key of the job."""
 
     @property
     def initial_state(self) -> np.ndarray:

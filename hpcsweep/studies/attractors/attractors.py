@@ -37,11 +37,10 @@ from hpcsweep.studies.attractors.search import (
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import SLOTS, attractor_variables
 from hpcsweep.studies.blocks import Block, Poll, Rows
-from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.grid_kinds import UP, AlongAmplitudes, MappedRuns
+from hpcsweep.studies.grid import UP, AlongAmplitudes, RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Key, Tables
-from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
+from hpcsweep.studies.refinement import REFINE, Refinement, read_refinement
 from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
@@ -201,7 +200,7 @@ class Attractors(AlongAmplitudes, AttractorGrid):
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedAttractors(MappedRuns, AttractorGrid):
+class RefinedAttractors(AttractorGrid):
     """Attractors of points on their own, of which a refined map of their number is made.
 
     Nothing is continued from the amplitude before: the seed at every point is the initial state,

@@ -9,8 +9,8 @@ from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import KINDS, UNSTORED
-from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import SOURCE, inferred_name
+from hpcsweep.studies.refinement import Source
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.tally import BaseTally, class_shares, contact_shares, share, shares
 

@@ -19,7 +19,7 @@ from hpcsweep.studies.basins.slice import SliceGrid, read_slice
 from hpcsweep.studies.basins.variables import COMMIT, RUN, basin_variables
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.invariants import Broken
-from hpcsweep.studies.refine.refinement import read_refinement
+from hpcsweep.studies.refinement import read_refinement
 from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Variable
 

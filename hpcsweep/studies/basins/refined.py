@@ -25,15 +25,14 @@ from hpcsweep.studies.basins.variables import (
     listed_variables,
 )
 from hpcsweep.studies.blocks import Block, Poll, Rows
-from hpcsweep.studies.grid_kinds import MappedRuns
 from hpcsweep.studies.invariants import Broken
-from hpcsweep.studies.refine.refinement import Refinement
+from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 LABEL = "attractor"
-"""What distinguishes starts, of `hpcsweep.studies.refine.refinement.LABELS`."""
+"""What distinguishes starts, of `hpcsweep.studies.refinement.LABELS`."""
 
 
 def runs_of(study: SliceGrid):
@@ -45,7 +44,7 @@ def runs_of(study: SliceGrid):
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedBasins(MappedRuns, SliceGrid):
+class RefinedBasins(SliceGrid):
     """Basins on a slice, a start a run; see `SliceGrid`.
 
     Attributes

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from hpcsweep.store.records import BlockCost, CampaignHistory, PilotCost
+from hpcsweep.store.journal import BlockCost, CampaignHistory, PilotCost
 from hpcsweep.studies.study import Study
 
 STRATA = 8

@@ -17,7 +17,7 @@ from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.store import read_history
-from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.store.journal import BlockCost, PilotCost
 from hpcsweep.studies.study import Study
 
 MIN_ELAPSED = 0.5

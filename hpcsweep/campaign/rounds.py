@@ -17,7 +17,7 @@ from hpcsweep.parallel import farm
 from hpcsweep.store import StoreError, WriteError
 from hpcsweep.store.inferred import Inferred, write_inferred
 from hpcsweep.store.inputs import Inputs
-from hpcsweep.store.records import BlockCost
+from hpcsweep.store.journal import BlockCost
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.study import Study
 

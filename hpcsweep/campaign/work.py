@@ -16,7 +16,7 @@ from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Campaign, Journal
 from hpcsweep.store import reuse as reusing
 from hpcsweep.store.inferred import is_complete
-from hpcsweep.store.records import BlockCost, block_record, load_record
+from hpcsweep.store.journal import BlockCost, block_record, load_record
 from hpcsweep.studies.run_names import run_name
 
 LISTED_FAILURES = 10

@@ -13,14 +13,13 @@ from hpcsweep.store.create import create
 from hpcsweep.store.frame_grid import Grid
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.inputs import with_inputs
-from hpcsweep.store.journal import Journal
+from hpcsweep.store.journal import Journal, read_history
 from hpcsweep.store.layout import DamagedError, Layout, StoreError, WriteError
 from hpcsweep.store.lock import Lock
 from hpcsweep.store.offsets import is_packed
 from hpcsweep.store.opening import layout_problems, open_layout, read_layout
 from hpcsweep.store.packing import pack
 from hpcsweep.store.reader import job_of, meanings, open_results
-from hpcsweep.store.records import read_history
 from hpcsweep.store.reuse import Reuse
 
 __all__ = [

@@ -12,7 +12,7 @@ from hpcsweep.campaign.costs import PILOT_TIMED, TaskCosts, n_samples, sample_pl
 from hpcsweep.campaign.progress import Log
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.store.journal import BlockCost, PilotCost
 
 STUDY = """
 [sweep]

@@ -1,5 +1,7 @@
 """Compute runs that skip rules finish, many in one compiled call; see `runs` for the rules."""
 
+from typing import Any
+
 import numpy as np
 
 from hpcsweep.dynamics.arrival import NEAR
@@ -15,7 +17,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import exponent_of_orbit
-from hpcsweep.studies.sweep.rows import Result, store
+from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store
 
 AT_ONCE = 256
 """Runs, at most, for whose results room is made."""
@@ -104,7 +106,7 @@ class Batch:
                 return int(k)
         return None
 
-    def _result(self, followed: Followed, amplitudes: np.ndarray) -> Result:
+    def _result(self, followed: Followed, amplitudes: np.ndarray) -> dict[str, Any]:
         """Return the results of the orbits; those of motions without contact in closed form."""
         orbits, measures = followed.orbits, followed.measures
         exponents = np.full(len(orbits.rule), np.nan)
@@ -121,19 +123,20 @@ class Batch:
             if measures.size:
                 measures[free] = linear.measures(amplitudes[free])
         no_contact = orbits.contact == 0
-        return Result(
-            orbits.period,
-            orbits.cycles,
-            orbits.points[np.arange(len(orbits.rule)), orbits.length - 1],
-            _last_points(orbits),
-            orbits.period,
-            orbits.contact,
-            orbits.peak_drift,
-            orbits.modal_norm,
-            measures,
-            *(exponents, exponents, exponents),
-            np.where(no_contact, MotionClass.NO_CONTACT, MotionClass.PERIODIC),
-        )
+        return {
+            "orbit_period": orbits.period,
+            "cycles": orbits.cycles,
+            "final_state": orbits.points[np.arange(len(orbits.rule)), orbits.length - 1],
+            "points": _last_points(orbits),
+            "n_points": orbits.period,
+            "contact": orbits.contact,
+            "peak_drift": orbits.peak_drift,
+            "modal_norm": orbits.modal_norm,
+            "measures": measures,
+            "motion": np.where(no_contact, MotionClass.NO_CONTACT, MotionClass.PERIODIC),
+            "window_period": NOT_TESTED,
+            **dict.fromkeys(EXPONENTS, exponents),
+        }
 
     def _exponents(self, orbits: Orbits, amplitudes: np.ndarray) -> np.ndarray:
         """Return the largest Lyapunov exponent of each orbit, except of free motions."""

@@ -254,7 +254,7 @@ class Varied:
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 
 
-SHARED = frozenset(name for interface in Study.__mro__ for name in vars(interface))
+SHARED = frozenset(vars(Study))
 """The interface of a study: what a `Varied` does not define all of its parts have in common."""
 
 

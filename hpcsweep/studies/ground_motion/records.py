@@ -19,7 +19,6 @@ from hpcsweep.studies.ground_motion import describe, keys
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.recompute import response_again
 from hpcsweep.studies.ground_motion.responses import SKIP_RULES
-from hpcsweep.studies.ground_motion.tally import ResponseTally
 from hpcsweep.studies.ground_motion.variables import (
     COMMIT,
     FACTOR,
@@ -31,7 +30,7 @@ from hpcsweep.studies.ground_motion.variables import (
 )
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
-from hpcsweep.studies.study import RunAgain
+from hpcsweep.studies.study import RunAgain, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
@@ -181,9 +180,9 @@ class Records(RecordGrid):
         linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
         return {"runs_below_contact": int(linear.sum())}
 
-    def tally(self) -> ResponseTally:
+    def tally(self) -> StudyTally:
         """Return a tally of runs for ``summary``."""
-        return ResponseTally(self)
+        return describe.ResponseTally(self)
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""

@@ -1,7 +1,8 @@
-"""Invariants of the results of a study of attractors."""
+"""Invariants of the results of studies of attractors and of basins."""
 
 import numpy as np
 
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.attractors import RECORD
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import share_interval
@@ -19,7 +20,7 @@ def broken_relations(limits: SearchLimits, rows: Rows) -> Broken:
     return {
         **_of_counts(limits, rows, held),
         **_of_shares(limits, rows, held),
-        **of_motions(rows, held),
+        **_of_motions(rows, held),
         **of_points(rows, held, np.minimum(np.where(period > 0, period, RECORD), room), "point"),
     }
 
@@ -33,7 +34,7 @@ def _of_counts(limits: SearchLimits, rows: Rows, held: np.ndarray) -> Broken:
         "each start is counted once": starts != limits.starts,
         "attractors are stored as far as there is room": held.sum(axis=1)
         != np.minimum(number, limits.max_attractors),
-        "stored attractors come first": (held[:, 1:] & ~held[:, :-1]).any(axis=1),
+        "stored attractors come first": _with_gaps(held),
         "identities are given once": twice,
         "identities are at most last_id": (ids > rows["last_id"][:, None]).any(axis=1),
     }
@@ -57,7 +58,7 @@ def _of_shares(limits: SearchLimits, rows: Rows, held: np.ndarray) -> Broken:
     }
 
 
-def of_motions(rows: Rows, held: np.ndarray) -> Broken:
+def _of_motions(rows: Rows, held: np.ndarray) -> Broken:
     """Check kind, period and multiplier of attractors."""
     kind, period, multiplier = rows["motion_class"], rows["orbit_period"], rows["multiplier"]
     orbit = held & (kind == MotionClass.PERIODIC)
@@ -67,3 +68,46 @@ def of_motions(rows: Rows, held: np.ndarray) -> Broken:
             "orbits, and nothing else, have a period": (held & (orbit != (period > 0))).any(axis=1),
             "orbits attract": (orbit & ~(multiplier < 1)).any(axis=1),
         }
+
+
+def _with_gaps(held: np.ndarray) -> np.ndarray:
+    """Return where an attractor comes after none."""
+    return (held[:, 1:] & ~held[:, :-1]).any(axis=1)
+
+
+def broken_rows(rows: Rows) -> Broken:
+    """Check k rows of starts against the relations of `hpcsweep.studies.basins.basins`."""
+    return _of_labels(rows) | _of_listed(rows)
+
+
+def _of_labels(rows: Rows) -> Broken:
+    labels, ids = rows["label"], rows["attractor_id"]
+    counts = {
+        name: (labels == value).sum(axis=1) != rows[name]
+        for name, value in (
+            ("n_undecided", UNDECIDED),
+            ("n_failed", FAILED),
+            ("n_elsewhere", ELSEWHERE),
+        )
+    }
+    hits = (labels[:, None, :] == np.where(ids > 0, ids, 127)[:, :, None]).sum(axis=2)
+    others = UNDECIDED, FAILED, ELSEWHERE
+    known = np.array(
+        [np.isin(own, (*low[low > 0], *others)).all() for own, low in zip(labels, ids, strict=True)]
+    )
+    return {
+        "each start is labelled by an attractor of the list, -1, -2 or -3": ~known,
+        "hits are those of the labels": (np.where(ids > 0, rows["hits"], 0) != hits).any(axis=1),
+        **{f"{name} is that of the labels": where for name, where in counts.items()},
+    }
+
+
+def _of_listed(rows: Rows) -> Broken:
+    ids = rows["attractor_id"]
+    held = ids > 0
+    number = np.arange(1, ids.shape[1] + 1)
+    return {
+        "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
+        "attractors come first": _with_gaps(held),
+        **_of_motions(rows, held),
+    }

@@ -81,9 +81,9 @@ class Basins(SliceGrid):
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
-        from hpcsweep.studies.basins.invariants import broken_relations
+        from hpcsweep.studies.attractors.invariants import broken_rows
 
-        return broken_relations(rows)
+        return broken_rows(rows)
 
     def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
         """Describe a row by its value of the component and the point (A, Omega)."""

@@ -5,28 +5,21 @@ The points of a map are counted through ``commit``, where each is a block.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, cast
 
 import numpy as np
 
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Block, Poll, Rows
+from hpcsweep.studies.part import Part
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
 from hpcsweep.studies.refine.variables import derived_values, map_shape
 from hpcsweep.studies.refinement import Refinement
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import Study, as_kind
 
 AT_ONCE = 64
 """Points of a task, at most; where a point takes long one is."""
-
-
-class Mapped(Protocol):
-    """Part of a study whose map grows."""
-
-    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> dict:
-        """Compute the runs of a frame at places along its last axis, in this order."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +59,7 @@ class MapGrowth:
     def compute(self, blocks: Sequence[Block], state: np.ndarray, poll: Poll) -> list[Rows]:
         """Compute points of a frame, each a block, from a state."""
         parts = [self.study.part_of(block) for block in blocks]
-        part, (_, frame, _) = cast(Mapped, parts[0][0]), parts[0][1].first
+        part, (_, frame, _) = as_kind(parts[0][0], Part), parts[0][1].first
         places = np.array([inner.first[-1] for _, inner in parts])
         found = part.runs_at(frame, places, state, poll)
         return [{name: rows[k : k + 1] for name, rows in found.items()} for k in range(len(blocks))]

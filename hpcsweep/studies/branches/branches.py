@@ -21,17 +21,7 @@ from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
 from hpcsweep.studies.branches.invariants import broken_relations
-from hpcsweep.studies.branches.keys import (
-    KEYS,
-    NUMBERS,
-    PARAMETER,
-    BranchGrid,
-    lines_of,
-    need_parameter,
-    read_curves,
-    seeds_of,
-    span_of,
-)
+from hpcsweep.studies.branches.keys import KEYS, BranchGrid, read_lines
 from hpcsweep.studies.branches.tally import BranchTally
 from hpcsweep.studies.branches.variables import (
     COMMIT,
@@ -101,24 +91,8 @@ class Branches(BranchGrid):
         if common["block_size"] != 1:
             given = values.get("output.block")
             raise values.error("output.block", given, "must be 1, each line a block")
-        parameter = values.read("branches", PARAMETER)
-        need_parameter(values, structure, parameter)
-        omega = values.frequencies("sweep.omega")
-        amplitude = values.amplitudes("sweep.amplitude")
-        span = span_of(values, parameter, omega, amplitude)
-        lines = lines_of(parameter, omega, amplitude, span)
         common["settings"] = replace(settings, metrics=frozenset(), classify_cycles=None)
-        return cls(
-            omega=lines[0],
-            amplitude=lines[1],
-            directions=(START,),
-            seeds=seeds_of(values),
-            parameter=parameter,
-            span=span,
-            **read_curves(values, parameter, omega),
-            **{key.name: values.read("branches", key) for key in NUMBERS.values()},
-            **common,
-        )
+        return cls(directions=(START,), **read_lines(values, structure), **common)
 
     @property
     def covered(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,7 @@
 """Keys of a study of branches, and the fields that are read from them."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -96,14 +97,14 @@ class BranchGrid(RunGrid):
     max_curve_points: int = NUMBERS["max_curve_points"].default
 
 
-def read_curves(values, parameter: str, omega: np.ndarray) -> dict:
+def _read_curves(values, parameter: str, omega: np.ndarray) -> dict:
     """Read which curves are followed, and over which frequencies."""
     given = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
     if given and parameter != "amplitude":
         limit = 'must be "amplitude" where branches.curves are followed'
         raise values.error("branches.parameter", parameter, limit)
     whole = [float(omega.min()), float(omega.max())]
-    span, low, high = pair_of(values, "branches.curve_span", whole)
+    span, low, high = _pair_of(values, "branches.curve_span", whole)
     values.check_range("branches.curve_span", omega=(low, high))
     if given and not (low < high and low <= omega.min() and omega.max() <= high):
         raise values.error("branches.curve_span", span, "must be two ends that hold sweep.omega")
@@ -111,21 +112,33 @@ def read_curves(values, parameter: str, omega: np.ndarray) -> dict:
     return {"curves": kinds, "curve_span": (low, high) if kinds else None}
 
 
-def seeds_of(values) -> tuple[str, ...]:
-    """Read the results files whose motions are the seeds."""
-    given = values.get("branches.seeds")
-    return values.names("branches.seeds", given, "a results file, or a list of them")
-
-
-def need_parameter(values, structure: Structure, parameter: str) -> None:
-    """Refuse a number that the structure does not have as one."""
+def read_lines(values, structure: Structure) -> dict[str, Any]:
+    """Read the fields of a study: parameter and span, lines, seeds, curves and limits."""
+    parameter = values.read("branches", PARAMETER)
     try:
         check_parameter(structure, parameter)
     except ValueError as error:
         raise values.error("branches.parameter", parameter, str(error)) from None
+    omega, amplitude = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
+    span = _span_of(values, parameter, omega, amplitude)
+    # the parameter of a line is at the end of its span
+    ends = np.array(span[1:])
+    first = ends if parameter == "omega" else omega
+    second = ends if parameter == "amplitude" else amplitude
+    lines = [each.ravel() for each in np.meshgrid(first, second, indexing="ij")]
+    seeds = values.get("branches.seeds")
+    return {
+        "omega": lines[0],
+        "amplitude": lines[1],
+        "seeds": values.names("branches.seeds", seeds, "a results file, or a list of them"),
+        "parameter": parameter,
+        "span": span,
+        **_read_curves(values, parameter, omega),
+        **{key.name: values.read("branches", key) for key in NUMBERS.values()},
+    }
 
 
-def pair_of(values, key: str, default: list[float] | None) -> tuple[list, float, float]:
+def _pair_of(values, key: str, default: list[float] | None) -> tuple[list, float, float]:
     """Read two numbers; return them as they are given, too."""
     given = values.get(key, default)
     if not isinstance(given, list) or len(given) != 2:
@@ -134,13 +147,13 @@ def pair_of(values, key: str, default: list[float] | None) -> tuple[list, float,
     return given, low, high
 
 
-def span_of(
+def _span_of(
     values, parameter: str, omega: np.ndarray, amplitude: np.ndarray
 ) -> tuple[float, float]:
     """Read the span; default, along A and Omega, that of the job's own."""
     own = {"omega": omega, "amplitude": amplitude}.get(parameter, np.empty(0))
     default = [float(own.min()), float(own.max())] if own.size > 1 else None
-    given, low, high = pair_of(values, "branches.span", default)
+    given, low, high = _pair_of(values, "branches.span", default)
     if not -1e200 <= low < high <= 1e200:
         raise values.error("branches.span", given, "must have low below high, both at most 1e200")
     if parameter in ("omega", "amplitude"):
@@ -148,11 +161,3 @@ def span_of(
     elif low < 0:
         raise values.error("branches.span", given, f"{parameter} must be at least 0")
     return low, high
-
-
-def lines_of(parameter: str, omega: np.ndarray, amplitude: np.ndarray, span) -> np.ndarray:
-    """Return frequency and amplitude of each line, the parameter's at the end of its span."""
-    ends = np.array(span[1:])
-    first = ends if parameter == "omega" else omega
-    second = ends if parameter == "amplitude" else amplitude
-    return np.array([each.ravel() for each in np.meshgrid(first, second, indexing="ij")])

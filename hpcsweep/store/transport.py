@@ -9,7 +9,9 @@ call waits for another rank; ``sync`` flushes what this rank wrote to the disk.
 import errno
 import os
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -49,23 +51,20 @@ class Transport(ABC):
         WriteError
             If the system cannot; also in `sync`. MPI's errors are RuntimeErrors.
         """
-        try:
-            self._write(variable, start, np.ascontiguousarray(rows))
-        except (OSError, RuntimeError) as error:
-            raise self._failure(error) from None
+        self._guarded(self._write, variable, start, np.ascontiguousarray(rows))
 
     def sync(self) -> None:
         """Return once everything this rank wrote is on disk."""
-        try:
-            self._sync()
-        except (OSError, RuntimeError) as error:
-            raise self._failure(error) from None
+        self._guarded(self._sync)
 
-    def _failure(self, error: Exception) -> WriteError:
-        return WriteError(
-            f"{self._path}: cannot be written: {_reason(error)}; what is committed is safe: "
-            "make room and run again to resume"
-        )
+    def _guarded(self, action: Callable[..., None], *arguments: Any) -> None:
+        try:
+            action(*arguments)
+        except (OSError, RuntimeError) as error:
+            raise WriteError(
+                f"{self._path}: cannot be written: {_reason(error)}; what is committed is safe: "
+                "make room and run again to resume"
+            ) from None
 
     @abstractmethod
     def _write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None: ...

@@ -56,8 +56,8 @@ def store(
     rows["outcome"][:] = Outcome.COMPLETE
     for name in rows.keys() & result.keys():
         rows[name][:] = result[name]
+    points = result["points"]
     if "poincare" in rows:
-        points = result["points"]
         most = min(points.shape[-2], rows["poincare"].shape[1])
         rows["poincare"][:, :most] = points[..., :most, :]
     if "drift" in rows:

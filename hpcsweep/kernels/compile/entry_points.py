@@ -138,11 +138,11 @@ class EntryPoint:
     @property
     def is_kept(self) -> bool:
         """Whether the cache has the kernel."""
-        return self.dispatcher.is_kept(self._signature)
+        return self._kernel.cache.holds(self._signature, self.dispatcher.targetctx)
 
     def kept_specialisations(self) -> frozenset[str]:
         """Return the keys of the specialisations that the cache has, for any processor."""
-        return self.dispatcher.kept_specialisations()
+        return self._kernel.cache.specialisations()
 
     @property
     def signatures(self) -> list:

@@ -176,7 +176,7 @@ class KernelDispatcher(CPUDispatcher):
     ----------
     function : callable
     options : dict
-    cache : numba.core.caching.FunctionCache, optional
+    cache : KernelCache, optional
         Keeps what is compiled.
     """
 
@@ -195,14 +195,6 @@ class KernelDispatcher(CPUDispatcher):
     def get_call_template(self, args, kws):
         """Return the signature of a call by a kernel; a part is not typed anew for constants."""
         return self._part.get_call_template(tuple(map(types.unliteral, args)), kws)
-
-    def is_kept(self, sig) -> bool:
-        """Return whether the cache has the kernel compiled for a signature."""
-        return self._cache.holds(sig, self.targetctx)
-
-    def kept_specialisations(self) -> frozenset[str]:
-        """Return the keys of the specialisations that the cache has the kernel for."""
-        return self._cache.specialisations()
 
     def get_overload(self, sig):
         """Return the function that a kernel calls."""

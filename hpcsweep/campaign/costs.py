@@ -2,9 +2,9 @@
 
 Costs are kept in cells (direction, stratum of the last axis of the runs, frame), at most `STRATA`
 strata. The pilot estimates the cost of a run per (stratum, frame), interpolated over frames that it
-did not sample. A measured cell counts as measured; its ratio to the pilot's estimate, also
-interpolated over frames, corrects the cells around it. A block costs what its cell costs, a task
-the sum of its remaining blocks. Only the order of the work depends on this, never a result.
+did not sample. A measured cell counts as measured; others cost the mean of what is known around
+them. A block costs what its cell costs, a task the sum of its remaining blocks. Only the order of
+the work and the remaining time depend on this, never a result.
 """
 
 from collections.abc import Callable, Sequence
@@ -67,7 +67,7 @@ class TaskCosts:
         self._pilot_seconds = np.zeros(shape[1:])
         self._pilot_runs = np.zeros(shape[1:], np.int64)
         self._prior: np.ndarray | None = None
-        self._left: list[float] | None = None
+        self._left: np.ndarray | None = None
 
     def learn(self, history: CampaignHistory, done: np.ndarray) -> None:
         """Update from a journal, and from the places of the blocks that are done."""
@@ -110,20 +110,10 @@ class TaskCosts:
 
     def left(self, task: int) -> float:
         """Estimate the remaining cost (s) of a task; 1 a run if nothing is known."""
-        if self._left is None:
-            per_run = self._per_run().flat[self._cell]
-            self._left = np.bincount(self._table.task, self._left_runs * per_run).tolist()
-        return self._left[task]
+        return float(self._of_tasks_left()[task])
 
     def remaining(self, n_computing: int = 1) -> float | None:
         """Estimate the time (s) that the remaining work takes on a number of ranks.
-
-        The order of the work may rely on the nearest measured block; a sum may not. The pilot's
-        samples scatter, and the ratio of one block to one sample would apply to everything not yet
-        measured; and the frames left late are those whose samples happened to be too low. So the
-        whole pilot is corrected by one ratio for each direction, which starts at 1 and tends to the
-        measured one, and a frame takes the mean of all that is known around it, measured blocks and
-        samples, weighted by their runs.
 
         Returns
         -------
@@ -132,7 +122,42 @@ class TaskCosts:
         """
         if not self.n_known():
             return None
-        prior = self._known_prior()
+        left = self._of_tasks_left()
+        return float(max(left.sum() / n_computing, left.max()))
+
+    def totals(self) -> np.ndarray:
+        """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
+        return self._of_tasks(self._table.n_runs)
+
+    def _of_tasks_left(self) -> np.ndarray:
+        """Estimate the remaining cost (s) of every task, shape (n_tasks,)."""
+        if self._left is None:
+            self._left = self._of_tasks(self._left_runs)
+        return self._left
+
+    def _of_tasks(self, runs: np.ndarray) -> np.ndarray:
+        """Sum the costs (s) of runs, given their number in each block, over tasks."""
+        return np.bincount(self._table.task, runs * self._per_run().flat[self._cell])
+
+    def _rows_of(self, places) -> np.ndarray:
+        """Return the rows of blocks, whose places along each axis are given."""
+        return self._row[np.ravel_multi_index(tuple(places), self._sizes)]
+
+    def _per_run(self) -> np.ndarray:
+        """Estimate the seconds a run, shape (direction, stratum, frame).
+
+        A sum may not rely on the nearest measured block. The pilot's samples scatter, and the ratio
+        of one block to one sample would apply to everything not yet measured; and the frames left
+        late are those whose samples happened to be too low. So the whole pilot is corrected by one
+        ratio for each direction, which starts at 1 and tends to the measured one, and a frame takes
+        the mean of all that is known around it, measured blocks and samples, weighted by their
+        runs.
+        """
+        if not self.n_known():
+            return np.ones(self._runs.shape)
+        if self._prior is None:
+            self._prior = _fill(self._pilot_runs, self._pilot_seconds)
+        prior = self._prior
         cells = np.bincount(self._cell, self._table.n_runs, self._runs.size)
         pilot = PILOT_WEIGHT * float((cells.reshape(self._runs.shape) * prior).sum())
         pilot *= bool(self._pilot_runs.any())  # without a pilot the prior has no unit
@@ -145,42 +170,7 @@ class TaskCosts:
         ratio = ratio[:, None, None]
         around = _around(self._seconds + ratio * self._pilot_seconds) + PRIOR_RUNS * ratio * prior
         mean = around / (_around((self._runs + self._pilot_runs).astype(float)) + PRIOR_RUNS)
-        per_run = np.where(self._runs > 0, self._seconds / np.maximum(self._runs, 1), mean)
-        left = np.bincount(self._table.task, self._left_runs * per_run.flat[self._cell])
-        return float(max(left.sum() / n_computing, left.max()))
-
-    def totals(self) -> np.ndarray:
-        """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
-        return np.bincount(self._table.task, self._table.n_runs * self._per_run().flat[self._cell])
-
-    def _rows_of(self, places) -> np.ndarray:
-        """Return the rows of blocks, whose places along each axis are given."""
-        return self._row[np.ravel_multi_index(tuple(places), self._sizes)]
-
-    def _known_prior(self) -> np.ndarray:
-        """Return the pilot's seconds a run, shape (stratum, frame)."""
-        if self._prior is None:
-            self._prior = _fill(self._pilot_runs, self._pilot_seconds)
-        return self._prior
-
-    def _per_run(self) -> np.ndarray:
-        """Estimate the seconds a run, shape (direction, stratum, frame)."""
-        prior = self._known_prior()
-        known = self._runs > 0
-        if not known.any():
-            return np.broadcast_to(prior, known.shape).copy()
-        expected = self._runs * prior
-        # a cell with no measured neighbour over the frames is corrected as the whole is
-        ratio = np.full(known.shape, self._seconds.sum() / expected.sum())
-        frames = np.arange(known.shape[2])
-        for direction, stratum in np.ndindex(known.shape[:2]):
-            at = np.flatnonzero(known[direction, stratum])
-            if at.size:
-                cell = direction, stratum, at
-                ratio[direction, stratum] = np.interp(
-                    frames, at, self._seconds[cell] / expected[cell]
-                )
-        return ratio * prior
+        return np.where(self._runs > 0, self._seconds / np.maximum(self._runs, 1), mean)
 
 
 def _around(values: np.ndarray) -> np.ndarray:

@@ -10,14 +10,13 @@ the remaining time known from the start.
 import time
 from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
+from typing import Any
 
 from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.store import read_history
-from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.store.records import BlockCost
 from hpcsweep.studies.study import Study
 
 MIN_ELAPSED = 0.5
@@ -34,39 +33,31 @@ class KnownCosts:
     ----------
     comm : hpcsweep.parallel.mpi.Serial or hpcsweep.parallel.mpi.Ranks
     study : Study
-    output : Path
-        File whose journal is read.
-    wanted : bool
-        Whether there is more than one task to do; the same on every rank.
+    output : Path, optional
+        File whose journal is read, where there is more than one task to do.
     done : ndarray of int, shape (n, n_axes)
         Places of the blocks of unfinished tasks that are done.
     """
 
-    def __init__(self, comm, study: Study, output: Path, wanted: bool, done: np.ndarray):
-        self._comm, self._study = comm, study
+    def __init__(self, comm, study: Study, output: Path | None = None, done: Any = ()):
         self.n_computing = computing_ranks(comm.size)
-        self.wanted = wanted
         self.begun: float | None = None
         self.spent = 0.0
-        if comm.rank != 0 or not self.wanted:
-            return
-        self.tasks = TaskCosts(study)
-        self.tasks.learn(read_history(output), done)
+        self.tasks: TaskCosts | None = None
+        self._n_samples = costs.n_samples(study)
+        if comm.rank == 0 and output is not None:
+            self.tasks = TaskCosts(study)
+            self.tasks.learn(read_history(output), done)
 
     def n_samples(self) -> int:
         """Return the number of samples that a pilot has yet to time; 0 except on rank 0."""
-        if self._comm.rank != 0 or not self.wanted:
+        if not self.tasks or self.tasks.n_known() >= self._n_samples * costs.PILOT_TIMED:
             return 0
-        count = costs.n_samples(self._study)
-        return 0 if self.tasks.n_known() >= count * costs.PILOT_TIMED else count
-
-    def sampled(self, sample: PilotCost) -> None:
-        """Update from a pilot's runs."""
-        self.tasks.sampled(sample)
+        return self._n_samples
 
     def block_done(self, cost: BlockCost) -> None:
         """Update from a block."""
-        if self.wanted:
+        if self.tasks:
             self.tasks.measured(cost)
             self.tasks.done(cost.place)
             self._spend(cost.seconds)
@@ -77,18 +68,9 @@ class KnownCosts:
         if self.begun is None:
             self.begun = time.monotonic() - seconds
 
-    def taken(self, place: tuple[int, ...]) -> None:
-        """Record that a block was reused from another file."""
-        if self.wanted:
-            self.tasks.done(place)
-
-    def left(self, task: int) -> float:
-        """Estimate the remaining cost (s) of a task; 0 where costs are not needed."""
-        return self.tasks.left(task) if self.wanted and self._comm.size > 1 else 0.0
-
     def seconds_left(self) -> float | None:
         """Estimate the wall time (s) that the runs take which are left; None if it is not known."""
-        return self.tasks.remaining(self.n_computing) if self.wanted else None
+        return self.tasks.remaining(self.n_computing) if self.tasks else None
 
 
 def remaining_of(campaigns: Sequence[KnownCosts]) -> float | None:

@@ -86,7 +86,11 @@ class RankWork:
 
     def estimate(self, wanted: bool) -> None:
         """Begin to estimate the costs of tasks if `wanted`, as rank 0 decides."""
-        self.costs = KnownCosts(self._comm, self.study, self.output, wanted, self._done)
+        self.costs = KnownCosts(self._comm, self.study, self.output if wanted else None, self._done)
+
+    def left(self, task: int) -> float:
+        """Estimate the remaining cost (s) of a task, on rank 0; 0 where costs are not needed."""
+        return self.costs.tasks.left(task) if self.costs.tasks and self._comm.size > 1 else 0.0
 
     def plan(self) -> np.ndarray | None:
         """Return the runs of the next round, on rank 0; None: the study has no rounds."""
@@ -109,7 +113,8 @@ class RankWork:
         cost, failures, taken = value
         self._failures.add(failures)
         if taken:
-            self.costs.taken(cost.place)
+            if self.costs.tasks:
+                self.costs.tasks.done(cost.place)
         else:
             self.costs.block_done(cost)
             self._note_cost(rank, cost)

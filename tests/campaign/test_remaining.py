@@ -129,7 +129,7 @@ def test_what_a_rank_does_besides_its_runs_is_in_the_remaining_time(tmp_path, mo
     study = parse_job(text.replace("2000", "50"), "", "points").study
     now = [100.0]
     monkeypatch.setattr(pilot.time, "monotonic", lambda: now[0])
-    known = pilot.KnownCosts(Serial(), study, tmp_path / "a.h5", True, NONE)
+    known = pilot.KnownCosts(Serial(), study, tmp_path / "a.h5", NONE)
     done = study.n_tasks // 5
     for task in range(done):
         (block,) = study.path(task)

@@ -61,13 +61,6 @@ class TimeInterval(NamedTuple):
     high: float
 
 
-class Pass(NamedTuple):
-    """Seconds a run of each sample, shape (n,), by the processor's time and by the clock."""
-
-    processor: np.ndarray
-    clock: np.ndarray
-
-
 @dataclass(frozen=True)
 class Pilot:
     """Timed runs of a job.
@@ -76,8 +69,8 @@ class Pilot:
     ----------
     tasks : ndarray, shape (n_tasks,)
         Estimated cost (s) of every task.
-    passes : (Pass, Pass)
-        The same samples, twice.
+    samples : ndarray, shape (2, 2, n)
+        Seconds a run of the same samples in two passes, by the processor's time and by the clock.
     n_runs : int
         Runs timed in a pass.
     load_seconds, kernel_seconds : float
@@ -87,7 +80,7 @@ class Pilot:
     """
 
     tasks: np.ndarray
-    passes: tuple[Pass, Pass]
+    samples: np.ndarray
     n_runs: int
     load_seconds: float
     kernel_seconds: float
@@ -99,19 +92,16 @@ def useful_ranks(tasks: np.ndarray) -> float:
     return float(tasks.sum() / tasks.max())
 
 
-def mean_interval(passes: tuple[Pass, Pass]) -> TimeInterval:
-    """Return an interval of the mean cost (s) of a run; see the module."""
+def mean_interval(samples: np.ndarray) -> TimeInterval:
+    """Return an interval of the mean cost (s) of a run, from `Pilot.samples`; see the module."""
     from scipy.special import stdtrit  # other commands do not need it
 
-    factors, processor, clock = [], [], []
-    for each in passes:
-        n, mean = each.processor.size, float(each.processor.mean())
-        error = float(each.processor.std(ddof=1)) / np.sqrt(n) / mean
-        factors.append(np.exp(stdtrit(n - 1, 0.5 + NOMINAL / 2) * error))
-        processor.append(mean)
-        clock.append(float(each.clock.mean()))
-    factor = max(factors)
-    return TimeInterval(min(processor) / factor, max(*clock, LOAD * max(processor)) * factor)
+    processor, n = samples[:, 0], samples.shape[-1]
+    means, clock = processor.mean(axis=-1), samples[:, 1].mean(axis=-1)
+    errors = processor.std(axis=-1, ddof=1) / np.sqrt(n) / means
+    factor = float(np.exp(stdtrit(n - 1, 0.5 + NOMINAL / 2) * errors.max()))
+    slowest = max(clock.max(), LOAD * means.max())
+    return TimeInterval(float(means.min()) / factor, float(slowest) * factor)
 
 
 def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
@@ -135,9 +125,9 @@ def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
     while len(once) < 2 or (time.perf_counter() - begun < seconds / 2 and len(once) < most):
         once.append(_time(study, tasks, len(once), together))
     again = [_time(study, tasks, index, together) for index in range(len(once))]
-    passes = Pass(*np.array(once)[:, :2].T), Pass(*np.array(again)[:, :2].T)
+    samples = np.array([once, again])[..., :2].swapaxes(1, 2)
     n_runs = sum(runs for _, _, runs in once)
-    return Pilot(tasks.totals(), passes, n_runs, load, kernels, bool(said))
+    return Pilot(tasks.totals(), samples, n_runs, load, kernels, bool(said))
 
 
 def _time(study: Study, tasks: TaskCosts, index: int, n_runs: int) -> tuple[float, float, int]:
@@ -150,9 +140,9 @@ def _time(study: Study, tasks: TaskCosts, index: int, n_runs: int) -> tuple[floa
     return each * min(processor / clock, 1.0), each, sample.runs
 
 
-def whole(job: Job, passes: tuple[Pass, Pass], n_least_runs: int) -> TimeInterval:
+def whole(job: Job, samples: np.ndarray, n_least_runs: int) -> TimeInterval:
     """Return an interval of the processor's time (s) of a whole job, `n_least_runs` at least."""
-    study, mean = job.study, mean_interval(passes)
+    study, mean = job.study, mean_interval(samples)
     n_blocks = study.n_runs / study.block_size
     low = n_least_runs / study.n_runs * n_blocks * COMMIT_SECONDS[0] + n_least_runs * mean.low
     return TimeInterval(low, n_blocks * COMMIT_SECONDS[1] + study.n_runs * mean.high)
@@ -195,8 +185,7 @@ def study_text(study: Study) -> str:
 def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> list[str]:
     """Format what a job costs, and the lines of a batch script that fit."""
     study, noun = job.study, job.study.run_noun
-    first, second = pilot.passes
-    each = [np.mean([a.mean(), b.mean()]) for a, b in zip(first, second, strict=True)]
+    each = pilot.samples.mean(axis=(0, 2))
     kernels = "compiled, once for this type of processor" if pilot.compiled else "loaded"
     longest, useful = int(pilot.tasks.argmax()), useful_ranks(pilot.tasks) * (1 + ROUNDING)
     n_runs = sum(block.n_runs for block in study.path(longest))
@@ -240,6 +229,6 @@ def estimate(job: Job, output: Path) -> str:
         *describe(job),
         f"file:       {output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names",
         *filter(None, [refined]),
-        *cost_lines(job, pilot, whole(job, pilot.passes, least), peak),
+        *cost_lines(job, pilot, whole(job, pilot.samples, least), peak),
     ]
     return "\n".join(lines)

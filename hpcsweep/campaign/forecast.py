@@ -12,6 +12,7 @@ end is the faster pass by the processor's time, the upper end the slower pass by
 `LOAD` times the processor's time, whichever is longer.
 """
 
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +20,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.campaign import costs, slurm
+from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.campaign.describe import describe
 from hpcsweep.campaign.progress import note
 from hpcsweep.job import Job
 from hpcsweep.parallel import memory
+from hpcsweep.parallel.schedule import DEDICATED_MASTER
 from hpcsweep.store import Layout, with_inputs
 from hpcsweep.store.inputs import Inputs
 from hpcsweep.studies.run_names import count
@@ -48,6 +50,15 @@ ROUNDING = 1e-9
 """Relative error of a sum of equal costs."""
 COPIES = 3
 """Copies of a block of results that a rank holds at once: computed, ordered, checked."""
+START_SECONDS = 600.0
+"""Added to the time of a Slurm request: for the kernels that are compiled on a node's first run,
+the pilot, and the signal before the time limit (`slurm/once.sh`: 300 s)."""
+TIME_STEP = 300.0
+"""The time of a request is a whole multiple of this (s)."""
+MEMORY_MARGIN = 1.25
+"""Memory of a request over that of the largest rank."""
+MEMORY_STEP = 100 * 2**20
+"""The memory of a request is a whole multiple of this (bytes)."""
 MPI_BYTES = 40_000_000
 """Additional memory (bytes) of a process under MPI (MPICH: 25 MB)."""
 BYTES_PER_TASK = 1000
@@ -182,6 +193,36 @@ def study_text(study: Study) -> str:
     return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
 
 
+def slurm_lines(n_computing: int, work: float, memory: float) -> list[str]:
+    """Return the lines of a batch script for ranks that compute, and a master beside many of them.
+
+    Parameters
+    ----------
+    n_computing : int
+        At most the ranks that are of use.
+    work : float
+        Most processor time (s) of all tasks.
+    memory : float
+        Bytes of the largest rank.
+    """
+    seconds = TIME_STEP * math.ceil((work / n_computing + START_SECONDS) / TIME_STEP)
+    bytes_of_each = MEMORY_STEP * math.ceil(MEMORY_MARGIN * memory / MEMORY_STEP)
+    return [
+        f"#SBATCH --ntasks={n_computing + (n_computing > DEDICATED_MASTER)}",
+        "#SBATCH --cpus-per-task=1",
+        f"#SBATCH --time={_slurm_time(seconds)}",
+        f"#SBATCH --mem-per-cpu={bytes_of_each // 2**20}M",
+    ]
+
+
+def _slurm_time(seconds: float) -> str:
+    """Format a time for Slurm: [days-]hours:minutes:seconds."""
+    minutes, rest = divmod(math.ceil(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    days, hours = divmod(hours, 24)
+    return f"{f'{days}-' if days else ''}{hours:02d}:{minutes:02d}:{rest:02d}"
+
+
 def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> list[str]:
     """Format what a job costs, and the lines of a batch script that fit."""
     study, noun = job.study, job.study.run_noun
@@ -202,9 +243,9 @@ def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> list[s
         f"longest:    {count(n_runs, noun)} that one rank computes, {study.describe_task(longest)}",
         f"ranks:      {int(useful)} at most are of use, the whole over its longest part",
         f"batch job:  {count(n_ranks, 'rank')}, no more than work for {SESSION_SECONDS / 60:g} min "
-        f"each; the time of the upper end and {slurm.START_SECONDS / 60:g} min; "
-        f"{slurm.MEMORY_MARGIN:g} times the memory:",
-        *slurm.lines(n_ranks, total.high, largest_rank(job, peak)),
+        f"each; the time of the upper end and {START_SECONDS / 60:g} min; "
+        f"{MEMORY_MARGIN:g} times the memory:",
+        *slurm_lines(n_ranks, total.high, largest_rank(job, peak)),
     ]
 
 

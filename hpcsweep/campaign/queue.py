@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from hpcsweep.campaign import costs
-from hpcsweep.campaign.pilot import remaining_of
+from hpcsweep.campaign.costs import remaining_of
 from hpcsweep.campaign.progress import Silent
 from hpcsweep.campaign.work import RankWork
 from hpcsweep.parallel import farm

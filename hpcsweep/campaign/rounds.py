@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from hpcsweep.campaign.pilot import KnownCosts
+from hpcsweep.campaign.costs import KnownCosts
 from hpcsweep.campaign.work import Failures, RankWork
 from hpcsweep.parallel import farm
 from hpcsweep.store import StoreError, WriteError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.pilot import KnownCosts
+from hpcsweep.campaign.costs import KnownCosts
 from hpcsweep.campaign.progress import Silent
 from hpcsweep.campaign.scan import Scan
 from hpcsweep.parallel import farm, memory

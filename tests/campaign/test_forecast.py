@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from tools import GRID, hpcsweep
 
-from hpcsweep.campaign import slurm
 from hpcsweep.campaign.forecast import (
     COMMIT_SECONDS,
     LOAD,
@@ -15,6 +14,7 @@ from hpcsweep.campaign.forecast import (
     TimeInterval,
     advised_ranks,
     mean_interval,
+    slurm_lines,
     useful_ranks,
     whole,
 )
@@ -101,7 +101,7 @@ def test_the_whole_has_the_runs_and_their_blocks_at_least_those_of_a_refined_map
     ],
 )
 def test_lines_have_margins_in_the_units_of_slurm(ranks, work, memory, tasks, time, megabytes):
-    assert slurm.lines(ranks, work, memory) == [
+    assert slurm_lines(ranks, work, memory) == [
         f"#SBATCH --ntasks={tasks}",
         "#SBATCH --cpus-per-task=1",
         f"#SBATCH --time={time}",

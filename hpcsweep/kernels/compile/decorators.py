@@ -45,11 +45,6 @@ class Kernel:
         """Compiler of the kernel."""
         return KernelDispatcher(self.py_func, self._options, self.cache)
 
-    @property
-    def signatures(self) -> list:
-        """The types for which the kernel is compiled."""
-        return self.dispatcher.signatures
-
     def __call__(self, *arguments):
         """Call the kernel from Python."""
         return self.dispatcher(*arguments)

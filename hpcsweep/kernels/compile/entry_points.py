@@ -144,11 +144,6 @@ class EntryPoint:
         """Return the keys of the specialisations that the cache has, for any processor."""
         return self._kernel.cache.specialisations()
 
-    @property
-    def signatures(self) -> list:
-        """The types for which the kernel is compiled."""
-        return self.dispatcher.signatures
-
     def load(self) -> None:
         """Compile the kernel, or load it from the cache, and publish its address."""
         with LOADING:

@@ -110,8 +110,7 @@ class _LowerInline(typed_passes.NativeLowering):
 
     def run_pass(self, state):
         """Lower into a library that is not compiled, and register it for callers."""
-        codegen = state.targetctx.codegen()
-        state.library = _InlineLibrary(codegen, state.func_id.func_qualname)
+        state.library = _InlineLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         with specialise.unspecialised():
             super().run_pass(state)
@@ -129,8 +128,7 @@ class _LowerWhole(typed_passes.NativeLowering):
 
     def run_pass(self, state):
         """Lower into a library that gathers the parts of its parts."""
-        codegen = state.targetctx.codegen()
-        state.library = _WholeLibrary(codegen, state.func_id.func_qualname)
+        state.library = _WholeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return super().run_pass(state)
 

@@ -7,11 +7,10 @@ committed one by one. So neither ranks nor kills change which runs are computed,
 """
 
 import time
-from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.pilot import KnownCosts
+from hpcsweep.campaign.costs import KnownCosts
 from hpcsweep.campaign.work import Failures, RankWork
 from hpcsweep.parallel import farm
 from hpcsweep.store import StoreError, WriteError
@@ -19,7 +18,6 @@ from hpcsweep.store.inferred import Inferred, write_inferred
 from hpcsweep.store.inputs import Inputs
 from hpcsweep.store.journal import BlockCost
 from hpcsweep.studies.blocks import Block
-from hpcsweep.studies.study import Study
 
 
 class RoundCosts(KnownCosts):
@@ -28,34 +26,19 @@ class RoundCosts(KnownCosts):
     The number of further rounds is unknown.
     """
 
-    def __init__(self, comm, study: Study, output: Path):
-        super().__init__(comm, study, output, False, np.zeros(0, int))
-        self._sizes: list[int] = []
-        self._left = self._done = 0
-
-    def begin(self, sizes: list[int]) -> None:
-        """Begin a round of tasks, given their numbers of runs."""
-        self._sizes, self._left = sizes, sum(sizes)
-
-    def n_samples(self) -> int:
-        """Return 0: there is no pilot."""
-        return 0
+    left_runs = done_runs = 0
 
     def block_done(self, cost: BlockCost) -> None:
         """Learn what runs cost."""
-        self._left -= cost.runs
-        self._done += cost.runs
+        self.left_runs -= cost.runs
+        self.done_runs += cost.runs
         self._spend(cost.seconds)
-
-    def left(self, task: int) -> float:
-        """Return the runs of a task."""
-        return float(self._sizes[task])
 
     def seconds_left(self) -> float | None:
         """Estimate the wall time (s) that the rest of the round takes."""
         if not self.spent:
             return None
-        return max(self._left, 0) * self.spent / self._done / self.n_computing
+        return max(self.left_runs, 0) * self.spent / self.done_runs / self.n_computing
 
 
 class RoundsWork(RankWork):
@@ -104,7 +87,7 @@ class RoundsWork(RankWork):
     def estimate(self, wanted: bool) -> None:
         """Begin to estimate what tasks cost."""
         del wanted
-        self.costs = self._round_costs = RoundCosts(self._comm, self.study, self.output)
+        self.costs = self._round_costs = RoundCosts(self._comm, self.study)
 
     def is_complete(self) -> bool:
         """Return whether no round is left and the file holds all; on rank 0."""
@@ -132,7 +115,11 @@ class RoundsWork(RankWork):
         most = self._growth.at_once
         self._tasks = [part[k : k + most] for part in whole for k in range(0, len(part), most)]
         self.todo = list(range(len(self._tasks)))
-        self._round_costs.begin([len(part) for part in self._tasks])
+        self._round_costs.left_runs = runs.size
+
+    def left(self, task: int) -> float:
+        """Return the number of runs of a task."""
+        return float(len(self._tasks[task]))
 
     def newly_inferred(self) -> int:
         """Count the runs inferred since the last call."""

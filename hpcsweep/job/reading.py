@@ -145,12 +145,13 @@ def read_study(source: str, tree: Mapping):
     if settings.solver == "bdf" and structure.contact_damping.any():
         limit = "must be 'flow' where contacts have dashpots"
         raise values.error("solver.method", settings.solver, limit)
+    block = values.get("output.block", _default_block(values, study))
     return study.read(
         values,
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
         settings=settings,
-        block_size=values.whole("output.block", _default_block(values, study), *BLOCK.limits),
+        block_size=values.whole("output.block", block, *BLOCK.limits),
     )
 
 
@@ -246,9 +247,11 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
     rtol = values.within(
         "solver.rtol", values.get("solver.rtol", SOLVERS[method].rtol), 1e-13, 1e-2
     )
-    longest = values.whole(
-        "sweep.max_orbit_period", min(default.max_orbit_period, longest), 1, longest
-    )
+    key = "sweep.max_orbit_period"
+    period = values.get(key, min(default.max_orbit_period, longest))
+    longest = values.whole(key, period, 1, longest)
+    key = "sweep.classify_cycles"
+    cycles = values.get(key, SOLVERS[method].classify_cycles)
     return SweepSettings(
         transient_cycles=values.read("sweep", TRANSIENT),
         sampling_cycles=sampling,
@@ -259,9 +262,7 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
         skip=_skip(values, skip_rules),
         metrics=frozenset(key.name for key in METRIC_KEYS if values.read("output", key)),
         max_points=_max_points(values, sampling, longest),
-        classify_cycles=values.whole(
-            "sweep.classify_cycles", SOLVERS[method].classify_cycles, 0, MAX_CYCLES
-        ),
+        classify_cycles=values.whole(key, cycles, 0, MAX_CYCLES),
     )
 
 

@@ -155,7 +155,7 @@ def read_refinement(
         limit = f"must lie between 0 and 1, at least {MIN_WRONG:g}"
         raise values.error("study.refine.wrong", wrong, limit)
     levels, seed = (
-        values.whole_in(f"study.refine.{key.name}", given.get(key.name, key.default), *key.limits)
+        values.whole(f"study.refine.{key.name}", given.get(key.name, key.default), *key.limits)
         for key in (LEVELS, SEED)
     )
     return Refinement(levels, tuple(on), wrong, seed, _curves(values, given, known))

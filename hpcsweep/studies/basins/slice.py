@@ -190,7 +190,7 @@ def _span(values, key: str, reach: float, most: int) -> np.ndarray:
     """Read the values of a component, ascending, two or more."""
     if not values.has(key):
         return np.linspace(-reach, reach, SPAN)
-    found = values.numbers(key, True, most)
+    found = values.numbers(key, values.get(key), True, most)
     if found.size < 2 or not np.abs(found).max() <= MAX_STATE:
         limit = f"must have two values or more, at most {MAX_STATE:g}"
         raise values.error(key, values.get(key), limit)

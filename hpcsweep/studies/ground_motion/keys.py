@@ -214,7 +214,7 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
             read[key] = values.choice(name, given, SOILS)
         else:
             least, most = (1, MAX_RECORDS) if key == "count" else (0, 2**63 - 1)
-            read[key] = values.whole_in(name, given, least, most)
+            read[key] = values.whole(name, given, least, most)
     steps = round(min(read["duration"] / read["dt"], 1e9))
     if not 100 <= steps < MAX_SAMPLES:
         limit = f"must be 100 to {MAX_SAMPLES - 1} times dt = {read['dt']:g}"
@@ -287,7 +287,7 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     periods: tuple[float, ...] = ()
     for key in needed:
         most = 1 if key == "period" else MAX_PERIODS
-        listed = values.numbers_in(f"records.scale.{key}", table.get(key), True, most)
+        listed = values.numbers(f"records.scale.{key}", table.get(key), True, most)
         if listed.min() <= 0:
             raise values.error(f"records.scale.{key}", table[key], "must be above 0")
         periods = tuple(listed.tolist())
@@ -298,7 +298,7 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     if "values" in grid and len(grid) > 1:
         raise values.error("records.scale.values", grid["values"], "goes without from and to")
     name = "records.scale.values" if "values" in grid else "records.scale"
-    scale = values.numbers_in(name, grid.get("values", grid), True, MAX_SCALES)
+    scale = values.numbers(name, grid.get("values", grid), True, MAX_SCALES)
     for end in (scale[0], scale[-1]):
         values.positive(name, float(end), *SCALES)
     return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale

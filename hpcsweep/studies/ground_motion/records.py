@@ -66,7 +66,8 @@ class Records(RecordGrid):
             structure = common["structure"] = structure.without_contacts()
         if settings.solver != "flow":
             raise values.error("solver.method", settings.solver, "must be 'flow' for records")
-        wanted = frozenset(name for name in GROUPS if values.flag(f"output.{name}", True))
+        given = {name: values.get(f"output.{name}", True) for name in GROUPS}
+        wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
         common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)
         suite, paths = keys.read_found(values)

@@ -23,11 +23,12 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics import orbit, stability
-from hpcsweep.dynamics.arrival import NEAR, Arriving, Destination
+from hpcsweep.dynamics.arrival import NEAR, Destination, arrive, jump
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
 from hpcsweep.dynamics.lifetime import outlive
+from hpcsweep.dynamics.verification import REACH
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Growth, Observation
@@ -120,7 +121,6 @@ class _Classifier:
     def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int, outlived: int):
         self._outlived = outlived
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
-        self._arriving = Arriving(solver, amplitude, poll)
         self._same = settings.period_tolerance
         self._units = solver.structure.state_units
         self._time = solver.structure.forcing.period(solver.omega)
@@ -161,7 +161,7 @@ class _Classifier:
             return end.state, self.motion(MotionClass.FAILED, end.state[None], outcome=end.outcome)
         if not end.period:
             return end.state, None
-        return self._arrived(self._arriving.at(end.state, end.period, end.state))
+        return self._arrive(end.state, end.period, REACH)
 
     def judge_window(self, z: np.ndarray, seen: Observation) -> Step:
         """Classify a motion by a window; return the state from which to continue."""
@@ -234,7 +234,7 @@ class _Classifier:
             return end, None
         last = points[-3 * period :]
         if found.distance <= self._same and self._closed(last, 3 * period // 2):
-            return self._arrived(self._arriving.close(end, period))
+            return self._arrive(end, period)
         soon = orbit.limit_of_approach(last, period) is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
             self._tried[period] = size
@@ -253,7 +253,7 @@ class _Classifier:
         # short orbits where the last points have closed, long ones where all have
         period = self._closed(points, LONGEST) or (longest and self._closed(points, longest))
         if period:
-            return self._arrived(self._arriving.close(end, period))
+            return self._arrive(end, period)
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
             # near a repelling orbit it is that orbit's growth
             third = size // 3
@@ -288,7 +288,11 @@ class _Classifier:
 
     def _jump(self, points: np.ndarray, period: int) -> Step:
         """Return the approached orbit, if the motion is verified to go there."""
-        return self._arrived(self._arriving.jump(points, period, 0.1 * self._same))
+        return self._arrived(jump(self._solver, points, self._amplitude, period, self._poll))
+
+    def _arrive(self, z: np.ndarray, period: int, reach: float = NEAR) -> Step:
+        """Come to the orbit on which the motion has closed, if there is one."""
+        return self._arrived(arrive(self._solver, z, self._amplitude, period, reach, self._poll))
 
     def _arrived(self, there: Destination) -> Step:
         """Return where to continue, and the motion if it has come to an orbit."""

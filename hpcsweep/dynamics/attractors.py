@@ -25,10 +25,9 @@ from copy import copy
 
 import numpy as np
 
-from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Motion
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import SETTLED, classify_motion
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED, classify_motion
 from hpcsweep.dynamics.known import KnownMotions
 from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
 from hpcsweep.dynamics.neighbourhood import WINDOW, Approached, approach, neighbourhood

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from maps import GOLDEN, circle, delayed_logistic, focus, logistic
 
-from hpcsweep.dynamics.arrival import arrive, jump
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
+from hpcsweep.dynamics.classify_motion import _Classifier
 from hpcsweep.dynamics.orbit import (
     _vanishes,
     closed_period,
@@ -18,6 +18,7 @@ from hpcsweep.dynamics.orbit import (
     smallest_period,
 )
 from hpcsweep.dynamics.stability import aligned, growth_interval
+from hpcsweep.studies.settings import SweepSettings
 
 
 def test_the_tangent_of_the_circle_is_its_derivative():
@@ -106,6 +107,10 @@ def test_an_approach_is_extrapolated_where_it_is_geometric():
     assert limit_of_approach(aside[:9], 1) is None  # along two directions
 
 
+def classifier(solver):
+    return _Classifier(solver, 1.0, SweepSettings(), None, 1000, 100)
+
+
 def last_turn(solver, z, period):
     """Return points that come from elsewhere to z, and go round once from there."""
     elsewhere = np.linspace(0.1, 0.3, 4 * period)[:, None] * [1.0, -1.0]
@@ -118,23 +123,26 @@ def test_a_jump_lands_on_the_orbit_that_the_last_turn_goes_to(off, goes):
     orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real  # of period 2
     for period in (2, 4):
         points = last_turn(solver, np.array([orbit[0] + off, 1e-4]), period)
-        there = jump(solver, points, 1.0, period)
-        assert (there.orbit is not None) is goes  # otherwise it is bent on the way
-        assert np.array_equal(there.state, points[-1])
+        search = classifier(solver)
+        end, motion = search._jump(points, period)
+        assert np.array_equal(end, points[-1])
+        assert (motion is not None) is goes  # otherwise it is bent on the way
+        assert search.cycles >= period
         if goes:
-            assert there.orbit.points[:, 0] == pytest.approx(orbit, abs=1e-12)
+            assert motion.period == 2
+            assert motion.points[-1] == pytest.approx([orbit[0], 0.0], abs=1e-12)
             multiplier = abs(4 + 2 * 3.3 - 3.3**2)
-            assert there.orbit.multiplier == pytest.approx(multiplier, abs=1e-9)
+            assert motion.multiplier == pytest.approx(multiplier, abs=1e-9)
 
 
 def test_no_motion_jumps_to_an_orbit_that_repels_and_one_on_it_is_driven_away():
     solver, point = logistic(3.3), np.array([1 - 1 / 3.3, 0.0])
-    aside = np.array([1e-5, 0.0])
-    assert jump(solver, last_turn(solver, point + aside, 1), 1.0, 1).orbit is None
+    aside, search = np.array([1e-5, 0.0]), classifier(logistic(3.3))
+    assert search._jump(last_turn(solver, point + aside, 1), 1)[1] is None
     for away, left in ((0.0, 1e-8), (1.0, 1e-5)):
-        there = arrive(solver, point + away * aside, 1.0, 1)
-        assert there.orbit is None
-        assert there.state[0] - point[0] == pytest.approx(left, rel=1e-6)
+        z, motion = search._arrive(point + away * aside, 1)
+        assert motion is None
+        assert z[0] - point[0] == pytest.approx(left, rel=1e-6)
 
 
 def approach(limit, amplitudes, multipliers, count=100):

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import SETTLED
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.dynamics.verification import verify_orbit

@@ -27,7 +27,7 @@ no product with the digits of the multipliers.
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -195,7 +195,7 @@ class Curve:
         whole[-1] = border
         return whole
 
-    @property
+    @cached_property
     def tracer(self) -> Any:
         """What finds the points by compiled kernels, or None; see `Map`."""
         return self.map.tracer(self.period, self.scale, Solution.made)

@@ -263,15 +263,9 @@ class AttractorSearch:
         long = self._longest > self._settings.max_orbit_period
         for factor in LADDER if long or not self._known.all_orbits else ():
             cycles = min(factor * self._settings.transient_cycles, self._max_cycles)
-            end = self._settle(state, cycles)
-            if end.outcome is not Outcome.COMPLETE:
-                return self._failed(end.outcome)
-            state = end.state
-            there = self._known.near(state)
+            state, _, there = self._stretch(state, cycles)
             if there is not None:
                 return there
-            if end.period:
-                break
             points, outcome = self._solver.points(state, self._amplitude, WINDOW, self._poll)
             self.cycles += len(points)
             if outcome is not Outcome.COMPLETE:

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import SETTLED
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import floquet_multipliers, orbit_exponent
 from hpcsweep.model.matrices import Contact

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import SETTLED
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
+from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.dynamics.verification import verify_orbit
 from hpcsweep.solvers.flow.flow_map import FlowMap
@@ -109,6 +109,10 @@ class Batch:
     def _result(self, followed: Followed, amplitudes: np.ndarray) -> dict[str, Any]:
         """Return the results of the orbits; those of motions without contact in closed form."""
         orbits, measures = followed.orbits, followed.measures
+        units, same = self._solver.structure.state_units, self._settings.period_tolerance
+        for run in np.flatnonzero(orbits.length > 1).tolist():
+            points = orbits.points[run, : orbits.length[run]] / units
+            orbits.period[run] = smallest_period(points, same)
         exponents = np.full(len(orbits.rule), np.nan)
         if "lyapunov" in self._settings.metrics:
             exponents = self._exponents(orbits, amplitudes)

@@ -12,6 +12,7 @@ end is the faster pass by the processor's time, the upper end the slower pass by
 `LOAD` times the processor's time, whichever is longer.
 """
 
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +20,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.campaign import costs, slurm
+from hpcsweep.campaign import costs
 from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.campaign.describe import describe
 from hpcsweep.campaign.progress import note
 from hpcsweep.job import Job
 from hpcsweep.parallel import memory
+from hpcsweep.parallel.schedule import DEDICATED_MASTER
 from hpcsweep.store import Layout, with_inputs
 from hpcsweep.store.inputs import Inputs
 from hpcsweep.studies.run_names import count
@@ -48,6 +50,15 @@ ROUNDING = 1e-9
 """Relative error of a sum of equal costs."""
 COPIES = 3
 """Copies of a block of results that a rank holds at once: computed, ordered, checked."""
+START_SECONDS = 600.0
+"""Added to the time of a Slurm request: for the kernels that are compiled on a node's first run,
+the pilot, and the signal before the time limit (`slurm/once.sh`: 300 s)."""
+TIME_STEP = 300.0
+"""The time of a request is a whole multiple of this (s)."""
+MEMORY_MARGIN = 1.25
+"""Memory of a request over that of the largest rank."""
+MEMORY_STEP = 100 * 2**20
+"""The memory of a request is a whole multiple of this (bytes)."""
 MPI_BYTES = 40_000_000
 """Additional memory (bytes) of a process under MPI (MPICH: 25 MB)."""
 BYTES_PER_TASK = 1000
@@ -61,13 +72,6 @@ class TimeInterval(NamedTuple):
     high: float
 
 
-class Pass(NamedTuple):
-    """Seconds a run of each sample, shape (n,), by the processor's time and by the clock."""
-
-    processor: np.ndarray
-    clock: np.ndarray
-
-
 @dataclass(frozen=True)
 class Pilot:
     """Timed runs of a job.
@@ -76,8 +80,8 @@ class Pilot:
     ----------
     tasks : ndarray, shape (n_tasks,)
         Estimated cost (s) of every task.
-    passes : (Pass, Pass)
-        The same samples, twice.
+    samples : ndarray, shape (2, 2, n)
+        Seconds a run of the same samples in two passes, by the processor's time and by the clock.
     n_runs : int
         Runs timed in a pass.
     load_seconds, kernel_seconds : float
@@ -87,7 +91,7 @@ class Pilot:
     """
 
     tasks: np.ndarray
-    passes: tuple[Pass, Pass]
+    samples: np.ndarray
     n_runs: int
     load_seconds: float
     kernel_seconds: float
@@ -99,19 +103,16 @@ def useful_ranks(tasks: np.ndarray) -> float:
     return float(tasks.sum() / tasks.max())
 
 
-def mean_interval(passes: tuple[Pass, Pass]) -> TimeInterval:
-    """Return an interval of the mean cost (s) of a run; see the module."""
+def mean_interval(samples: np.ndarray) -> TimeInterval:
+    """Return an interval of the mean cost (s) of a run, from `Pilot.samples`; see the module."""
     from scipy.special import stdtrit  # other commands do not need it
 
-    factors, processor, clock = [], [], []
-    for each in passes:
-        n, mean = each.processor.size, float(each.processor.mean())
-        error = float(each.processor.std(ddof=1)) / np.sqrt(n) / mean
-        factors.append(np.exp(stdtrit(n - 1, 0.5 + NOMINAL / 2) * error))
-        processor.append(mean)
-        clock.append(float(each.clock.mean()))
-    factor = max(factors)
-    return TimeInterval(min(processor) / factor, max(*clock, LOAD * max(processor)) * factor)
+    processor, n = samples[:, 0], samples.shape[-1]
+    means, clock = processor.mean(axis=-1), samples[:, 1].mean(axis=-1)
+    errors = processor.std(axis=-1, ddof=1) / np.sqrt(n) / means
+    factor = float(np.exp(stdtrit(n - 1, 0.5 + NOMINAL / 2) * errors.max()))
+    slowest = max(clock.max(), LOAD * means.max())
+    return TimeInterval(float(means.min()) / factor, float(slowest) * factor)
 
 
 def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
@@ -135,9 +136,9 @@ def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
     while len(once) < 2 or (time.perf_counter() - begun < seconds / 2 and len(once) < most):
         once.append(_time(study, tasks, len(once), together))
     again = [_time(study, tasks, index, together) for index in range(len(once))]
-    passes = Pass(*np.array(once)[:, :2].T), Pass(*np.array(again)[:, :2].T)
+    samples = np.array([once, again])[..., :2].swapaxes(1, 2)
     n_runs = sum(runs for _, _, runs in once)
-    return Pilot(tasks.totals(), passes, n_runs, load, kernels, bool(said))
+    return Pilot(tasks.totals(), samples, n_runs, load, kernels, bool(said))
 
 
 def _time(study: Study, tasks: TaskCosts, index: int, n_runs: int) -> tuple[float, float, int]:
@@ -150,9 +151,9 @@ def _time(study: Study, tasks: TaskCosts, index: int, n_runs: int) -> tuple[floa
     return each * min(processor / clock, 1.0), each, sample.runs
 
 
-def whole(job: Job, passes: tuple[Pass, Pass], n_least_runs: int) -> TimeInterval:
+def whole(job: Job, samples: np.ndarray, n_least_runs: int) -> TimeInterval:
     """Return an interval of the processor's time (s) of a whole job, `n_least_runs` at least."""
-    study, mean = job.study, mean_interval(passes)
+    study, mean = job.study, mean_interval(samples)
     n_blocks = study.n_runs / study.block_size
     low = n_least_runs / study.n_runs * n_blocks * COMMIT_SECONDS[0] + n_least_runs * mean.low
     return TimeInterval(low, n_blocks * COMMIT_SECONDS[1] + study.n_runs * mean.high)
@@ -192,11 +193,40 @@ def study_text(study: Study) -> str:
     return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
 
 
+def slurm_lines(n_computing: int, work: float, memory: float) -> list[str]:
+    """Return the lines of a batch script for ranks that compute, and a master beside many of them.
+
+    Parameters
+    ----------
+    n_computing : int
+        At most the ranks that are of use.
+    work : float
+        Most processor time (s) of all tasks.
+    memory : float
+        Bytes of the largest rank.
+    """
+    seconds = TIME_STEP * math.ceil((work / n_computing + START_SECONDS) / TIME_STEP)
+    bytes_of_each = MEMORY_STEP * math.ceil(MEMORY_MARGIN * memory / MEMORY_STEP)
+    return [
+        f"#SBATCH --ntasks={n_computing + (n_computing > DEDICATED_MASTER)}",
+        "#SBATCH --cpus-per-task=1",
+        f"#SBATCH --time={_slurm_time(seconds)}",
+        f"#SBATCH --mem-per-cpu={bytes_of_each // 2**20}M",
+    ]
+
+
+def _slurm_time(seconds: float) -> str:
+    """Format a time for Slurm: [days-]hours:minutes:seconds."""
+    minutes, rest = divmod(math.ceil(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    days, hours = divmod(hours, 24)
+    return f"{f'{days}-' if days else ''}{hours:02d}:{minutes:02d}:{rest:02d}"
+
+
 def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> list[str]:
     """Format what a job costs, and the lines of a batch script that fit."""
     study, noun = job.study, job.study.run_noun
-    first, second = pilot.passes
-    each = [np.mean([a.mean(), b.mean()]) for a, b in zip(first, second, strict=True)]
+    each = pilot.samples.mean(axis=(0, 2))
     kernels = "compiled, once for this type of processor" if pilot.compiled else "loaded"
     longest, useful = int(pilot.tasks.argmax()), useful_ranks(pilot.tasks) * (1 + ROUNDING)
     n_runs = sum(block.n_runs for block in study.path(longest))
@@ -213,9 +243,9 @@ def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> list[s
         f"longest:    {count(n_runs, noun)} that one rank computes, {study.describe_task(longest)}",
         f"ranks:      {int(useful)} at most are of use, the whole over its longest part",
         f"batch job:  {count(n_ranks, 'rank')}, no more than work for {SESSION_SECONDS / 60:g} min "
-        f"each; the time of the upper end and {slurm.START_SECONDS / 60:g} min; "
-        f"{slurm.MEMORY_MARGIN:g} times the memory:",
-        *slurm.lines(n_ranks, total.high, largest_rank(job, peak)),
+        f"each; the time of the upper end and {START_SECONDS / 60:g} min; "
+        f"{MEMORY_MARGIN:g} times the memory:",
+        *slurm_lines(n_ranks, total.high, largest_rank(job, peak)),
     ]
 
 
@@ -232,14 +262,15 @@ def estimate(job: Job, output: Path) -> str:
     study, size = job.study, Layout(job).file_size()
     pilot, peak = time_pilot(job), memory.peak()
     least, refined = study.n_runs, ""
-    if study.growth is not None:
-        least, refined = study.growth.describe(Inputs(study).crossed())
+    inputs = Inputs(study)
+    if inputs.growth is not None:
+        least, refined = inputs.growth.describe(inputs.crossed())
     lines = [
         f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
         *job.notes,
         *describe(job),
         f"file:       {output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names",
         *filter(None, [refined]),
-        *cost_lines(job, pilot, whole(job, pilot.passes, least), peak),
+        *cost_lines(job, pilot, whole(job, pilot.samples, least), peak),
     ]
     return "\n".join(lines)

@@ -121,14 +121,15 @@ def _cells(row: dict) -> tuple[str, ...]:
 def as_table(rows: Sequence[dict]) -> str:
     """Format rows as lines for a terminal."""
     table = [HEADS, *cells(rows)]
-    widths = [max(len(line[k]) for line in table) for k in range(len(HEADS))]
-    lines = []
-    for line in table:
-        words = [word.ljust(width) for word, width in zip(line[:2], widths, strict=False)]
-        words += [word.rjust(width) for word, width in zip(line[2:], widths[2:], strict=True)]
-        lines.append("  ".join(words).rstrip())
-    lines += [row["why"] for row in rows if row["state"] == "unreadable"]
-    return "\n".join(lines)
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    form = "  ".join(f"{{:{'<' if k < 2 else '>'}{width}}}" for k, width in enumerate(widths))
+    lines = [form.format(*line).rstrip() for line in table]
+    return "\n".join([*lines, *_reasons(rows)])
+
+
+def _reasons(rows: Sequence[dict]) -> list[str]:
+    """Return why files are unreadable."""
+    return [row["why"] for row in rows if row["state"] == "unreadable"]
 
 
 STYLE = (
@@ -149,9 +150,7 @@ def as_page(rows: Sequence[dict]) -> str:
         columns[3] = f'<td class="bar" style="background-size:{line[3] or 0}% 100%">{line[3]}</td>'
         lines.append(f"<tr>{''.join(columns)}</tr>")
     heads = "".join(f"<th>{name}</th>" for name in HEADS)
-    why = "".join(
-        f"<p>{html.escape(row['why'])}</p>" for row in rows if row["state"] == "unreadable"
-    )
+    why = "".join(f"<p>{html.escape(reason)}</p>" for reason in _reasons(rows))
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">{again}'
         f"<title>campaigns</title><style>{STYLE}</style></head><body>\n"

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from hpcsweep.campaign import costs
-from hpcsweep.campaign.pilot import remaining_of
+from hpcsweep.campaign.costs import remaining_of
 from hpcsweep.campaign.progress import Silent
 from hpcsweep.campaign.work import RankWork
 from hpcsweep.parallel import farm
@@ -102,7 +102,7 @@ class Queue:
 
         def on_report(_rank, value) -> None:
             k, sample = value
-            self._works[k].costs.sampled(sample)
+            self._works[k].costs.tasks.sampled(sample)
             self._guarded(k, partial(self._works[k].journal.note, "pilot", **sample._asdict()))
 
         if firsts[-1] == 0:
@@ -146,7 +146,7 @@ class Queue:
 
     def _cost(self, number: int) -> float:
         k, task = self._place(number)
-        return 0.0 if k in self.failed else self._works[k].costs.left(task)
+        return 0.0 if k in self.failed else self._works[k].left(task)
 
     def _remaining(self) -> float | None:
         """Estimate the wall time (s) until all is done; None if it is not known."""

@@ -1,25 +1,23 @@
 """Campaigns of studies that grow: rounds of runs, each known when the one before is computed.
 
-Rank 0 walks the rounds (`hpcsweep.studies.growth`), which depend on the labels of the runs of
+Rank 0 walks the rounds (`hpcsweep.studies.refine`), which depend on the labels of the runs of
 earlier rounds alone. It knows labels from the file, as far as all ranks have verified it, and from
 what ranks report. A round is cut into tasks: runs of one frame, which are computed together and
 committed one by one. So neither ranks nor kills change which runs are computed, or any byte.
 """
 
 import time
-from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.pilot import KnownCosts
+from hpcsweep.campaign.costs import KnownCosts
 from hpcsweep.campaign.work import Failures, RankWork
 from hpcsweep.parallel import farm
 from hpcsweep.store import StoreError, WriteError
 from hpcsweep.store.inferred import Inferred, write_inferred
 from hpcsweep.store.inputs import Inputs
-from hpcsweep.store.records import BlockCost
+from hpcsweep.store.journal import BlockCost
 from hpcsweep.studies.blocks import Block
-from hpcsweep.studies.study import Study
 
 
 class RoundCosts(KnownCosts):
@@ -28,34 +26,19 @@ class RoundCosts(KnownCosts):
     The number of further rounds is unknown.
     """
 
-    def __init__(self, comm, study: Study, output: Path):
-        super().__init__(comm, study, output, False, np.zeros(0, int))
-        self._sizes: list[int] = []
-        self._left = self._done = 0
-
-    def begin(self, sizes: list[int]) -> None:
-        """Begin a round of tasks, given their numbers of runs."""
-        self._sizes, self._left = sizes, sum(sizes)
-
-    def n_samples(self) -> int:
-        """Return 0: there is no pilot."""
-        return 0
+    left_runs = done_runs = 0
 
     def block_done(self, cost: BlockCost) -> None:
         """Learn what runs cost."""
-        self._left -= cost.runs
-        self._done += cost.runs
+        self.left_runs -= cost.runs
+        self.done_runs += cost.runs
         self._spend(cost.seconds)
-
-    def left(self, task: int) -> float:
-        """Return the runs of a task."""
-        return float(self._sizes[task])
 
     def seconds_left(self) -> float | None:
         """Estimate the wall time (s) that the rest of the round takes."""
         if not self.spent:
             return None
-        return max(self._left, 0) * self.spent / self._done / self.n_computing
+        return max(self.left_runs, 0) * self.spent / self.done_runs / self.n_computing
 
 
 class RoundsWork(RankWork):
@@ -65,8 +48,8 @@ class RoundsWork(RankWork):
         """Verify the contents of the file, each rank its share of the frames."""
         del say
         blocks, study = self._campaign.blocks, self.study
-        assert study.growth is not None
-        self._growth = study.growth
+        assert blocks.layout.growth is not None
+        self._growth = blocks.layout.growth
         self._shape = blocks.layout.shape(study.commit)
         self.todo, self._complete, self.scanned = [], False, True
         self._inferred = 0
@@ -91,8 +74,8 @@ class RoundsWork(RankWork):
         self._rounds = self._growth.begin(None if self._complete else self._crossed())
         for part in gathered:
             for found in part[0]:
-                self._rounds.learn(*found)
-        self.done_runs = study.n_runs if self._complete else self._rounds.n_known
+                self._rounds.labels.store(*found)
+        self.done_runs = study.n_runs if self._complete else int(self._rounds.labels.known.sum())
 
     def _crossed(self) -> np.ndarray | None:
         """Read where known curves cross; they were found sound when the file was prepared."""
@@ -104,7 +87,7 @@ class RoundsWork(RankWork):
     def estimate(self, wanted: bool) -> None:
         """Begin to estimate what tasks cost."""
         del wanted
-        self.costs = self._round_costs = RoundCosts(self._comm, self.study, self.output)
+        self.costs = self._round_costs = RoundCosts(self._comm, self.study)
 
     def is_complete(self) -> bool:
         """Return whether no round is left and the file holds all; on rank 0."""
@@ -119,7 +102,7 @@ class RoundsWork(RankWork):
         if runs is not None:
             return runs
         if not self._complete:
-            write_inferred(self._campaign, self._rounds.derived())
+            write_inferred(self._campaign, self._growth.derived(self._rounds))
             self._inferred = self._rounds.n_inferred
             self._complete = True
         return np.zeros(0, int)
@@ -132,7 +115,11 @@ class RoundsWork(RankWork):
         most = self._growth.at_once
         self._tasks = [part[k : k + most] for part in whole for k in range(0, len(part), most)]
         self.todo = list(range(len(self._tasks)))
-        self._round_costs.begin([len(part) for part in self._tasks])
+        self._round_costs.left_runs = runs.size
+
+    def left(self, task: int) -> float:
+        """Return the number of runs of a task."""
+        return float(len(self._tasks[task]))
 
     def newly_inferred(self) -> int:
         """Count the runs inferred since the last call."""
@@ -154,7 +141,7 @@ class RoundsWork(RankWork):
         computed = iter(self._growth.compute(new, start, poll) if new else ())
         rows = [next(computed) if found is None else found for found in taken]
         whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}
-        labels, failures = self._growth.labels(whole), Failures()
+        labels, failures = self._growth.refinement.labels(whole), Failures()
         for block, own, failed in zip(blocks, rows, labels[:, 0], strict=True):
             self._campaign.write_block(block, start, own)
             if failed:
@@ -168,7 +155,7 @@ class RoundsWork(RankWork):
         task, labels, cost, failures = value
         runs = self._tasks[task]
         self._failures.add(failures)
-        self._rounds.learn(runs, labels)
+        self._rounds.labels.store(runs, labels)
         self.costs.block_done(BlockCost((), len(runs), cost.seconds if cost else 0.0))
         if cost:
             self._note_cost(rank, cost)

@@ -160,7 +160,7 @@ def _run_opened(
         works = []
         for (layout, output, _), campaign in zip(opened, campaigns, strict=True):
             earlier = Reuse(layout, reuse)
-            kind = RoundsWork if layout.study.growth else RankWork
+            kind = RoundsWork if layout.growth else RankWork
             works.append(kind(comm, output, campaign, flag, hosts, say, earlier))
         queue = Queue(comm, works, flag)
         try:
@@ -288,12 +288,8 @@ def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]
 
 def _compile_one(comm, study: Study, say: Callable[[str], None]) -> None:
     at_once = comm.gather(study.is_compiled(comm.size))
-    if comm.bcast(at_once and all(at_once)):
-        study.warm_up(n_ranks=comm.size)
-        return
-    first = comm.node_rank() == 0
-    if first:
-        study.warm_up(say if comm.rank == 0 else None, comm.size)
-    comm.barrier()
-    if not first:
-        study.warm_up(n_ranks=comm.size)
+    if not comm.bcast(at_once and all(at_once)):
+        if comm.node_rank() == 0:
+            study.warm_up(say if comm.rank == 0 else None, comm.size)
+        comm.barrier()
+    study.warm_up(n_ranks=comm.size)

@@ -15,8 +15,8 @@ from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Layout, open_layout, read_history
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
+from hpcsweep.store.journal import CampaignHistory, Session
 from hpcsweep.store.opening import check_file
-from hpcsweep.store.records import CampaignHistory, Session
 
 RECENT = 60.0
 """Seconds over which the recent rate is measured."""

@@ -9,7 +9,7 @@ from hpcsweep.dynamics.classify import tells_chaos
 from hpcsweep.job.paths import path_of
 from hpcsweep.model.description import one_line
 from hpcsweep.store import Frames, read_history
-from hpcsweep.store.records import CampaignHistory
+from hpcsweep.store.journal import CampaignHistory
 
 
 def summarize(path: str | Path) -> dict:

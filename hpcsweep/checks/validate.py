@@ -24,9 +24,7 @@ from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
 from hpcsweep.studies.blocks import Block, Place
-from hpcsweep.studies.refine.cells import Labels
-from hpcsweep.studies.refine.refinement import refinement_of
-from hpcsweep.studies.refine.variables import AUDIT, CROSSED, INFERRED, replay
+from hpcsweep.studies.refine.variables import AUDIT, CROSSED, INFERRED, map_shape
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import RunAgain, Study
 
@@ -296,25 +294,26 @@ def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
     list of (tuple of int, str)
         Place of a frame and what is wrong there. Nothing of a map that is not complete yet.
     """
-    inferred, labels = Inferred(blocks), Labels(blocks.study.n_runs)
+    inferred, growth = Inferred(blocks), blocks.layout.growth
+    assert growth is not None
     stored = np.array([blocks.read_rows(INFERRED, place, 1)[0] for place in inferred.places])
     if not stored.any():
         return []
     unknown = inferred.unknown()
     if unknown:
         return [(place, "what is inferred: its checksum does not hold") for place in unknown]
-    for place in inferred.places:
-        labels.store(*inferred.labels(place))
-    stored_boxes = None
-    refinement = refinement_of(blocks.study)
-    assert refinement is not None
-    if refinement.curves:
+    boxes = None
+    if growth.refinement.curves:
         frames = [inferred.frame(place) or {} for place in inferred.places]
-        stored_boxes = np.array([rows[CROSSED] for rows in frames])
-    values = replay(blocks.study, refinement, labels, stored_boxes)
-    if values is None:
+        shape = map_shape(blocks.study)
+        stored = np.array([rows[CROSSED] for rows in frames]).reshape(shape)
+        boxes = stored[(slice(-1),) * len(shape)] != 0
+    rounds = growth.begin(boxes)
+    for place in inferred.places:
+        rounds.labels.store(*inferred.labels(place))
+    if rounds.next() is not None:
         return [(inferred.places[0], "points that the map was refined by are not committed")]
-    audit = inferred.audit()
+    values, audit = growth.derived(rounds), inferred.audit()
     if not np.array_equal(values[AUDIT], audit, equal_nan=True):
         return [(inferred.places[0], "the audit is not that of the computed points")]
     problems = []

@@ -9,6 +9,9 @@ import argparse
 import contextlib
 import traceback
 from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from hpcsweep.figures.options import file_name
 
 USER_ERROR, FAILURE = 2, 1
 Rows = Iterator[tuple[str, str]]
@@ -56,6 +59,13 @@ class AtAction(argparse.Action):
         with contextlib.suppress(ValueError):
             value = float(value)
         getattr(namespace, self.dest)[name.strip()] = value
+
+
+def add_file(parser: argparse.ArgumentParser, output: str = "", told: str = "") -> None:
+    """Add the results file of a command, and ``-o`` where it writes an `output`, `told` in help."""
+    parser.add_argument("file", type=Path, metavar="FILE")
+    if output:
+        parser.add_argument("-o", "--output", type=file_name, metavar=output, help=told)
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:

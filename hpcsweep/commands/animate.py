@@ -3,12 +3,11 @@
 import functools
 import os
 from dataclasses import fields
-from pathlib import Path
 
-from hpcsweep.commands import FAILURE, CommandError, abort, add_at, complain
+from hpcsweep.commands import FAILURE, CommandError, abort, add_at, add_file, complain
 from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
 from hpcsweep.figures.film import figure
-from hpcsweep.figures.options import add_options, file_name, whole_number
+from hpcsweep.figures.options import add_options, whole_number
 
 SUMMARY = "make a film of the orbit diagrams over Omega"
 HELP = figure.HELP
@@ -16,14 +15,7 @@ HELP = figure.HELP
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("file", type=Path, metavar="FILE")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=file_name,
-        metavar="OUT",
-        help="film, .mp4 or .gif (default: FILE.mp4)",
-    )
+    add_file(parser, "OUT", "film, .mp4 or .gif (default: FILE.mp4)")
     add_options(parser, [figure])
     parser.add_argument(
         "--processes",

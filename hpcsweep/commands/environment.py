@@ -7,8 +7,6 @@ printed text would then be written into the results.
 import contextlib
 import os
 import sys
-import tempfile
-from pathlib import Path
 
 from hpcsweep.campaign.progress import note
 from hpcsweep.kernels import folders
@@ -38,16 +36,8 @@ def _open_streams() -> None:
 
 def _look_at_cache() -> None:
     """Report where kernels will be cached if not in the usual folder, which is still read."""
-    folders.set_printer(note if launched_rank() == 0 else folders.say_nothing)
-    usual = folders.cache_root()
-    if not _can_write(usual):
-        folders.say_once(f"{usual}: cannot be written; {folders.where_kept()}")
-
-
-def _can_write(folder: Path) -> bool:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except (OSError, ValueError):
-        return False
+    if launched_rank() == 0:
+        folders.set_printer(note)
+        folders.is_writable()
+    else:
+        folders.set_printer(folders.say_nothing)

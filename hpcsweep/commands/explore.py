@@ -1,12 +1,11 @@
 """`hpcsweep explore`: make a page that shows a whole study in a browser."""
 
 import sys
-from pathlib import Path
 
-from hpcsweep.commands import CommandError, add_at
+from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.figures.explorer import figure
-from hpcsweep.figures.options import add_options, file_name
+from hpcsweep.figures.options import add_options
 from hpcsweep.studies.run_names import count
 
 SUMMARY = "make one page to explore a study in a browser, without a network"
@@ -15,10 +14,7 @@ HELP = figure.HELP
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("file", type=Path, metavar="FILE")
-    parser.add_argument(
-        "-o", "--output", type=file_name, metavar="HTML", help="page (default: FILE with .html)"
-    )
+    add_file(parser, "HTML", "page (default: FILE with .html)")
     add_options(parser, [figure])
     add_at(parser)
 

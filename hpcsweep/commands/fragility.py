@@ -3,10 +3,9 @@
 import contextlib
 import json
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcsweep.commands import CommandError, Rows, add_at, table
+from hpcsweep.commands import CommandError, Rows, add_at, add_file, table
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.figures.options import file_name
 
@@ -33,7 +32,7 @@ examples:
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("file", type=Path, metavar="FILE")
+    add_file(parser)
     wanted = parser.add_mutually_exclusive_group(required=True)
     wanted.add_argument("--threshold", type=float, help="response that is a failure")
     wanted.add_argument("--demands", type=file_name, metavar="CSV", help="table to be written")

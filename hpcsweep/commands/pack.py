@@ -1,8 +1,6 @@
 """`hpcsweep pack`: compress a results file."""
 
-from pathlib import Path
-
-from hpcsweep.figures.options import file_name
+from hpcsweep.commands import add_file
 
 SUMMARY = "compress a results file"
 HELP = """\
@@ -13,14 +11,7 @@ a file that is not complete is packed only into a copy (-o)."""
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("file", type=Path, metavar="FILE")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=file_name,
-        metavar="OUT",
-        help="packed file, must not exist (default: FILE itself is replaced)",
-    )
+    add_file(parser, "OUT", "packed file, must not exist (default: FILE itself is replaced)")
 
 
 def run(options) -> int:

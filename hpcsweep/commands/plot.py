@@ -2,12 +2,11 @@
 
 import argparse
 import contextlib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcsweep.commands import CommandError, add_at
+from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import PICTURE, check_overwriting, writing
-from hpcsweep.figures.options import add_options, figures, file_name, options_of, whole_number
+from hpcsweep.figures.options import add_options, figures, options_of, whole_number
 
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
@@ -27,10 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.description = "\n".join(
         ["Draw a results file.", "", *(_describe(f, default) for f in known.values())]
     )
-    parser.add_argument("file", type=Path, metavar="FILE")
-    parser.add_argument(
-        "-o", "--output", type=file_name, metavar="PNG", help="picture (default: FILE with .png)"
-    )
+    add_file(parser, "PNG", "picture (default: FILE with .png)")
     parser.add_argument(
         "--kind",
         choices=tuple(known),
@@ -64,7 +60,6 @@ def run(options) -> int:
     """Run the command."""
     from hpcsweep.figures.style import resolution, save
     from hpcsweep.store import Frames, job_of
-    from hpcsweep.studies.refine.refinement import refinement_of
 
     known = figures()
     study = job_of(options.file).study
@@ -72,7 +67,7 @@ def run(options) -> int:
     # and of motions without their points there is nothing to draw over an amplitude
     default = _defaults(known)[study.holds]
     pointless = study.holds == "motions" and "poincare" not in {v.name for v in study.variables}
-    if study.is_list or refinement_of(study) or pointless:
+    if study.is_list or study.refine or pointless:
         default = MAPS.get(study.holds, default)
     kind = options.kind or default
     figure = known[kind]

@@ -77,7 +77,11 @@ def run(options) -> int:
 
     if options.dry_run:
         # on one rank, whichever MPI the launcher is of
-        return _dry_run(options) if launched_rank() == 0 else 0
+        if launched_rank() == 0:
+            from hpcsweep.campaign.forecast import estimate
+
+            print("\n\n".join([estimate(job, output) for job, output in _read(options)]))
+        return 0
     # listens from here to the end of the process: a signal while a library is loading is not lost,
     # and one after the last run does no harm
     flag = StopFlag(launched=launched_size() > 1)
@@ -166,12 +170,3 @@ def _worst(endings) -> int:
 
     codes = {code for _, code, _ in endings}
     return next((code for code in (FAILURE, USER_ERROR, STOPPED) if code in codes), 0)
-
-
-def _dry_run(options) -> int:
-    """Print the forecast cost of each job."""
-    from hpcsweep.campaign.forecast import estimate
-
-    texts = [estimate(job, output) for job, output in _read(options)]
-    print("\n\n".join(texts))
-    return 0

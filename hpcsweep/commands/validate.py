@@ -3,9 +3,8 @@
 import dataclasses
 import json
 from collections import Counter
-from pathlib import Path
 
-from hpcsweep.commands import FAILURE, Rows, table
+from hpcsweep.commands import FAILURE, Rows, add_file, table
 from hpcsweep.figures.options import whole_number
 
 SUMMARY = "check whether a results file is sound"
@@ -25,7 +24,7 @@ exit codes:
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("file", type=Path, metavar="FILE")
+    add_file(parser)
     parser.add_argument(
         "--samples",
         type=whole_number(0),

@@ -25,10 +25,9 @@ from copy import copy
 
 import numpy as np
 
-from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED, Attractor, Motion
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import SETTLED, classify_motion
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED, classify_motion
 from hpcsweep.dynamics.known import KnownMotions
 from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
 from hpcsweep.dynamics.neighbourhood import WINDOW, Approached, approach, neighbourhood
@@ -264,15 +263,9 @@ class AttractorSearch:
         long = self._longest > self._settings.max_orbit_period
         for factor in LADDER if long or not self._known.all_orbits else ():
             cycles = min(factor * self._settings.transient_cycles, self._max_cycles)
-            end = self._settle(state, cycles)
-            if end.outcome is not Outcome.COMPLETE:
-                return self._failed(end.outcome)
-            state = end.state
-            there = self._known.near(state)
+            state, _, there = self._stretch(state, cycles)
             if there is not None:
                 return there
-            if end.period:
-                break
             points, outcome = self._solver.points(state, self._amplitude, WINDOW, self._poll)
             self.cycles += len(points)
             if outcome is not Outcome.COMPLETE:

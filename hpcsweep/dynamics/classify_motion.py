@@ -4,7 +4,7 @@ The motion is first watched for an orbit nearby, unless small differences grow, 
 with a tangent vector. This stretch is extended, to twice its length up to `MIN_TORUS` periods and
 by a part of it from then on, and classified each time by its later part. A motion is
 
-- periodic if it has closed on or is verified to go to an orbit that does not repel (`arrival`);
+- periodic if it has closed on or is verified to go to an orbit that does not repel;
 - chaotic if the largest Lyapunov exponent over all that was observed is above 0 with confidence
 (`stability.growth_interval`), a small difference has grown by `CHAOS_GROWTH` in the logarithm
   over what is judged, and no orbit has ended it within the periods that it is asked to outlive;
@@ -12,7 +12,12 @@ by a part of it from then on, and classified each time by its later part. A moti
   `TORUS_DIGITS`, so weighted there is no growth (`birkhoff`), the exponent is not below 0 with
   confidence, and no orbit is verified that the torus is locked to.
 
-A motion that repeats although it repels stays there until rounding drives it away; it is driven by
+An orbit is claimed only where Newton's method converges to rounding (`verification`): a motion that
+closes without one is slow, and followed. To an orbit that it approaches a motion jumps: the orbit
+is sought from where the approach is extrapolated to. With F the map over p forcing periods, o the
+orbit and M the tangent map there, the motion is verified to go to an attracting orbit if the map is
+nearly linear over the last turn, from z: F(z) - o = M (z - o) up to `LINEAR_DEFECT` of F(z) - o. A
+motion that repeats although it repels stays there until rounding drives it away; it is driven by
 `PUSH` at once. Chaos may be a transient that would end later.
 """
 
@@ -23,17 +28,26 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics import orbit, stability
-from hpcsweep.dynamics.arrival import NEAR, Arriving, Destination
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
 from hpcsweep.dynamics.lifetime import outlive
+from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Growth, Observation
+from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
 
 SETTLED = 1e-10
 """Largest estimated distance (gaps, gaps omega_0) from the orbit at which a motion is on it."""
+NEAR = 1e-3
+"""Distance between points a period apart below which a jump is tried."""
+ROUNDING = 1e-10
+"""Difference allowed to the map of a last turn besides `LINEAR_DEFECT`."""
+REPELS = 1e-5
+"""Excess over 1 of the largest multiplier above which an orbit repels; it is exact to less."""
+PUSH = 1e-8
+"""In units of the state."""
 LONGEST = 64
 """Longest orbit period to which Newton's method jumps at sight, in forcing periods. Longer ones, up
 to a third of what is observed, are recognised when they close; see `TURNS`."""
@@ -120,7 +134,6 @@ class _Classifier:
     def __init__(self, solver, amplitude: float, settings, poll, max_cycles: int, outlived: int):
         self._outlived = outlived
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
-        self._arriving = Arriving(solver, amplitude, poll)
         self._same = settings.period_tolerance
         self._units = solver.structure.state_units
         self._time = solver.structure.forcing.period(solver.omega)
@@ -161,7 +174,7 @@ class _Classifier:
             return end.state, self.motion(MotionClass.FAILED, end.state[None], outcome=end.outcome)
         if not end.period:
             return end.state, None
-        return self._arrived(self._arriving.at(end.state, end.period, end.state))
+        return self._arrive(end.state, end.period, REACH)
 
     def judge_window(self, z: np.ndarray, seen: Observation) -> Step:
         """Classify a motion by a window; return the state from which to continue."""
@@ -234,7 +247,7 @@ class _Classifier:
             return end, None
         last = points[-3 * period :]
         if found.distance <= self._same and self._closed(last, 3 * period // 2):
-            return self._arrived(self._arriving.close(end, period))
+            return self._arrive(end, period)
         soon = orbit.limit_of_approach(last, period) is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
             self._tried[period] = size
@@ -253,7 +266,7 @@ class _Classifier:
         # short orbits where the last points have closed, long ones where all have
         period = self._closed(points, LONGEST) or (longest and self._closed(points, longest))
         if period:
-            return self._arrived(self._arriving.close(end, period))
+            return self._arrive(end, period)
         if growth.low > 0 and seen.growth > CHAOS_GROWTH:
             # near a repelling orbit it is that orbit's growth
             third = size // 3
@@ -287,20 +300,44 @@ class _Classifier:
         return orbit.closed_period(points, max_period, self._same)
 
     def _jump(self, points: np.ndarray, period: int) -> Step:
-        """Return the approached orbit, if the motion is verified to go there."""
-        return self._arrived(self._arriving.jump(points, period, 0.1 * self._same))
+        """Jump to the orbit that the motion approaches, if it is verified to go there.
 
-    def _arrived(self, there: Destination) -> Step:
-        """Return where to continue, and the motion if it has come to an orbit."""
-        self.cycles += there.cycles
-        if there.orbit is None:
-            return there.state, None
-        points = np.roll(there.orbit.points, -1, axis=0)
-        period, multiplier = there.orbit.period, there.orbit.multiplier
+        At least 3 `period` of its points are needed.
+        """
+        end, limit = points[-1], orbit.limit_of_approach(points / self._units, period)
+        there = self._verified(end if limit is None else limit * self._units, period)
+        if there is None or there.multiplier >= 1.0:
+            return end, None
+        before, after = (points[[-1 - period, -1]] - there.points[0]) / self._units
+        matrix = np.linalg.matrix_power(there.maps.product, period // there.period)
+        bent = np.abs(after - matrix @ before).max()
+        linear = bent <= LINEAR_DEFECT * np.abs(after).max() + ROUNDING
+        return end, self._periodic(there) if linear else None
+
+    def _arrive(self, z: np.ndarray, period: int, reach: float = NEAR) -> Step:
+        """Come to the orbit on which the motion has closed, if there is one."""
+        there = self._verified(z, period, reach)
+        if there is None or there.multiplier <= 1 + REPELS:
+            return z, self._periodic(there) if there else None
+        point = there.points[0]
+        if np.abs((z - point) / self._units).max() <= PUSH:  # otherwise it is on its way already
+            # in no direction that a structure prefers
+            z = point + PUSH * self._units * np.cos(np.arange(z.size))
+        return z, None
+
+    def _verified(self, z: np.ndarray, period: int, reach: float = REACH) -> VerifiedOrbit | None:
+        """Return the orbit near a state, if there is one."""
+        found = verify_orbit(self._solver, z, self._amplitude, period, reach, self._poll)
+        self.cycles += found.cycles
+        return found.orbit
+
+    def _periodic(self, there: VerifiedOrbit) -> Motion:
+        """Return the motion that has come to an orbit, whose first point is near its state."""
+        points = np.roll(there.points, -1, axis=0)
+        period, multiplier = there.period, there.multiplier
         exact = stability.exponent_of_multiplier(multiplier, period)
         exponent = stability.MeanInterval.exact(exact)
-        found = self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
-        return there.state, found
+        return self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
 
     def motion(
         self,

@@ -43,6 +43,22 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
 
 
+class Tests(NamedTuple):
+    """Functions of multipliers that vanish at special points: `flow.orbit.multipliers.tests_of`."""
+
+    fold: float
+    doubling: float
+    torus: float
+
+    @classmethod
+    def of(cls, multipliers: list[complex]) -> "Tests":
+        """Evaluate them for some multipliers: Python numbers, since there are few."""
+        # reading results does without kernels
+        from hpcsweep.solvers.flow.orbit.multipliers import tests_of
+
+        return cls(*tests_of.py_func(multipliers))
+
+
 class TangentMaps:
     """The tangent maps along an orbit, shape (p, N, N), and what follows from them.
 
@@ -88,6 +104,11 @@ class TangentMaps:
             multipliers[k] = powers[order[:p]].mean()
             powers = powers[order[p:]]
         return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+    @cached_property
+    def tests(self) -> Tests:
+        """Functions of the multipliers that vanish at special points."""
+        return Tests.of(self.multipliers.tolist())
 
     @property
     def product(self) -> np.ndarray:

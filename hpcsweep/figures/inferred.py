@@ -7,8 +7,8 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
 from hpcsweep.figures import style
-from hpcsweep.studies.refine.refinement import LABELS, Source, refinement_of
 from hpcsweep.studies.refine.variables import CELL, SOURCE, inferred_name
+from hpcsweep.studies.refinement import LABELS, Source
 
 VARIABLES = (SOURCE, CELL, *{inferred_name(v): 0 for names in LABELS.values() for v in names})
 """Of results of refined maps, beside those of all runs."""
@@ -115,7 +115,7 @@ def gather(frames, names: Iterable[str], cells: bool | None = None, **options):
     PlotError
         If there are no cells to outline.
     """
-    if cells and refinement_of(frames.study) is None:
+    if cells and frames.study.refine is None:
         raise style.PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
     return frames.gather((*names, *VARIABLES), **options).assign_attrs(frames.audit())
 

@@ -26,6 +26,7 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
+from hpcsweep.studies.refine.growth import growth_of
 from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT, SweepSettings
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
@@ -128,8 +129,8 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     values = Values(source, tree)
     study = read_varied(values, tree, read_study)
     _check_extent(values, study)
-    reason = study.growth.problem() if study.growth else ""
-    if reason:
+    growth = growth_of(study)
+    if growth is not None and (reason := growth.problem()):
         raise JobError(f"{source}: {reason}")
     return Job(name=_name(values, default_name), text=text, study=study, notes=unused(values, tree))
 
@@ -144,12 +145,13 @@ def read_study(source: str, tree: Mapping):
     if settings.solver == "bdf" and structure.contact_damping.any():
         limit = "must be 'flow' where contacts have dashpots"
         raise values.error("solver.method", settings.solver, limit)
+    block = values.get("output.block", _default_block(values, study))
     return study.read(
         values,
         structure=structure,
         initial_state=_initial_state(values, structure.n_floors),
         settings=settings,
-        block_size=values.whole("output.block", _default_block(values, study), *BLOCK.limits),
+        block_size=values.whole("output.block", block, *BLOCK.limits),
     )
 
 
@@ -245,9 +247,11 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
     rtol = values.within(
         "solver.rtol", values.get("solver.rtol", SOLVERS[method].rtol), 1e-13, 1e-2
     )
-    longest = values.whole(
-        "sweep.max_orbit_period", min(default.max_orbit_period, longest), 1, longest
-    )
+    key = "sweep.max_orbit_period"
+    period = values.get(key, min(default.max_orbit_period, longest))
+    longest = values.whole(key, period, 1, longest)
+    key = "sweep.classify_cycles"
+    cycles = values.get(key, SOLVERS[method].classify_cycles)
     return SweepSettings(
         transient_cycles=values.read("sweep", TRANSIENT),
         sampling_cycles=sampling,
@@ -258,9 +262,7 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
         skip=_skip(values, skip_rules),
         metrics=frozenset(key.name for key in METRIC_KEYS if values.read("output", key)),
         max_points=_max_points(values, sampling, longest),
-        classify_cycles=values.whole(
-            "sweep.classify_cycles", SOLVERS[method].classify_cycles, 0, MAX_CYCLES
-        ),
+        classify_cycles=values.whole(key, cycles, 0, MAX_CYCLES),
     )
 
 

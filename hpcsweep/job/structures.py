@@ -7,7 +7,7 @@ Every error is one line that names the file, the key, the value and the limit;
 import functools
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -36,7 +36,8 @@ MAX_DAMPING = 1e6
 MAX_LABEL = 100
 """Characters of the name of a building."""
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
-"""Of masses, stiffnesses, gaps and the amplitudes of harmonics that are not 0."""
+SIZED = re.compile(r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact|pounding)\.damping)$")
+"""Ends of the keys whose values, where they are not 0, are of such a size."""
 
 
 def read_structure(values: Values) -> Structure:
@@ -225,9 +226,10 @@ def _check_sizes(values: Values, structure: Structure) -> None:
     ratio: Any = structure.stiffness_ratio
     at_most(MAX_STIFFNESS, "structure.stiffness_ratio", float(np.max(ratio)))
     at_most(MAX_SHARPNESS, f"{table}.sharpness", structure.sharpness)
-    for key, listed in _sizes(structure, table).items():
-        for value in np.ravel(listed).tolist():
-            if value and not MIN_SIZE <= abs(value) <= MAX_SIZE:
+    for name in ("structure", "forcing", "building", "pounding"):
+        for key, value in _numbers(name, values.top(name, {})):
+            is_size = SIZED.search(key) and 0 < abs(value) < math.inf
+            if is_size and not MIN_SIZE <= abs(value) <= MAX_SIZE:
                 limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
                 raise values.error(key, value, limit)
     at_most(MAX_DAMPING, _damping(structure, table), float(structure.damping_ratios.max()))
@@ -242,30 +244,13 @@ def _damping(structure: Structure, table: str) -> str:
     return f"structure.{'damping_ratio' if structure.rayleigh is None else 'rayleigh'}"
 
 
-def _sizes(structure: Structure, table: str) -> dict[str, Any]:
-    """Return what has a size of its own, by the keys from which it comes."""
-    contacts = structure.contacts
-    gaps = [contact.gap for contact in contacts]
-    sizes: dict[str, Any] = {
-        "forcing.harmonics.amplitude": [size for _, size, _ in structure.harmonics]
-    }
-    if structure.matrices is None:
-        right = [number <= structure.n_floors for number in structure.contact_numbers]
-        return sizes | {
-            "structure.mass": structure.mass_matrix,
-            "structure.storey_stiffness": structure.stiffness_matrix,
-            "structure.gap": np.compress(right, gaps),
-            "structure.gap_left": np.compress(np.logical_not(right), gaps),
-            "structure.stiffness_ratio": structure.contact_stiffness,
-            "structure.restitution": structure.contact_damping,
-        }
-    whole = "building" if table == "pounding" else "structure.matrices"
-    own = "pounding" if table == "pounding" else "structure.contact"
-    return sizes | {
-        f"{whole}.mass": structure.mass_matrix,
-        f"{whole}.stiffness": structure.stiffness_matrix,
-        f"{own}.gap": gaps,
-        f"{own}.stiffness": structure.contact_stiffness,
-        f"{own}.damping": structure.contact_damping,
-        f"{own}.direction": structure.directions,
-    }
+def _numbers(key: str, given: Any) -> Iterator[tuple[str, Any]]:
+    """Iterate over the values in a table, or in several, with the keys of each."""
+    if isinstance(given, Mapping):
+        for name, value in given.items():
+            yield from _numbers(f"{key}.{name}", value)
+    elif isinstance(given, list):
+        for value in given:
+            yield from _numbers(key, value)
+    else:
+        yield key, given

@@ -127,11 +127,11 @@ class Values:
     def read(self, table: str, key: Key) -> Any:
         """Return the value of a key as it is declared: of its default's type, within its limits."""
         name = f"{table}.{key.name}"
-        if isinstance(key.default, bool):
-            return self.flag(name, key.default)
-        if isinstance(key.default, int):
-            return self.whole(name, key.default, *key.limits)
         given = self.get(name, key.default)
+        if isinstance(key.default, bool):
+            return self.flag(name, given)
+        if isinstance(key.default, int):
+            return self.whole(name, given, *key.limits)
         if isinstance(key.default, float):
             return self.within(name, given, *key.limits)
         return self.choice(name, given, key.limits)
@@ -155,19 +155,14 @@ class Values:
         """Return a number above 0; by default of a size that some unit gives it."""
         return self.within(key, value, least, most, "above 0, ")
 
-    def whole(self, key: str, default: int, least: int, most: int) -> int:
-        """Read a whole number within bounds."""
-        return self.whole_in(key, self.get(key, default), least, most)
-
-    def whole_in(self, key: str, given: object, least: int, most: int) -> int:
-        """Read what `whole` reads, of a value that is at hand."""
+    def whole(self, key: str, given: object, least: int, most: int) -> int:
+        """Return a whole number within bounds."""
         if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= most:
             raise self.error(key, given, f"must be a whole number from {least} to {most}")
         return given
 
-    def flag(self, key: str, default: bool) -> bool:
-        """Read true or false."""
-        given = self.get(key, default)
+    def flag(self, key: str, given: object) -> bool:
+        """Return true or false."""
         if not isinstance(given, bool):
             raise self.error(key, given, "must be true or false")
         return given
@@ -195,14 +190,13 @@ class Values:
             raise self.error(key, given, f"must be {what}")
         return tuple(listed)
 
-    def numbers(self, key: str, ascending: bool, most: int = MAX_VALUES) -> np.ndarray:
-        """Read a number, a list of numbers, or a range table; `most` are counted beforehand."""
-        return self.numbers_in(key, self.get(key), ascending, most)
-
-    def numbers_in(
+    def numbers(
         self, key: str, given: object, ascending: bool, most: int = MAX_VALUES
     ) -> np.ndarray:
-        """Read what `numbers` reads, of a value that is at hand; None: it is missing."""
+        """Return a number, a list of numbers, or a range table; `most` are counted beforehand.
+
+        None: it is missing.
+        """
         if given is None:
             raise JobError(f"{self.source}: {key} is missing")
         if isinstance(given, Mapping):
@@ -231,7 +225,7 @@ class Values:
                 limit = f'does not go with {key}: take one away (= "unset" where it is inherited)'
                 raise self.error(cycles, self.get(cycles), limit)
             key = cycles
-        given = self.numbers(key, ascending=False)
+        given = self.numbers(key, self.get(key), ascending=False)
         if np.any(given <= 0):
             raise self.error(key, given[given <= 0][0], "must be greater than 0")
         if key != cycles:
@@ -258,7 +252,7 @@ class Values:
 
     def amplitudes(self, key: str) -> np.ndarray:
         """Read forcing amplitudes, ascending."""
-        amplitude = self.numbers(key, ascending=True)
+        amplitude = self.numbers(key, self.get(key), ascending=True)
         if amplitude[0] < 0:
             raise self.error(key, amplitude[0], "must be at least 0")
         self.check_range(key, amplitude=amplitude)

@@ -173,7 +173,7 @@ def _axis(values: Values, key: str, given: object) -> Axis:
 def _listed(values: Values, key: str, given: object) -> tuple[Any, ...]:
     """Return the values of a key as the job of each part has them; each part judges its own."""
     if isinstance(given, Mapping):
-        return tuple(values.numbers_in(key, given, False, MAX_PARTS).tolist())
+        return tuple(values.numbers(key, given, False, MAX_PARTS).tolist())
     listed = given if isinstance(given, list) else [given]
     if not 1 <= len(listed) <= MAX_PARTS:
         raise values.error(key, given, f"must have from 1 to {MAX_PARTS} values")

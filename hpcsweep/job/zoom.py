@@ -60,7 +60,7 @@ def zoom(
             continue
         if key not in sweep:
             raise JobError(f"{job.name}: has no sweep.{key} that could be made finer")
-        old = Values(job.name, tree).numbers(f"sweep.{key}", ascending=False)
+        old = Values(job.name, tree).numbers(f"sweep.{key}", sweep[key], ascending=False)
         sweep[key] = _finer(f"--{name}", np.sort(old), factor, *ends)
     text = write(tree, every_key())
     parse_job(text, "zoom", "zoom")
@@ -80,7 +80,7 @@ def _finer(option: str, old: np.ndarray, factor: int, low: float, high: float) -
     kept = old[first : last + 1]
     count = factor * (kept.size - 1) + 1
     table = {"from": float(kept[0]), "to": float(kept[-1]), "count": count}
-    even = Values("", {"grid": {"values": table}}).numbers("grid.values", True)
+    even = Values("", {}).numbers("grid", table, ascending=True)
     if np.array_equal(even[::factor], kept):
         return table
     parts = [

@@ -16,7 +16,7 @@ from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
 from hpcsweep.kernels.compile import kernel, specialise
-from hpcsweep.kernels.compile.places import Pattern, Shapes, Zeros, apart, with_arrays
+from hpcsweep.kernels.compile.places import Pattern, Shapes, Zeros
 from hpcsweep.kernels.simd import fallback
 
 
@@ -115,7 +115,7 @@ class Arena:
     """
 
     def __init__(self, example: tuple):
-        self._kind = numba.typeof(with_arrays(example, apart))
+        self._kind = numba.typeof(Pattern(example, 0).copy()[0])
         self._form: tuple = ()
         self.read = fallback.read if numba.config.DISABLE_JIT else reader(self._kind)
 
@@ -142,13 +142,13 @@ class Arena:
         TypeError
             If the value is of another type, which kernels would misread.
         """
-        form = _form_of(value)
+        form, made = _form_of(value), Pattern(value, self._head)
         if form != self._form:
-            kind = numba.typeof(with_arrays(value, apart))
+            kind = numba.typeof(made.copy()[0])
             if kind != self._kind:
                 raise TypeError(f"the kernels read {self._kind}, not {kind}")
             self._form = form
-        return Pattern(value, self._head)
+        return made
 
     def copy(
         self, pattern: Pattern, change: Callable[[Any], Any] = lambda value: value

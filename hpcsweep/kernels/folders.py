@@ -97,21 +97,17 @@ def is_writable() -> bool:
     try:
         write_whole(probe, b"writable")
         probe.unlink()
-    except OSError as error:
-        say_unwritable(error.strerror or str(error))
+    except (OSError, ValueError) as error:
+        say_unwritable(getattr(error, "strerror", None) or str(error))
         return False
     return True
 
 
-def where_kept(possible: bool = True) -> str:
-    """Return a message about where kernels go that `cache_root` cannot take, if anywhere."""
-    own = own_folder() if possible else None
-    return f"compiled kernels are kept in {own}" if own else "compiled kernels are not kept"
-
-
 def say_unwritable(why: str, elsewhere: bool = True) -> None:
     """Report, once in a process, that kernels cannot be kept in `cache_root`, or anywhere."""
-    say_once(f"{cache_root()} cannot be written ({why}): {where_kept(elsewhere)}")
+    own = own_folder() if elsewhere else None
+    kept = f"kept in {own}" if own else "not kept"
+    say_once(f"{cache_root()} cannot be written ({why}): compiled kernels are {kept}")
 
 
 def say_once(text: str) -> None:

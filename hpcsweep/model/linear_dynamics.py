@@ -1,7 +1,6 @@
 """Linear dynamics of a structure, and the units that bring its numbers near 1."""
 
 import math
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -23,12 +22,6 @@ MAX_OMEGA = 1e150
 
 class LinearDynamics(System):
     """Linear dynamics from the matrices, the contacts and the forcing of a structure."""
-
-    sharpness: float
-    rayleigh: tuple[float, float] | None
-    harmonics: Sequence[tuple[int, float, float]]
-    motion_length: float
-    _ratios: tuple[float, ...]
 
     @cached_property
     def forcing(self) -> Harmonics:

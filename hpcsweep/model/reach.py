@@ -39,7 +39,7 @@ a negative gap, there is no bound.
 
 import math
 from dataclasses import replace
-from typing import Any, Self, cast
+from typing import Self
 
 import numpy as np
 
@@ -164,7 +164,7 @@ class MeasuredDynamics(LinearDynamics):
         Tolerances are then relative to this length, see `lengths`; states, amplitudes and results
         stay in the units of the structure.
         """
-        return self if length == self.length_unit else self._changed(motion_length=length)
+        return self if length == self.length_unit else replace(self, motion_length=length)
 
     def measured_at(self, omega: float, amplitude: float) -> Self:
         """Return the structure with motions measured at a frequency and an amplitude."""
@@ -186,7 +186,4 @@ class MeasuredDynamics(LinearDynamics):
         bound = reach_of_motions(self, amplitude, states)
         pairs = zip(self.contact_numbers, self.contacts, bound.tolist(), strict=True)
         out = tuple(number for number, contact, most in pairs if contact.gap > most)
-        return self._changed(unreached=self.unreached + out) if out else self
-
-    def _changed(self, **fields: Any) -> Self:
-        return replace(cast(Any, self), **fields)
+        return replace(self, unreached=self.unreached + out) if out else self

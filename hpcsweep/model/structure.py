@@ -9,8 +9,8 @@ Rigid Stop".
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from numbers import Real
 from typing import Any
 
@@ -30,14 +30,12 @@ from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
     MAX_FLOORS,
-    Matrices,
     check_definite,
     read_matrices,
     vector,
 )
 from hpcsweep.model.reach import MeasuredDynamics
-from hpcsweep.model.system import PerFloor
-from hpcsweep.model.unit_names import Names, UnitNames
+from hpcsweep.model.unit_names import Names
 
 FOREIGN = (
     *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh"),
@@ -46,8 +44,25 @@ FOREIGN = (
 """Parameters that the building of the paper leaves at their defaults."""
 AT_LEAST_0 = "finite and at least 0", 0.0, LARGEST
 ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
-LIMITS = {"stiffness_ratio": AT_LEAST_0, "mass": ABOVE_0, "storey_stiffness": ABOVE_0}
-"""Of parameters with one value or one per floor."""
+
+
+def _gap(name: str, value: Any) -> float:
+    """Read the distance of a stop."""
+    found = number(name, value)
+    if found == -math.inf:
+        raise ValueError(f"{name} must not be -inf: the stop would always push")
+    return found
+
+
+PER_FLOOR: dict[str, Callable[[str, Any], float]] = {
+    "stiffness_ratio": lambda name, value: number(name, value, *AT_LEAST_0),
+    **dict.fromkeys(
+        ("mass", "storey_stiffness"), lambda name, value: number(name, value, *ABOVE_0)
+    ),
+    **dict.fromkeys(("gap", "gap_left"), _gap),
+    "restitution": number,
+}
+"""Readers of the parameters with one value or one per floor."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -110,26 +125,6 @@ class Structure(MeasuredDynamics):
     0.02
     """
 
-    n_floors: int = 3
-    stiffness_ratio: PerFloor | Sequence[float] = 1000.0
-    sharpness: float = 1e4
-    damping_ratio: float | Sequence[float] = 0.05
-    _ratios: tuple[float, ...] = field(init=False, repr=False, compare=True, default=())
-    mass: PerFloor | Sequence[float] | None = None
-    storey_stiffness: PerFloor | Sequence[float] | None = None
-    gap: PerFloor | Sequence[float] = 1.0
-    gap_left: PerFloor | Sequence[float] = math.inf
-    _: KW_ONLY
-    rayleigh: tuple[float, float] | None = None
-    restitution: PerFloor | Sequence[float] | None = None
-    tension: bool = False
-    harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
-    matrices: Matrices | None = None
-    unit_names: UnitNames = field(default=UnitNames(), compare=False)
-    names: Names = field(default=Names(), compare=False)
-    motion_length: float = field(default=0.0, repr=False)
-    unreached: tuple[int, ...] = field(default=(), repr=False)
-
     def __post_init__(self) -> None:
         n = count("n_floors", self.n_floors, 1, MAX_FLOORS)
         self._set("n_floors", n)
@@ -139,24 +134,16 @@ class Structure(MeasuredDynamics):
         self._set("_ratios", self._validated_damping())
         if not isinstance(self.damping_ratio, Real):
             self._set("damping_ratio", self._ratios)
-        for name, limits in LIMITS.items():
-            given = getattr(self, name)
-            if given is not None:
-                self._set(name, self._per_floor(name, given))
-                for value in self._floors(getattr(self, name)):
-                    number(name, value, *limits)
-        for name in ("gap", "gap_left"):
-            self._set(name, self._per_floor(name, getattr(self, name)))
-            for value in self._floors(getattr(self, name)):
-                if value == -math.inf:
-                    raise ValueError(f"{name} must not be -inf: the stop would always push")
+        for name, read in PER_FLOOR.items():
+            given = plain(getattr(self, name))
+            if hasattr(given, "__len__") and not isinstance(given, str | bytes):
+                self._set(name, vector(name, given, n, "numbers, one per floor", read=read))
+            elif given is not None or getattr(type(self), name) is not None:
+                self._set(name, read(name, given))
         self._set("harmonics", read_harmonics(self.harmonics))
         if self.rayleigh is not None:
-            self._set("rayleigh", vector("rayleigh", self.rayleigh, 2, "numbers: alpha, beta"))
-            for value in self.rayleigh:
-                not_negative("rayleigh", value)
-        if self.restitution is not None:
-            self._set("restitution", self._per_floor("restitution", self.restitution))
+            pair = vector("rayleigh", self.rayleigh, 2, "numbers: alpha, beta", read=not_negative)
+            self._set("rayleigh", pair)
         self._set("tension", flag("tension", self.tension))
         told = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth(self._all_contacts, self.sharpness, told)
@@ -241,13 +228,6 @@ class Structure(MeasuredDynamics):
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
-
-    def _per_floor(self, name: str, given: Any) -> PerFloor:
-        """Read a number, or one per floor."""
-        given = plain(given)
-        if isinstance(given, str | bytes) or not hasattr(given, "__len__"):
-            return number(name, given)
-        return vector(name, given, self.n_floors, "numbers, one per floor")
 
     def _validated_damping(self) -> tuple[float, ...]:
         given: Any = plain(self.damping_ratio)

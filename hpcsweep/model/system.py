@@ -5,14 +5,16 @@ Contacts have numbers: bits of a contact set in files, and names, as floors have
 
 import math
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.model.dashpot import dashpots_of_floors
+from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, Matrices, Slider
-from hpcsweep.model.unit_names import Names
+from hpcsweep.model.unit_names import Names, UnitNames
 
 PerFloor = float | tuple[float, ...]
 
@@ -23,23 +25,32 @@ def frozen(array: np.ndarray) -> np.ndarray:
     return array
 
 
+@dataclass(frozen=True, repr=False)
 class System:
     """Matrices and contacts of a structure, and their names.
 
-    The attributes are parameters of `hpcsweep.model.structure.Structure`.
+    The attributes are the parameters of `hpcsweep.model.structure.Structure`, which validates them.
     """
 
-    n_floors: int
-    stiffness_ratio: PerFloor | Sequence[float]
-    mass: PerFloor | Sequence[float] | None
-    storey_stiffness: PerFloor | Sequence[float] | None
-    gap: PerFloor | Sequence[float]
-    gap_left: PerFloor | Sequence[float]
-    restitution: PerFloor | Sequence[float] | None
-    tension: bool
-    matrices: Matrices | None
-    unreached: tuple[int, ...]
-    names: Names
+    n_floors: int = 3
+    stiffness_ratio: PerFloor | Sequence[float] = 1000.0
+    sharpness: float = 1e4
+    damping_ratio: float | Sequence[float] = 0.05
+    _ratios: tuple[float, ...] = field(init=False, repr=False, compare=True, default=())
+    mass: PerFloor | Sequence[float] | None = None
+    storey_stiffness: PerFloor | Sequence[float] | None = None
+    gap: PerFloor | Sequence[float] = 1.0
+    gap_left: PerFloor | Sequence[float] = math.inf
+    _: KW_ONLY
+    rayleigh: tuple[float, float] | None = None
+    restitution: PerFloor | Sequence[float] | None = None
+    tension: bool = False
+    harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
+    matrices: Matrices | None = None
+    unit_names: UnitNames = field(default=UnitNames(), compare=False)
+    names: Names = field(default=Names(), compare=False)
+    motion_length: float = field(default=0.0, repr=False)
+    unreached: tuple[int, ...] = field(default=(), repr=False)
 
     def _floors(self, value: Any) -> tuple[float, ...]:
         """Return a value for each floor; 1 where there is none."""

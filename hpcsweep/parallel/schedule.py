@@ -63,7 +63,6 @@ class Schedule:
         self._estimate = left
         self._n = n_computing
         self._waiting = sorted((left(task), -task) for task in tasks)
-        self._waiting_sum = sum(left for left, _ in self._waiting)
         self._left: dict[int, float] = {}
         self._since: dict[int, float] = {}
         self._recalled: set[int] = set()
@@ -76,12 +75,10 @@ class Schedule:
     def clear(self) -> None:
         """Drop the waiting tasks."""
         self._waiting.clear()
-        self._waiting_sum = 0.0
 
     def take(self, now: float) -> int:
         """Start the costliest waiting task at time `now` (s)."""
         left, task = self._waiting.pop()
-        self._waiting_sum -= left
         self._left[-task] = left
         self._since[-task] = now
         return -task
@@ -101,7 +98,6 @@ class Schedule:
         """Return a running task to the waiting ones."""
         self.progress(task, now)
         insort(self._waiting, (self._left[task], -task))
-        self._waiting_sum += self._left[task]
         self.end(task)
 
     def recalls(self, now: float, every: float = BALANCE_SECONDS) -> list[int]:
@@ -109,17 +105,17 @@ class Schedule:
         if self._n == 1 or not self._waiting or now < self._next_balance:
             return []
         self._waiting = sorted((self._estimate(-task), task) for _, task in self._waiting)
-        self._waiting_sum = sum(left for left, _ in self._waiting)
-        if self._waiting[-1][0] < CRITICAL * self._waiting_sum / self._n:
+        waiting = sum(left for left, _ in self._waiting)
+        if self._waiting[-1][0] < CRITICAL * waiting / self._n:
             # below the fair share, however little the running tasks have left
-            self._next_balance = now + max(every, self._waiting_sum / self._n / BALANCES)
+            self._next_balance = now + max(every, waiting / self._n / BALANCES)
             return []
         for task in self._left:
             self._left[task] = self._estimate(task)
         rest = {
             task: max(left - (now - self._since[task]), 0.0) for task, left in self._left.items()
         }
-        share = (sum(rest.values()) + self._waiting_sum) / self._n
+        share = (sum(rest.values()) + waiting) / self._n
         self._next_balance = now + max(every, share / BALANCES)
         victims = iter(sorted((left, task) for task, left in rest.items()))
         coming = len(self._recalled)

@@ -64,7 +64,7 @@ class Orbits(NamedTuple):
     rule : ndarray of int, shape (k,)
         A `SkipRule`.
     length, period : ndarray of int
-        Forcing periods of the orbit as integrated, and the smallest period of its points.
+        Forcing periods of the orbit as integrated; the caller may find its points to repeat sooner.
     cycles : ndarray of int
         Forcing periods integrated.
     multiplier : ndarray

@@ -73,29 +73,40 @@ def _attribute_problems(found: Mapping[str, object], layout: Layout) -> list[str
     return problems
 
 
-def _coordinate_problems(contents, name: str, values: np.ndarray, units: str) -> list[str]:
+def _form_problems(contents: Contents, name: str, what: str, form: tuple) -> list[str]:
+    """Compare units, type and shape of a dataset, which must be a variable or a dimension scale."""
     if name not in contents:
         return [f"{name}: missing"]
-    scale = contents.find(name)
-    if scale is None or not scale.is_scale:
-        return [f"{name}: not a dimension scale"]
-    if scale.shape != values.shape:
-        return [f"{name}: its shape is {scale.shape}, not {values.shape}"]
-    problems = _note_problems(scale, name, units)
-    if values.dtype == object:
-        if h5py.check_string_dtype(scale.dtype) is None:
-            return [*problems, f"{name}: its type is {scale.dtype}, not string"]
-        if not _lengths_are_sane(scale.data):
-            return [*problems, f"{name}: its values have no length"]
-        stored = np.array([value.decode() for value in scale.values.flat], object)
-        stored = stored.reshape(scale.shape)
-    else:
-        if scale.dtype != values.dtype:
-            return [*problems, f"{name}: its type is {scale.dtype}, not {values.dtype}"]
-        stored = scale.values
-    if not _same(stored, values):
-        problems.append(f"{name}: its values are not those of the job")
+    data, (units, dtype, shape) = contents.find(name), form
+    if data is None or (what == "dimension scale" and not data.is_scale):
+        return [f"{name}: not a {what}"]
+    problems = []
+    if data.notes.get("units") != units:
+        problems.append(f"{name}: its units are {data.notes.get('units')!r}, not {units!r}")
+    if not data.notes.get("long_name"):
+        problems.append(f"{name}: has no long_name")
+    is_text = dtype.kind == "O"
+    if h5py.check_string_dtype(data.dtype) is None if is_text else data.dtype != dtype:
+        wanted = "string" if is_text else dtype
+        problems.append(f"{name}: its type is {data.dtype}, not {wanted}")
+    if data.shape != shape:
+        problems.append(f"{name}: its shape is {data.shape}, not {shape}")
     return problems
+
+
+def _coordinate_problems(contents, name: str, values: np.ndarray, units: str) -> list[str]:
+    form = units, values.dtype, values.shape
+    if problems := _form_problems(contents, name, "dimension scale", form):
+        return problems
+    scale = contents[name]
+    if values.dtype != object:
+        # to the last bit: NaN equals NaN
+        same = scale.values.tobytes() == values.tobytes()
+    elif _lengths_are_sane(scale.data):
+        same = [value.decode() for value in scale.values.flat] == values.ravel().tolist()
+    else:
+        return [f"{name}: its values have no length"]
+    return [] if same else [f"{name}: its values are not those of the job"]
 
 
 def _lengths_are_sane(scale: h5py.Dataset) -> bool:
@@ -114,38 +125,15 @@ def _lengths_are_sane(scale: h5py.Dataset) -> bool:
     return bool(np.all(np.frombuffer(raw, STRING)["length"] <= LONGEST_NAME))
 
 
-def _same(stored: np.ndarray, values: np.ndarray) -> bool:
-    """Compare to the last bit; NaN equals NaN."""
-    if values.dtype == object:
-        return np.array_equal(stored, values)
-    return stored.shape == values.shape and stored.tobytes() == values.tobytes()
-
-
 def _variable_problems(contents, variable, layout: Layout) -> list[str]:
-    name = variable.name
-    if name not in contents:
-        return [f"{name}: missing"]
-    data = contents.find(name)
-    if data is None:
-        return [f"{name}: not a variable"]
-    problems = _note_problems(data, name, variable.units)
-    if data.dtype != np.dtype(variable.dtype):
-        problems.append(f"{name}: its type is {data.dtype}, not {np.dtype(variable.dtype)}")
-    shape = layout.shape(variable)
-    if data.shape != shape:
-        return [*problems, f"{name}: its shape is {data.shape}, not {shape}"]
-    for axis, (dim, attached) in enumerate(zip(variable.dims, data.scales, strict=True)):
-        if attached != [dim]:
-            problems.append(f"{name}: axis {axis} has the scales {attached}, not {dim}")
-    return problems
-
-
-def _note_problems(data, name: str, units: str) -> list[str]:
-    problems = []
-    if data.notes.get("units") != units:
-        problems.append(f"{name}: its units are {data.notes.get('units')!r}, not {units!r}")
-    if not data.notes.get("long_name"):
-        problems.append(f"{name}: has no long_name")
+    name, shape = variable.name, layout.shape(variable)
+    form = variable.units, np.dtype(variable.dtype), shape
+    problems = _form_problems(contents, name, "variable", form)
+    data = contents.find(name) if name in contents else None
+    if data is not None and data.shape == shape:
+        for axis, (dim, attached) in enumerate(zip(variable.dims, data.scales, strict=True)):
+            if attached != [dim]:
+                problems.append(f"{name}: axis {axis} has the scales {attached}, not {dim}")
     return problems
 
 

@@ -23,7 +23,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.store.layout import Layout, StoreError, WriteError
 from hpcsweep.store.offsets import RowReader, is_packed, open_above, open_rows
 from hpcsweep.store.transport import Transport, open_transport
-from hpcsweep.studies.blocks import Block, Rows
+from hpcsweep.studies.blocks import Block, Place, Rows
 
 CODES = {"outcome": (1, max(Outcome)), "skip_rule": (0, max(SkipRule))}
 """Least and largest value of results that are codes."""
@@ -130,11 +130,15 @@ class Blocks:
 
     def checksum(self, block: Block, start: np.ndarray, rows: dict) -> int:
         """Compute the checksum of a block that starts from state `start`; never 0."""
+        held = (rows[name] for name in self.variables)
+        return self.checksum_of(block.place, np.ascontiguousarray(start, "<f8"), *held)
+
+    def checksum_of(self, place: Place, *arrays: np.ndarray) -> int:
+        """Compute the checksum of arrays at a place of the file; never 0."""
         digest = hashlib.blake2b(self._seed, digest_size=8)
-        digest.update(np.array(block.place, "<i8").tobytes())
-        digest.update(np.ascontiguousarray(start, "<f8").tobytes())
-        for name in self.variables:
-            digest.update(np.ascontiguousarray(rows[name]).data)
+        digest.update(np.array(place, "<i8").tobytes())
+        for values in arrays:
+            digest.update(np.ascontiguousarray(values).data)
         return int.from_bytes(digest.digest(), "little") | 1
 
     def _holds(self, stored: int, block: Block, start: np.ndarray, rows: dict) -> bool:

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -72,7 +73,12 @@ def reason(error: Exception) -> str:
     return strerror or " ".join(str(error).split())
 
 
-def fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> None:
+def fill(
+    file: h5py.File,
+    layout: Layout,
+    provenance: dict[str, str | int],
+    allocate: Callable[..., h5py.Dataset] | None = None,
+) -> None:
     """Write names, coordinates and attributes, and allocate variables without committed blocks."""
     for name, (values, units, long_name) in layout.coordinates.items():
         if values.dtype == object:
@@ -84,7 +90,7 @@ def fill(file: h5py.File, layout: Layout, provenance: dict[str, str | int]) -> N
         scale.attrs["units"] = units
         scale.attrs["long_name"] = long_name
     for variable in layout.datasets:
-        data = _dataset(file, variable.name, layout.shape(variable), variable.dtype)
+        data = (allocate or _dataset)(file, variable.name, layout.shape(variable), variable.dtype)
         for axis, dim in enumerate(variable.dims):
             data.dims[axis].attach_scale(file[dim])
         data.attrs["units"] = variable.units

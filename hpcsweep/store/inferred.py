@@ -7,16 +7,14 @@ bytes and the audit. A map is complete where all frames have one; then what has 
 own in ``commit`` is inferred. A kill before that leaves nothing that would be believed.
 """
 
-import hashlib
-
 import numpy as np
 
 from hpcsweep.store.commit import Blocks, Campaign
 from hpcsweep.store.layout import Layout
 from hpcsweep.studies.blocks import Place
-from hpcsweep.studies.refine.audit import Look
-from hpcsweep.studies.refine.refinement import Source
+from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.variables import AUDIT, INFERRED, SOURCE, last_look
+from hpcsweep.studies.refinement import Source
 from hpcsweep.studies.variable import Variable
 
 
@@ -40,21 +38,12 @@ class Inferred:
 
     def audit(self) -> np.ndarray:
         """Read the looks of the audit, right or not."""
-        return self._blocks.read_rows(AUDIT, (0,), self._shape_of_audit[0])
-
-    @property
-    def _shape_of_audit(self) -> tuple[int, ...]:
-        layout = self._blocks.layout
-        return layout.shape(next(v for v in layout.derived if v.name == AUDIT))
+        return self._blocks.read_rows(AUDIT, (0,), MAX_LOOKS)
 
     def checksum(self, place: Place, rows: dict[str, np.ndarray], audit: np.ndarray) -> int:
         """Compute the checksum of a frame; never 0."""
-        digest = hashlib.blake2b(bytes.fromhex(self._blocks.layout.fingerprint), digest_size=8)
-        digest.update(np.array(place, "<i8").tobytes())
-        for variable in self.variables:
-            digest.update(np.ascontiguousarray(rows[variable.name], variable.dtype).data)
-        digest.update(np.ascontiguousarray(audit, "<f8").data)
-        return int.from_bytes(digest.digest(), "little") | 1
+        held = (np.asarray(rows[v.name], v.dtype) for v in self.variables)
+        return self._blocks.checksum_of(place, *held, np.asarray(audit, "<f8"))
 
     def frame(self, place: Place, audit: np.ndarray | None = None) -> dict[str, np.ndarray] | None:
         """Read a frame, arrays without its axes; None if its checksum does not hold."""
@@ -74,18 +63,18 @@ class Inferred:
         points : ndarray of int, shape (k,)
             Flat indices among all points, ascending, of those whose own checksum holds.
         labels : ndarray of uint64, shape (k, m)
-            See `hpcsweep.studies.growth.StudyGrowth`.
+            See `hpcsweep.studies.refinement.Refinement.labels`.
         """
         blocks = self._blocks
-        growth = blocks.study.growth
-        assert growth is not None
+        refinement = blocks.study.refine
+        assert refinement is not None
         first = int(np.ravel_multi_index((*place, 0), (*self._shape, self._n)))
         points, labels = [], []
         for at in np.flatnonzero(blocks.read_rows("commit", (*place, 0), self._n)).tolist():
             rows = blocks.believed(blocks.study.block((*place, at)))
             if rows is not None:
                 points.append(first + at)
-                labels.append(growth.labels(rows))
+                labels.append(refinement.labels(rows))
         found = np.concatenate(labels) if labels else np.zeros((0, 2), np.uint64)
         return np.array(points, int), found
 

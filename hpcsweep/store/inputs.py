@@ -8,16 +8,24 @@ files of the curves no more.
 import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.job import Job
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store.check import CURVES
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import StoreError
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.refine.crossing import KnownCurve
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.refine.growth import growth_of
+from hpcsweep.studies.seeds import Seed, Seeds, Where
+from hpcsweep.studies.study import Study, as_kind
 
+SEED_KINDS = ("motions", "attractors")
+"""What files of seeds may hold."""
 NAMES = ("outcome", "curve_of_step", "curve_omega", "curve_amplitude")
 
 
@@ -26,6 +34,7 @@ class Inputs:
 
     Attributes
     ----------
+    growth : MapGrowth or None
     curves : list of Curve
         Known curves over Omega and A.
 
@@ -37,7 +46,8 @@ class Inputs:
 
     def __init__(self, study: Study):
         self._study = study
-        self.paths = study.growth.curves if study.growth else ()
+        self.growth = growth_of(study)
+        self.paths = study.refine.curves if study.refine else ()
         self.curves = [curve for path in self.paths for curve in _curves_of(Path(path), study)]
 
     @property
@@ -59,9 +69,9 @@ class Inputs:
         StoreError
             If they cross none.
         """
-        if not self._study.growth or not self.paths:
+        if not self.growth or not self.paths:
             return None
-        crossed = self._study.growth.crossed(self.curves)
+        crossed = self.growth.crossed(self.curves)
         if not crossed.any():
             raise StoreError(f"{', '.join(self.paths)}: no curve crosses the map")
         return crossed
@@ -121,3 +131,76 @@ def _polylines(path: Path, frames: Frames) -> Iterator[np.ndarray]:
         for one in np.unique(number[number > 0]).tolist():
             own = number == one
             yield np.stack((rows["curve_omega"][own], rows["curve_amplitude"][own]), axis=1)
+
+
+def read_seeds(paths: tuple[str, ...], where: Where) -> Seeds:
+    """Read the motions of results files within frequencies and amplitudes.
+
+    Raises
+    ------
+    StoreError
+        If a file is none, holds something else, or no motion of the structure.
+    """
+    periodic: dict[tuple, Seed] = {}
+    others = 0
+    for path in paths:
+        with closing(Frames(path, None)) as frames:
+            _choose_part(frames, where)
+            for omega, amplitude, motion in _motions(frames, where):
+                seed = _seed_of(omega, amplitude, motion)
+                if seed is None:
+                    others += 1
+                else:
+                    key = omega, amplitude, seed.period, seed.points[-1].tobytes()
+                    periodic.setdefault(key, seed)
+    return Seeds(list(periodic.values()), others)
+
+
+def with_inputs(job: Job) -> Job:
+    """Return a job whose runs may start from motions of results files."""
+    return replace(job, study=job.study.with_reader(read_seeds))
+
+
+def _choose_part(frames: Frames, where: Where) -> None:
+    """Choose the part of a file that is of the structure."""
+    if frames.whole.study.holds not in SEED_KINDS:
+        raise StoreError(
+            f"{frames.path}: holds {frames.whole.study.holds}; seeds are motions of sweeps and "
+            "points, or attractors"
+        )
+    for place in frames.places:
+        frames.choose(place)
+        if frames.study.structure == where.structure:
+            return
+    raise StoreError(f"{frames.path}: is of another structure than the job")
+
+
+def _motions(frames: Frames, where: Where) -> Iterator[tuple[float, float, dict]]:
+    """Go through the motions of the part chosen: direction by direction within a frame."""
+    study = as_kind(frames.study, RunGrid)
+    names = tuple(variable.name for variable in frames.variables)
+    for frame in range(study.n_frames):
+        omega = float(study.omega[frame])
+        amplitudes = study.amplitudes_of(frame)
+        inside = (where.amplitude[0] <= amplitudes) & (amplitudes <= where.amplitude[1])
+        if not (where.omega[0] <= omega <= where.omega[1] and inside.any()):
+            continue
+        rows = frames.read(frame, names)
+        for direction, at in np.ndindex(len(study.directions), amplitudes.size):
+            if inside[at] and rows["outcome"][direction, at] == Outcome.COMPLETE:
+                run = {name: values[direction, at] for name, values in rows.items()}
+                for motion in study.motions(run):
+                    yield omega, float(amplitudes[at]), motion
+
+
+def _seed_of(omega: float, amplitude: float, motion: dict) -> Seed | None:
+    """Return a motion as a seed, None if it is no orbit."""
+    period = int(motion["orbit_period"])
+    if period < 1:
+        return None
+    stored = motion.get("poincare", motion["final_state"][None])
+    count = int(motion.get("n_points", len(stored)))
+    points = stored[max(count - period, 0) : count]
+    if len(points) < period:
+        points = points[-1:]
+    return Seed(omega, amplitude, period, points.copy())

@@ -2,6 +2,16 @@
 
 Sessions (host names, ranks, start, end) and the cost of each block in seconds. They differ from run
 to run, and are therefore kept out of the results, which do not. Losing the journal loses no result.
+
+=========  ======================================================================================
+kind       values
+=========  ======================================================================================
+start      ranks, hosts, transport: a session begins
+pilot      frame, along, runs, seconds: runs that were timed at a place of a frame
+block      rank, place, runs, seconds: the block at a place of ``commit`` was computed
+master     messages, message_seconds, master_seconds, recalls: load of rank 0 so far
+end        reason, written_bytes, write_seconds, rank_seconds, peak_memory, and as master
+=========  ======================================================================================
 """
 
 import contextlib
@@ -9,12 +19,14 @@ import json
 import math
 import os
 import time
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hpcsweep.job.paths import beside
+from hpcsweep.parallel.farm import Traffic
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import WriteError
 
@@ -120,3 +132,169 @@ def _is_record(record: object) -> bool:
     if isinstance(moment, bool) or not isinstance(moment, int | float):
         return False
     return 0 <= moment < LATEST
+
+
+class BlockCost(NamedTuple):
+    """Cost of a block: its index in ``commit``, its runs, seconds, and the time of the record."""
+
+    place: tuple[int, ...]
+    runs: int
+    seconds: float
+    time: float = 0.0
+
+
+class PilotCost(NamedTuple):
+    """Cost of timed runs: frame, place along it (0 to 1), runs, seconds."""
+
+    frame: int
+    along: float
+    runs: int
+    seconds: float
+
+
+@dataclass
+class Session:
+    """One call of `hpcsweep run`, as recorded in the journal.
+
+    Attributes
+    ----------
+    started, last : float
+        Times (s since the epoch) of its first and its last record.
+    ended : str or None
+        Why it ended; None if it is running or was killed.
+    costs : list of BlockCost
+    load : Traffic or None
+        As of its last record, written at `load_time`.
+    """
+
+    started: float
+    ranks: int
+    hosts: list[str]
+    transport: str | None
+    last: float
+    ended: str | None = None
+    written_bytes: int | None = None
+    write_seconds: float | None = None
+    rank_seconds: float | None = None
+    peak_memory: list[int] | None = None
+    costs: list[BlockCost] = field(default_factory=list)
+    load: Traffic | None = None
+    load_time: float = 0.0
+
+
+@dataclass
+class CampaignHistory:
+    """History of a campaign, from its journal.
+
+    Attributes
+    ----------
+    sessions : list of Session
+    costs : list of BlockCost
+        Of all sessions, also where the beginning of the journal is lost.
+    samples : list of PilotCost
+    last : float or None
+        Time of the last record.
+    """
+
+    sessions: list[Session] = field(default_factory=list)
+    costs: list[BlockCost] = field(default_factory=list)
+    samples: list[PilotCost] = field(default_factory=list)
+    last: float | None = None
+
+    @property
+    def latest(self) -> dict[tuple[int, ...], BlockCost]:
+        """Latest cost of each block."""
+        return {cost.place: cost for cost in self.costs}
+
+
+def block_record(cost: BlockCost) -> dict:
+    """Return the values of a block's record."""
+    return {"place": list(map(int, cost.place)), "runs": cost.runs, "seconds": cost.seconds}
+
+
+def load_record(load: Traffic) -> dict:
+    """Return the values of a record of the master's load."""
+    seconds = round(load.message_seconds, 6), round(load.seconds, 6)
+    return dict(zip(_LOAD, (load.messages, *seconds, load.recalls), strict=True))
+
+
+def read_history(path: Path) -> CampaignHistory:
+    """Read the journal of a results file; empty if there is none."""
+    history = CampaignHistory()
+    for record in Journal(path).read():
+        history.last = record["time"]
+        with contextlib.suppress(KeyError, TypeError, ValueError):
+            _check(record)
+            _take(history, record)
+        if history.sessions:
+            history.sessions[-1].last = record["time"]
+    return history
+
+
+def _check(record: dict) -> None:
+    """Refuse a record with a value of the wrong kind.
+
+    Raises
+    ------
+    ValueError
+    """
+    for key, value in record.items():
+        if key not in _KINDS or (value is None and key in _MAYBE):
+            continue
+        values = value if key in _LISTS else [value]
+        if not isinstance(values, list) or not all(map(_KINDS[key], values)):
+            raise ValueError(f"{key} = {value!r:.40}")
+
+
+def _is_count(value: object) -> bool:
+    return type(value) is int and 0 <= value < 2**62
+
+
+def _is_time(value: object) -> bool:
+    return type(value) in (int, float) and 0 <= value < 1e15  # type: ignore[operator]
+
+
+def _is_word(value: object) -> bool:
+    return isinstance(value, str) and len(value) < 1000
+
+
+_ENDS = ("written_bytes", "write_seconds", "rank_seconds", "peak_memory")
+_LOAD = ("messages", "message_seconds", "master_seconds", "recalls")
+_MAYBE = ("transport", *_ENDS)
+_LISTS = ("hosts", "peak_memory", "place")
+_KINDS = {
+    **dict.fromkeys(("ranks", "rank", "place", "frame", "runs", "messages", "recalls"), _is_count),
+    **dict.fromkeys(("written_bytes", "peak_memory"), _is_count),
+    **dict.fromkeys(
+        ("along", "seconds", "message_seconds", "master_seconds", "write_seconds", "rank_seconds"),
+        _is_time,
+    ),
+    **dict.fromkeys(("hosts", "transport", "reason"), _is_word),
+}
+"""Checks of the values of records."""
+
+
+def _take(history: CampaignHistory, record: dict) -> None:
+    """Add a record; one of a kind that a later version writes changes nothing."""
+    kind, now = record["kind"], record["time"]
+    session = history.sessions[-1] if history.sessions else None
+    if kind == "start":
+        ranks, transport = max(record["ranks"], 1), record.get("transport")
+        history.sessions.append(Session(now, ranks, record["hosts"], transport, last=now))
+    elif kind == "block":
+        if record["runs"] < 1:
+            raise ValueError("a block without runs")
+        cost = BlockCost(tuple(record["place"]), record["runs"], record["seconds"], now)
+        history.costs.append(cost)
+        if session:
+            session.costs.append(cost)
+    elif kind == "pilot" and "along" in record:  # not in journals of early versions
+        history.samples.append(PilotCost(*(record[key] for key in PilotCost._fields)))
+    elif kind in ("master", "end") and session:
+        if "master_seconds" in record:
+            session.load = Traffic(*(record[key] for key in _LOAD))
+            session.load_time = now
+        if kind == "end":
+            session.ended = record["reason"]
+            for name in _ENDS:
+                setattr(session, name, record.get(name))

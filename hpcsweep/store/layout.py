@@ -29,6 +29,8 @@ from hpcsweep.job import Job
 from hpcsweep.model import description
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
+from hpcsweep.studies.refine.growth import growth_of
+from hpcsweep.studies.refine.variables import derived_coordinates, derived_variables
 from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
@@ -81,6 +83,8 @@ class Layout:
     derived : list of Variable
         Of a study that grows, see `hpcsweep.store.inferred`.
     commit : Variable
+    growth : MapGrowth or None
+        How a study with a refined map grows.
     """
 
     def __init__(self, job: Job):
@@ -88,10 +92,11 @@ class Layout:
         self.study = job.study
         self.name, self.text, self.fingerprint = job.name, job.text, job.fingerprint
         study, structure = job.study, job.study.structure
+        self.growth = growth_of(study)
         self.variables = [_named(variable, structure) for variable in study.variables]
-        further = study.growth.coordinates if study.growth else {}
+        further = derived_coordinates() if study.refine else {}
         coordinates = study.coordinates | further
-        self.derived = study.growth.variables if study.growth else []
+        self.derived = derived_variables(study, study.refine) if study.refine else []
         self.sizes = {name: one.values.size for name, one in further.items()}
         self.sizes |= study.dimensions
         self.coordinates = {

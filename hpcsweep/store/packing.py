@@ -11,8 +11,8 @@ import numpy as np
 
 from hpcsweep.job.paths import followed, path_of
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.contents import CHECKSUM, Contents, chunk_shape, metadata_checksum, parts_of
-from hpcsweep.store.create import reason
+from hpcsweep.store.contents import CHECKSUM, chunk_shape, parts_of
+from hpcsweep.store.create import fill, reason
 from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import Layout, StoreError
@@ -64,7 +64,7 @@ def pack(path: str | Path, output: str | Path | None = None) -> tuple[int, int]:
         committed = _check_blocks(path, layout, whole=output is None)
         temporary = target.with_name(target.name + ".packing")
         try:
-            _copy(path, temporary)
+            _copy(path, temporary, layout)
             _verify(path, temporary, layout, committed)
             before, after = path.stat().st_size, temporary.stat().st_size
             if output is not None and Journal(path).path.exists():
@@ -104,52 +104,32 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
     return committed
 
 
-def _copy(path: Path, temporary: Path) -> None:
+def _copy(path: Path, temporary: Path, layout: Layout) -> None:
     """Write the packed copy and flush it to disk."""
     with (
         reading(path) as source,
         h5py.File(temporary, "w", libver=LIBRARY) as copy,
     ):
-        for name, data in source.items():
-            if data.is_scale:
-                _copy_scale(copy, name, data)
-        for name, data in source.items():
-            if data.is_scale:
-                continue
-            packed = copy.create_dataset(
-                name,
-                data.shape,
-                data.dtype,
-                chunks=chunk_shape(data.shape, data.dtype.itemsize),
-                compression="gzip",
-                compression_opts=COMPRESSION,
-                shuffle=True,
-            )
-            for axis, dim in enumerate(data.dims):
-                packed.dims[axis].attach_scale(copy[dim[0].name])
-            _copy_notes(data, packed)
+        # its checksum covers the offsets of the datasets, which differ here
+        fill(copy, layout, {k: v for k, v in source.attrs.items() if k != CHECKSUM}, _packed)
+        for variable in layout.stored:
+            data, packed = source[variable.name], copy[variable.name]
             for part in parts_of(packed):
                 packed[part] = data[part]
-        for key, value in source.attrs.items():
-            copy.attrs[key] = value
-        # it covers the offsets of the datasets, which differ here
-        copy.attrs[CHECKSUM] = metadata_checksum(Contents(copy))
     _sync(temporary)
 
 
-def _copy_scale(copy: h5py.File, name: str, data: h5py.Dataset) -> None:
-    if h5py.check_string_dtype(data.dtype) is not None:
-        scale = copy.create_dataset(name, data=data.asstr()[...], dtype=h5py.string_dtype())
-    else:
-        scale = copy.create_dataset(name, data=data[...], dtype=data.dtype)
-    scale.make_scale(name)
-    _copy_notes(data, scale)
-
-
-def _copy_notes(data: h5py.Dataset, packed: h5py.Dataset) -> None:
-    for key in ("units", "long_name", "flag_values", "flag_meanings"):
-        if key in data.attrs:
-            packed.attrs[key] = data.attrs[key]
+def _packed(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:
+    """Create a compressed dataset."""
+    return file.create_dataset(
+        name,
+        shape,
+        dtype,
+        chunks=chunk_shape(shape, np.dtype(dtype).itemsize),
+        compression="gzip",
+        compression_opts=COMPRESSION,
+        shuffle=True,
+    )
 
 
 def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:

@@ -8,7 +8,6 @@ right. No byte of a block is touched; an interrupted repair is repeated.
 
 import contextlib
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
@@ -97,20 +96,13 @@ def _copy_metadata(model: Path, path: Path, extents: list[tuple[int, int]]) -> N
     """Copy the model's bytes outside its variables, and its length."""
     with model.open("rb") as source, path.open("r+b") as target:
         size = os.fstat(source.fileno()).st_size
-        for first, last in _gaps(extents, size):
-            source.seek(first)
-            target.seek(first)
-            target.write(source.read(last - first))
+        at = 0
+        for first, last in [*extents, (size, size)]:
+            if first > at:
+                source.seek(at)
+                target.seek(at)
+                target.write(source.read(first - at))
+            at = max(at, last)
         target.truncate(size)
         target.flush()
         os.fsync(target.fileno())
-
-
-def _gaps(extents: list[tuple[int, int]], size: int) -> Iterator[tuple[int, int]]:
-    at = 0
-    for first, last in extents:
-        if first > at:
-            yield at, first
-        at = max(at, last)
-    if size > at:
-        yield at, size

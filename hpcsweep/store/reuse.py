@@ -17,6 +17,7 @@ checksum of the new job.
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -66,12 +67,13 @@ class Earlier:
                 )
         places = list(np.ndindex(*(len(axis.values) for axis in old.axes)))
         self._places = {_key(old.part(place)): place for place in places}
-        self._of_part: dict[Place, Place | None] = {}
         own = np.ndindex(*(len(axis.values) for axis in self._study.axes))
         if not any(_key(self._study.part(place)) in self._places for place in own):
             raise StoreError(f"{path}: {_difference(old, self._study)}; nothing of it fits the job")
         self._blocks = Blocks(path, self.layout)
-        self._kept: dict[Place, dict[str, np.ndarray] | None] = {}
+        self._believed = lru_cache(KEPT)(self._blocks.believed)
+        # by the place of a part of the job
+        self._place_of = cache(lambda own: self._places.get(_key(self._study.part(own))))
 
     def close(self) -> None:
         """Close the file."""
@@ -82,7 +84,7 @@ class Earlier:
         own, inner = self._study.part_of(block)
         part = as_kind(own, RunGrid)
         n_outer = len(block.place) - len(inner.place)
-        place = self._part(block.place[:n_outer], part)
+        place = self._place_of(block.place[:n_outer])
         if place is None:
             return NOT_THE_SAME
         found = self._find(place, part, inner)
@@ -94,7 +96,7 @@ class Earlier:
         at, end = first, first + inner.n_runs
         while at < end:
             held = self._block_of(old, direction, frame, at)
-            whole = self._believed(place, held)
+            whole = self._believed(self._outer(place, held))
             if whole is None:
                 return NOT_COMMITTED
             low, high = at - held.first[-1], min(end - held.first[-1], held.n_runs)
@@ -107,11 +109,6 @@ class Earlier:
             return OTHER_STATE
         names = self._blocks.variables
         return {name: np.concatenate([each[name] for each in rows]) for name in names}
-
-    def _part(self, own: Place, part: RunGrid) -> Place | None:
-        if own not in self._of_part:
-            self._of_part[own] = self._places.get(_key(part))
-        return self._of_part[own]
 
     def _find(self, place: Place, part: RunGrid, block: Block) -> tuple[int, int, int] | None:
         """Return the direction, the frame and the lowest amplitude of a block in the other grid."""
@@ -130,20 +127,12 @@ class Earlier:
 
     def _block_of(self, old: RunGrid, direction: int, frame: int, at: int) -> Block:
         """Return the block of a part of the other file that holds an amplitude."""
-        count = old.n_amplitudes
+        count = old.n_along
         along = count - 1 - at if old.descends(direction) else at
         return old.block((direction, frame, along // old.block_size))
 
     def _outer(self, place: Place, block: Block) -> Block:
         return self.layout.study.block((*place, *block.place))
-
-    def _believed(self, place: Place, block: Block) -> dict[str, np.ndarray] | None:
-        held = self._outer(place, block)
-        if held.place not in self._kept:
-            while len(self._kept) >= KEPT:
-                self._kept.pop(next(iter(self._kept)))
-            self._kept[held.place] = self._blocks.believed(held)
-        return self._kept[held.place]
 
 
 class Reuse:

@@ -8,8 +8,10 @@ call waits for another rank; ``sync`` flushes what this rank wrote to the disk.
 
 import errno
 import os
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import h5py
 import numpy as np
@@ -28,72 +30,79 @@ def _reason(error: Exception) -> str:
     return next((cause for cause in causes if cause in text), text)
 
 
-class _FailuresNamed:
-    """Turns the error of a failed write (MPI's are RuntimeErrors) into one line: a `WriteError`.
+class Transport(ABC):
+    """Interface for the commit protocol.
 
-    Entered for every variable of a block: a generator takes ten times as long.
+    Parameters
+    ----------
+    path : Path
     """
+
+    name: str
 
     def __init__(self, path: Path):
         self._path = path
 
-    def __enter__(self) -> None:
-        pass
+    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
+        """Write `rows` at index `start` of a variable, with all later axes whole.
 
-    def __exit__(self, kind, error: BaseException | None, trace) -> None:
-        if isinstance(error, OSError | RuntimeError):
+        Raises
+        ------
+        WriteError
+            If the system cannot; also in `sync`. MPI's errors are RuntimeErrors.
+        """
+        self._guarded(self._write, variable, start, np.ascontiguousarray(rows))
+
+    def sync(self) -> None:
+        """Return once everything this rank wrote is on disk."""
+        self._guarded(self._sync)
+
+    def _guarded(self, action: Callable[..., None], *arguments: Any) -> None:
+        try:
+            action(*arguments)
+        except (OSError, RuntimeError) as error:
             raise WriteError(
                 f"{self._path}: cannot be written: {_reason(error)}; what is committed is safe: "
                 "make room and run again to resume"
             ) from None
 
+    @abstractmethod
+    def _write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None: ...
 
-class Transport(Protocol):
-    """Interface for the commit protocol; a failed write raises `WriteError`."""
+    @abstractmethod
+    def _sync(self) -> None: ...
 
-    name: str
-
-    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
-        """Write `rows` at index `start` of a variable, with all later axes whole."""
-
-    def sync(self) -> None:
-        """Return once everything this rank wrote is on disk."""
-
+    @abstractmethod
     def close(self) -> None:
         """Close (collective)."""
 
 
-class PosixTransport:
+class PosixTransport(Transport):
     """``pwrite`` at byte offsets: one rank."""
 
     name = "pwrite"
 
     def __init__(self, path: Path):
-        self._failures_named = _FailuresNamed(path)
+        super().__init__(path)
         self._offsets = Offsets(path)
         self._descriptor = open_above(path, os.O_RDWR)
 
-    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
-        """Write rows; see `Transport`."""
-        data = memoryview(np.ascontiguousarray(rows).data).cast("B")
-        offset = self._offsets.at(variable, start)
-        with self._failures_named:
-            while data:
-                written = os.pwrite(self._descriptor, data, offset)
-                data = data[written:]
-                offset += written
+    def _write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
+        data, offset = memoryview(rows.data).cast("B"), self._offsets.at(variable, start)
+        while data:
+            written = os.pwrite(self._descriptor, data, offset)
+            data = data[written:]
+            offset += written
 
-    def sync(self) -> None:
-        """Flush to disk."""
-        with self._failures_named:
-            os.fsync(self._descriptor)
+    def _sync(self) -> None:
+        os.fsync(self._descriptor)
 
     def close(self) -> None:
         """Close."""
         os.close(self._descriptor)
 
 
-class MpiIoTransport:
+class MpiIoTransport(Transport):
     """``MPI.File.Write_at`` at byte offsets: plain h5py, any MPI."""
 
     name = "offset"
@@ -101,49 +110,37 @@ class MpiIoTransport:
     def __init__(self, path: Path):
         from hpcsweep.parallel.mpi import open_file
 
-        self._failures_named = _FailuresNamed(path)
+        super().__init__(path)
         self._offsets = Offsets(path)
         self._file = open_file(path)
 
-    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
-        """Write rows; see `Transport`."""
-        data = np.ascontiguousarray(rows).view(np.uint8).reshape(-1)
-        with self._failures_named:
-            self._file.Write_at(self._offsets.at(variable, start), data)
+    def _write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
+        self._file.Write_at(self._offsets.at(variable, start), rows.view(np.uint8).reshape(-1))
 
-    def sync(self) -> None:
-        """Flush to disk."""
-        with self._failures_named:
-            self._file.Sync()
+    def _sync(self) -> None:
+        self._file.Sync()
 
     def close(self) -> None:
         """Close."""
         self._file.Close()
 
 
-class MpioTransport:
+class MpioTransport(Transport):
     """h5py's ``mpio`` driver: needs h5py built with MPI."""
 
     name = "mpio"
 
     def __init__(self, path: Path, comm):
-        self._failures_named = _FailuresNamed(path)
+        super().__init__(path)
         self._file = h5py.File(path, "r+", driver="mpio", comm=comm.raw)
         self._descriptor = open_above(path, os.O_RDWR)
 
-    def write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
-        """Write rows; see `Transport`."""
-        data = self._file[variable]
-        with self._failures_named:
-            if len(start) == len(data.shape) and rows.ndim == 0:
-                data[start] = rows
-            else:
-                data[(*start[:-1], slice(start[-1], start[-1] + rows.shape[0]))] = rows
+    def _write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
+        self._file[variable][(*start[:-1], slice(start[-1], start[-1] + len(rows)))] = rows
 
-    def sync(self) -> None:
+    def _sync(self) -> None:
         """Flush all pages of the file on this node to disk."""
-        with self._failures_named:
-            os.fsync(self._descriptor)
+        os.fsync(self._descriptor)
 
     def close(self) -> None:
         """Close (collective)."""

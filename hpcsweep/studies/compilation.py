@@ -110,7 +110,7 @@ def worth_specialising(study: Study, n_ranks: float | None) -> bool:
     if n_ranks is None or study.settings.solver != "flow":
         return False
     histories = float(study.n_runs * study.polls_per_run)
-    if study.growth is not None:
+    if study.refine is not None:
         histories *= REFINED_SHARE
     return histories >= SPECIALISED_FROM * n_ranks
 

@@ -1,14 +1,10 @@
 """Base of studies over direction, frame (forcing frequency) and forcing amplitude.
 
-Runs are independent, each block a task of its own, or form paths (`hpcsweep.studies.grid_kinds`).
-
-A frame's runs of one direction are cut into blocks of `block_size` amplitudes, in ascending order;
-block b of a descending direction holds as many amplitudes, counted from the top.
+Runs are independent, each block a task of its own, or form paths (`AlongAmplitudes`).
 """
 
 import time
-from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -18,9 +14,8 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.invariants import Broken, broken_relations
-from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
 from hpcsweep.studies.report import MAX_FRAMES, doubts, ranges, starting_range
@@ -41,6 +36,8 @@ from hpcsweep.studies.variables import (
     storey_heights,
 )
 
+UP, DOWN = "up", "down"
+
 
 @dataclass(frozen=True, eq=False)
 class RunGrid(Part):
@@ -51,7 +48,7 @@ class RunGrid(Part):
     structure : Structure
     omega : ndarray, shape (n_frames,)
         Forcing frequency of each frame.
-    amplitude : ndarray, shape (n_amplitudes,)
+    amplitude : ndarray, shape (n_along,)
         Ascending.
     initial_state : ndarray, shape (2n,)
         State from which the first run of every task starts.
@@ -70,21 +67,12 @@ class RunGrid(Part):
     block_size: int
     directions: tuple[str, ...]
 
-    kind: ClassVar[str]
-    summary: ClassVar[str]
-    """What is computed, in a line."""
-    run_noun: ClassVar[str] = "run"
     words: ClassVar[dict[str, str]]  # each direction in words
     direction_name: ClassVar[str]
     """Long name of the first dimension."""
-    keys: ClassVar[Tables]
-    """Keys of job files, by table, of this study alone."""
-    without: ClassVar[tuple[str, ...]] = ()  # tables of which it knows its own keys alone
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
-    default_block: ClassVar[int]
     frame_dim: ClassVar[str] = "omega"  # dimension of the frames
     run_dims: ClassVar[tuple[str, ...]] = RUN
-    grid_fields: ClassVar[tuple[str, ...]] = ()
     commit: ClassVar[Variable] = COMMIT
     always: ClassVar[frozenset[str]] = frozenset()  # metrics that its runs compute unasked
     holds: ClassVar[str] = "motions"
@@ -95,26 +83,6 @@ class RunGrid(Part):
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
     is_path: ClassVar[bool] = False
     """Whether a run starts from what another one left."""
-
-    @abstractmethod
-    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
-        """Compute the runs of a frame at places along its last axis, in this order.
-
-        They start from the present state of their path.
-        """
-
-    def task_of(self, direction, frame, number):
-        """Return the task of blocks, arrays or numbers: every block is one."""
-        del direction
-        return frame * self.n_blocks + number
-
-    def path(self, task: int) -> Sequence[Block]:
-        """Return the blocks of a task in the order of computation: one."""
-        return Path(1, lambda _: self.block((0, *divmod(task, self.n_blocks))))
-
-    def descends(self, _direction: int) -> bool:
-        """Return whether the amplitudes of a direction are computed in descending order."""
-        return False
 
     @cached_property
     def moving(self) -> Structure:
@@ -138,27 +106,12 @@ class RunGrid(Part):
         return self.omega.size
 
     @property
-    def n_amplitudes(self) -> int:
+    def n_along(self) -> int:
         """Number of runs of one frame and direction."""
         return self.amplitude.size
 
-    @property
-    def n_blocks(self) -> int:
-        """Number of blocks of one frame and direction."""
-        return -(-self.n_amplitudes // self.block_size)
-
-    @property
-    def n_tasks(self) -> int:
-        """Number of tasks of the study."""
-        return int(self.task_of(len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1)) + 1
-
-    @property
-    def n_runs(self) -> int:
-        """Number of runs: directions x frames x amplitudes."""
-        return len(self.directions) * self.omega.size * self.n_amplitudes
-
     def amplitudes_of(self, frame: int) -> np.ndarray:
-        """Return the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
+        """Return the amplitudes of a frame, ascending, shape (n_along,)."""
         del frame
         return self.amplitude
 
@@ -168,34 +121,17 @@ class RunGrid(Part):
         return run_variables(self.settings)
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        n = self.structure.n_floors
-        measured = measure_coordinates(self.structure, self.settings)
-        return {
-            **{name: c.values.size for name, c in measured.items()},
-            "direction": len(self.directions),
-            self.frame_dim: self.omega.size,
-            "amplitude": self.n_amplitudes,
-            self.point_dim: self.settings.stored_points,
-            "state": 2 * n,
-            "mode": n,
-            "block": self.n_blocks,
-        }
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
-        n, size = self.structure.n_floors, self.dimensions
         return {
             **measure_coordinates(self.structure, self.settings),
             "direction": named(self.directions, self.direction_name),
             "omega": Coordinate(self.omega.astype("<f8"), *OMEGA),
             "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),
-            self.point_dim: numbered(size[self.point_dim], "stroboscopic point"),
+            self.point_dim: numbered(self.settings.stored_points, "stroboscopic point"),
             "state": states(self.structure),
-            "mode": numbered(n, "mode of the free structure", first=1),
-            "block": numbered(size["block"], "block of amplitudes"),
+            "mode": numbered(self.structure.n_floors, "mode of the free structure", first=1),
+            "block": numbered(self.n_blocks, "block of amplitudes"),
         }
 
     @property
@@ -203,46 +139,9 @@ class RunGrid(Part):
         """Variables that are known in advance, with their values."""
         return storey_heights(self.structure) if "storey" in self.coordinates else []
 
-    def block(self, place: tuple[int, ...]) -> Block:
-        """Return the block with an index in ``commit``: direction, frame, number along the path."""
-        direction, frame, number = place
-        descends = self.descends(direction)
-        begin, end = number * self.block_size, (number + 1) * self.block_size
-        if descends:
-            begin, end = self.n_amplitudes - end, self.n_amplitudes - begin
-        low, high = max(begin, 0), min(end, self.n_amplitudes)
-        task = int(self.task_of(direction, frame, number))
-        return Block(task, place, (direction, frame, low), high - low, descends)
-
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
-        shape = len(self.directions), self.omega.size, self.n_blocks
-        direction, frame, number = (axis.ravel() for axis in np.indices(shape, np.int32))
-        size, count = self.block_size, self.n_amplitudes
-        n_runs = np.minimum(size, count - number * size)
-        middle = np.minimum((number + 0.5) * size, count) / count
-        down = np.array([self.descends(d) for d in range(shape[0])])[direction]
-        middle = np.where(down, 1.0 - middle, middle)
-        task = self.task_of(direction, frame, number)
-        # within a task: direction by direction, block by block
-        order = np.lexsort((number, direction, task))
-        place = np.stack((direction, frame, number), axis=1)
-        return BlockTable(task[order], n_runs[order], place[order], middle[order])
-
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return the state from which the run after one of the rows starts."""
         return rows["final_state"][row] if self.carried else self.initial_state
-
-    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
-        """Compute a block from the present state of its path; rows in file order."""
-        _, frame, low = block.first
-        result = self.runs_at(frame, np.arange(low, low + block.n_runs)[block.order], state, poll)
-        return {name: np.ascontiguousarray(values[block.order]) for name, values in result.items()}
-
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
-        """Compute one run alone from a state."""
-        _, frame, at = block.run(row)
-        return self.runs_at(frame, np.array([at]), state)
 
     def with_settings(self, **changes: Any) -> Self:
         """Return the same study with other settings."""
@@ -251,12 +150,12 @@ class RunGrid(Part):
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a frame, after an untimed one that reaches the attractor."""
         frame = int(share * self.omega.size)
-        at = int(along * (max(self.n_amplitudes - n_runs - 1, 0) + 1))
-        places = np.arange(at, min(at + n_runs + 1, self.n_amplitudes))
+        at = int(along * (max(self.n_along - n_runs - 1, 0) + 1))
+        places = np.arange(at, min(at + n_runs + 1, self.n_along))
         arrived = self.end_state(self.runs_at(frame, places[:1], self.initial_state, poll), -1)
         state = arrived if np.isfinite(arrived).all() else self.initial_state
         places = places[1:] if places.size > 1 else places
-        middle = (at + 0.5 * places.size) / self.n_amplitudes
+        middle = (at + 0.5 * places.size) / self.n_along
         begun = time.perf_counter()
         self.runs_at(frame, places, state, poll)
         return (frame, middle), places.size, time.perf_counter() - begun
@@ -271,6 +170,11 @@ class RunGrid(Part):
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way; see `hpcsweep.studies.recompute`."""
         return compute_again(self, block, row, run, start)
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of a map that may be refined, by key of the job."""
+        return {"sweep.omega": self.omega, "sweep.amplitude": self.amplitude}
 
     @property
     def covered(self) -> tuple[np.ndarray, np.ndarray]:
@@ -346,3 +250,39 @@ class RunGrid(Part):
         from hpcsweep.studies.compilation import warm_up, worth_specialising
 
         warm_up(self._all_settings, say, None, self.structure, worth_specialising(self, n_ranks))
+
+
+class AlongAmplitudes(RunGrid):
+    """A grid each frame of which is a path: up, then down if that is a direction too."""
+
+    is_path: ClassVar[bool] = True
+
+    def task_of(self, *place):
+        """Return the task of blocks: their frame."""
+        return place[-2]
+
+    def path(self, task: int) -> Path:
+        """Return the blocks of a frame: up, then down."""
+
+        def block(position: int) -> Block:
+            direction, number = divmod(position, self.n_blocks)
+            return self.block((direction, task, number))
+
+        return Path(len(self.directions) * self.n_blocks, block)
+
+    def descends(self, direction: int) -> bool:
+        """Return whether the amplitudes of a direction are computed in descending order."""
+        return self.directions[direction] == DOWN
+
+    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
+        """Return the index of the previous run on the path; None for the first."""
+        if row != block.begin:
+            return block.run(row + 1 if block.descending else row - 1)
+        path = self.path(block.task)
+        position = next(k for k, other in enumerate(path) if other.place == block.place)
+        before = path[position - 1] if position else None
+        return before.run(before.end) if before else None
+
+    def describe_task(self, task: int) -> str:
+        """Describe a frame by its frequency."""
+        return f"Omega = {self.omega[task]:.6g}"

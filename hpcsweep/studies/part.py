@@ -1,34 +1,87 @@
 """Base of studies without varied keys: each is its own only part (`hpcsweep.studies.vary`)."""
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Self
 
+import numpy as np
+
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, Place, Rows
-from hpcsweep.studies.growth import StudyGrowth
+from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows
 from hpcsweep.studies.invariants import Broken, listed, of_each
+from hpcsweep.studies.keys import Tables
+from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis
-from hpcsweep.studies.variable import Variable
+from hpcsweep.studies.variable import Coordinate, Variable
 
 
 class Part(ABC):
-    """A study of the values of one job: its runs are independent unless it says otherwise."""
+    """A study of the values of one job: its runs are independent unless it says otherwise.
+
+    Runs stand along the last of their axes, in each frame and, if there are any, each direction.
+    They are cut into blocks of `block_size`, in ascending order; block b of a descending direction
+    holds as many, counted from the top.
+    """
 
     structure: Structure
+    block_size: int
+    directions: tuple[str, ...]
 
+    kind: ClassVar[str]
+    summary: ClassVar[str]
+    """What is computed, in a line."""
+    run_noun: ClassVar[str] = "run"
+    keys: ClassVar[Tables]
+    """Keys of job files, by table, of this study alone."""
+    without: ClassVar[tuple[str, ...]] = ()  # tables of which it knows its own keys alone
+    default_block: ClassVar[int]
+    grid_fields: ClassVar[tuple[str, ...]] = ()
     axes: ClassVar[tuple[Axis, ...]] = ()
-
     starts_at_rest: ClassVar[bool] = False
     n_parts: ClassVar[int] = 1
     slots: ClassVar[Mapping[str, str]] = {}
     """See `hpcsweep.studies.invariants.of_each`."""
+    refine: Refinement | None = None
+    """Which points of its map are computed; None: all."""
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of a map that may be refined, by key of the job."""
+        return {}
+
+    @property
+    @abstractmethod
+    def n_frames(self) -> int:
+        """Number of frames."""
+
+    @property
+    @abstractmethod
+    def n_along(self) -> int:
+        """Number of runs of one frame and direction."""
+
+    @abstractmethod
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
+        """Compute the runs of a frame at places along its last axis, in this order.
+
+        They start from the present state of their path.
+        """
 
     @property
     @abstractmethod
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
+
+    @property
+    @abstractmethod
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+        return {name: one.values.size for name, one in self.coordinates.items()}
 
     @abstractmethod
     def relations(self, block: Block, rows: Rows) -> Broken:
@@ -38,6 +91,74 @@ class Part(ABC):
         """Return the broken invariants of runs: (row, message)."""
         each = of_each(self.variables, rows, self.structure, self.slots)
         return listed(each | self.relations(block, rows))
+
+    @property
+    def n_blocks(self) -> int:
+        """Number of blocks of one frame and direction."""
+        return -(-self.n_along // self.block_size)
+
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        """Number of blocks along each axis of ``commit``."""
+        directions = (len(self.directions),) if self.directions else ()
+        return (*directions, self.n_frames, self.n_blocks)
+
+    @property
+    def n_tasks(self) -> int:
+        """Number of tasks of the study."""
+        return int(self.task_of(*(size - 1 for size in self._shape))) + 1
+
+    @property
+    def n_runs(self) -> int:
+        """Number of runs of all frames and directions."""
+        return math.prod(self._shape[:-1]) * self.n_along
+
+    def task_of(self, *place):
+        """Return the task of blocks, numbers or arrays of their places: every block is one."""
+        return place[-2] * self.n_blocks + place[-1]
+
+    def path(self, task: int) -> Sequence[Block]:
+        """Return the blocks of a task in the order of computation: one."""
+        return Path(1, lambda _: self.block((0, *divmod(task, self.n_blocks))))
+
+    def descends(self, _direction: int) -> bool:
+        """Return whether the runs of a direction are computed in descending order."""
+        return False
+
+    def block(self, place: Place) -> Block:
+        """Return the block with an index in ``commit``: direction, frame, number along the path."""
+        *outer, number = place
+        descends = self.descends(outer[0])
+        begin, end = number * self.block_size, (number + 1) * self.block_size
+        if descends:
+            begin, end = self.n_along - end, self.n_along - begin
+        low, high = max(begin, 0), min(end, self.n_along)
+        return Block(int(self.task_of(*place)), place, (*outer, low), high - low, descends)
+
+    def table(self) -> BlockTable:
+        """Describe all blocks at once."""
+        *outer, number = (axis.ravel() for axis in np.indices(self._shape, np.int32))
+        size, count = self.block_size, self.n_along
+        n_runs = np.minimum(size, count - number * size)
+        middle = np.minimum((number + 0.5) * size, count) / count
+        down = np.array([self.descends(d) for d in range(self._shape[0])])[outer[0]]
+        middle = np.where(down, 1.0 - middle, middle)
+        task = self.task_of(*outer, number)
+        # within a task: direction by direction, block by block
+        order = np.lexsort((number, outer[0], task))
+        place = np.stack((*outer, number), axis=1)
+        return BlockTable(task[order], n_runs[order], place[order], middle[order])
+
+    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
+        """Compute a block from the present state of its path; rows in file order."""
+        *_, frame, low = block.first
+        result = self.runs_at(frame, np.arange(low, low + block.n_runs)[block.order], state, poll)
+        return {name: np.ascontiguousarray(values[block.order]) for name, values in result.items()}
+
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
+        """Compute one run alone from a state."""
+        *_, frame, at = block.run(row)
+        return self.runs_at(frame, np.array([at]), state)
 
     def predecessor(self, _block: Block, _row: int) -> Place | None:
         """Return None: every run is independent."""
@@ -52,11 +173,6 @@ class Part(ABC):
     def starting_range(self) -> dict[str, tuple[int, float, float]]:
         """Component and range of drawn or gridded starts, by name; empty if there are none."""
         return {}
-
-    @property
-    def growth(self) -> StudyGrowth | None:
-        """Return None: all runs are computed."""
-        return None
 
     def with_reader(self, _reader: Reader) -> Self:
         """Return the study itself, whose runs start from no motions of files."""

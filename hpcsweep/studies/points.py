@@ -11,9 +11,9 @@ from typing import ClassVar
 import numpy as np
 
 from hpcsweep.studies.blocks import Poll, Rows
-from hpcsweep.studies.grid_kinds import MappedRuns
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
-from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
+from hpcsweep.studies.refinement import REFINE, Refinement, read_refinement
 from hpcsweep.studies.sweep.runs import frame_runs
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import AMPLITUDE
@@ -25,7 +25,7 @@ POINTS = Key("points", "list of pairs [A, Omega], in place of `sweep.omega` and 
 
 
 @dataclass(frozen=True, eq=False)
-class Points(MappedRuns):
+class Points(RunGrid):
     """Points of a grid or a list, a block of them a task; see `RunGrid`.
 
     Attributes
@@ -93,12 +93,12 @@ class Points(MappedRuns):
         return self.listed
 
     @property
-    def n_amplitudes(self) -> int:
+    def n_along(self) -> int:
         """Number of runs of one frame: 1 in a list."""
         return 1 if self.listed else self.amplitude.size
 
     def amplitudes_of(self, frame: int) -> np.ndarray:
-        """Return the amplitudes of a frame, ascending, shape (n_amplitudes,)."""
+        """Return the amplitudes of a frame, ascending, shape (n_along,)."""
         return self.amplitude[frame : frame + 1] if self.listed else self.amplitude
 
     @property

@@ -104,12 +104,7 @@ def _badness(again: RunAgain) -> tuple[bool, float]:
 def _compare_motion(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Recompute a motion with the other solver."""
     try:
-        if again.orbit_period:
-            _compare_orbit(study, again, solver, tangent, run)
-        elif "poincare" in run:
-            _compare_steps(study, again, solver, tangent, run)
-        else:
-            again.compared = "nothing: the file holds no points of an aperiodic run"
+        _compare_points(study, again, solver, tangent, run)
     except ArithmeticError as error:
         again.compared, again.difference = f"nothing: {error}", None
 
@@ -140,58 +135,40 @@ def _observe(solver, z, amplitude: float, n_periods: int, name: str):
     return seen
 
 
-def _compare_orbit(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
-    """Integrate from the last point of a periodic run once around its orbit."""
-    period, amplitude = again.orbit_period, again.amplitude
+def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
+    """Integrate once around an orbit, or from a few points of an aperiodic run to the next ones."""
+    period, units = again.orbit_period, study.structure.state_units
     off_path = int(run.get("classification_cycles", 0)) > 0
-    if off_path and "poincare" not in run:
-        again.compared = "nothing: the file holds no point of the motion that was classified"
+    if "poincare" not in run and (off_path or not period):
+        what = "point of the motion that was classified" if period else "points of an aperiodic run"
+        again.compared = f"nothing: the file holds no {what}"
         return
-    stored = run["poincare"][:period] if "poincare" in run else run["final_state"][None]
-    last = stored[-1] if off_path else run["final_state"]
-    seen = _observe(solver, last, amplitude, period, again.solver)
-    growth, product, z = 1.0, np.eye(last.size), last
-    for _ in range(period):
-        z, step = tangent.monodromy(z, amplitude, 1)
-        product = step @ product
-        growth = max(growth, _norm(product, study.structure.state_units))
-    again.compared = f"{len(stored)} points once round the orbit"
-    again.difference = _apart(study, seen.points[-len(stored) :], stored)
-    again.allowed = _allowed(study, again.solver, growth)
-    on_orbit = int(run["skip_rule"]) != SkipRule.NONE or off_path
-    if not on_orbit:
-        # the points are only known to repeat within this
-        again.allowed += study.settings.period_tolerance * growth
-    _judge_points(again)
-    _judge_metrics(study, again, seen, run, on_orbit)
-
-
-def _compare_steps(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
-    """Integrate from a few points of an aperiodic run to the next ones."""
-    points = run["poincare"][: int(run["n_points"])]
-    places: list[int] = []
-    if len(points) > 1:
+    if period:
+        stored = run["poincare"][:period] if "poincare" in run else run["final_state"][None]
+        ways = [(stored[-1] if off_path else run["final_state"], stored)]
+        again.compared = f"{len(stored)} points once round the orbit"
+    else:
+        points = run["poincare"][: int(run["n_points"])]
         places = np.unique(np.linspace(0, len(points) - 2, STEPS).astype(int)).tolist()
-    worst = -1.0
-    for place in places:
-        seen = _observe(solver, points[place], again.amplitude, 1, again.solver)
-        _, step = tangent.monodromy(points[place], again.amplitude, 1)
-        difference = _apart(study, seen.points[0], points[place + 1])
-        allowed = _allowed(study, again.solver, _norm(step, study.structure.state_units))
-        if difference / allowed > worst:
-            worst = difference / allowed
+        ways = [(points[k], points[k + 1 : k + 2]) for k in places if len(points) > 1]
+        again.compared = f"{len(ways)} points, each carried to the next"
+    on_orbit = bool(period) and (int(run["skip_rule"]) != SkipRule.NONE or off_path)
+    for z, stored in ways:
+        seen = _observe(solver, z, again.amplitude, period or 1, again.solver)
+        growth, product = 1.0, np.eye(z.size)
+        for _ in range(period or 1):
+            z, step = tangent.monodromy(z, again.amplitude, 1)
+            product = step @ product
+            growth = max(growth, _norm(product, units))
+        difference = _apart(study, seen.points[-len(stored) :], stored)
+        allowed = _allowed(study, again.solver, growth)
+        if period and not on_orbit:
+            # the points are only known to repeat within this
+            allowed += study.settings.period_tolerance * growth
+        if again.difference is None or difference / allowed > _badness(again)[1]:
             again.difference, again.allowed = difference, allowed
-        _judge_metrics(study, again, seen, run, False)
-    again.compared = f"{len(places)} points, each carried to the next"
-    if places:
-        _judge_points(again)
-
-
-def _judge_points(again: RunAgain) -> None:
-    """Judge the largest difference of a point."""
-    assert again.difference is not None
-    assert again.allowed is not None
-    if not again.difference <= again.allowed:
+        _judge_metrics(study, again, seen, run, on_orbit)
+    if again.difference is not None and not again.difference <= (again.allowed or 0.0):
         again.problem = (
             f"{again.solver} finds points that differ by {again.difference:.2g}, allowed are "
             f"{again.allowed:.2g} ({again.compared})"

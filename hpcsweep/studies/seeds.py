@@ -1,4 +1,4 @@
-"""Motions of results files as seeds of branches, which are read by `hpcsweep.store.seeds`."""
+"""Motions of results files as seeds of branches, which are read by `hpcsweep.store.inputs`."""
 
 from collections.abc import Callable
 from typing import NamedTuple

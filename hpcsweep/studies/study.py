@@ -17,7 +17,7 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows, Say, Timed
-from hpcsweep.studies.growth import StudyGrowth
+from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -91,10 +91,26 @@ class RunAgain:
     problem: str = ""
 
 
-class Work(Protocol):
-    """Work of a study: tasks, each a path of blocks, in any order and on any rank.
+class StudyTally(Protocol):
+    """Counts over the runs of a study, for ``summary``."""
 
-    A block's results are arrays by variable name, first axis its runs in file order.
+    @property
+    def done(self) -> int:
+        """Number of computed runs."""
+
+    def add(self, frame: Any, study: "Study") -> None:
+        """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts: numbers, strings, lists and dicts."""
+
+
+class Study(Protocol):
+    """What `store`, `campaign` and `checks` need of a study.
+
+    Work: tasks, each a path of blocks, in any order and on any rank; a block's results are arrays
+    by variable name, first axis its runs in file order. Contents of the file: variables along axes,
+    by name. Descriptions of the study and of its runs for users.
     """
 
     @property
@@ -118,8 +134,12 @@ class Work(Protocol):
         """Fields that say which runs there are; empty where a run depends on all of the job."""
 
     @property
-    def growth(self) -> StudyGrowth | None:
-        """How it grows, round by round; None if all runs are computed."""
+    def refine(self) -> Refinement | None:
+        """Which points of its map are computed, round by round; None: all."""
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of its map, by key of the job."""
 
     @property
     def initial_state(self) -> np.ndarray:
@@ -173,10 +193,6 @@ class Work(Protocol):
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way."""
 
-
-class Compiled(Protocol):
-    """Kernels that the runs of a study call."""
-
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call; see `warm_up`."""
 
@@ -186,10 +202,6 @@ class Compiled(Protocol):
         With `n_ranks`, for all of its runs on that many ranks, or that share of one: where it
         pays, kernels are specialised to the structure.
         """
-
-
-class Data(Protocol):
-    """Contents of the file: variables along axes, by name."""
 
     @property
     def holds(self) -> str:
@@ -260,24 +272,6 @@ class Data(Protocol):
     def part_of(self, block: Block) -> tuple["Study", Block]:
         """Return the part to which a block belongs, and the block with its index there."""
 
-
-class StudyTally(Protocol):
-    """Counts over the runs of a study, for ``summary``."""
-
-    @property
-    def done(self) -> int:
-        """Number of computed runs."""
-
-    def add(self, frame: Any, study: "Study") -> None:
-        """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
-
-    def summary(self) -> dict[str, Any]:
-        """Return the counts: numbers, strings, lists and dicts."""
-
-
-class Report(Protocol):
-    """Descriptions of a study and its runs for users."""
-
     @property
     def kind(self) -> str:
         """Name in job files."""
@@ -324,10 +318,6 @@ class Report(Protocol):
 
     def tally(self) -> StudyTally:
         """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
-
-
-class Study(Work, Compiled, Data, Report, Protocol):
-    """What `store`, `campaign` and `checks` need of a study."""
 
 
 Kind = TypeVar("Kind")

@@ -1,7 +1,8 @@
 """Count over the runs of a study, for its summary: cost, kinds of motion, failures."""
 
-from collections import Counter
-from typing import Any, cast
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -15,34 +16,50 @@ from hpcsweep.studies.variable import Variable
 
 
 class BaseTally:
-    """Counts over the runs of a study, frame by frame, of runs of any kind."""
+    """Counts over the runs of a study, frame by frame, of runs of any kind.
+
+    Attributes
+    ----------
+    counts : dict of str to Counter
+        Numbers of things, by the name of what is counted: a variable, by its values, say.
+    largest : dict of str to dict
+        Largest value of each of the `measures`, and where it is.
+    """
 
     measures: tuple[str, ...] = MEASURES
-    """Variables whose largest value is told, and where it is."""
+    """Variables whose largest value is told."""
+    placed_by: tuple[str, ...] = ("amplitude", "omega")
+    """Coordinates that tell where it is."""
 
     def __init__(self, study: Study):
         self._study = study
-        self.outcomes: Counter[int] = Counter()
-        self.cycles = 0
+        self.counts: defaultdict[str, Counter] = defaultdict(Counter)
         self.largest: dict[str, dict] = {}
 
     @property
     def done(self) -> int:
         """Number of computed runs."""
-        return self.outcomes.total() - self.outcomes[Outcome.NOT_COMPUTED]
+        outcomes = self.counts["outcome"]
+        return outcomes.total() - outcomes[Outcome.NOT_COMPUTED]
+
+    def count(self, name: str, values: np.ndarray) -> None:
+        """Count values."""
+        found, numbers = np.unique(values, return_counts=True)
+        self.counts[name].update(dict(zip(found.tolist(), numbers.tolist(), strict=True)))
 
     def add(self, frame, study: Study) -> None:
         """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
-        count(self.outcomes, frame["outcome"].values)
+        self.count("outcome", frame["outcome"].values)
         if "cycles" in frame:
             there = frame["outcome"].values != Outcome.NOT_COMPUTED
-            self.cycles += int(frame["cycles"].values[there].sum())
+            self.counts["all"]["cycles"] += int(frame["cycles"].values[there].sum())
         for variable in study.variables:
             if variable.name in self.measures and variable.name in frame:
-                self._add_largest(frame[variable.name], variable, study, frame.attrs["part"])
+                self._add_largest(frame, variable, study)
 
-    def _add_largest(self, array, variable: Variable, study: Study, part: str) -> None:
+    def _add_largest(self, frame, variable: Variable, study: Study) -> None:
         """Update the largest value of a measure, and its place."""
+        array = frame[variable.name]
         if not np.isfinite(array.values).any():
             return
         place = np.unravel_index(int(np.nanargmax(array.values)), array.shape)
@@ -52,22 +69,16 @@ class BaseTally:
                 "value": float(at),
                 "units": unit_of(study.structure, variable.units),
                 "of": str(at[array.dims[-1]].item()),
-                **self._place(at, study, part),
+                **{name: _coordinate(name, at, frame) for name in self.placed_by},
             }
-
-    def _place(self, at, study: Study, part: str) -> dict[str, Any]:
-        """Return the place of a value of a frame."""
-        del part
-        omega = float(at["omega"] if "omega" in at.coords else cast(Any, study).omega[0])
-        return {"amplitude": float(at["amplitude"]), "omega": omega}
 
     def summary(self) -> dict[str, Any]:
         """Return the counts: numbers, strings, lists and dicts."""
         return {
-            "periods_per_run": self.cycles / self.done if self.done else None,
+            "periods_per_run": self.counts["all"]["cycles"] / self.done if self.done else None,
             "largest": self.largest,
             "failures": {
-                outcome.name: self.outcomes[outcome]
+                outcome.name: self.counts["outcome"][outcome]
                 for outcome in Outcome
                 if outcome not in (Outcome.NOT_COMPUTED, Outcome.COMPLETE)
             },
@@ -75,68 +86,63 @@ class BaseTally:
 
 
 class RunTally(BaseTally):
-    """Tally of runs.
+    """Tally of runs; the classes of their motions are counted by direction.
 
     ``window_test`` is None where motions were not classified; otherwise, over the ``runs`` with a
     completely integrated window, it counts the periods claimed by the points of the window that are
     ``wrong``, and those ``missed``.
     """
 
-    def __init__(self, study: Study):
-        super().__init__(study)
-        self.classes = np.zeros((len(study.directions), len(MotionClass)), int)
-        self.skip_rules: Counter[int] = Counter()
-        self.periods: Counter[int] = Counter()
-        self.contacts: Counter[int] = Counter()
-        self.window = {"runs": 0, "wrong": 0, "missed": 0}
-
     def add(self, frame, study: Study) -> None:
         """Count the runs of one frame; see `BaseTally.add`."""
         super().add(frame, study)
         classes = classify(frame, study.settings, study.structure.units_at)[:, 0]
-        for row, kinds in zip(self.classes, classes, strict=True):
-            row += np.bincount(kinds, minlength=row.size)
+        for direction, kinds in zip(study.directions, classes, strict=True):
+            self.count(direction, kinds)
         outcome = frame["outcome"].values[:, 0]
-        computed = frame["skip_rule"].values[:, 0][outcome != Outcome.NOT_COMPUTED]
-        count(self.skip_rules, computed)
+        self.count("skip_rule", frame["skip_rule"].values[:, 0][outcome != Outcome.NOT_COMPUTED])
         if "motion" in frame:
             self._compare(frame)
         periodic = classes == MotionClass.PERIODIC
-        count(self.periods, frame["orbit_period"].values[:, 0][periodic])
+        self.count("orbit_period", frame["orbit_period"].values[:, 0][periodic])
         if "contact" in frame:
-            count(self.contacts, frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
+            self.count("contact", frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
 
     def _compare(self, frame) -> None:
         """Compare the window test with the classification, where there is a whole window."""
         window, period = frame["window_period"].values, frame["orbit_period"].values
         tested = (window >= 0) & (frame["outcome"].values == Outcome.COMPLETE)
-        self.window["runs"] += int(tested.sum())
-        self.window["wrong"] += int((tested & (window > 0) & (window != period)).sum())
-        self.window["missed"] += int((tested & (window == 0) & (period > 0)).sum())
+        for name, where in (
+            ("runs", tested),
+            ("wrong", tested & (window > 0) & (window != period)),
+            ("missed", tested & (window == 0) & (period > 0)),
+        ):
+            self.counts["window"][name] += int(where.sum())
 
     def summary(self) -> dict[str, Any]:
         """Return the counts; see `BaseTally.summary`."""
-        settings = self._study.settings
+        study, counts = self._study, self.counts
+        window = {name: counts["window"][name] for name in ("runs", "wrong", "missed")}
+        classes: Counter[int] = sum((counts[name] for name in study.directions), Counter())
         return super().summary() | {
-            "periods_per_run_window": settings.transient_cycles + settings.sampling_cycles,
+            "periods_per_run_window": study.settings.transient_cycles
+            + study.settings.sampling_cycles,
             "skip_rules": {
-                rule.name.lower(): share(self.skip_rules[rule], self.done) for rule in SkipRule
+                rule.name.lower(): share(counts["skip_rule"][rule], self.done) for rule in SkipRule
             },
-            "classes": class_shares(self.classes.sum(axis=0)),
-            "by_direction": {
-                direction: class_shares(counts)
-                for direction, counts in zip(self._study.directions, self.classes, strict=True)
-            },
-            "periods": shares(self.periods, self.done),
-            "window_test": self.window if settings.classify_cycles else None,
-            "contact_sets": contact_shares(self.contacts, self.done, self._study),
+            "classes": class_shares(classes),
+            "by_direction": {name: class_shares(counts[name]) for name in study.directions},
+            "periods": shares(counts["orbit_period"], self.done),
+            "window_test": window if study.settings.classify_cycles else None,
+            "contact_sets": contact_shares(counts["contact"], self.done, study),
         }
 
 
-def count(counter: Counter[int], values: np.ndarray) -> None:
-    """Count values."""
-    found, counts = np.unique(values, return_counts=True)
-    counter.update(dict(zip(found.tolist(), counts.tolist(), strict=True)))
+def _coordinate(name: str, at, frame) -> float | str:
+    """Return a coordinate of a value, or what all values of its frame share."""
+    if name in at.coords:
+        return at[name].item()
+    return frame[name].item() if name in frame else frame.attrs[name]
 
 
 def share(count: int, done: int) -> dict:
@@ -158,11 +164,10 @@ def contact_shares(counter: Counter[int], done: int, study: Study) -> dict[str, 
     }
 
 
-def class_shares(counts: np.ndarray) -> dict[str, dict]:
-    """Return the shares of the motion classes."""
-    done = int(counts[MotionClass.NO_CONTACT :].sum())
-    return {
-        CLASS_NAMES[kind]: share(int(counts[kind]), done)
-        for kind in MotionClass
-        if kind is not MotionClass.NOT_COMPUTED
-    }
+def class_shares(
+    counts: Counter[int],
+    kinds: Iterable[MotionClass] = tuple(MotionClass)[1:],
+) -> dict[str, dict]:
+    """Return the shares of classes of motions, of all that are computed."""
+    done = counts.total() - counts[MotionClass.NOT_COMPUTED]
+    return {CLASS_NAMES[kind]: share(counts[kind], done) for kind in kinds}

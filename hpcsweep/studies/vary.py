@@ -16,7 +16,6 @@ import numpy as np
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis, RunAgain, Study
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -117,12 +116,6 @@ class Varied:
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         return {axis.name: axis.coordinate for axis in self.axes} | self.base.coordinates
-
-    @property
-    def growth(self) -> MapGrowth | None:
-        """How its map grows; None if all runs are computed."""
-        growth = self.base.growth
-        return growth.of_whole(self) if isinstance(growth, MapGrowth) else None
 
     def with_reader(self, reader: Reader) -> "Varied":
         """Return the study with what reads the results files that its runs start from."""
@@ -261,7 +254,7 @@ class Varied:
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 
 
-SHARED = frozenset(name for interface in Study.__mro__ for name in vars(interface))
+SHARED = frozenset(vars(Study))
 """The interface of a study: what a `Varied` does not define all of its parts have in common."""
 
 

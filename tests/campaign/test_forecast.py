@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from tools import GRID, hpcsweep
 
-from hpcsweep.campaign import slurm
 from hpcsweep.campaign.forecast import (
     COMMIT_SECONDS,
     LOAD,
     SESSION_SECONDS,
     SHARE,
-    Pass,
     TimeInterval,
     advised_ranks,
     mean_interval,
+    slurm_lines,
     useful_ranks,
     whole,
 )
@@ -61,7 +60,7 @@ def test_the_interval_holds_the_whole_in_its_share_of_samples(kind, n):
     held = [0, 0]
     for slowness in rng.uniform(1.0, LOAD, DRAWS):
         drawn = rng.choice(runs, n)
-        low, high = mean_interval((Pass(drawn, drawn), Pass(drawn, drawn)))
+        low, high = mean_interval(np.broadcast_to(drawn, (2, 2, n)))
         # the sample's error alone, and with the load
         held[0] += low <= runs.mean() <= high / LOAD + 1e-12
         held[1] += low <= slowness * runs.mean() <= high
@@ -78,17 +77,17 @@ def test_the_interval_holds_the_whole_in_its_share_of_samples(kind, n):
     ],
 )
 def test_the_interval_tells_of_the_load_of_equal_runs(processor, clock, expected):
-    passes = [Pass(np.full(4, p), np.full(4, c)) for p, c in zip(processor, clock, strict=True)]
-    assert mean_interval(tuple(passes)) == pytest.approx(expected)
+    samples = np.tile(np.transpose([processor, clock])[..., None], 4)
+    assert mean_interval(samples) == pytest.approx(expected)
 
 
 def test_the_whole_has_the_runs_and_their_blocks_at_least_those_of_a_refined_map():
     job = parse_job(GRID.replace("[output]", "[output]\nblock = 11"), "job", "job")
     assert (job.study.n_runs, job.study.block_size) == (44, 11)
-    equal = Pass(np.full(4, 0.5), np.full(4, 0.5))
+    equal = np.full((2, 2, 4), 0.5)
     least, most = COMMIT_SECONDS
-    assert whole(job, (equal, equal), 44) == pytest.approx((22 + 4 * least, 22 * LOAD + 4 * most))
-    assert whole(job, (equal, equal), 11).low == pytest.approx(5.5 + least)
+    assert whole(job, equal, 44) == pytest.approx((22 + 4 * least, 22 * LOAD + 4 * most))
+    assert whole(job, equal, 11).low == pytest.approx(5.5 + least)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +101,7 @@ def test_the_whole_has_the_runs_and_their_blocks_at_least_those_of_a_refined_map
     ],
 )
 def test_lines_have_margins_in_the_units_of_slurm(ranks, work, memory, tasks, time, megabytes):
-    assert slurm.lines(ranks, work, memory) == [
+    assert slurm_lines(ranks, work, memory) == [
         f"#SBATCH --ntasks={tasks}",
         "#SBATCH --cpus-per-task=1",
         f"#SBATCH --time={time}",

@@ -7,12 +7,19 @@ costly as the rest, runs of one place that differ by a factor of two, costliest 
 import numpy as np
 import pytest
 
-from hpcsweep.campaign import pilot
-from hpcsweep.campaign.costs import PILOT_TIMED, TaskCosts, n_samples, sample_place
+from hpcsweep.campaign import costs as costs_of
+from hpcsweep.campaign.costs import (
+    PILOT_TIMED,
+    KnownCosts,
+    TaskCosts,
+    n_samples,
+    remaining_of,
+    sample_place,
+)
 from hpcsweep.campaign.progress import Log
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.store.journal import BlockCost, PilotCost
 
 STUDY = """
 [sweep]
@@ -42,9 +49,9 @@ def replay(study, seconds: np.ndarray, ranks: int, pilot: bool):
     for index in range(n_samples(study) if pilot else 0):
         share, along = sample_place(index)
         frame = int(share * study.omega.size)
-        at = int(along * (study.n_amplitudes - PILOT_TIMED))
+        at = int(along * (study.n_along - PILOT_TIMED))
         timed = float(seconds[0, frame, at : at + PILOT_TIMED].sum())
-        costs.sampled(PilotCost(frame, (at + 1) / study.n_amplitudes, PILOT_TIMED, timed))
+        costs.sampled(PilotCost(frame, (at + 1) / study.n_along, PILOT_TIMED, timed))
     order = np.argsort(-costs.totals(), kind="stable") if ranks > 1 else range(study.omega.size)
     left = float(seconds.sum())
     clock = 0.0
@@ -128,12 +135,12 @@ def test_what_a_rank_does_besides_its_runs_is_in_the_remaining_time(tmp_path, mo
     text = STUDY.replace("[sweep]", '[study]\nkind = "points"\n[sweep]').replace("block = 25", "")
     study = parse_job(text.replace("2000", "50"), "", "points").study
     now = [100.0]
-    monkeypatch.setattr(pilot.time, "monotonic", lambda: now[0])
-    known = pilot.KnownCosts(Serial(), study, tmp_path / "a.h5", True, NONE)
+    monkeypatch.setattr(costs_of.time, "monotonic", lambda: now[0])
+    known = KnownCosts(Serial(), study, tmp_path / "a.h5", NONE)
     done = study.n_tasks // 5
     for task in range(done):
         (block,) = study.path(task)
         now[0] += 2.5e-3
         known.block_done(BlockCost(block.place, block.n_runs, 5e-4))
     left = (study.n_tasks - done) * 2.5e-3
-    assert pilot.remaining_of([known]) == pytest.approx(left, rel=0.02)
+    assert remaining_of([known]) == pytest.approx(left, rel=0.02)

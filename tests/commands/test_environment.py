@@ -83,7 +83,7 @@ def test_another_cache_is_taken_where_the_usual_one_cannot_be_written(tmp_path):
     done = hpcsweep(0, "status", tmp_path / "none.h5", **extra)
     assert done.returncode == 2
     first, second = done.stderr.splitlines()
-    assert "cannot be written; compiled kernels are kept in" in first
+    assert "cannot be written (Not a directory): compiled kernels are kept in" in first
     assert "none.h5: cannot be read" in second
     assert [path.name for path in (tmp_path / "other").iterdir()] == [f"hpcsweep-{os.getuid()}"]
     folder = tmp_path / "other" / f"hpcsweep-{os.getuid()}"
@@ -108,8 +108,11 @@ def test_a_name_that_is_no_text(tmp_path, small_job):
 
 def test_a_cache_that_is_only_read_is_read_all_the_same(tmp_path, monkeypatch, capsys):
     # root can write anything: what the look finds is given here
+    def refuse(path, data):
+        raise OSError(f"{path}: read-only")
+
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(environment_of_commands, "_can_write", lambda folder: False)
+    monkeypatch.setattr(folders, "write_whole", refuse)
     monkeypatch.setattr(folders, "_said", [])
     monkeypatch.setattr(folders, "_way", list(folders._way))
     environment_of_commands._look_at_cache()

@@ -1,13 +1,13 @@
-"""The pieces that motions are recognised by: weighted means, returns, shooting, intervals."""
+"""The pieces that motions are recognised by: weighted means, returns, jumps, intervals."""
 
 import math
 
 import numpy as np
 import pytest
-from maps import GOLDEN, MapSolver, circle, delayed_logistic, focus, logistic
+from maps import GOLDEN, circle, delayed_logistic, focus, logistic
 
-from hpcsweep.dynamics.arrival import shoot
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
+from hpcsweep.dynamics.classify_motion import _Classifier
 from hpcsweep.dynamics.orbit import (
     _vanishes,
     closed_period,
@@ -18,6 +18,7 @@ from hpcsweep.dynamics.orbit import (
     smallest_period,
 )
 from hpcsweep.dynamics.stability import aligned, growth_interval
+from hpcsweep.studies.settings import SweepSettings
 
 
 def test_the_tangent_of_the_circle_is_its_derivative():
@@ -106,53 +107,42 @@ def test_an_approach_is_extrapolated_where_it_is_geometric():
     assert limit_of_approach(aside[:9], 1) is None  # along two directions
 
 
-def test_a_shot_lands_on_the_orbit_and_says_who_goes_there():
-    solver = logistic(3.3)
-    orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real  # of period 2
-    shot = shoot(solver, np.array([orbit[0] + 1e-4, 1e-4]), 1.0, 2)
-    assert shot.point == pytest.approx([orbit[0], 0.0], abs=1e-12)
-    assert shot.multiplier == pytest.approx(abs(4 + 2 * 3.3 - 3.3**2), abs=1e-9)
-    assert shot.attracts(1e-9)
-    assert not shoot(solver, np.array([orbit[0] + 0.05, 0.0]), 1.0, 2).attracts(1e-9)  # bent
-    repels = shoot(solver, np.array([1 - 1 / 3.3 + 1e-5, 0.0]), 1.0, 1)
-    assert repels.multiplier == pytest.approx(1.3)
-    assert not repels.attracts(1e-9)
+def classifier(solver):
+    return _Classifier(solver, 1.0, SweepSettings(), None, 1000, 100)
 
 
-def test_a_shot_from_the_orbit_goes_round_it_once_more_and_gives_its_points():
-    solver = logistic(3.3)
-    orbit = np.sort(np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real)
-    shot = shoot(solver, np.array([orbit[1] + 1e-11, 1e-11]), 1.0, 2)
-    assert shot.cycles == 4
-    assert shot.points == pytest.approx(np.stack((orbit, [0.0, 0.0]), axis=1), abs=1e-12)
-    assert shot.points[-1] == pytest.approx(shot.point, abs=shot.distance + 1e-15)
-    assert shot.distance <= 1e-10
-    assert shot.multiplier == pytest.approx(abs(4 + 2 * 3.3 - 3.3**2), abs=1e-7)
-    assert shot.attracts(1e-9)
-    assert shoot(solver, np.array([orbit[1] + 1e-5, 1e-5]), 1.0, 2).cycles > 4
+def last_turn(solver, z, period):
+    """Return points that come from elsewhere to z, and go round once from there."""
+    elsewhere = np.linspace(0.1, 0.3, 4 * period)[:, None] * [1.0, -1.0]
+    return np.concatenate((elsewhere, z[None], solver.points(z, 1.0, period)[0]))
 
 
 @pytest.mark.parametrize(("off", "goes"), [(1e-4, True), (0.05, False)])
-def test_a_shot_from_beside_proves_who_goes_there_by_what_its_motion_has_done(off, goes):
+def test_a_jump_lands_on_the_orbit_that_the_last_turn_goes_to(off, goes):
     solver = logistic(3.3)
-    orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real
-    z, guess = np.array([orbit[0] + off, 0.0]), np.array([orbit[0] + 1e-6, 0.0])
-    shot = shoot(solver, z, 1.0, 2, (solver.points(z, 1.0, 2)[0][-1], guess))
-    assert shot.point == pytest.approx([orbit[0], 0.0], abs=1e-12)
-    assert shot.cycles <= 6
-    assert shot.attracts(1e-9) is goes
-    alone = shoot(solver, z, 1.0, 2)
-    assert (shot.bent, shot.left) == pytest.approx((alone.bent, alone.left), abs=1e-10)
+    orbit = np.roots([1, -1 - 1 / 3.3, (1 + 1 / 3.3) / 3.3]).real  # of period 2
+    for period in (2, 4):
+        points = last_turn(solver, np.array([orbit[0] + off, 1e-4]), period)
+        search = classifier(solver)
+        end, motion = search._jump(points, period)
+        assert np.array_equal(end, points[-1])
+        assert (motion is not None) is goes  # otherwise it is bent on the way
+        assert search.cycles >= period
+        if goes:
+            assert motion.period == 2
+            assert motion.points[-1] == pytest.approx([orbit[0], 0.0], abs=1e-12)
+            multiplier = abs(4 + 2 * 3.3 - 3.3**2)
+            assert motion.multiplier == pytest.approx(multiplier, abs=1e-9)
 
 
-def test_a_shot_that_fails_says_so():
-    class Failing(MapSolver):
-        def monodromy(self, state, amplitude, n_periods):
-            raise ArithmeticError("no")
-
-    shot = shoot(Failing(None, None), np.zeros(2), 1.0, 3)
-    assert math.isnan(shot.multiplier)
-    assert not shot.attracts(1e-9)
+def test_no_motion_jumps_to_an_orbit_that_repels_and_one_on_it_is_driven_away():
+    solver, point = logistic(3.3), np.array([1 - 1 / 3.3, 0.0])
+    aside, search = np.array([1e-5, 0.0]), classifier(logistic(3.3))
+    assert search._jump(last_turn(solver, point + aside, 1), 1)[1] is None
+    for away, left in ((0.0, 1e-8), (1.0, 1e-5)):
+        z, motion = search._arrive(point + away * aside, 1)
+        assert motion is None
+        assert z[0] - point[0] == pytest.approx(left, rel=1e-6)
 
 
 def approach(limit, amplitudes, multipliers, count=100):

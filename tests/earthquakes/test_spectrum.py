@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hpcsweep import Record, intensity, read_record, spectrum
-from hpcsweep.earthquakes.oscillator import Oscillator, phi_1, phi_2
+from hpcsweep.earthquakes.spectrum import Oscillator, phi_1, phi_2
 
 
 @pytest.fixture(scope="module")

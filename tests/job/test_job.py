@@ -7,7 +7,7 @@ from tools import SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.refine.refinement import Refinement
+from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.settings import SweepSettings
 
 

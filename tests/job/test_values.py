@@ -114,7 +114,7 @@ def test_a_range_is_counted_before_its_values_are_made(text, key):
 )
 def test_values_of_a_range_are_the_nearest_to_the_exact_ones(low, high, count):
     table = {"from": low, "to": high, "count": count}
-    found = Values("", {"grid": {"values": table}}).numbers("grid.values", True).tolist()
+    found = Values("", {}).numbers("grid", table, True).tolist()
     first, last = Fraction(repr(low)), Fraction(repr(high))
     exact = [first + (last - first) * k / (count - 1) for k in range(count)]
     assert found == [float(value) for value in exact]

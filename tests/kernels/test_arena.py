@@ -12,7 +12,6 @@ from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.places import (
     LINE,
     Pattern,
-    first_place,
     next_place,
     shapes_of,
     zeros,
@@ -70,7 +69,7 @@ def test_arrays_lie_behind_each_other_and_begin_with_a_line(sizes):
     assert type(value.inner) is Inner
     assert shapes_of(value) == shapes_of(given)
     assert memory.ctypes.data % LINE == 0
-    place = first_place(head)
+    place = next_place(0, head)
     for array in (value.matrix, *value.inner, value.last):
         if array.size:
             assert array.ctypes.data - memory.ctypes.data == place

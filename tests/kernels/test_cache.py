@@ -71,8 +71,8 @@ from hpcsweep.{module} import switch
 from hpcsweep.kernels.compile import cache as jit
 from hpcsweep.kernels.compile.entry_points import EntryPoint
 switch(0.5, 3.0)
-stats = switch.dispatcher.stats
-print(jit.source_hash(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+one = switch.dispatcher
+print(jit.source_hash(), sum(one._cache_hits.values()), sum(one._cache_misses.values()))
 """
 MODULE = "model.contact"
 

@@ -104,9 +104,9 @@ def test_what_is_separate_is_in_its_callers_no_second_time(loaded):
 
 
 def test_parts_are_not_compiled_alone(loaded):
-    assert part.signatures == inlined_part.signatures == []
+    assert part.dispatcher.signatures == inlined_part.dispatcher.signatures == []
     assert part(1.0) == 3.125
-    assert part.signatures == [(numba.float64,)]
+    assert part.dispatcher.signatures == [(numba.float64,)]
 
 
 def test_other_functions_of_numba_may_call_kernels(loaded):

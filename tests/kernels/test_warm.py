@@ -189,8 +189,8 @@ def test_warmup_fills_a_cache_that_is_only_read_later(tmp_path):
 COMPILED = """
 from hpcsweep.model.contact import switch
 switch(0.5, 3.0)
-stats = switch.dispatcher.stats
-print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+one = switch.dispatcher
+print(sum(one._cache_hits.values()), sum(one._cache_misses.values()))
 """
 
 

@@ -17,7 +17,7 @@ from hpcsweep.campaign.forecast import useful_ranks
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.schedule import Schedule, computing_ranks, report_interval
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
-from hpcsweep.store.records import BlockCost, PilotCost
+from hpcsweep.store.journal import BlockCost, PilotCost
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
 from hpcsweep.studies.sweep.rows import empty_rows
 

@@ -94,7 +94,7 @@ def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
     flag = StopFlag()
     flag.reason = "SIGTERM"
     flag.at_once = lambda reason: None
-    from hpcsweep.campaign.scan import Scan
+    from hpcsweep.campaign.work import Scan
     from hpcsweep.parallel import memory
     from hpcsweep.store import Layout, create
     from hpcsweep.store.commit import Blocks
@@ -114,7 +114,7 @@ def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
 
 
 def test_a_scan_verifies_only_tasks_of_which_the_file_holds_a_part(tmp_path, monkeypatch):
-    from hpcsweep.campaign.scan import Scan
+    from hpcsweep.campaign.work import Scan
     from hpcsweep.store import Layout, create
     from hpcsweep.store.commit import Blocks
 

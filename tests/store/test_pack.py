@@ -105,8 +105,8 @@ def test_what_cannot_be_packed_is_left_as_it_is(copy, tmp_path, monkeypatch):
     lock.release(remove=True)
     honest = packing._copy
 
-    def careless(path, temporary):
-        honest(path, temporary)
+    def careless(path, temporary, layout):
+        honest(path, temporary, layout)
         with h5py.File(temporary, "r+") as file:
             file["cycles"][1, 2, 3] += 1
             file.attrs["name"] = "x"

@@ -219,11 +219,11 @@ from hpcsweep.model.structure import Structure
 settings = SweepSettings(metrics=frozenset({metrics!r}))
 warm_up(settings)
 kernels = march.march, transient.end_of_transient
-before = [len(kernel.signatures) for kernel in kernels]
+before = [len(kernel.dispatcher.signatures) for kernel in kernels]
 amplitude = np.linspace(0.01, 0.25, 40)
 found = sweep.sweep_block(Structure(), 0.21, amplitude, np.zeros(6), settings)
 assert set(found["skip_rule"].tolist()) >= {{0, 1, 3}}
-print(sum(before), sum(len(kernel.signatures) for kernel in kernels))
+print(sum(before), sum(len(kernel.dispatcher.signatures) for kernel in kernels))
 """
 
 

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import SETTLED
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import floquet_multipliers, orbit_exponent
 from hpcsweep.model.matrices import Contact
@@ -20,7 +19,7 @@ from hpcsweep.solvers.records import Followed
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.sweep.batch import Batch
-from hpcsweep.studies.sweep.rows import Result, store
+from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store
 from hpcsweep.studies.sweep.runs import FrameRuns
 
 SETTINGS = SweepSettings(metrics=frozenset(METRICS), classify_cycles=2000, max_points=40)
@@ -103,10 +102,10 @@ class OneByOne(Batch):
     def _done(self, row, amplitude, rule, seen, cycles, exponent, period=1):
         kind = MotionClass.PERIODIC if seen.contact else MotionClass.NO_CONTACT
         points, solver = seen.points[-period:], self._solver
-        reported = seen.contact, seen.peak_drift, seen.modal_norm, seen.measures
-        result = Result(
-            period, cycles, points[-1], points, period, *reported, *3 * (exponent,), kind
-        )
+        result = vars(seen) | dict.fromkeys(EXPONENTS, exponent)
+        result |= {"points": points, "n_points": period, "final_state": points[-1]}
+        result |= {"orbit_period": period, "cycles": cycles, "motion": kind}
+        result["window_period"] = NOT_TESTED
         store(row, solver.structure, solver.omega, amplitude, result)
         row["skip_rule"][:] = rule
         return points[-1].copy()

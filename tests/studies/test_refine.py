@@ -7,8 +7,8 @@ from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.studies.refine.audit import ALPHA, draw, interval, n_allowed, n_drawn
 from hpcsweep.studies.refine.cells import WRONG, Cells, Labels
 from hpcsweep.studies.refine.crossing import Counts, KnownCurve, crossed_boxes
-from hpcsweep.studies.refine.refinement import Refinement, Source
 from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
+from hpcsweep.studies.refinement import Refinement, Source
 
 
 def bands(shape, seed) -> np.ndarray:

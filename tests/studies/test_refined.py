@@ -26,8 +26,8 @@ from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Frames, pack
 from hpcsweep.studies.refine.audit import n_drawn
-from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import last_look
+from hpcsweep.studies.refinement import Source
 
 RUNS = 520
 COARSE = REFINE.replace("levels = 3", "levels = 2")

@@ -12,8 +12,8 @@ from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.store import Frames, pack
-from hpcsweep.studies.refine.refinement import Source
 from hpcsweep.studies.refine.variables import last_look
+from hpcsweep.studies.refinement import Source
 
 WHOLE = BASINS.replace("count = 9", "count = 41").replace("count = 7", "count = 34")
 REFINED = WHOLE.replace("starts = 16", "starts = 16\nrefine = {levels = 3, wrong = 0.2}")

@@ -13,7 +13,7 @@ from hpcsweep.campaign.run import STOPPED
 from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import JobError, load_job, parse_job
-from hpcsweep.studies.refine.refinement import Source
+from hpcsweep.studies.refinement import Source
 
 ONE = """
 [structure]

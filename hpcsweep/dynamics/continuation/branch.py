@@ -132,7 +132,6 @@ def _turned_special(one: Special) -> Special:
 def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
     """Follow a branch from a point on it along its tangent."""
     arc = Arc(curve, [start])
-    starts = [_shifted(curve, start, shift) for shift in range(curve.period)]
     step, last, bend = limits.largest / 8, start, np.zeros_like(start.y)
     why = "most steps"
     tracer = curve.tracer if take is step_of_branch else None
@@ -156,9 +155,9 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
                 break
             continue
         point, specials, angle, end = found
-        passed = [(one, share) for one in starts if (share := _passes(one, last, point)) > 0.0]
-        if passed and len(arc.points) > 2:
-            (point, share), end = passed[0], "closed"
+        share, shift = _passes_start(curve, start, last, point)
+        if share > 0.0 and len(arc.points) > 2:
+            point, end = _shifted(curve, start, shift), "closed"
             specials = [one for one in specials if one.fraction <= share]
         for one in specials:
             if one.kind is Kind.FOLD:
@@ -298,45 +297,24 @@ def on_cubic(
 
 def _shifted(curve, point: Solution, shift: int) -> Solution:
     """Return the same orbit, its points counted from another one of them."""
-    turn, n = shift * curve.map.size, curve.period * curve.map.size
-
-    def turned_by(vector: np.ndarray) -> np.ndarray:
-        return np.append(np.roll(vector[:n], -turn), vector[n:])
-
-    y, tangent = turned_by(point.y), turned_by(point.tangent)
+    n, size = curve.sizes
+    y, tangent = (
+        np.append(np.roll(vector[:n], -shift * size), vector[n:])
+        for vector in (point.y, point.tangent)
+    )
     maps = TangentMaps(np.roll(point.maps.matrices, -shift, axis=0))
     return point._replace(y=y, tangent=tangent, maps=maps, inverse=None)
 
 
-def _passes(start: Solution, last: Solution, point: Solution) -> float:
-    """Return where a step from `last` to `point` passes the start of the branch, 0 if nowhere.
+def _passes_start(curve, start: Solution, last: Solution, point: Solution) -> tuple[float, int]:
+    """Return where a step passes the start of the branch; see `walk.passes_start`."""
+    from hpcsweep.solvers.flow.orbit import walk  # reading results does without kernels
 
-    A branch is closed where it comes back to the orbit from which it began, from whichever of its
-    points that is counted: the curve of the chains goes round as many times more.
-    """
-    step = point.y - last.y
-    length = float(np.linalg.norm(step))
-    if length == 0.0:
-        return 0.0
-    share = float((start.y - last.y) @ step) / length**2
-    if not 0.0 < share <= 1.0 or float(start.tangent @ step) < 0.5 * length:
-        return 0.0
-    # a parabola between the two points, as far as the chord's sag
-    sag = 0.25 * length * float(np.linalg.norm(point.tangent - last.tangent))
-    away = float(np.linalg.norm(start.y - last.y - share * step))
-    return share if away <= max(sag, branch_rule.CLOSED * length) else 0.0
+    return walk.passes_start.py_func(start, last, point, curve.sizes)
 
 
 def collapses(curve, last: Solution, point: Solution) -> bool:
-    """Return whether an orbit passes, between two points, one of a period that divides its own.
+    """Return whether an orbit comes to one of a divisor of its period; see `walk.collapses`."""
+    from hpcsweep.solvers.flow.orbit import walk
 
-    Or whether it comes to lie on the branch of that, whose orbits solve the same equations.
-    """
-    for prime in (2, 3, 5, 7):
-        if curve.period % prime == 0:
-            shift = curve.period // prime
-            before, after = (curve.split(one.y)[0] for one in (last, point))
-            first, second = (x - np.roll(x, shift, axis=0) for x in (before, after))
-            if (first * second).sum() < branch_rule.ON_DIVISOR * (first * first).sum():
-                return True
-    return False
+    return walk.collapses.py_func(last, point, curve.sizes)

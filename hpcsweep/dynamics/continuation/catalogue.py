@@ -24,7 +24,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import COLLAPSED, Arc, Limits, follow, on_cubic
 from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError, Solution, solve_at
-from hpcsweep.dynamics.continuation.events import Kind, Special, n_unstable, tests_of
+from hpcsweep.dynamics.continuation.events import Kind, Special, n_unstable
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import TangentMaps
 
@@ -309,7 +309,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     new = replace(curve, period=len(points))
     border = np.append(vector.ravel() / np.linalg.norm(vector), 0.0)
     start = new.join(points, value)
-    sign = 1.0 if doubles else np.sign(tests_of(special.at).doubling)
+    sign = 1.0 if doubles else np.sign(special.at.tests.doubling)
     for distance in DISTANCES:
         eps = distance * np.sqrt(len(points))
         try:
@@ -317,7 +317,7 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
         except NotConvergedError:
             continue
         is_apart = float((found.y - start) @ border) > (1.0 - APART) * eps
-        if is_apart and tests_of(found).doubling * sign > 0:
+        if is_apart and found.tests.doubling * sign > 0:
             return new, found
     return None
 

@@ -24,14 +24,15 @@ twice for this factor; the one here serves any map and parameter, and orbits who
 no product with the digits of the multipliers.
 """
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hpcsweep.dynamics.stability import TangentMaps
+from hpcsweep.dynamics.stability import TangentMaps, Tests
 from hpcsweep.solvers.branch_rule import CONTRACTS, EXACT, REACHED, ROUNDING, STEPS
 
 STEEP = 0.2
@@ -108,6 +109,11 @@ class Solution(NamedTuple):
         """Floquet multipliers, largest modulus first, shape (N,)."""
         return self.maps.multipliers
 
+    @property
+    def tests(self) -> Tests:
+        """Functions of the multipliers that vanish at special points."""
+        return self.maps.tests
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -139,9 +145,14 @@ class Curve:
         at_one_value = self.costly and min(along) >= STEEP
         return unit(way.size, -1, np.copysign(1.0, way[-1])) if at_one_value else way
 
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Numbers of y that are points, and of a point: p N and N."""
+        return self.period * self.map.size, self.map.size
+
     def split(self, y: np.ndarray) -> tuple[np.ndarray, Any]:
         """Return the points of y, shape (p, N), and the value of the parameter, or of both."""
-        size = self.period * self.map.size
+        size, _ = self.sizes
         values = (y[size:] * self.scale).tolist()
         return y[:size].reshape(self.period, -1), values[0] if len(values) == 1 else tuple(values)
 
@@ -177,14 +188,14 @@ class Curve:
 
     def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
         """Return the Jacobian of G by y, and `border` below it, shape (p N + 1, p N + 1)."""
-        size = self.period * self.map.size
+        size, _ = self.sizes
         whole = np.empty((border.size, border.size))
         whole[:size, :size] = jacobian(matrices)
         whole[:size, size:] = slopes.reshape(size, -1) * self.scale
         whole[-1] = border
         return whole
 
-    @property
+    @cached_property
     def tracer(self) -> Any:
         """What finds the points by compiled kernels, or None; see `Map`."""
         return self.map.tracer(self.period, self.scale, Solution.made)
@@ -201,6 +212,7 @@ class Curve:
         border: np.ndarray,
         near: Solution | None = None,
         reached: float = REACHED,
+        keeps: bool = False,
     ) -> Solution:
         """Find the point of the curve on the hyperplane through `guess` across `border`.
 
@@ -213,22 +225,29 @@ class Curve:
         reached : float
             Largest last move, whose square is about the remaining distance: tangent and
             multipliers are those of its start.
+        keeps : bool
+            Whether to keep the Jacobian of `near`, which was sought across the same border, and
+            with it tangent and tangent maps, where moves contract by it.
 
         Raises
         ------
         NotConvergedError
             If Newton's method does not converge, or the map fails on its way.
         """
-        inverse, tracer = None if near is None else near.inverse, self.tracer
-        if tracer is not None:
-            point = tracer.solve(guess, border, inverse, reached)
-            if point is None:
-                raise NotConvergedError("Newton's method has not converged")
-            return point
+        tracer, point = self.tracer, None
         try:
-            return self._solve(guess, border, inverse, reached)
+            if tracer is not None:
+                point = tracer.solve(guess, border, near, reached, keeps)
+            else:
+                if keeps and near is not None:
+                    point = self._solve_keeping(guess, border, near)
+                inverse = None if near is None else near.inverse
+                point = point or self._solve(guess, border, inverse, reached)
         except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             raise NotConvergedError(str(error)) from None
+        if point is None:
+            raise NotConvergedError("Newton's method has not converged")
+        return point
 
     def _solve(
         self, guess: np.ndarray, border: np.ndarray, inverse: np.ndarray | None, reached: float
@@ -271,28 +290,21 @@ class Curve:
         """Return y of the point by an orbit, across the tangent there; `guess` is on the curve."""
         return self.solve(guess + tangent @ (y - guess) * tangent, tangent).y
 
-    def correct(self, guess: np.ndarray, border: np.ndarray, near: Solution) -> Solution:
-        """Find the point near another one, which was sought across the same border.
-
-        By moves with the Jacobian of that one, whose tangent, tangent maps and inverse the point
-        keeps; by `solve` where these do not contract.
-        """
+    def _solve_keeping(
+        self, guess: np.ndarray, border: np.ndarray, near: Solution
+    ) -> Solution | None:
         assert near.inverse is not None
         y, least = guess, np.inf
-        try:
+        with contextlib.suppress(ArithmeticError):
             for _ in range(STEPS):
                 move = _move(self.residual(y), y - guess, border, near.inverse)
                 distance = float(np.abs(move).max())
-                if distance <= EXACT:
-                    return near._replace(y=y - move, signature=None)
-                if not distance <= CONTRACTS * least:
-                    if least <= ROUNDING:
-                        return near._replace(y=y, signature=None)
-                    break
+                if not (distance <= EXACT or distance <= CONTRACTS * least):
+                    return near._replace(y=y, signature=None) if least <= ROUNDING else None
                 y, least = y - move, distance
-        except ArithmeticError:
-            pass
-        return self.solve(guess, border, near)
+                if distance <= EXACT:
+                    return near._replace(y=y, signature=None)
+        return None
 
 
 def unit(size: int, place: int, length: float = 1.0) -> np.ndarray:

@@ -14,6 +14,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from numbers import Real
 from typing import Any
 
@@ -87,19 +88,15 @@ class ForcedMap:
         self.size = self.units.size
         self.periods = 0
         self._poll = poll
-        self._seen: OrderedDict[tuple, Observation] = OrderedDict()
+        self._seen = lru_cache(KEPT_SEEN)(self._observe)
         self._solvers: OrderedDict[tuple, Any] = OrderedDict()
-        self._tracers: dict[tuple[int, float], Any] = {}
 
     def tracer(self, period: int, scale: float, made: Callable) -> Any:
         """Return what finds points of branches by compiled kernels, None unless along A."""
         if self.is_costly:
             return None
-        if (period, scale) not in self._tracers:
-            solver = self.solver(self.amplitude)[0]
-            own = period, scale, self.structure.length_unit, made, self._poll, self._count
-            self._tracers[period, scale] = solver.tracer(*own)
-        return self._tracers[period, scale]
+        own = self.structure.length_unit, made, self._poll, self._count
+        return self.solver(self.amplitude)[0].tracer(period, scale, *own)
 
     @property
     def is_costly(self) -> bool:
@@ -165,17 +162,15 @@ class ForcedMap:
 
     def observe(self, points: np.ndarray, value: Any, measures: int = 0) -> Observation:
         """Return the observation of an orbit, shape (p, N), with impacts and other measures."""
-        key = points.tobytes(), value, measures
-        if key not in self._seen:
-            solver, amplitude = self._begin(value, len(points))
-            measures |= IMPACT_FLAG
-            seen = solver.observe_each(points * self.units, amplitude, measures, self._poll)
-            if seen.outcome is not Outcome.COMPLETE:
-                raise ArithmeticError(f"flow: {seen.outcome.name}")
-            self._seen[key] = seen
-            if len(self._seen) > KEPT_SEEN:
-                self._seen.popitem(last=False)
-        return self._seen[key]
+        return self._seen(points.tobytes(), value, measures)
+
+    def _observe(self, points: bytes, value: Any, measures: int) -> Observation:
+        states = np.frombuffer(points).reshape(-1, self.size) * self.units
+        solver, amplitude = self._begin(value, len(states))
+        seen = solver.observe_each(states, amplitude, measures | IMPACT_FLAG, self._poll)
+        if seen.outcome is not Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {seen.outcome.name}")
+        return seen
 
     def closings(self, seen: Observation) -> tuple[int, ...]:
         """Return the number of closings of each contact in a window."""

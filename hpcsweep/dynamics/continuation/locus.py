@@ -22,7 +22,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.branch import on_cubic
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, unit
-from hpcsweep.dynamics.continuation.events import PRECISION, Kind, locate, locate_change, tests_of
+from hpcsweep.dynamics.continuation.events import PRECISION, Kind, locate, locate_change
 
 STEEP, FLAT = 0.005, 0.0005
 """Component along lambda_2 from which points are sought at one lambda_2: of a tangent's part in the
@@ -155,6 +155,7 @@ class Locus(Curve):
         border: np.ndarray,
         near: Solution | None = None,
         reached: float = 0.0,
+        keeps: bool = False,
     ) -> Solution:
         """Find the point of the locus near a guess.
 
@@ -165,7 +166,7 @@ class Locus(Curve):
         near : Solution
             A point of the locus, with its inverse.
         """
-        del reached  # `PRECISION` is the locus's own
+        del reached, keeps  # `PRECISION` is the locus's own
         assert near is not None
         assert near.inverse is not None
         steep = abs(border[-1]) >= max(STEEP * math.hypot(*border[-2:]), FLAT)
@@ -177,8 +178,6 @@ class Locus(Curve):
             way = 2.0 * (chord @ way) / (chord @ chord) * chord - way
         way = way if way @ border > 0 else -way
         return self._with_tangent(found, border, across, step, way)
-
-    correct = solve
 
     def clipped(self, last: Solution, point: Solution) -> tuple[Solution, str]:
         """Return the point where a step leaves the spans, and that it does; else the step's."""
@@ -267,7 +266,7 @@ class Locus(Curve):
         if self.side:
             return self.side(*cut.split(point.y))
         assert self.kind
-        return getattr(tests_of(point), self.kind.name.lower())
+        return getattr(point.tests, self.kind.name.lower())
 
     def _between(
         self, cut: Slice, low: Solution, high: Solution, middle: Solution | None

@@ -18,8 +18,9 @@ import numpy as np
 from hpcsweep.dynamics.continuation import events
 from hpcsweep.dynamics.continuation.branch import Limits, Step, angle_of_step, collapses
 from hpcsweep.dynamics.continuation.cycle import Solution
-from hpcsweep.dynamics.continuation.events import Kind, Special, Tests
+from hpcsweep.dynamics.continuation.events import Kind, Special
 from hpcsweep.dynamics.continuation.locus import Locus
+from hpcsweep.dynamics.stability import Tests
 
 PRECISION, ROUGH = 1e-10, 1e-6
 """Share of a step to which a meeting is located, and a change of the signature."""
@@ -143,7 +144,7 @@ def _tests(kind: Kind | None, first: Solution, last: Solution) -> dict[Meeting, 
     """Return functions of a point that change their signs at meetings."""
 
     def test(name: str, point: Solution) -> float:
-        return getattr(events.tests_of_multipliers(others(kind, point.multipliers)), name)
+        return getattr(Tests.of(others(kind, point.multipliers)), name)
 
     tests: dict[Meeting, Test] = {
         meeting: partial(test, name)

@@ -1,12 +1,12 @@
 """Cache compiled kernels on disk: one file for each kernel and processor.
 
 numba's own cache checks only the file of the compiled function, not those of the functions inlined
-into it, so an edited kernel could keep running in its old form; and refreshing its index costs 0.42
-s of every start, which this cache spares. A folder is named after the sources of the kernels: the
-program text of every file in `KERNEL_FILES` (without comments, docstrings and line numbers), and
-the versions of numba and of numpy, which computes the constants frozen into them. A file is named
-after the hash of the signature, the processor's name and its features, so that nodes of different
-types keep their kernels side by side.
+into it, so an edited kernel could keep running in its old form; and it loads all of numba's
+registries, which only compilation needs, 0.42 s of every start. A folder is named after the sources
+of the kernels: the program text of every file in `KERNEL_FILES` (without comments, docstrings and
+line numbers), and the versions of numba and of numpy, which computes the constants frozen into
+them. A file is named after the hash of the signature, the processor's name and its features, so
+that nodes of different types keep their kernels side by side.
 
 It lies under ``$NUMBA_CACHE_DIR`` where that is set, else under ``$XDG_CACHE_HOME/hpcsweep`` or
 ``~/.cache/hpcsweep``, whatever environment or path the package is installed in. Where that cannot
@@ -27,12 +27,13 @@ import hashlib
 import os
 import pickle
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numba
 import numpy as np
 from numba.core import serialize
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 
@@ -51,6 +52,7 @@ KERNEL_FILES = (
     "kernels",
     "model/contact.py",
     "model/equations.py",
+    "model/kernel_contacts.py",
     "model/kernel_model.py",
     "solvers/branch_rule.py",
     "solvers/flow",
@@ -139,58 +141,30 @@ def kept_in() -> list[Path]:
     return [folder for folder in folders if any(folder.rglob(f"*{SUFFIX}"))]
 
 
-class _Locator(_CacheLocator):
-    """Locator of the kernels of this package for numba: by module, not by installed path."""
+class KernelCache:
+    """The cache of one function of this package, for numba's dispatcher of it."""
 
-    def __init__(self, _py_func, py_file):
-        module = Path(py_file).resolve()
-        inside = module.is_relative_to(PACKAGE)
-        self.place = module.relative_to(PACKAGE).with_suffix("") if inside else None
-
-    @classmethod
-    def from_function(cls, py_func, py_file):
-        """Return a locator; None for functions of other packages, which are not cached here."""
-        locator = cls(py_func, py_file)
-        return locator if locator.place is not None else None
-
-    def get_cache_path(self):
-        """Return the kernel's folder."""
-        return str(cache_folder() / self.place)
-
-    def get_source_stamp(self):
-        """Return the stamp of the sources of the cache."""
-        return source_hash()
-
-    def get_disambiguator(self):
-        """Return nothing: names are unique in a module."""
-        return "kernel"
-
-
-class _Implementation(CompileResultCacheImpl):
-    _locator_classes = (_Locator,)
-
-
-class KernelCache(FunctionCache):
-    """The cache of one function, in the folder of this package."""
-
-    _impl_class = _Implementation
+    def __init__(self, function: Callable):
+        self._function = function
+        file = Path(function.__code__.co_filename).resolve()
+        self._place = file.relative_to(PACKAGE).with_suffix("")
 
     def _path(self, sig, codegen) -> Path:
         """Return the path of a compiled kernel below a root."""
-        key = repr(self._index_key(sig, codegen)).encode()
-        name = f"{self._py_func.__qualname__}-{hashlib.sha256(key).hexdigest()[:16]}{SUFFIX}"
-        return Path(source_hash()) / self._impl.locator.place / name
+        key = repr((sig, codegen.magic_tuple(), self._function.__code__.co_code)).encode()
+        digest = hashlib.sha256(key).hexdigest()[:HASH_LENGTH]
+        name = f"{self._function.__qualname__}-{digest}{SUFFIX}"
+        return Path(source_hash()) / self._place / name
 
     def load_overload(self, sig, target_context):
         """Return a compiled kernel; None if it is absent or damaged."""
-        # `refresh` would load all of numba's registries, which only compilation needs
         place = self._path(sig, target_context.codegen())
         for root in roots():
             found = read_verified(root / place)
             if found is not None:
                 if COUNTS_REFERENCES in found:
                     rtsys.initialize(target_context)
-                return self._impl.rebuild(target_context, pickle.loads(found))
+                return CompileResult._rebuild(target_context, *pickle.loads(found))
         return None
 
     def holds(self, sig, target_context) -> bool:
@@ -202,17 +176,17 @@ class KernelCache(FunctionCache):
         """Return the keys of the cached specialisations, for any processor."""
         found = set()
         for root in roots():
-            folder = root / source_hash() / self._impl.locator.place
-            for path in folder.glob(f"{specialised_name(self._py_func, '*')}-*{SUFFIX}"):
+            folder = root / source_hash() / self._place
+            for path in folder.glob(f"{specialised_name(self._function, '*')}-*{SUFFIX}"):
                 found.add(path.name.rpartition("-")[0][-KEY_LENGTH:])
         return frozenset(found)
 
     def save_overload(self, sig, data):
         """Keep a compiled kernel where that is possible."""
-        if not self._impl.check_cachable(data):
+        if data.library.has_dynamic_globals:  # addresses of this process
             return
         place = self._path(sig, data.codegen)
-        content = serialize.dumps(self._impl.reduce(data))
+        content = serialize.dumps(data._reduce())
         try:
             write_verified(cache_root() / place, content)
         except OSError as error:

@@ -35,16 +35,15 @@ class Kernel:
         self._options = options
 
     @functools.cached_property
-    def dispatcher(self) -> KernelDispatcher:
-        """Compiler of the kernel; one of this package is cached."""
+    def cache(self) -> KernelCache | None:
+        """Cache of the kernel, if it is one of this package."""
         own = self.py_func.__module__.partition(".")[0] == PACKAGE.name
-        cache = KernelCache(self.py_func) if own else None
-        return KernelDispatcher(self.py_func, self._options, cache)
+        return KernelCache(self.py_func) if own else None
 
-    @property
-    def signatures(self) -> list:
-        """The types for which the kernel is compiled."""
-        return self.dispatcher.signatures
+    @functools.cached_property
+    def dispatcher(self) -> KernelDispatcher:
+        """Compiler of the kernel."""
+        return KernelDispatcher(self.py_func, self._options, self.cache)
 
     def __call__(self, *arguments):
         """Call the kernel from Python."""

@@ -138,16 +138,11 @@ class EntryPoint:
     @property
     def is_kept(self) -> bool:
         """Whether the cache has the kernel."""
-        return self.dispatcher.is_kept(self._signature)
+        return self._kernel.cache.holds(self._signature, self.dispatcher.targetctx)
 
     def kept_specialisations(self) -> frozenset[str]:
         """Return the keys of the specialisations that the cache has, for any processor."""
-        return self.dispatcher.kept_specialisations()
-
-    @property
-    def signatures(self) -> list:
-        """The types for which the kernel is compiled."""
-        return self.dispatcher.signatures
+        return self._kernel.cache.specialisations()
 
     def load(self) -> None:
         """Compile the kernel, or load it from the cache, and publish its address."""

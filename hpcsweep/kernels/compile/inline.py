@@ -110,8 +110,7 @@ class _LowerInline(typed_passes.NativeLowering):
 
     def run_pass(self, state):
         """Lower into a library that is not compiled, and register it for callers."""
-        codegen = state.targetctx.codegen()
-        state.library = _InlineLibrary(codegen, state.func_id.func_qualname)
+        state.library = _InlineLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         with specialise.unspecialised():
             super().run_pass(state)
@@ -129,8 +128,7 @@ class _LowerWhole(typed_passes.NativeLowering):
 
     def run_pass(self, state):
         """Lower into a library that gathers the parts of its parts."""
-        codegen = state.targetctx.codegen()
-        state.library = _WholeLibrary(codegen, state.func_id.func_qualname)
+        state.library = _WholeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         return super().run_pass(state)
 
@@ -176,7 +174,7 @@ class KernelDispatcher(CPUDispatcher):
     ----------
     function : callable
     options : dict
-    cache : numba.core.caching.FunctionCache, optional
+    cache : KernelCache, optional
         Keeps what is compiled.
     """
 
@@ -195,14 +193,6 @@ class KernelDispatcher(CPUDispatcher):
     def get_call_template(self, args, kws):
         """Return the signature of a call by a kernel; a part is not typed anew for constants."""
         return self._part.get_call_template(tuple(map(types.unliteral, args)), kws)
-
-    def is_kept(self, sig) -> bool:
-        """Return whether the cache has the kernel compiled for a signature."""
-        return self._cache.holds(sig, self.targetctx)
-
-    def kept_specialisations(self) -> frozenset[str]:
-        """Return the keys of the specialisations that the cache has the kernel for."""
-        return self._cache.specialisations()
 
     def get_overload(self, sig):
         """Return the function that a kernel calls."""

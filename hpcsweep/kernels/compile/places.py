@@ -80,29 +80,9 @@ def shapes_of(value) -> Shapes:
     return ()
 
 
-def first_place(n_bytes: int) -> int:
-    """Return the place of the first array behind `n_bytes` of values."""
-    return next_place(0, n_bytes)
-
-
 def next_place(place: int, n_bytes: int) -> int:
-    """Return the place behind an array of `n_bytes`."""
+    """Return the place behind `n_bytes` of an array, or of the values at place 0."""
     return place + -(-n_bytes // LINE) * LINE + LINE
-
-
-def with_arrays(value, change: Callable[[np.ndarray | Zeros], np.ndarray]):
-    """Return such a tuple with its arrays changed, in order."""
-    if isinstance(value, np.ndarray | Zeros):
-        return change(value)
-    if not isinstance(value, tuple):
-        return value
-    changed = [with_arrays(one, change) for one in value]
-    return type(value)(*changed) if hasattr(value, "_fields") else tuple(changed)
-
-
-def apart(array: np.ndarray | Zeros) -> np.ndarray:
-    """Copy an array into memory of its own."""
-    return np.zeros(array.shape, array.dtype) if isinstance(array, Zeros) else array.copy()
 
 
 def _maker(value, arrays: list) -> Callable[[Iterator], Any]:
@@ -136,7 +116,7 @@ class Pattern:
             for index, array in enumerate(arrays)
             if isinstance(array, np.ndarray)
         ]
-        self._places, self._size = [], first_place(head)
+        self._places, self._size = [], next_place(0, head)
         for array in arrays:
             self._places.append((array.shape, array.dtype, self._size))
             self._size = next_place(self._size, array.nbytes)

@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from llvmlite import ir
 from numba.core import types
 
-from hpcsweep.kernels.compile.places import Shapes, first_place, next_place
+from hpcsweep.kernels.compile.places import Shapes, next_place
 
 KEY_LENGTH = 12
 
@@ -98,7 +98,7 @@ def with_known_sizes(context, builder, kind, value, packed):
     if _current is None or _current[0].kind != kind:
         return value
     start = builder.bitcast(packed, ir.IntType(8).as_pointer())
-    place = first_place(context.get_abi_sizeof(context.get_value_type(kind)))
+    place = next_place(0, context.get_abi_sizeof(context.get_value_type(kind)))
     return _with_shapes(context, builder, kind, value, _current[0].shapes, start, place)[0]
 
 

@@ -1,9 +1,15 @@
 """The operations of `hpcsweep.kernels.simd.vectors` as LLVM instructions, for compiled kernels.
 
-Nothing is checked. `hpcsweep.kernels.simd.fallback` has the same in numpy.
+Nothing is checked, and arrays are contiguous. `hpcsweep.kernels.simd.fallback` has the same in
+numpy. Each is declared by the types of its result and of its arguments, and written as a function
+of LLVM's builder, which is passed an array by the address of its data.
 """
 
+import functools
+import inspect
+import math
 import operator
+from collections.abc import Callable
 
 from llvmlite import ir
 from numba.core import cgutils, types
@@ -14,6 +20,12 @@ from hpcsweep.kernels.simd import LANES
 
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 """A vector register of 64 bytes."""
+WORD = ir.IntType(64)
+EXP_DEGREE = 13
+"""Of the Taylor polynomial of exp on |r| <= ln 2 / 2; the rest is 0.35^14 / 14! = 4e-18."""
+LN2_HIGH, LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
+"""ln 2 in two parts; k LN2_HIGH is exact for |k| < 2^20 (W. J. Cody and W. Waite, 1980)."""
+MAX_EXPONENT = 700.0
 
 
 def _lanes(builder, data, index):
@@ -27,8 +39,13 @@ def everywhere(builder, value):
         return ir.Constant(VECTOR, [value] * LANES)
     undefined = ir.Constant(VECTOR, ir.Undefined)
     one = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
-    mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    return builder.shuffle_vector(one, undefined, mask)
+    return _shuffled(builder, one, undefined, [0] * LANES)
+
+
+def _shuffled(builder, first, second, lanes: list[int]):
+    """Return the given lanes of two vectors, those of the second from `LANES` on."""
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), lanes)
+    return builder.shuffle_vector(first, second, mask)
 
 
 def on_vectors(builder, name: str, count: int):
@@ -47,7 +64,9 @@ class Lanes(types.Type):
         super().__init__(name="Lanes")
 
 
-_NUMBER, LANES_TYPE, _INDEX = types.float64, Lanes(), types.intp
+NUMBER, LANES_TYPE, INDEX = types.float64, Lanes(), types.intp
+ANY, SPREAD = object(), object()
+"""Types of arguments: as it is given; `Lanes`, of which a number fills all."""
 
 
 @register_model(Lanes)
@@ -56,18 +75,50 @@ class _LanesModel(models.PrimitiveModel):
         super().__init__(manager, kind, VECTOR)
 
 
-def _spread(builder, signature, arguments):
-    """Convert number arguments to vectors."""
-    pairs = zip(signature.args, arguments, strict=True)
-    return [value if kind == LANES_TYPE else everywhere(builder, value) for kind, value in pairs]
+def _spread(builder, kind, value):
+    """Convert a number to a vector."""
+    return value if kind == LANES_TYPE else everywhere(builder, value)
 
 
-def _define_operator(symbol, instruction: str) -> None:
-    kinds = ((LANES_TYPE, LANES_TYPE), (LANES_TYPE, _NUMBER), (_NUMBER, LANES_TYPE))
+def instruction(result, *declared) -> Callable:
+    """Make an operation of kernels from a function of a builder and of the arguments' values.
+
+    A type is one of numba's, `ANY` or `SPREAD`. The result is a type, or None.
+    """
+
+    def decorate(write: Callable):
+        def typed(typingctx, *given):
+            del typingctx
+            kinds = [
+                own if kind is ANY or (kind is SPREAD and own == LANES_TYPE) else kind
+                for kind, own in zip(declared, given, strict=True)
+            ]
+            kinds = [NUMBER if kind is SPREAD else kind for kind in kinds]
+            return (types.void if result is None else result)(*kinds), generate
+
+        def generate(context, builder, signature, arguments):
+            given = []
+            for kind, own, value in zip(declared, signature.args, arguments, strict=True):
+                if isinstance(own, types.Array):
+                    value = context.make_array(own)(context, builder, value).data
+                given.append(_spread(builder, own, value) if kind is SPREAD else value)
+            written = write(builder, *given)
+            return context.get_dummy_value() if result is None else written
+
+        typed.__doc__, typed.__name__ = write.__doc__, write.__name__
+        typed.__signature__ = inspect.signature(write)  # type: ignore[attr-defined]
+        return intrinsic(typed)
+
+    return decorate
+
+
+def _define_operator(symbol, name: str) -> None:
+    kinds = ((LANES_TYPE, LANES_TYPE), (LANES_TYPE, NUMBER), (NUMBER, LANES_TYPE))
 
     def generate(context, builder, signature, arguments):
         del context
-        return getattr(builder, instruction)(*_spread(builder, signature, arguments))
+        pairs = zip(signature.args, arguments, strict=True)
+        return getattr(builder, name)(*(_spread(builder, *pair) for pair in pairs))
 
     class Signatures(ConcreteTemplate):
         cases = [LANES_TYPE(*kind) for kind in kinds]  # noqa: RUF012 (so numba wants it)
@@ -90,102 +141,72 @@ def fma(typingctx, a, b, c):
     One instruction since Haswell and Zen.
     """
     del typingctx
-    kinds = [LANES_TYPE if kind == LANES_TYPE else _NUMBER for kind in (a, b, c)]
+    kinds = [LANES_TYPE if kind == LANES_TYPE else NUMBER for kind in (a, b, c)]
 
     def generate(context, builder, signature, arguments):
         del context
-        if signature.return_type == _NUMBER:
+        if signature.return_type == NUMBER:
             return builder.fma(*arguments)
-        return builder.call(on_vectors(builder, "fma", 3), _spread(builder, signature, arguments))
+        spread = [_spread(builder, *pair) for pair in zip(kinds, arguments, strict=True)]
+        return builder.call(on_vectors(builder, "fma", 3), spread)
 
-    return (LANES_TYPE if LANES_TYPE in kinds else _NUMBER)(*kinds), generate
-
-
-def _contiguous(context, builder, signature, arguments, which, index):
-    make = context.make_array(signature.args[which])
-    return _lanes(builder, make(context, builder, arguments[which]).data, index)
+    return (LANES_TYPE if LANES_TYPE in kinds else NUMBER)(*kinds), generate
 
 
-@intrinsic
-def load(typingctx, array, index):
+@instruction(LANES_TYPE, ANY, INDEX)
+def load(builder, array, index):
     """Read array[index:index + LANES] (contiguous, flat; nothing is checked; kernels only)."""
-    del typingctx, index
-
-    def generate(context, builder, signature, arguments):
-        place = _contiguous(context, builder, signature, arguments, 0, arguments[1])
-        return builder.load(place, align=8)
-
-    return LANES_TYPE(array, _INDEX), generate
+    return builder.load(_lanes(builder, array, index), align=8)
 
 
-@intrinsic
-def store(typingctx, array, index, value):
+@instruction(None, ANY, INDEX, SPREAD)
+def store(builder, array, index, value):
     """Write array[index:index + LANES] as `load` reads it."""
-    del typingctx, index
-
-    def generate(context, builder, signature, arguments):
-        place = _contiguous(context, builder, signature, arguments, 0, arguments[1])
-        value = arguments[2]
-        if signature.args[2] == _NUMBER:
-            value = everywhere(builder, value)
-        builder.store(value, place, align=8)
-        return context.get_dummy_value()
-
-    return types.void(array, _INDEX, LANES_TYPE if value == LANES_TYPE else _NUMBER), generate
+    builder.store(value, _lanes(builder, array, index), align=8)
 
 
-def _lanewise(name: str, count: int, doc: str):
-    """Return a function of `count` `Lanes` or numbers from an LLVM intrinsic."""
-
-    def typed(typingctx, *kinds):
-        del typingctx
-        return LANES_TYPE(
-            *(LANES_TYPE if kind == LANES_TYPE else _NUMBER for kind in kinds)
-        ), generate
-
-    def generate(context, builder, signature, arguments):
-        del context
-        vectors = _spread(builder, signature, arguments)
-        return builder.call(on_vectors(builder, name, count), vectors)
-
-    one, two = (lambda typingctx, a: typed(typingctx, a)), (lambda t, a, b: typed(t, a, b))
-    made = one if count == 1 else two
-    made.__doc__ = doc
-    return intrinsic(made)
+@instruction(LANES_TYPE, SPREAD)
+def root(builder, value):
+    """Return the square roots (kernels only)."""
+    return builder.call(on_vectors(builder, "sqrt", 1), [value])
 
 
-root = _lanewise("sqrt", 1, "Square roots (kernels only).")
-modulus = _lanewise("fabs", 1, "Moduli (kernels only).")
-greatest = _lanewise("maximum", 2, "The greater of each two, NaN if one is (kernels only).")
+@instruction(LANES_TYPE, SPREAD)
+def modulus(builder, value):
+    """Return the moduli (kernels only)."""
+    return builder.call(on_vectors(builder, "fabs", 1), [value])
 
 
-def _folding(fold, doc: str):
-    """Return a function that folds the halves of `Lanes` until one number is left."""
-
-    def typed(typingctx, value):
-        del typingctx
-        return _NUMBER(value), generate
-
-    def generate(context, builder, signature, arguments):
-        del context, signature
-        value = arguments[0]
-        width = LANES // 2
-        while width:
-            lanes = [*range(width, 2 * width), *range(width), *range(2 * width, LANES)]
-            mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), lanes)
-            value = fold(builder, value, builder.shuffle_vector(value, value, mask))
-            width //= 2
-        return builder.extract_element(value, ir.Constant(ir.IntType(32), 0))
-
-    typed.__doc__ = doc
-    return intrinsic(typed)
+@instruction(LANES_TYPE, SPREAD, SPREAD)
+def greatest(builder, a, b):
+    """Return the greater of each two, NaN if one is (kernels only)."""
+    return _greater(builder, a, b)
 
 
-total = _folding(lambda builder, a, b: builder.fadd(a, b), "The sum (kernels only).")
-maximum = _folding(
-    lambda builder, a, b: builder.call(on_vectors(builder, "maximum", 2), [a, b]),
-    "The greatest, NaN if one is (kernels only).",
-)
+def _greater(builder, a, b):
+    return builder.call(on_vectors(builder, "maximum", 2), [a, b])
+
+
+def _folded(builder, fold, value):
+    """Fold the halves of `Lanes` until one number is left."""
+    width = LANES // 2
+    while width:
+        lanes = [*range(width, 2 * width), *range(width), *range(2 * width, LANES)]
+        value = fold(builder, value, _shuffled(builder, value, value, lanes))
+        width //= 2
+    return builder.extract_element(value, ir.Constant(ir.IntType(32), 0))
+
+
+@instruction(NUMBER, ANY)
+def total(builder, value):
+    """Return the sum (kernels only)."""
+    return _folded(builder, ir.IRBuilder.fadd, value)
+
+
+@instruction(NUMBER, ANY)
+def maximum(builder, value):
+    """Return the greatest, NaN if one is (kernels only)."""
+    return _folded(builder, _greater, value)
 
 
 def _negative(builder, value):
@@ -194,111 +215,111 @@ def _negative(builder, value):
     return builder.bitcast(below, ir.IntType(LANES))
 
 
-@intrinsic
-def negative(typingctx, value):
+@instruction(types.int64, ANY)
+def negative(builder, value):
     """Return which are negative: the sum of 2^k of those lanes k (kernels only)."""
-    del typingctx
-
-    def generate(context, builder, signature, arguments):
-        del context, signature
-        return builder.zext(_negative(builder, arguments[0]), ir.IntType(64))
-
-    return types.int64(value), generate
+    return builder.zext(_negative(builder, value), WORD)
 
 
-@intrinsic
-def first_not_negative(typingctx, value):
+@instruction(types.int64, ANY)
+def first_not_negative(builder, value):
     """Return the first lane that is not negative, `LANES` if all are (kernels only)."""
-    del typingctx
-
-    def generate(context, builder, signature, arguments):
-        del context, signature
-        word = ir.IntType(64)
-        others = builder.zext(builder.not_(_negative(builder, arguments[0])), word)
-        return builder.cttz(builder.or_(others, word(1 << LANES)), ir.IntType(1)(1))
-
-    return types.int64(value), generate
+    others = builder.zext(builder.not_(_negative(builder, value)), WORD)
+    return builder.cttz(builder.or_(others, WORD(1 << LANES)), ir.IntType(1)(1))
 
 
-@intrinsic
-def lane(typingctx, value, index):
+@instruction(NUMBER, ANY, ANY)
+def lane(builder, value, index):
     """Read one lane (nothing is checked; kernels only)."""
-    del typingctx
-
-    def generate(context, builder, signature, arguments):
-        del context, signature
-        return builder.extract_element(*arguments)
-
-    return _NUMBER(value, index), generate
+    return builder.extract_element(value, index)
 
 
-@intrinsic
-def shifted(typingctx, first, value):
+@instruction(LANES_TYPE, NUMBER, LANES_TYPE)
+def shifted(builder, first, value):
     """Put a number before the lanes; the last one falls off (kernels only)."""
-    del typingctx
-
-    def generate(context, builder, signature, arguments):
-        del context, signature
-        first, value = arguments
-        lanes = [LANES, *range(LANES - 1)]
-        mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), lanes)
-        return builder.shuffle_vector(value, everywhere(builder, first), mask)
-
-    return LANES_TYPE(_NUMBER, LANES_TYPE), generate
+    return _shuffled(builder, value, everywhere(builder, first), [LANES, *range(LANES - 1)])
 
 
-def _combination(moduli: bool):
-    """Return `combine`, or the same with the moduli of x."""
+def _combined(builder, out, o, init, i, scale, table, t, stride, x, s, n, moduli: bool = False):
+    """Write `combine`, or the same with the moduli of x."""
+    fused = on_vectors(builder, "fma", 3)
 
-    def typed(typingctx, out, o, init, i, scale, table, t, stride, x, s, n):
-        del typingctx, o, i, scale, t, stride, s, n
-        index = types.intp
-        signature = types.void(
-            out, index, init, index, types.float64, table, index, index, x, index, index
-        )
-        return signature, generate
+    def add(term, total):
+        place = builder.add(t, builder.mul(term, stride))
+        column = builder.load(_lanes(builder, table, place), align=8)
+        factor = builder.load(builder.gep(x, [builder.add(s, term)]))
+        if moduli:
+            modulus = builder.module.declare_intrinsic("llvm.fabs", [ir.DoubleType()])
+            factor = builder.call(modulus, [factor])
+        factors = everywhere(builder, builder.fmul(factor, scale))
+        builder.store(builder.call(fused, [column, factors, builder.load(total)]), total)
 
-    def generate(context, builder, signature, arguments):
-        def data(argument):
-            make = context.make_array(signature.args[argument])
-            return make(context, builder, arguments[argument]).data
-
-        fused = on_vectors(builder, "fma", 3)
-        table, x = data(5), data(8)
-
-        def add(term, total):
-            place = builder.add(arguments[6], builder.mul(term, arguments[7]))
-            column = builder.load(_lanes(builder, table, place), align=8)
-            factor = builder.load(builder.gep(x, [builder.add(arguments[9], term)]))
-            if moduli:
-                modulus = builder.module.declare_intrinsic("llvm.fabs", [ir.DoubleType()])
-                factor = builder.call(modulus, [factor])
-            factors = everywhere(builder, builder.fmul(factor, arguments[4]))
-            builder.store(builder.call(fused, [column, factors, builder.load(total)]), total)
-
-        # even and odd terms separately: each addition waits for the previous one
-        total, odd = (cgutils.alloca_once(builder, VECTOR) for _ in range(2))
-        builder.store(builder.load(_lanes(builder, data(2), arguments[3]), align=8), total)
-        builder.store(everywhere(builder, 0.0), odd)
-        n, one = arguments[10], ir.Constant(arguments[10].type, 1)
-        with cgutils.for_range(builder, builder.lshr(n, one)) as loop:
-            even = builder.shl(loop.index, one)
-            add(even, total)
-            add(builder.add(even, one), odd)
-        with builder.if_then(builder.trunc(n, ir.IntType(1))):
-            add(builder.sub(n, one), total)
-        builder.store(builder.fadd(builder.load(total), builder.load(odd)), total)
-        builder.store(builder.load(total), _lanes(builder, data(0), arguments[1]), align=8)
-        return context.get_dummy_value()
-
-    return typed
+    # even and odd terms separately: each addition waits for the previous one
+    total, odd = (cgutils.alloca_once(builder, VECTOR) for _ in range(2))
+    builder.store(builder.load(_lanes(builder, init, i), align=8), total)
+    builder.store(everywhere(builder, 0.0), odd)
+    one = ir.Constant(n.type, 1)
+    with cgutils.for_range(builder, builder.lshr(n, one)) as loop:
+        even = builder.shl(loop.index, one)
+        add(even, total)
+        add(builder.add(even, one), odd)
+    with builder.if_then(builder.trunc(n, ir.IntType(1))):
+        add(builder.sub(n, one), total)
+    builder.store(builder.fadd(builder.load(total), builder.load(odd)), total)
+    builder.store(builder.load(total), _lanes(builder, out, o), align=8)
 
 
-combine = intrinsic(_combination(moduli=False))
-"""``combine(out, o, init, i, scale, table, t, stride, x, s, n)``, kernels only: the `LANES` numbers
-out[o:] = init[i:] + sum_k table[t + k stride:] (scale x[s + k]), k < n, in one register.
+_combination = instruction(
+    None, *(ANY, INDEX, ANY, INDEX, NUMBER), *(ANY, INDEX, INDEX), *(ANY, INDEX, INDEX)
+)
 
-The arrays are contiguous and the indices flat; nothing is checked.
-"""
-combine_moduli = intrinsic(_combination(moduli=True))
-"""Like `combine`, with |x[s + k]|."""
+
+@_combination
+def combine(builder, out, o, init, i, scale, table, t, stride, x, s, n):
+    """Write out[o:] = init[i:] + sum_k table[t + k stride:] (scale x[s + k]), k < n.
+
+    These are `LANES` numbers in one register; indices are flat, nothing is checked (kernels only).
+    """
+    _combined(builder, out, o, init, i, scale, table, t, stride, x, s, n)
+
+
+@_combination
+def combine_moduli(builder, out, o, init, i, scale, table, t, stride, x, s, n):
+    """Write like `combine`, with |x[s + k]|."""
+    _combined(builder, out, o, init, i, scale, table, t, stride, x, s, n, moduli=True)
+
+
+@instruction(LANES_TYPE, ANY)
+def switches(builder, y):
+    """Evaluate S(y) = 1 / (1 + exp(-y)) of `Lanes` (kernels only).
+
+    With t = exp(-|y|) it is S = 1 / (1 + t) for y >= 0 and t / (1 + t) for y < 0, both without
+    cancellation; exp(-|y|) = 2^k exp(r), k the integer nearest to -|y| / ln 2. S is right to 4e-16,
+    relative, and t = 0 from |y| = `MAX_EXPONENT` on.
+    """
+    integers = ir.VectorType(ir.IntType(64), LANES)
+    fill = functools.partial(everywhere, builder)
+    fused, nearest = on_vectors(builder, "fma", 3), on_vectors(builder, "rint", 1)
+    modulus, least = on_vectors(builder, "fabs", 1), on_vectors(builder, "minnum", 2)
+    size = builder.call(least, [builder.call(modulus, [y]), fill(MAX_EXPONENT)])
+    k = builder.call(nearest, [builder.fmul(size, fill(-1.0 / math.log(2.0)))])
+    r = builder.call(fused, [k, fill(-LN2_HIGH), builder.fneg(size)])
+    r = builder.call(fused, [k, fill(-LN2_LOW), r])
+    # sum of r^k / k!, neighbours first: four products one after the other instead of 13
+    terms = [fill(1.0 / math.factorial(k)) for k in range(EXP_DEGREE + 1)]
+    power = r
+    while len(terms) > 1:
+        pairs = zip(terms[::2], terms[1::2], strict=False)
+        odd = terms[len(terms) & ~1 :]
+        terms = [builder.call(fused, [b, power, a]) for a, b in pairs] + odd
+        power = builder.fmul(power, power)
+    (t,) = terms
+    bias = ir.Constant(integers, [1023] * LANES)
+    shift = ir.Constant(integers, [52] * LANES)
+    power = builder.shl(builder.add(builder.fptosi(k, integers), bias), shift)
+    t = builder.fmul(t, builder.bitcast(power, VECTOR))
+    tiny = builder.fcmp_ordered(">=", size, fill(MAX_EXPONENT))
+    t = builder.select(tiny, fill(0.0), t)
+    one = fill(1.0)
+    positive = builder.fcmp_ordered(">=", y, fill(0.0))
+    return builder.fdiv(builder.select(positive, one, t), builder.fadd(one, t))

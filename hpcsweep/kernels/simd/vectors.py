@@ -1,7 +1,7 @@
 """Vectors of eight doubles, one register of 64 bytes, as numbers of the kernels.
 
 Sums, products and quotients are written like those of numbers; `load` and `store` access arrays. In
-compiled kernels these operations are LLVM instructions (`instructions`, `sigmoid`). With
+compiled kernels these operations are LLVM instructions (`instructions`). With
 NUMBA_DISABLE_JIT=1 they are numpy functions (`fallback`), the kernels run as plain Python, and an
 index out of bounds is an error.
 """
@@ -12,10 +12,8 @@ from hpcsweep.kernels.simd import LANES as LANES
 
 if config.DISABLE_JIT:
     from hpcsweep.kernels.simd import fallback as _operations
-    from hpcsweep.kernels.simd import fallback as _sigmoid
 else:
     from hpcsweep.kernels.simd import instructions as _operations
-    from hpcsweep.kernels.simd import sigmoid as _sigmoid
 
 combine = _operations.combine
 combine_moduli = _operations.combine_moduli
@@ -30,5 +28,5 @@ negative = _operations.negative
 root = _operations.root
 shifted = _operations.shifted
 store = _operations.store
-switches = _sigmoid.switches
+switches = _operations.switches
 total = _operations.total

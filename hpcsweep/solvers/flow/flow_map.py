@@ -174,41 +174,35 @@ class FlowMap:
         modal_norm, measures, poll
             As in `observe` and `settle`.
         """
-        n = self.structure.n_floors
         closing = closing_arguments(rules.max_period, rules.settled, rules.same, rules.near)
-        amplitudes = np.ascontiguousarray(amplitudes, dtype=float)
-        z = motion(self, state, 0.0, rules.transient)[0]
+        rules = batch.Rules(*closing, *rules[len(closing) :])
+        start = motion(self, state, 0.0, rules.transient)[0]
         self._watch_for(closing[0])
-        wanted = self._wanted(modal_norm, measures)
-        run = batch.new_run(n, self._units.size, closing[0], wanted)
+        units, wanted = np.array(self.structure.state_units), self._wanted(modal_norm, measures)
+        own = units, wanted, self._units.amplitude_unit
+        new = batch.new_run(rules, len(amplitudes), self._units.size, *own)
+        run, packed = batch.RUN.place(new)
+        run.amplitudes[:], run.state[:] = amplitudes, start
         tally = self._shared.tally if measures else None
-        rows = batch.new_orbits(len(amplitudes), n, closing[0], tally)
+        rows = batch.new_orbits(len(amplitudes), len(start) // 2, closing[0], tally)
+        free_packed = NOTHING if free is None else free.packed
         why = batch.MORE
         while why == batch.MORE:
+            n_periods = self._polling.begin(poll)
             why, n_periods, outcome = self._kernels.follow_orbits(
-                self._packed,
-                self._packed_watch,
-                NOTHING if free is None else free.packed,
-                amplitudes,
-                z,
-                np.array(self.structure.state_units),
-                self._units.amplitude_unit,
-                self._polling.begin(poll),
-                tuple(rules._replace(max_period=closing[0])),
-                run,
-                rows,
+                self._packed, self._packed_watch, free_packed, packed, n_periods, rows
             )
             self._polling.end(n_periods)
-        n_runs, _, *counts = run.place.tolist()
-        left_open = None
+        n_runs, left_open = int(run.number[0]), None
         if why == batch.OPEN:
-            state, multiplier = self._units.out_of(run.z), float(run.number[batch.MULTIPLIER])
-            left_open = Approach(state, *counts[:3], multiplier, Outcome(outcome))
+            counts = int(run.transient[0]), int(run.newton[0]), int(run.period[0])
+            end = self._units.out_of(run.z), *counts, float(run.multiplier[0])
+            left_open = Approach(*end, Outcome(outcome))
         orbits, measured = batch.in_units(rows, n_runs, self.structure), np.empty((n_runs, 0))
         if measures:
             length = np.maximum(orbits.length, 1)
             measured = measures_of(self.structure, self._shared.model, orbits, length)
-        return Followed(orbits, measured, z, left_open)
+        return Followed(orbits, measured, run.state.copy(), left_open)
 
     def _watch_for(self, max_period: int) -> Watch:
         """Return the record of a motion's points for orbits of up to `max_period`."""
@@ -312,7 +306,7 @@ class FlowMap:
     def tracer(self, *given) -> Tracer:
         """Return what follows branches of orbits along the amplitude; see `Tracer`."""
         own = self._kernels, self._packed, self._polling, self._units, self.structure
-        return Tracer(*own, *given)
+        return Tracer(own, *given)
 
     def _motion(self, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
         """Return the start of a motion in the units of the kernels."""

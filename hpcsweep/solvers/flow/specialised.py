@@ -30,7 +30,7 @@ from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
-from hpcsweep.solvers.flow.orbit.walk import move_along, solve_point, walk_branch
+from hpcsweep.solvers.flow.orbit.walk import solve_point, walk_branch
 from hpcsweep.solvers.flow.period.march import march, march_measured
 from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
 
@@ -43,9 +43,8 @@ class MotionKernels(NamedTuple):
     follow_orbits: EntryPoint
     advance_chain: EntryPoint
     solve_point: EntryPoint
-    move_along: EntryPoint
     walk_branch: EntryPoint
-    """These four are compiled on their first call: sweeps do without."""
+    """These three are compiled on their first call: sweeps do without."""
     measures: list[EntryPoint]
     """What these call where measures are requested."""
 
@@ -54,7 +53,7 @@ class MotionKernels(NamedTuple):
         load_all(self.measures)
 
 
-OF_BRANCHES = advance_chain, solve_point, move_along, walk_branch
+OF_BRANCHES = advance_chain, solve_point, walk_branch
 
 FOR_ANY = MotionKernels(
     march,

@@ -19,45 +19,25 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hpcsweep.dynamics.starts import usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import (
-    CONFIDENCE,
-    MATCH_DISTANCE,
-    MAX_ATTRACTORS,
-    MAX_CYCLES,
-    SEED,
-    STARTS,
+    KEYS,
     UNSTORED,
     SearchLimits,
     attractors_as_runs,
     count_starts,
-    read_limits,
+    read_search,
 )
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import SLOTS, attractor_variables
 from hpcsweep.studies.blocks import Block, Poll, Rows
-from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.grid_kinds import UP, AlongAmplitudes, MappedRuns
+from hpcsweep.studies.grid import UP, AlongAmplitudes, RunGrid
 from hpcsweep.studies.invariants import Broken
-from hpcsweep.studies.keys import OMEGA, Key, Tables
-from hpcsweep.studies.refine.refinement import REFINE, Refinement, read_refinement
+from hpcsweep.studies.keys import OMEGA, Tables
+from hpcsweep.studies.refinement import REFINE, Refinement, read_refinement
 from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
-
-BOX = (
-    "box of the starts: `[low, high]`, or a list of n such pairs",
-    "minus to plus the widest gap{}",
-)
-DISPLACEMENT = Key("displacement", BOX[0], told=BOX[1].format(""))
-VELOCITY = Key(
-    "velocity",
-    BOX[0],
-    told=BOX[1].format(
-        " times omega_0 (with units of your own: times the lowest natural frequency)"
-    ),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,10 +52,7 @@ class AttractorGrid(SearchLimits, RunGrid):
     words: ClassVar[dict[str, str]] = {UP: "continued up"}
     direction_name: ClassVar[str] = "direction in which attractors are continued"
     keys: ClassVar[Tables] = {
-        "study": (
-            *(STARTS, SEED, DISPLACEMENT, VELOCITY, MAX_ATTRACTORS, CONFIDENCE, MAX_CYCLES),
-            *(MATCH_DISTANCE, REFINE),
-        ),
+        "study": (*KEYS, REFINE),
         "sweep": OMEGA,
     }
     default_block: ClassVar[int] = 1
@@ -96,12 +73,7 @@ class AttractorGrid(SearchLimits, RunGrid):
         structure, settings = common["structure"], common["settings"]
         if values.get("output.poincare", True) is not True:
             raise values.error("output.poincare", False, "must be true: attractors are continued")
-        limits = read_limits(values, "attractors")
-        n, reach = structure.n_floors, usual_reach(structure)
-        ends = [
-            *_pairs(values, "study.displacement", n, float(reach[0])),
-            *_pairs(values, "study.velocity", n, float(reach[-1])),
-        ]
+        limits = read_search(values, structure)
         metrics = frozenset(settings.metrics) | {"poincare", "lyapunov"}
         common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
         refine = read_refinement(values, common["settings"], common["block_size"], ("number",))
@@ -111,9 +83,6 @@ class AttractorGrid(SearchLimits, RunGrid):
             omega=values.frequencies("sweep.omega"),
             amplitude=values.amplitudes("sweep.amplitude"),
             directions=(UP,),
-            box=tuple(ends),
-            confidence=values.read("study", CONFIDENCE),
-            match_distance=values.read("study", MATCH_DISTANCE),
             **limits,
             **common,
         )
@@ -143,11 +112,6 @@ class AttractorGrid(SearchLimits, RunGrid):
     def variables(self) -> list[Variable]:
         """Variables of the points, in the order of the file."""
         return attractor_variables(self.settings)
-
-    @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        return {**super().dimensions, "attractor": self.max_attractors}
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -206,7 +170,7 @@ class Attractors(AlongAmplitudes, AttractorGrid):
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedAttractors(MappedRuns, AttractorGrid):
+class RefinedAttractors(AttractorGrid):
     """Attractors of points on their own, of which a refined map of their number is made.
 
     Nothing is continued from the amplitude before: the seed at every point is the initial state,
@@ -229,19 +193,6 @@ class RefinedAttractors(MappedRuns, AttractorGrid):
         alone = super().runs_at
         found = [alone(frame, at, state, poll) for at in places[:, None]]
         return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
-
-
-def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
-    """Read [low, high], or n of them; default minus to plus a reach."""
-    given = values.get(key, [-reach, reach])
-    listed = given if isinstance(given, list) else [given]
-    pairs = listed if listed and isinstance(listed[0], list) else [listed] * n
-    if len(pairs) != n or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-        raise values.error(key, given, f"must be [low, high], or a list of n = {n} such pairs")
-    read = [(values.number(key, low), values.number(key, high)) for low, high in pairs]
-    if not all(-1e200 <= low < high <= 1e200 for low, high in read):
-        raise values.error(key, given, "must have low below high, both at most 1e200")
-    return read
 
 
 @lru_cache(maxsize=2)

@@ -1,55 +1,55 @@
-"""Invariants of the results of a study of attractors."""
+"""Invariants of the results of studies of attractors and of basins."""
 
 import numpy as np
 
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.attractors import RECORD
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import share_interval
-from hpcsweep.studies.attractors.attractors import AttractorGrid
+from hpcsweep.studies.attractors.search import KINDS, SearchLimits
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.invariants import Broken, of_points
 
-KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
 ROUNDING = 1e-12
 
 
-def broken_relations(study: AttractorGrid, rows: Rows) -> Broken:
+def broken_relations(limits: SearchLimits, rows: Rows) -> Broken:
     """Check k points against the relations of `hpcsweep.studies.attractors.attractors`."""
     held, period = rows["attractor_id"] > 0, rows["orbit_period"]
     room = rows["poincare"].shape[-2]
     return {
-        **_of_counts(study, rows, held),
-        **_of_shares(study, rows, held),
-        **of_motions(rows, held),
+        **_of_counts(limits, rows, held),
+        **_of_shares(limits, rows, held),
+        **_of_motions(rows, held),
         **of_points(rows, held, np.minimum(np.where(period > 0, period, RECORD), room), "point"),
     }
 
 
-def _of_counts(study: AttractorGrid, rows: Rows, held: np.ndarray) -> Broken:
+def _of_counts(limits: SearchLimits, rows: Rows, held: np.ndarray) -> Broken:
     ids, number = rows["attractor_id"], rows["n_attractors"]
     hits = np.where(held, rows["hits"], 0).sum(axis=1)
     starts = hits + rows["n_undecided"] + rows["n_failed"] + rows["n_elsewhere"]
     twice: np.ndarray = np.array([np.unique(row[row > 0]).size < (row > 0).sum() for row in ids])
     return {
-        "each start is counted once": starts != study.starts,
+        "each start is counted once": starts != limits.starts,
         "attractors are stored as far as there is room": held.sum(axis=1)
-        != np.minimum(number, study.max_attractors),
-        "stored attractors come first": (held[:, 1:] & ~held[:, :-1]).any(axis=1),
+        != np.minimum(number, limits.max_attractors),
+        "stored attractors come first": _with_gaps(held),
         "identities are given once": twice,
         "identities are at most last_id": (ids > rows["last_id"][:, None]).any(axis=1),
     }
 
 
-def _of_shares(study: AttractorGrid, rows: Rows, held: np.ndarray) -> Broken:
+def _of_shares(limits: SearchLimits, rows: Rows, held: np.ndarray) -> Broken:
     hits, wrong = rows["hits"], np.zeros(len(held), bool)
     for row, slot in np.argwhere(held).tolist():
         count = int(hits[row, slot])
-        if not 0 <= count <= study.starts:
+        if not 0 <= count <= limits.starts:
             wrong[row] = True
             continue
-        low, high = share_interval(count, study.starts, study.confidence)
+        low, high = share_interval(count, limits.starts, limits.confidence)
         stored = [rows[name][row, slot] for name in ("share", "share_low", "share_high")]
-        expected = [count / study.starts, low, high]
+        expected = [count / limits.starts, low, high]
         wrong[row] |= not np.allclose(stored, expected, rtol=0, atol=ROUNDING)
     falls = np.where(held, hits, -1)
     return {
@@ -58,7 +58,7 @@ def _of_shares(study: AttractorGrid, rows: Rows, held: np.ndarray) -> Broken:
     }
 
 
-def of_motions(rows: Rows, held: np.ndarray) -> Broken:
+def _of_motions(rows: Rows, held: np.ndarray) -> Broken:
     """Check kind, period and multiplier of attractors."""
     kind, period, multiplier = rows["motion_class"], rows["orbit_period"], rows["multiplier"]
     orbit = held & (kind == MotionClass.PERIODIC)
@@ -68,3 +68,46 @@ def of_motions(rows: Rows, held: np.ndarray) -> Broken:
             "orbits, and nothing else, have a period": (held & (orbit != (period > 0))).any(axis=1),
             "orbits attract": (orbit & ~(multiplier < 1)).any(axis=1),
         }
+
+
+def _with_gaps(held: np.ndarray) -> np.ndarray:
+    """Return where an attractor comes after none."""
+    return (held[:, 1:] & ~held[:, :-1]).any(axis=1)
+
+
+def broken_rows(rows: Rows) -> Broken:
+    """Check k rows of starts against the relations of `hpcsweep.studies.basins.basins`."""
+    return _of_labels(rows) | _of_listed(rows)
+
+
+def _of_labels(rows: Rows) -> Broken:
+    labels, ids = rows["label"], rows["attractor_id"]
+    counts = {
+        name: (labels == value).sum(axis=1) != rows[name]
+        for name, value in (
+            ("n_undecided", UNDECIDED),
+            ("n_failed", FAILED),
+            ("n_elsewhere", ELSEWHERE),
+        )
+    }
+    hits = (labels[:, None, :] == np.where(ids > 0, ids, 127)[:, :, None]).sum(axis=2)
+    others = UNDECIDED, FAILED, ELSEWHERE
+    known = np.array(
+        [np.isin(own, (*low[low > 0], *others)).all() for own, low in zip(labels, ids, strict=True)]
+    )
+    return {
+        "each start is labelled by an attractor of the list, -1, -2 or -3": ~known,
+        "hits are those of the labels": (np.where(ids > 0, rows["hits"], 0) != hits).any(axis=1),
+        **{f"{name} is that of the labels": where for name, where in counts.items()},
+    }
+
+
+def _of_listed(rows: Rows) -> Broken:
+    ids = rows["attractor_id"]
+    held = ids > 0
+    number = np.arange(1, ids.shape[1] + 1)
+    return {
+        "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
+        "attractors come first": _with_gaps(held),
+        **_of_motions(rows, held),
+    }

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.attractor import Attractor
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import starts_needed
+from hpcsweep.dynamics.starts import usual_reach
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Rows
@@ -48,6 +50,23 @@ MATCH_DISTANCE = Key(
     "the amplitude before",
     0.2,
     (1e-9, 1e6),
+)
+
+BOX = (
+    "box of the starts: `[low, high]`, or a list of n such pairs",
+    "minus to plus the widest gap{}",
+)
+DISPLACEMENT = Key("displacement", BOX[0], told=BOX[1].format(""))
+VELOCITY = Key(
+    "velocity",
+    BOX[0],
+    told=BOX[1].format(
+        " times omega_0 (with units of your own: times the lowest natural frequency)"
+    ),
+)
+KEYS = (
+    *(STARTS, SEED, DISPLACEMENT, VELOCITY, MAX_ATTRACTORS, CONFIDENCE, MAX_CYCLES),
+    MATCH_DISTANCE,
 )
 
 
@@ -100,6 +119,31 @@ def read_limits(values, what: str) -> dict[str, Any]:
     return {key.name: values.read("study", key) for key in SEARCH}
 
 
+def read_search(values, structure: Structure) -> dict[str, Any]:
+    """Read the fields of `SearchLimits`."""
+    n, reach = structure.n_floors, usual_reach(structure)
+    limits = read_limits(values, "attractors")
+    limits |= {key.name: values.read("study", key) for key in (CONFIDENCE, MATCH_DISTANCE)}
+    ends = [
+        *_pairs(values, "study.displacement", n, float(reach[0])),
+        *_pairs(values, "study.velocity", n, float(reach[-1])),
+    ]
+    return limits | {"box": tuple(ends)}
+
+
+def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
+    """Read [low, high], or n of them; default minus to plus a reach."""
+    given = values.get(key, [-reach, reach])
+    listed = given if isinstance(given, list) else [given]
+    pairs = listed if listed and isinstance(listed[0], list) else [listed] * n
+    if len(pairs) != n or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
+        raise values.error(key, given, f"must be [low, high], or a list of n = {n} such pairs")
+    read = [(values.number(key, low), values.number(key, high)) for low, high in pairs]
+    if not all(-1e200 <= low < high <= 1e200 for low, high in read):
+        raise values.error(key, given, "must have low below high, both at most 1e200")
+    return read
+
+
 def store_attractor(
     result: Rows, at: tuple[int, int], structure: Structure, one: Attractor, **values: Any
 ) -> None:
@@ -124,6 +168,8 @@ def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
     return found
 
 
+KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
+"""What an attractor may be."""
 UNSTORED = ("undecided", "failed", "elsewhere")
 """Starts that reached no attractor of the file."""
 

@@ -1,13 +1,18 @@
-"""Count over studies of attractors, for their summaries."""
+"""Count over studies of attractors and of basins, for their summaries."""
 
 from collections import Counter
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.attractors.search import UNSTORED
+from hpcsweep.studies.attractors.search import KINDS, UNSTORED
+from hpcsweep.studies.refine.variables import SOURCE, inferred_name
+from hpcsweep.studies.refinement import Source
 from hpcsweep.studies.study import Study
-from hpcsweep.studies.tally import BaseTally, contact_shares, share, shares
+from hpcsweep.studies.tally import BaseTally, class_shares, contact_shares, share, shares
 
 
 class Counted(NamedTuple):
@@ -35,61 +40,94 @@ def attractors_in(frame) -> tuple[list[int], list[Counted]]:
     return number, list(map(Counted, kind, period, contact))
 
 
-class SearchTally(BaseTally):
-    """Tally of the starts of a study."""
-
-    def __init__(self, study: Study):
-        super().__init__(study)
-        self.starts: Counter[str] = Counter()
-
-    def add(self, frame, study: Study) -> None:
-        """Count the starts of a frame; see `BaseTally.add`."""
-        super().add(frame, study)
-        there = frame["outcome"].values != Outcome.NOT_COMPUTED
-        self.starts["all"] += int(there.sum()) * study.polls_per_run
-        for name in UNSTORED:
-            self.starts[name] += int(frame[f"n_{name}"].values[there].sum())
-
-    def told_of(self, numbers: Counter[int], attractors: Counter[Counted]) -> dict:
-        """Return the counts; shares of the kinds of attractors are of all attractors."""
-        starts, held = self.starts["all"], attractors.total()
-        classes, periods, contacts = Counter[int](), Counter[int](), Counter[int]()
-        for one, count in attractors.items():
-            classes[one.motion_class] += count
-            if one.orbit_period:
-                periods[one.orbit_period] += count
-            if one.contact is not None:
-                contacts[one.contact] += count
-        return super().summary() | {
-            "periods_per_start": self.cycles / starts if starts else None,
-            "numbers": shares(numbers, self.done),
-            "starts": starts,
-            **{f"starts_{name}": share(self.starts[name], starts) for name in UNSTORED},
-            "attractors": held,
-            "classes": {
-                CLASS_NAMES[kind]: share(classes[kind], held)
-                for kind in (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
-            },
-            "periods": shares(periods, held),
-            "contact_sets": contact_shares(contacts, held, self._study),
-        }
-
-
-class AttractorTally(SearchTally):
-    """Tally of points: each attractor of each point counts."""
-
-    def __init__(self, study: Study):
-        super().__init__(study)
-        self.numbers: Counter[int] = Counter()
-        self.attractors: Counter[Counted] = Counter()
+class AttractorTally(BaseTally):
+    """Tally of points and their starts: each attractor of each point counts."""
 
     def add(self, frame, study: Study) -> None:
         """Count the points of one frame; see `BaseTally.add`."""
         super().add(frame, study)
         there = frame["outcome"].values != Outcome.NOT_COMPUTED
-        self.numbers.update(frame["n_attractors"].values[there].tolist())
-        self.attractors.update(attractors_in(frame)[1])
+        starts = self.counts["starts"]
+        starts["all"] += int(there.sum()) * study.polls_per_run
+        for name in UNSTORED:
+            starts[name] += int(frame[f"n_{name}"].values[there].sum())
+        self._add_attractors(frame)
+
+    def _add_attractors(self, frame) -> None:
+        """Count the attractors of a frame."""
+        there = frame["outcome"].values != Outcome.NOT_COMPUTED
+        self.count("n_attractors", frame["n_attractors"].values[there])
+        self.counts["attractors"].update(attractors_in(frame)[1])
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts; shares of the kinds of attractors are of all attractors."""
+        counts = self.counts
+        starts, held = counts["starts"]["all"], counts["attractors"].total()
+        # the same by each property of an attractor
+        of_each = [Counter[Any]() for _ in Counted._fields]
+        for one, number in counts["attractors"].items():
+            for counter, value in zip(of_each, one, strict=True):
+                counter[value] += number
+        classes, periods, contacts = of_each
+        del periods[0], contacts[None]
+        return super().summary() | {
+            "periods_per_start": counts["all"]["cycles"] / starts if starts else None,
+            "numbers": shares(counts["n_attractors"], self.done),
+            "starts": starts,
+            **{f"starts_{name}": share(counts["starts"][name], starts) for name in UNSTORED},
+            "attractors": held,
+            "classes": class_shares(classes, KINDS),
+            "periods": shares(periods, held),
+            "contact_sets": contact_shares(contacts, held, self._study),
+        }
+
+
+class BasinTally(AttractorTally):
+    """Tally of rows of starts: all list the same attractors, whose shares are of all starts."""
+
+    def __init__(self, study: Study):
+        super().__init__(study)
+        self.attractors: dict[str, Counted] = {}
+
+    def _add_attractors(self, frame) -> None:
+        """Count the starts of a row to each attractor."""
+        self._add_labels(frame, frame["label"].values)
+
+    def _add_labels(self, frame, labels: np.ndarray) -> None:
+        part = frame.attrs["part"]
+        for number, kind in zip(*attractors_in(frame), strict=True):
+            name = f"{part}, {number}" if part else str(number)
+            self.attractors[name] = kind
+            self.counts["hits"][name] += int((labels == number).sum())
 
     def summary(self) -> dict[str, Any]:
         """Return the counts; see `BaseTally.summary`."""
-        return self.told_of(self.numbers, self.attractors)
+        labels, starts = self._study.structure.contact_labels, self.counts["starts"]["all"]
+        basins = {
+            name: {"name": kind.named(labels), **share(self.counts["hits"][name], starts)}
+            for name, kind in self.attractors.items()
+        }
+        self.counts["attractors"] = Counter(self.attractors.values())
+        return super().summary() | {"basins": basins}
+
+
+class StartTally(BasinTally):
+    """Tally of the starts of a refined map: shares are of all, computed or inferred."""
+
+    def add(self, frame, study: Study) -> None:
+        """Count a row; see `BaseTally.add`."""
+        BaseTally.add(self, frame, study)
+        computed = frame["outcome"].values != Outcome.NOT_COMPUTED
+        inferred = frame[SOURCE].values == Source.INFERRED
+        labels = np.where(inferred, frame[inferred_name("label")].values, frame["label"].values)
+        labels = labels[computed | inferred]
+        starts = self.counts["starts"]
+        starts["all"] += labels.size
+        for name, label in zip(UNSTORED, (UNDECIDED, FAILED, ELSEWHERE), strict=True):
+            starts[name] += int((labels == label).sum())
+        self._add_labels(frame, labels)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts; the periods of a start are those of the computed ones."""
+        counts = super().summary()
+        return counts | {"periods_per_start": counts["periods_per_run"]}

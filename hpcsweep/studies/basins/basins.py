@@ -1,7 +1,9 @@
 """Study of basins of attraction at one point (A, Omega), on a slice of the initial states.
 
 A row of the slice is a run and a task of its own, so that a slice scales to as many ranks as it has
-rows; each row depends only on the job.
+rows; each row depends only on the job. Of a refined map a run is a start: each is classified as if
+it were the only one, so that its label depends on the job alone, whichever others are computed. The
+attractors are listed when the map is complete.
 """
 
 from collections.abc import Mapping
@@ -11,17 +13,40 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import UNSTORED, attractors_as_runs, count_starts
+from hpcsweep.studies.attractors.tally import BasinTally, StartTally
 from hpcsweep.studies.attractors.variables import SLOTS
-from hpcsweep.studies.basins.refined import LABEL, RefinedBasins
 from hpcsweep.studies.basins.slice import SliceGrid, read_slice
-from hpcsweep.studies.basins.tally import BasinTally
-from hpcsweep.studies.basins.variables import COMMIT, RUN, basin_variables
+from hpcsweep.studies.basins.variables import (
+    COMMIT,
+    ROW_AMPLITUDE,
+    RUN,
+    START_COMMIT,
+    START_RUN,
+    START_VARIABLES,
+    basin_variables,
+    is_of_attractors,
+    listed_variables,
+)
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.invariants import Broken
-from hpcsweep.studies.refine.refinement import read_refinement
+from hpcsweep.studies.refinement import Refinement, read_refinement
 from hpcsweep.studies.study import StudyTally
-from hpcsweep.studies.variable import Variable
+from hpcsweep.studies.variable import Coordinate, Variable
+from hpcsweep.studies.variables import numbered
+
+LABEL = "attractor"
+"""What distinguishes starts, of `hpcsweep.studies.refinement.LABELS`."""
+
+
+def runs_of(study: SliceGrid):
+    """Return the runs of a slice, see `hpcsweep.studies.basins.runs.SliceRuns`; cached."""
+    # imported here: reading results needs no kernels
+    from hpcsweep.studies.basins.runs import slice_runs
+
+    return slice_runs(study)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +85,7 @@ class Basins(SliceGrid):
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach."""
         del places, state
-        return self.slice_runs.row(self.horizontal, float(self.vertical[frame]), poll)
+        return runs_of(self).row(self.horizontal, float(self.vertical[frame]), poll)
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractors listed by a row as motions in which runs ended."""
@@ -81,9 +106,9 @@ class Basins(SliceGrid):
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
-        from hpcsweep.studies.basins.invariants import broken_relations
+        from hpcsweep.studies.attractors.invariants import broken_rows
 
-        return broken_relations(rows)
+        return broken_rows(rows)
 
     def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
         """Describe a row by its value of the component and the point (A, Omega)."""
@@ -92,3 +117,108 @@ class Basins(SliceGrid):
     def describe_task(self, task: int) -> str:
         """Describe a row by its value of the component."""
         return f"{self.names()[1]} = {self.vertical[task]:.6g}"
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedBasins(SliceGrid):
+    """Basins on a slice, a start a run; see `SliceGrid`.
+
+    Attributes
+    ----------
+    refine : Refinement
+        Which starts of the slice are computed.
+    """
+
+    refine: Refinement | None = None
+
+    run_noun: ClassVar[str] = "start"
+    run_dims: ClassVar[tuple[str, ...]] = START_RUN
+    commit: ClassVar[Variable] = START_COMMIT
+    status_variables: ClassVar[tuple[str, ...]] = ("label",)
+
+    @property
+    def n_along(self) -> int:
+        """Number of runs of one frame: the starts of a row."""
+        return self.horizontal.size
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of the map, by key of the job."""
+        return {"study.vertical": self.vertical, "study.horizontal": self.horizontal}
+
+    @cached_property
+    def variables(self) -> list[Variable]:
+        """Variables of the starts, in the order of the file."""
+        return list(START_VARIABLES)
+
+    @property
+    def listed_variables(self) -> list[Variable]:
+        """Variables of the attractors, which a complete map lists for each row."""
+        return listed_variables(self.settings)
+
+    def listed_values(self) -> Rows:
+        """Return the values of `listed_variables` for a row, first axis the attractors."""
+        known = runs_of(self).attractors()
+        return {variable.name: known[variable.name][0] for variable in self.listed_variables}
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+        coordinates = super().coordinates
+        del coordinates["amplitude"]
+        return coordinates | {"block": numbered(self.n_blocks, "start of a row")}
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known in advance, with their values."""
+        amplitude = np.full(self.vertical.size, self.amplitude[0])
+        return [*super().given, (ROW_AMPLITUDE, amplitude)]
+
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> dict:
+        """Classify starts of a row, each on its own."""
+        del state
+        return runs_of(self).starts(self.horizontal[places], float(self.vertical[frame]), poll)
+
+    def motions(self, run: Rows) -> list[dict[str, Any]]:
+        """Return the attractor that a start goes to as the motion in which a run ended."""
+        label = int(run["label"])
+        if label <= 0:
+            return []
+        known = {name: values[0] for name, values in runs_of(self).attractors().items()}
+        variables = [v for v in basin_variables(self.settings) if is_of_attractors(v)]
+        return attractors_as_runs(variables, known)[label - 1 : label]
+
+    def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
+        """Count the computed starts, and those that reached none of the listed attractors."""
+        counts = ((runs["label"][done] == k).sum() for k in (UNDECIDED, FAILED, ELSEWHERE))
+        return count_starts(int(done.sum()), runs["cycles"][done].sum(), counts)
+
+    def tally(self) -> StudyTally:
+        """Return a tally of starts for ``summary``."""
+        return StartTally(self)
+
+    def relations(self, _block: Block, rows: Rows) -> Broken:
+        """Return where relations between variables are broken; see `Part.relations`."""
+        label, failed = rows["label"], rows["outcome"] != Outcome.COMPLETE
+        known = (UNDECIDED, FAILED, ELSEWHERE, *range(1, self.max_attractors + 1))
+        return {
+            "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, known),
+            "a start that failed, and no other, is labelled so": (label == FAILED) != failed,
+        }
+
+    def describe(self, run: tuple[int, ...]) -> dict[str, Any]:
+        """Describe a start by its place on the slice and the point (A, Omega)."""
+        direction, row, at = run
+        return {
+            "row": row,
+            "column": float(self.horizontal[at]),
+            "direction": self.directions[direction],
+            "omega": float(self.omega[row]),
+            "amplitude": float(self.amplitude[0]),
+        }
+
+    def describe_task(self, task: int) -> str:
+        """Describe a start by its two components."""
+        row, at = divmod(task, self.horizontal.size)
+        first, second = self.names()
+        return f"{first} = {self.horizontal[at]:.6g}, {second} = {self.vertical[row]:.6g}"

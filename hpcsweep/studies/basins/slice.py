@@ -25,7 +25,7 @@ from hpcsweep.studies.attractors.search import (
 from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
-from hpcsweep.studies.refine.refinement import REFINE
+from hpcsweep.studies.refinement import REFINE
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered, state_names
 
@@ -111,12 +111,6 @@ class SliceGrid(RunGrid):
         return state[None]
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        own = {"column": self.horizontal.size, "attractor": self.max_attractors}
-        return super().dimensions | own
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         coordinates = super().coordinates | {
@@ -139,14 +133,6 @@ class SliceGrid(RunGrid):
         names = state_names(self.structure)
         first, second = self.components
         return names[first], names[second]
-
-    @property
-    def slice_runs(self) -> Any:
-        """Runs of the slice, see `hpcsweep.studies.basins.runs.SliceRuns`; cached."""
-        # imported here: reading results needs no kernels
-        from hpcsweep.studies.basins.runs import slice_runs
-
-        return slice_runs(self)
 
 
 def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
@@ -204,7 +190,7 @@ def _span(values, key: str, reach: float, most: int) -> np.ndarray:
     """Read the values of a component, ascending, two or more."""
     if not values.has(key):
         return np.linspace(-reach, reach, SPAN)
-    found = values.numbers(key, True, most)
+    found = values.numbers(key, values.get(key), True, most)
     if found.size < 2 or not np.abs(found).max() <= MAX_STATE:
         limit = f"must have two values or more, at most {MAX_STATE:g}"
         raise values.error(key, values.get(key), limit)

@@ -20,16 +20,8 @@ import numpy as np
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
-from hpcsweep.studies.branches.curves import read_curves
-from hpcsweep.studies.branches.keys import (
-    KEYS,
-    NUMBERS,
-    PARAMETER,
-    lines_of,
-    need_parameter,
-    seeds_of,
-    span_of,
-)
+from hpcsweep.studies.branches.invariants import broken_relations
+from hpcsweep.studies.branches.keys import KEYS, BranchGrid, read_lines
 from hpcsweep.studies.branches.tally import BranchTally
 from hpcsweep.studies.branches.variables import (
     COMMIT,
@@ -40,7 +32,6 @@ from hpcsweep.studies.branches.variables import (
     SLOTS,
     VARIABLES,
 )
-from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
@@ -56,49 +47,16 @@ AGAIN = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Branches(RunGrid):
-    """Branches along a parameter, a line a task; see `RunGrid`, whose frames are the lines.
+class Branches(BranchGrid):
+    """Branches along a parameter, a line a task; see `BranchGrid`.
 
     Attributes
     ----------
-    seeds : tuple of str
-        Results files.
-    parameter : str
-    span : (float, float)
-        Its lowest and highest value.
-    steps : int
-        Most points of a branch on either side of the orbit by which it is found.
-    largest_step : float
-        Between neighbouring points: in units of the state, and of the span.
-    max_branches, max_points, max_seeds : int
-        Room of a line; of special points an eighth of `max_points`.
-    starts, seed : int
-        Starts of the search for further orbits, and the seed of their sequence.
-    curves : tuple of str
-        Kinds of special points whose curves over A and Omega are followed.
-    curve_span : (float, float) or None
-        Lowest and highest frequency of curves.
-    max_curves, max_curve_points : int
-        Room of a line; of meetings an eighth of `max_curve_points`.
     reader : callable, optional
         Reads the results files; no part of what the study means.
     """
 
-    seeds: tuple[str, ...]
-    parameter: str
-    span: tuple[float, float]
-    steps: int = NUMBERS["steps"].default
-    largest_step: float = NUMBERS["largest_step"].default
-    max_branches: int = NUMBERS["max_branches"].default
-    max_points: int = NUMBERS["max_points"].default
-    max_seeds: int = NUMBERS["max_seeds"].default
-    starts: int = NUMBERS["starts"].default
-    seed: int = NUMBERS["seed"].default
-    curves: tuple[str, ...] = ()
-    curve_span: tuple[float, float] | None = None
     reader: Reader | None = field(default=None, compare=False, repr=False)
-    max_curves: int = NUMBERS["max_curves"].default
-    max_curve_points: int = NUMBERS["max_curve_points"].default
 
     kind: ClassVar[str] = "branches"
     summary: ClassVar[str] = (
@@ -133,24 +91,8 @@ class Branches(RunGrid):
         if common["block_size"] != 1:
             given = values.get("output.block")
             raise values.error("output.block", given, "must be 1, each line a block")
-        parameter = values.read("branches", PARAMETER)
-        need_parameter(values, structure, parameter)
-        omega = values.frequencies("sweep.omega")
-        amplitude = values.amplitudes("sweep.amplitude")
-        span = span_of(values, parameter, omega, amplitude)
-        lines = lines_of(parameter, omega, amplitude, span)
         common["settings"] = replace(settings, metrics=frozenset(), classify_cycles=None)
-        return cls(
-            omega=lines[0],
-            amplitude=lines[1],
-            directions=(START,),
-            seeds=seeds_of(values),
-            parameter=parameter,
-            span=span,
-            **read_curves(values, parameter, omega),
-            **{key.name: values.read("branches", key) for key in NUMBERS.values()},
-            **common,
-        )
+        return cls(directions=(START,), **read_lines(values, structure), **common)
 
     @property
     def covered(self) -> tuple[np.ndarray, np.ndarray]:
@@ -198,7 +140,7 @@ class Branches(RunGrid):
         )
 
     @property
-    def n_amplitudes(self) -> int:
+    def n_along(self) -> int:
         """Runs of one line."""
         return 1
 
@@ -212,38 +154,29 @@ class Branches(RunGrid):
         return [*VARIABLES, *(CURVE_VARIABLES if self.curves else ())]
 
     @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        n = self.structure.n_floors
-        of_curves = {
-            "curve": self.max_curves,
-            "curve_step": self.max_curve_points,
-            "meeting": max(self.max_curve_points // SPECIALS_SHARE, 1),
-        }
-        return super().dimensions | {
-            **(of_curves if self.curves else {}),
-            "branch": self.max_branches,
-            "step": self.max_points,
-            "special": max(self.max_points // SPECIALS_SHARE, 1),
-            "seed": self.max_seeds,
-            "number": 2 * n,
-        }
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
-        size = self.dimensions
+        n_special, n_met = (
+            max(most // SPECIALS_SHARE, 1) for most in (self.max_points, self.max_curve_points)
+        )
         coordinates = super().coordinates | {
             "line": numbered(self.omega.size, "line along the parameter"),
             "amplitude": Coordinate(np.array([np.nan]), LINE_AMPLITUDE.units, "see the line's"),
-            "branch": numbered(size["branch"], "branch, in the order found"),
-            "step": numbered(size["step"], "point of a branch, branch after branch"),
-            "special": numbered(size["special"], "special point, branch after branch"),
-            "seed": numbered(size["seed"], "periodic motion of the files"),
-            "number": numbered(size["number"], "multiplier, largest modulus first", first=1),
+            "branch": numbered(self.max_branches, "branch, in the order found"),
+            "step": numbered(self.max_points, "point of a branch, branch after branch"),
+            "special": numbered(n_special, "special point, branch after branch"),
+            "seed": numbered(self.max_seeds, "periodic motion of the files"),
+            "number": numbered(
+                2 * self.structure.n_floors, "multiplier, largest modulus first", first=1
+            ),
         }
-        for name in ("curve", "curve_step", "meeting") if self.curves else ():
-            coordinates[name] = numbered(size[name], f"{name}, of each curve in turn")
+        of_curves = {
+            "curve": self.max_curves,
+            "curve_step": self.max_curve_points,
+            "meeting": n_met,
+        }
+        for name, most in of_curves.items() if self.curves else ():
+            coordinates[name] = numbered(most, f"{name}, of each curve in turn")
         del coordinates["omega"], coordinates["mode"]
         return coordinates
 
@@ -262,7 +195,7 @@ class Branches(RunGrid):
         from hpcsweep.studies.branches.runs import line_of
 
         del places, state
-        return line_of(self, frame, poll)
+        return line_of(self, frame, self.seeds_of(frame), poll)
 
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time one line."""
@@ -319,8 +252,6 @@ class Branches(RunGrid):
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
-        from hpcsweep.studies.branches.invariants import broken_relations
-
         return broken_relations(self, rows)
 
     def describe_task(self, task: int) -> str:

@@ -3,13 +3,13 @@
 import numpy as np
 
 from hpcsweep.studies.blocks import Rows
-from hpcsweep.studies.branches.branches import Branches
+from hpcsweep.studies.branches.keys import BranchGrid
 from hpcsweep.studies.invariants import Broken
 
 ROUNDING = 1e-9
 
 
-def broken_relations(study: Branches, rows: Rows) -> Broken:
+def broken_relations(study: BranchGrid, rows: Rows) -> Broken:
     """Check k lines against the relations of `hpcsweep.studies.branches.branches`."""
     broken = {**_of_branches(rows), **_of_points(study, rows), **_of_seeds(rows)}
     return broken | (_of_curves(study, rows) if study.curves else {})
@@ -26,7 +26,7 @@ def _of_branches(rows: Rows) -> Broken:
     }
 
 
-def _of_points(study: Branches, rows: Rows) -> Broken:
+def _of_points(study: BranchGrid, rows: Rows) -> Broken:
     branch, value = rows["step_branch"], rows["value"]
     held = branch > 0
     with np.errstate(invalid="ignore"):
@@ -44,7 +44,7 @@ def _of_points(study: Branches, rows: Rows) -> Broken:
     }
 
 
-def _of_curves(study: Branches, rows: Rows) -> Broken:
+def _of_curves(study: BranchGrid, rows: Rows) -> Broken:
     ids, step = rows["curve_id"], rows["curve_of_step"]
     number, n_curves = np.arange(1, ids.shape[1] + 1), rows["n_curves"][:, None]
     assert study.curve_span is not None

@@ -1,9 +1,14 @@
-"""Keys of a study of branches."""
+"""Keys of a study of branches, and the fields that are read from them."""
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import PARAMETERS, check_parameter
+from hpcsweep.dynamics.continuation.plane import KINDS
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import Key
 
 PARAMETER = Key("parameter", "what changes along a branch", "amplitude", PARAMETERS)
@@ -49,21 +54,91 @@ KEYS = (
 )
 
 
-def seeds_of(values) -> tuple[str, ...]:
-    """Read the results files whose motions are the seeds."""
-    given = values.get("branches.seeds")
-    return values.names("branches.seeds", given, "a results file, or a list of them")
+@dataclass(frozen=True, eq=False)
+class BranchGrid(RunGrid):
+    """Lines along which branches are followed; see `RunGrid`, whose frames are the lines.
+
+    Attributes
+    ----------
+    seeds : tuple of str
+        Results files.
+    parameter : str
+    span : (float, float)
+        Its lowest and highest value.
+    steps : int
+        Most points of a branch on either side of the orbit by which it is found.
+    largest_step : float
+        Between neighbouring points: in units of the state, and of the span.
+    max_branches, max_points, max_seeds : int
+        Room of a line; of special points an eighth of `max_points`.
+    starts, seed : int
+        Starts of the search for further orbits, and the seed of their sequence.
+    curves : tuple of str
+        Kinds of special points whose curves over A and Omega are followed.
+    curve_span : (float, float) or None
+        Lowest and highest frequency of curves.
+    max_curves, max_curve_points : int
+        Room of a line; of meetings an eighth of `max_curve_points`.
+    """
+
+    seeds: tuple[str, ...]
+    parameter: str
+    span: tuple[float, float]
+    steps: int = NUMBERS["steps"].default
+    largest_step: float = NUMBERS["largest_step"].default
+    max_branches: int = NUMBERS["max_branches"].default
+    max_points: int = NUMBERS["max_points"].default
+    max_seeds: int = NUMBERS["max_seeds"].default
+    starts: int = NUMBERS["starts"].default
+    seed: int = NUMBERS["seed"].default
+    curves: tuple[str, ...] = ()
+    curve_span: tuple[float, float] | None = None
+    max_curves: int = NUMBERS["max_curves"].default
+    max_curve_points: int = NUMBERS["max_curve_points"].default
 
 
-def need_parameter(values, structure: Structure, parameter: str) -> None:
-    """Refuse a number that the structure does not have as one."""
+def _read_curves(values, parameter: str, omega: np.ndarray) -> dict:
+    """Read which curves are followed, and over which frequencies."""
+    given = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
+    if given and parameter != "amplitude":
+        limit = 'must be "amplitude" where branches.curves are followed'
+        raise values.error("branches.parameter", parameter, limit)
+    whole = [float(omega.min()), float(omega.max())]
+    span, low, high = _pair_of(values, "branches.curve_span", whole)
+    values.check_range("branches.curve_span", omega=(low, high))
+    if given and not (low < high and low <= omega.min() and omega.max() <= high):
+        raise values.error("branches.curve_span", span, "must be two ends that hold sweep.omega")
+    kinds = tuple(name for name in KINDS if name in given)
+    return {"curves": kinds, "curve_span": (low, high) if kinds else None}
+
+
+def read_lines(values, structure: Structure) -> dict[str, Any]:
+    """Read the fields of a study: parameter and span, lines, seeds, curves and limits."""
+    parameter = values.read("branches", PARAMETER)
     try:
         check_parameter(structure, parameter)
     except ValueError as error:
         raise values.error("branches.parameter", parameter, str(error)) from None
+    omega, amplitude = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
+    span = _span_of(values, parameter, omega, amplitude)
+    # the parameter of a line is at the end of its span
+    ends = np.array(span[1:])
+    first = ends if parameter == "omega" else omega
+    second = ends if parameter == "amplitude" else amplitude
+    lines = [each.ravel() for each in np.meshgrid(first, second, indexing="ij")]
+    seeds = values.get("branches.seeds")
+    return {
+        "omega": lines[0],
+        "amplitude": lines[1],
+        "seeds": values.names("branches.seeds", seeds, "a results file, or a list of them"),
+        "parameter": parameter,
+        "span": span,
+        **_read_curves(values, parameter, omega),
+        **{key.name: values.read("branches", key) for key in NUMBERS.values()},
+    }
 
 
-def pair_of(values, key: str, default: list[float] | None) -> tuple[list, float, float]:
+def _pair_of(values, key: str, default: list[float] | None) -> tuple[list, float, float]:
     """Read two numbers; return them as they are given, too."""
     given = values.get(key, default)
     if not isinstance(given, list) or len(given) != 2:
@@ -72,13 +147,13 @@ def pair_of(values, key: str, default: list[float] | None) -> tuple[list, float,
     return given, low, high
 
 
-def span_of(
+def _span_of(
     values, parameter: str, omega: np.ndarray, amplitude: np.ndarray
 ) -> tuple[float, float]:
     """Read the span; default, along A and Omega, that of the job's own."""
     own = {"omega": omega, "amplitude": amplitude}.get(parameter, np.empty(0))
     default = [float(own.min()), float(own.max())] if own.size > 1 else None
-    given, low, high = pair_of(values, "branches.span", default)
+    given, low, high = _pair_of(values, "branches.span", default)
     if not -1e200 <= low < high <= 1e200:
         raise values.error("branches.span", given, "must have low below high, both at most 1e200")
     if parameter in ("omega", "amplitude"):
@@ -86,11 +161,3 @@ def span_of(
     elif low < 0:
         raise values.error("branches.span", given, f"{parameter} must be at least 0")
     return low, high
-
-
-def lines_of(parameter: str, omega: np.ndarray, amplitude: np.ndarray, span) -> np.ndarray:
-    """Return frequency and amplitude of each line, the parameter's at the end of its span."""
-    ends = np.array(span[1:])
-    first = ends if parameter == "omega" else omega
-    second = ends if parameter == "amplitude" else amplitude
-    return np.array([each.ravel() for each in np.meshgrid(first, second, indexing="ij")])

@@ -1,4 +1,11 @@
-"""The branches of a line."""
+"""The branches of a line, and the curves through their special points.
+
+The special points of the branches along A lie, over the frequency too, on curves. Each line follows
+those through its own special points, of orbits up to `max_orbit_period`, within its *strip*, which
+reaches half way to the next line on either side and, at the ends, to `curve_span`. So the strips
+cover the plane without overlap, and a line stays a task that depends on no other. A curve is found
+in each strip in which it crosses the line.
+"""
 
 import hashlib
 
@@ -7,30 +14,33 @@ import numpy as np
 from hpcsweep.dynamics.continuation.branch import Limits
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import continued
-from hpcsweep.dynamics.continuation.events import Kind
+from hpcsweep.dynamics.continuation.events import Kind, n_unstable
 from hpcsweep.dynamics.continuation.forced import ForcedMap
+from hpcsweep.dynamics.continuation.plane import KINDS, Plane, curves_through
 from hpcsweep.dynamics.continuation.search import search
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.blocks import Poll, Rows
-from hpcsweep.studies.branches.branches import Branches
-from hpcsweep.studies.branches.curves import store_curves
-from hpcsweep.studies.branches.variables import End, Origin, Reason
+from hpcsweep.studies.branches.keys import BranchGrid
+from hpcsweep.studies.branches.variables import End, Met, Origin, Reason
 from hpcsweep.studies.seeds import Seed, Seeds
 from hpcsweep.studies.variables import empty_results
 
+PLANE = ("amplitude", "omega")
 REACH = 0.01
 """Largest distance of a seed from the orbit that Newton's method finds, in units of the state."""
 
 
-def line_of(study: Branches, line: int, poll: Poll = None) -> Rows:
+def line_of(study: BranchGrid, line: int, seeds: Seeds, poll: Poll = None) -> Rows:
     """Follow the branches of a line.
 
     Parameters
     ----------
-    study : Branches
+    study : BranchGrid
     line : int
+    seeds : Seeds
+        Motions of the files on it.
     poll : callable, optional
         Called before each forcing period; may raise to leave.
 
@@ -40,7 +50,6 @@ def line_of(study: Branches, line: int, poll: Poll = None) -> Rows:
         The variables of the study, first axis of size 1.
     """
     omega, amplitude = float(study.omega[line]), float(study.amplitude[line])
-    seeds = study.seeds_of(line)
     forced = ForcedMap(
         study.structure, amplitude, omega, study.parameter, study.settings.rtol, poll
     )
@@ -68,14 +77,14 @@ def line_of(study: Branches, line: int, poll: Poll = None) -> Rows:
     _store_specials(rows, study, forced, catalogue)
     periods = forced.periods
     if study.curves:
-        periods += store_curves(rows, study, line, catalogue, poll)
+        periods += _store_curves(rows, study, line, catalogue, poll)
     rows["cycles"][0] = min(periods, np.iinfo(np.int32).max)
     rows["outcome"][0] = Outcome.COMPLETE
     return rows
 
 
 def _take(
-    rows: dict, study: Branches, forced: ForcedMap, catalogue: Catalogue, seeds: Seeds
+    rows: dict, study: BranchGrid, forced: ForcedMap, catalogue: Catalogue, seeds: Seeds
 ) -> None:
     """Take the seeds one after the other, and tell of each where it lies."""
     rows["n_seeds"][0], rows["n_others"][0] = len(seeds.periodic), seeds.n_others
@@ -147,7 +156,7 @@ def _store_points(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
             at += 1
 
 
-def _store_specials(rows: dict, study: Branches, forced: ForcedMap, catalogue: Catalogue) -> None:
+def _store_specials(rows: dict, study: BranchGrid, forced: ForcedMap, catalogue: Catalogue) -> None:
     at = first = 0
     numbers = study.structure.contact_numbers
     for k, branch in enumerate(catalogue.branches):
@@ -165,3 +174,66 @@ def _store_specials(rows: dict, study: Branches, forced: ForcedMap, catalogue: C
                     rows["special_contact"][0, at] = sum(grazing)
                 at += 1
         first += len(branch.arc.points)
+
+
+def _strip(study: BranchGrid, line: int) -> tuple[float, float]:
+    """Return the lowest and highest frequency of the strip of a line."""
+    assert study.curve_span is not None
+    own, (low, high) = float(study.omega[line]), study.curve_span
+    below, above = study.omega[study.omega < own], study.omega[study.omega > own]
+    return (
+        0.5 * (own + float(below.max())) if below.size else low,
+        0.5 * (own + float(above.min())) if above.size else high,
+    )
+
+
+def _store_curves(
+    rows: Rows, study: BranchGrid, line: int, catalogue: Catalogue, poll: Poll
+) -> int:
+    """Follow and store the curves of a line; return the forcing periods that it took."""
+    assert study.curve_span is not None
+    omega = float(study.omega[line])
+    pair = ForcedMap(
+        *(study.structure, float(study.amplitude[line]), omega, PLANE, study.settings.rtol, poll)
+    )
+    scale = np.array([high - low for low, high in (study.span, study.curve_span)])
+    plane = Plane(pair, omega, (study.span, _strip(study, line)), scale)
+    curves, on = curves_through(
+        catalogue,
+        plane,
+        [KINDS[name] for name in study.curves],
+        study.settings.max_orbit_period,
+        Limits(-np.inf, np.inf, study.steps, study.largest_step),
+        rows["curve_id"].shape[1],
+        rows["curve_of_step"].shape[1],
+    )
+    places = (
+        (number, k)
+        for number, branch in enumerate(catalogue.branches)
+        for k in range(len(branch.arc.specials))
+    )
+    for at, place in zip(range(rows["special_curve"].shape[1]), places, strict=False):
+        rows["special_curve"][0, at] = on.get(place, -1) + 1
+    rows["n_curves"][0] = len(curves)
+    at = met = 0
+    for number, arc in enumerate(curves, 1):
+        own = arc.curve
+        rows["curve_id"][0, number - 1] = number
+        rows["curve_kind"][0, number - 1] = own.kind
+        rows["curve_period"][0, number - 1] = own.period
+        for name, why in zip(("curve_begins", "curve_ends"), arc.ends, strict=True):
+            rows[name][0, number - 1] = End[why.split(" 1:")[0].upper().replace(" ", "_")]
+        for one in arc.points:
+            points, value = own.split(one.y)
+            rows["curve_of_step"][0, at] = number
+            rows["curve_amplitude"][0, at], rows["curve_omega"][0, at] = value
+            rows["curve_point"][0, at] = points[0] * pair.units
+            rows["curve_unstable"][0, at] = n_unstable(one.multipliers)
+            at += 1
+        for _, special in arc.specials[: rows["meeting_curve"].shape[1] - met]:
+            rows["meeting_curve"][0, met] = number
+            rows["meeting_kind"][0, met] = Met[special.kind.name]
+            value = own.split(special.at.y)[1]
+            rows["meeting_amplitude"][0, met], rows["meeting_omega"][0, met] = value
+            met += 1
+    return pair.periods

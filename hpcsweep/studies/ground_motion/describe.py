@@ -1,11 +1,16 @@
-"""Describe the records of a study, before anything is computed."""
+"""Describe the records of a study, before anything is computed, and count over its runs after."""
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 from hpcsweep.earthquakes.intensity import spectral_acceleration
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.ground_motion.keys import RecordGrid
+from hpcsweep.studies.ground_motion.variables import PEAKS
+from hpcsweep.studies.study import Study, as_kind
+from hpcsweep.studies.tally import BaseTally, share
 
 MOST = 60
 """Records that are listed."""
@@ -16,7 +21,7 @@ FAR = 0.3
 """Peak ground displacement in PGV x duration beyond which a baseline drifts."""
 
 
-def lines(study: Records) -> Iterator[str]:
+def lines(study: RecordGrid) -> Iterator[str]:
     """List scales and records, a line each, warnings last."""
     structure, measure, scale = study.structure, study.measure, study.scale
 
@@ -47,7 +52,7 @@ def lines(study: Records) -> Iterator[str]:
         yield f"  and {len(study.suite) - MOST} more"
 
 
-def _spectral(study: Records, i: int, period: float) -> str:
+def _spectral(study: RecordGrid, i: int, period: float) -> str:
     """Return Sa(T_1) in g of an available record."""
     try:
         return f"{spectral_acceleration(study.record(i), period) / study.gravity:7.4f}"
@@ -55,7 +60,7 @@ def _spectral(study: Records, i: int, period: float) -> str:
         return "not known: the record is not there, or T is too short"
 
 
-def warnings(study: Records) -> Iterator[str]:
+def warnings(study: RecordGrid) -> Iterator[str]:
     """Return one line for each thing that looks like a mistake."""
     for one in study.suite[:MOST]:
         pga = one.pga / study.gravity
@@ -63,3 +68,41 @@ def warnings(study: Records) -> Iterator[str]:
             yield f"{one.name} has a PGA of {pga:.3g} g: is its unit right?"
         if one.pgd > FAR * one.pgv * one.samples * one.dt:
             yield f"{one.name}: the ground is displaced by {one.pgd:.3g}: its baseline drifts"
+
+
+class ResponseTally(BaseTally):
+    """Tally of runs, record by record."""
+
+    measures = tuple(peak.variable.name for peak in PEAKS[:7])
+    placed_by = ("record", "scale", "part")
+
+    def add(self, frame, study: Study) -> None:
+        """Count the runs of one record; see `BaseTally.add`."""
+        super().add(frame, study)
+        outcome, rule = frame["outcome"].values[0], frame["skip_rule"].values[0]
+        linear = (outcome > 0) & (rule == SkipRule.LINEAR)
+        self.counts["all"]["linear"] += int(linear.sum())
+        if "impacts" in frame:
+            self.counts["all"]["touching"] += int(
+                (frame["impacts"].values[0] > 0).any(axis=-1).sum()
+            )
+        name = str(frame["record"].values[0])
+        responses = as_kind(study, RecordGrid).responses
+        own = hash(responses.computed)
+        for factor in frame["factor"].values[0][(outcome > 0) & ~linear].tolist():
+            self.counts["ratios"][own, name, responses.ratio(factor)] += 1
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts; see `BaseTally.summary`."""
+        done, sizes = self.done, self._study.dimensions
+        linear, touching = (self.counts["all"][name] for name in ("linear", "touching"))
+        different, counts = len(self.counts["ratios"]), super().summary()
+        del counts["periods_per_run"]
+        return counts | {
+            "records": sizes["record"],
+            "scales": sizes["scale"],
+            "measure": self._study.coordinates["scale"].long_name,
+            "below_contact": share(linear, done),
+            "equal_ratio": share(done - linear - different, done),
+            "with_contact": share(touching, done),
+        }

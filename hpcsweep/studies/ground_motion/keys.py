@@ -1,15 +1,17 @@
-"""Read the table ``records`` of a job: the records, and their scales.
+"""Records and their scales, and how they are read from the table ``records`` of a job.
 
 Facts about the records are established once, when the job is loaded (`hpcsweep.job.suites`), and
 kept in it as ``records.found``: so a results file is read without the records themselves.
 """
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.suite import MEASURES, Facts, Files, Measure, Synthetic
+from hpcsweep.earthquakes.suite import MEASURES, Facts, Files, Measure, Synthetic, checked_record
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.earthquakes.units import (
     NEAR,
@@ -18,9 +20,14 @@ from hpcsweep.earthquakes.units import (
     seconds_in,
     standard_gravity,
 )
-from hpcsweep.model.record import MAX_SAMPLES
+from hpcsweep.model.record import MAX_SAMPLES, Record
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.response import SAME_STEP, WHOLE, steps_in
+from hpcsweep.studies.blocks import Place
+from hpcsweep.studies.ground_motion.responses import RecordResponses
 from hpcsweep.studies.keys import BLOCK, Key
+from hpcsweep.studies.part import Part
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate
 
 KEYS = (
@@ -85,6 +92,84 @@ SUITE = {"count": int, "seed": int, "dt": float, "duration": float, "rms": float
 DEFAULT_SCALE = {"by": "factor", "values": [1.0]}
 
 
+@dataclass(frozen=True, eq=False)
+class RecordGrid(Part):
+    """Records at scales: the fields of a study, and its runs.
+
+    Attributes
+    ----------
+    structure : Structure
+    initial_state : ndarray, shape (2n,)
+        Not used: runs start from the static equilibrium of the structure, `Structure.rest`.
+    settings : SweepSettings
+    block_size : int
+        Scales that are committed together.
+    suite : tuple of Facts
+        Facts about each record.
+    source : Files or Synthetic
+        Source of their samples.
+    measure : Measure
+        Measure of the scales.
+    scale : ndarray, shape (n_scales,)
+        Ascending.
+    tail : float
+        Time of free motion after each record.
+    storey_height : tuple of float
+        Height of each storey; empty if unknown.
+    gravity : float
+        One g in the structure's units.
+    history : float
+        Step between the instants at which the motion is stored; 0: it is not.
+    """
+
+    structure: Structure
+    initial_state: np.ndarray
+    settings: SweepSettings
+    block_size: int
+    suite: tuple[Facts, ...]
+    source: Files | Synthetic
+    measure: Measure
+    scale: np.ndarray
+    tail: float
+    storey_height: tuple[float, ...]
+    gravity: float
+    history: float
+
+    @cached_property
+    def factor(self) -> np.ndarray:
+        """Factor of each record at each scale, shape (n_records, n_scales)."""
+        measures = np.array([one.measure for one in self.suite])
+        return self.scale / measures[:, None]
+
+    @cached_property
+    def responses(self) -> RecordResponses:
+        """Responses that compute the runs."""
+        n_instants = sum(one.values.size for one in self.instants.values())
+        return RecordResponses(self.structure, self.settings, self.tail, self.history, n_instants)
+
+    def record(self, i: int) -> Record:
+        """Return the samples of record i.
+
+        Raises
+        ------
+        ValueError, OSError
+            If they cannot be read, or are not those of the job.
+        """
+        return checked_record(self.source, self.suite[i], i)
+
+    def describe(self, run: Place) -> dict[str, Any]:
+        """Describe a run: ``record``, ``scale``."""
+        record, at = run
+        return {"record": self.suite[record].name, "scale": float(self.scale[at])}
+
+    @cached_property
+    def instants(self) -> dict[str, Coordinate]:
+        """Dimension of the histories; empty if none are stored."""
+        if not self.history:
+            return {}
+        return {"time": _instants(self.suite, self.tail, self.history)}
+
+
 def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
     """Read the source of the records; `paths` are those of the files found.
 
@@ -129,7 +214,7 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
             read[key] = values.choice(name, given, SOILS)
         else:
             least, most = (1, MAX_RECORDS) if key == "count" else (0, 2**63 - 1)
-            read[key] = values.whole_in(name, given, least, most)
+            read[key] = values.whole(name, given, least, most)
     steps = round(min(read["duration"] / read["dt"], 1e9))
     if not 100 <= steps < MAX_SAMPLES:
         limit = f"must be 100 to {MAX_SAMPLES - 1} times dt = {read['dt']:g}"
@@ -202,7 +287,7 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     periods: tuple[float, ...] = ()
     for key in needed:
         most = 1 if key == "period" else MAX_PERIODS
-        listed = values.numbers_in(f"records.scale.{key}", table.get(key), True, most)
+        listed = values.numbers(f"records.scale.{key}", table.get(key), True, most)
         if listed.min() <= 0:
             raise values.error(f"records.scale.{key}", table[key], "must be above 0")
         periods = tuple(listed.tolist())
@@ -213,7 +298,7 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     if "values" in grid and len(grid) > 1:
         raise values.error("records.scale.values", grid["values"], "goes without from and to")
     name = "records.scale.values" if "values" in grid else "records.scale"
-    scale = values.numbers_in(name, grid.get("values", grid), True, MAX_SCALES)
+    scale = values.numbers(name, grid.get("values", grid), True, MAX_SCALES)
     for end in (scale[0], scale[-1]):
         values.positive(name, float(end), *SCALES)
     return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
@@ -250,7 +335,7 @@ def _is_sound(facts: Facts) -> bool:
     )
 
 
-def instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
+def _instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
     """Return the dimension of the histories: the instants of the longest record and its tail."""
     longest = _longest(found) + tail
     values = step * np.arange(math.floor(longest / step + SAME_STEP) + 1)

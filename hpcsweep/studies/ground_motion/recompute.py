@@ -11,7 +11,7 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.blocks import Block, Rows
-from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.responses import respond
 from hpcsweep.studies.ground_motion.variables import pack, peaks_of
 from hpcsweep.studies.run_names import run_name
@@ -21,15 +21,16 @@ NUDGE = 1e-9
 """Relative change of the scale by which the conditioning of a response is measured."""
 ROUNDING = 1e-12
 """Relative difference of two ways where the conditioning is 1."""
-COMPARED = ("drift", "displacement", "floor_acceleration", "force", "impulse", "residual")
+COMPARED = ("length", "acceleration", "force", "impulse")
+"""Quantities of the peaks that are compared."""
 
 
-def response_again(study: Records, block: Block, row: int, run: Rows) -> RunAgain:
+def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunAgain:
     """Compute one complete response again.
 
     Parameters
     ----------
-    study : Records
+    study : RecordGrid
     block : Block
     row : int
         Of the block.
@@ -46,7 +47,7 @@ def response_again(study: Records, block: Block, row: int, run: Rows) -> RunAgai
         return again
     structure, tail = study.structure, study.tail
     own, _ = peaks_of(structure, study.settings)
-    peaks = [peak for peak in own if peak.field in COMPARED]
+    peaks = [peak for peak in own if peak.variable.units in COMPARED]
     found = []
     for scale in (factor, factor * (1.0 + NUDGE)):
         response = respond(structure, samples, scale, tail, study.settings)

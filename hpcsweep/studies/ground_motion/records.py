@@ -12,15 +12,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hpcsweep.earthquakes.suite import Facts, Files, Measure, Synthetic, checked_record
-from hpcsweep.model.record import Record
-from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
-from hpcsweep.studies.ground_motion import keys
-from hpcsweep.studies.ground_motion.responses import SKIP_RULES, RecordResponses
-from hpcsweep.studies.ground_motion.tally import ResponseTally
+from hpcsweep.studies.blocks import Block, Path, Poll, Rows, Say, Timed
+from hpcsweep.studies.ground_motion import describe, keys
+from hpcsweep.studies.ground_motion.keys import RecordGrid
+from hpcsweep.studies.ground_motion.recompute import response_again
+from hpcsweep.studies.ground_motion.responses import SKIP_RULES
 from hpcsweep.studies.ground_motion.variables import (
     COMMIT,
     FACTOR,
@@ -32,9 +30,7 @@ from hpcsweep.studies.ground_motion.variables import (
 )
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
-from hpcsweep.studies.part import Part
-from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import RunAgain
+from hpcsweep.studies.study import RunAgain, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
@@ -42,61 +38,20 @@ ROUNDING = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Records(Part):
-    """Records at scales, a record a task; see `hpcsweep.studies.study.Study`.
-
-    Attributes
-    ----------
-    structure : Structure
-    initial_state : ndarray, shape (2n,)
-        Not used: runs start from the static equilibrium of the structure, `Structure.rest`.
-    settings : SweepSettings
-    block_size : int
-        Scales that are committed together.
-    suite : tuple of Facts
-        Facts about each record.
-    source : Files or Synthetic
-        Source of their samples.
-    measure : Measure
-        Measure of the scales.
-    scale : ndarray, shape (n_scales,)
-        Ascending.
-    tail : float
-        Time of free motion after each record.
-    storey_height : tuple of float
-        Height of each storey; empty if unknown.
-    gravity : float
-        One g in the structure's units.
-    history : float
-        Step between the instants at which the motion is stored; 0: it is not.
-    """
-
-    structure: Structure
-    initial_state: np.ndarray
-    settings: SweepSettings
-    block_size: int
-    suite: tuple[Facts, ...]
-    source: Files | Synthetic
-    measure: Measure
-    scale: np.ndarray
-    tail: float
-    storey_height: tuple[float, ...]
-    gravity: float
-    history: float
+class Records(RecordGrid):
+    """Records at scales, a record a task; see `RecordGrid` and `hpcsweep.studies.study.Study`."""
 
     kind: ClassVar[str] = "records"
     summary: ClassVar[str] = "responses to ground-motion records, each at several scales, from rest"
-    run_noun: ClassVar[str] = "run"
     keys: ClassVar[Tables] = {"records": keys.KEYS, "output": keys.OUTPUT}
     without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int] = 25
     frame_dim: ClassVar[str] = "record"
     run_dims: ClassVar[tuple[str, ...]] = RUN
-    grid_fields: ClassVar[tuple[str, ...]] = ()
     commit: ClassVar[Variable] = COMMIT
     carried: ClassVar[tuple[str, ...]] = ()
-    directions: ClassVar[tuple[str, ...]] = ()
+    directions: ClassVar[tuple[str, ...]] = ()  # type: ignore[misc]
     holds: ClassVar[str] = "responses"
     is_list: ClassVar[bool] = False
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
@@ -111,7 +66,8 @@ class Records(Part):
             structure = common["structure"] = structure.without_contacts()
         if settings.solver != "flow":
             raise values.error("solver.method", settings.solver, "must be 'flow' for records")
-        wanted = frozenset(name for name in GROUPS if values.flag(f"output.{name}", True))
+        given = {name: values.get(f"output.{name}", True) for name in GROUPS}
+        wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
         common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)
         suite, paths = keys.read_found(values)
@@ -134,58 +90,14 @@ class Records(Part):
         return len(self.suite)
 
     @property
-    def n_tasks(self) -> int:
-        """Tasks of the study: its records."""
-        return len(self.suite)
-
-    @property
-    def n_runs(self) -> int:
-        """Runs of the study: records x scales."""
-        return len(self.suite) * self.scale.size
-
-    @property
-    def n_blocks(self) -> int:
-        """Blocks of one record."""
-        return -(-self.scale.size // self.block_size)
-
-    @cached_property
-    def factor(self) -> np.ndarray:
-        """Factor of each record at each scale, shape (n_records, n_scales)."""
-        measures = np.array([one.measure for one in self.suite])
-        return self.scale / measures[:, None]
-
-    @cached_property
-    def responses(self) -> RecordResponses:
-        """Responses that compute the runs."""
-        n_instants = sum(one.values.size for one in self.instants.values())
-        return RecordResponses(self.structure, self.settings, self.tail, self.history, n_instants)
-
-    def record(self, i: int) -> Record:
-        """Return the samples of record i.
-
-        Raises
-        ------
-        ValueError, OSError
-            If they cannot be read, or are not those of the job.
-        """
-        return checked_record(self.source, self.suite[i], i)
+    def n_along(self) -> int:
+        """Scales."""
+        return self.scale.size
 
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
         return response_variables(self.structure, self.settings, self.history > 0.0)
-
-    @cached_property
-    def instants(self) -> dict[str, Coordinate]:
-        """Dimension of the histories; empty if none are stored."""
-        if not self.history:
-            return {}
-        return {"time": keys.instants(self.suite, self.tail, self.history)}
-
-    @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        return {name: one.values.size for name, one in self.coordinates.items()}
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -207,43 +119,23 @@ class Records(Part):
         ]
         return [*facts, (FACTOR, self.factor), *storey_heights(self.structure)]
 
+    def task_of(self, *place):
+        """Return the task of blocks: their record."""
+        return place[-2]
+
     def path(self, task: int) -> Sequence[Block]:
         """Return the blocks of a record."""
         return Path(self.n_blocks, lambda number: self.block((task, number)))
-
-    def block(self, place: Place) -> Block:
-        """Return the block with an index in ``commit``: record, number."""
-        record, number = place
-        low = number * self.block_size
-        n_runs = min(self.block_size, self.scale.size - low)
-        return Block(record, place, (record, low), n_runs)
-
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
-        shape = len(self.suite), self.n_blocks
-        record, number = (axis.ravel() for axis in np.indices(shape, np.int32))
-        size, count = self.block_size, self.scale.size
-        n_runs = np.minimum(size, count - number * size)
-        middle = np.minimum((number + 0.5) * size, count) / count
-        return BlockTable(record, n_runs, np.stack((record, number), axis=1), middle)
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return rest: runs inherit nothing from each other."""
         del rows, row
         return self.initial_state
 
-    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
-        """Compute a block; rows in file order."""
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
+        """Compute the runs of a record at some of its scales."""
         del state
-        record, low = block.first
-        factors = self.factor[record, low : low + block.n_runs]
-        return self.responses.rows(self.record(record), factors, poll)
-
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
-        """Compute one run alone."""
-        del state
-        record, at = block.run(row)
-        return self.responses.rows(self.record(record), self.factor[record, at : at + 1])
+        return self.responses.rows(self.record(frame), self.factor[frame, places], poll)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
@@ -261,8 +153,6 @@ class Records(Part):
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way; see `.recompute`."""
-        from hpcsweep.studies.ground_motion.recompute import response_again
-
         del start
         return response_again(self, block, row, run)
 
@@ -276,11 +166,6 @@ class Records(Part):
         self.responses.rows(samples, factors, poll)
         seconds = time.perf_counter() - begun
         return (record, (at + 0.5 * factors.size) / self.scale.size), factors.size, seconds
-
-    def describe(self, run: Place) -> dict[str, Any]:
-        """Describe a run: ``record``, ``scale``."""
-        record, at = run
-        return {"record": self.suite[record].name, "scale": float(self.scale[at])}
 
     def describe_task(self, task: int) -> str:
         """Describe a task by its record."""
@@ -296,9 +181,9 @@ class Records(Part):
         linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
         return {"runs_below_contact": int(linear.sum())}
 
-    def tally(self) -> ResponseTally:
+    def tally(self) -> StudyTally:
         """Return a tally of runs for ``summary``."""
-        return ResponseTally(self)
+        return describe.ResponseTally(self)
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
@@ -316,12 +201,8 @@ class Records(Part):
 
     def lines(self) -> Iterator[str]:
         """List the records, a line each, in order."""
-        from hpcsweep.studies.ground_motion.describe import lines
-
-        return lines(self)
+        return describe.lines(self)
 
     def warnings(self) -> Iterator[str]:
         """Return one line for each thing that looks like a mistake in the records."""
-        from hpcsweep.studies.ground_motion.describe import warnings
-
-        return warnings(self)
+        return describe.warnings(self)

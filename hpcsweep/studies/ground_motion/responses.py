@@ -23,7 +23,6 @@ every run is computed as it is.
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, lru_cache
 
@@ -39,11 +38,10 @@ from hpcsweep.solvers.response import (
     scale_of_contact,
 )
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Rows
+from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.ground_motion.variables import HISTORY, pack, peaks_of
 from hpcsweep.studies.settings import SweepSettings
 
-Poll = Callable[[], None] | None
 SKIP_RULES = ("linear", "ratio")
 DIGITS = 15
 """Of a ratio: quotients that are equal but for rounding become so."""

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from hpcsweep.earthquakes.fragility import Fragility
 
 RESPONSES = {
-    "drift": ("storey_drift", "peak storey drift"),
-    "displacement": ("displacement", "peak displacement"),
-    "acceleration": ("floor_acceleration", "peak floor acceleration"),
-    "force": ("contact_force", "peak contact force"),
-    "impacts": ("impacts", "impacts"),
+    "drift": ("storey_drift", "peak storey drift", "length"),
+    "displacement": ("displacement", "peak displacement", "length"),
+    "acceleration": ("floor_acceleration", "peak floor acceleration", "acceleration"),
+    "force": ("contact_force", "peak contact force", "force"),
+    "impacts": ("impacts", "impacts", "1"),
 }
-"""Variables of the file and their labels, by the names of responses."""
+"""Variables of the file, their labels and their quantities, by the names of responses."""
 
 
 class StripesError(ValueError):
@@ -72,7 +72,7 @@ def stripes_of(
     """
     if response not in RESPONSES:
         raise StripesError(f"response {response!r}: must be one of {', '.join(RESPONSES)}")
-    name, label = RESPONSES[response]
+    name, label, quantity = RESPONSES[response]
     structure, measure = study.structure, study.measure
     if name not in results:
         raise StripesError(f"the results hold no {name}: the structure has no contacts")
@@ -80,7 +80,7 @@ def stripes_of(
     dim = str(array.dims[-1])
     names = [str(one) for one in array[dim].values]
     chosen = places_of(names, place)
-    factor, unit = np.ones(1), unit_of(structure, _quantity(response))
+    factor, unit = np.ones(1), unit_of(structure, quantity)
     percent = percent_of_height(results)
     if response == "drift" and percent is not None:
         factor, unit = percent[chosen], "%"
@@ -147,11 +147,6 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
 def _label(unit: str) -> str:
     """Return a unit as it stands behind a label; nothing for numbers."""
     return "" if unit == "1" else f"  [{unit.replace('^2', '²')}]"
-
-
-def _quantity(response: str) -> str:
-    quantities = {"acceleration": "acceleration", "force": "force", "impacts": "1"}
-    return quantities.get(response, "length")
 
 
 def places_of(names: list[str], place: str | None) -> list[int]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from hpcsweep.studies.refine.audit import MAX_LOOKS, Look, draw, interval, n_allowed, n_drawn
 from hpcsweep.studies.refine.cells import Cells, Labels
-from hpcsweep.studies.refine.refinement import Refinement, Source
+from hpcsweep.studies.refinement import Refinement, Source
 
 
 def n_least(
@@ -43,7 +43,8 @@ class RefinementRounds:
 
     Attributes
     ----------
-    crossed : ndarray of bool, or None
+    refinement, labels, crossed
+        As given.
     source : ndarray of int8, shape (n,)
         Source of the points computed so far, see `Source`; `UNKNOWN` elsewhere.
     looks : list of Look
@@ -56,20 +57,37 @@ class RefinementRounds:
         labels: Labels,
         crossed: np.ndarray | None = None,
     ):
-        self._refinement, self._labels, self.crossed = refinement, labels, crossed
+        self.refinement, self.labels, self.crossed = refinement, labels, crossed
         self._cells = Cells(shape, refinement.levels, crossed)
         self.source = np.zeros(int(np.prod(shape)), np.int8)
         self.looks: list[Look] = []
+        self._walk = iter(self)
+
+    @property
+    def n_inferred(self) -> int:
+        """Number of points that are not computed."""
+        return int((self.source == Source.UNKNOWN).sum())
+
+    def next(self) -> np.ndarray | None:
+        """Return the points of the next round that are not known yet; None if the map is complete.
+
+        All points of earlier rounds must be known.
+        """
+        for points in self._walk:
+            new = points[~self.labels.known[points]]
+            if new.size:
+                return new
+        return None
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """Yield the points of each round, flat indices, ascending."""
         yield from self._compute(self._cells.first(), Source.COMPUTED)
-        wrong, n = self._refinement.wrong, self.source.size
+        wrong, n = self.refinement.wrong, self.source.size
         for look in range(1, MAX_LOOKS + 1):
             yield from self._agree(look)
             _, code = self.inferred()
             before = np.flatnonzero(self.source == Source.UNKNOWN)
-            drawn = draw(before, n_drawn(wrong, look, n), self._refinement.seed, look)
+            drawn = draw(before, n_drawn(wrong, look, n), self.refinement.seed, look)
             if drawn.size:
                 yield from self._compute(drawn, Source.AUDIT)
                 yield from self._agree(look)
@@ -86,7 +104,7 @@ class RefinementRounds:
 
     def _agree(self, look: int) -> Iterator[np.ndarray]:
         """Cut cells until the points of each agree, but for those that may be left."""
-        allowed = n_allowed(self._refinement.wrong, look, self.source.size)
+        allowed = n_allowed(self.refinement.wrong, look, self.source.size)
         while (wanted := self._cells.cut(allowed)).size:
             new = wanted[self.source[wanted] == Source.UNKNOWN]
             if new.size:
@@ -96,7 +114,7 @@ class RefinementRounds:
         """Yield points, and learn what they are."""
         self.source[points] = source
         yield points
-        self._cells.learn(points, self._labels)
+        self._cells.learn(points, self.labels)
 
     def _look(self, look: int, before: np.ndarray, drawn: np.ndarray, code: np.ndarray) -> Look:
         """Return the result of a look, given the codes of the points inferred before it."""
@@ -110,4 +128,4 @@ class RefinementRounds:
 
     def _n_wrong(self, points: np.ndarray, code: np.ndarray) -> int:
         """Count computed points that differ from what was inferred."""
-        return int((self._labels.least[points] != code[points]).sum())
+        return int((self.labels.least[points] != code[points]).sum())

@@ -6,9 +6,8 @@ import numpy as np
 
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
-from hpcsweep.studies.refine.cells import Labels
-from hpcsweep.studies.refine.refinement import Refinement, Source, map_shape
 from hpcsweep.studies.refine.rounds import RefinementRounds
+from hpcsweep.studies.refinement import Refinement, Source
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.variable import Coordinate, Variable, code
 from hpcsweep.studies.variables import numbered
@@ -17,6 +16,11 @@ SOURCE, CELL, CROSSED = "source", "cell", "crossed"
 AUDIT, INFERRED = "audit", "inferred"
 """Variable of the looks, and of the checksums."""
 QUANTITIES = Look._fields
+
+
+def map_shape(study: Study) -> tuple[int, ...]:
+    """Return the number of points of every axis of a map: varied keys, frames, runs of a frame."""
+    return tuple(study.dimensions[dim] for dim in study.run_dims if dim != "direction")
 
 
 def inferred_name(variable: str) -> str:
@@ -63,9 +67,7 @@ def derived_coordinates() -> dict[str, Coordinate]:
     }
 
 
-def derived_values(
-    study: Study, refinement: Refinement, rounds: RefinementRounds, labels: Labels
-) -> Rows:
+def derived_values(study: Study, rounds: RefinementRounds) -> Rows:
     """Return the variables of a complete map, without the checksums.
 
     Returns
@@ -75,7 +77,7 @@ def derived_values(
         same for all of them, of shape (n_frames, ...).
     """
     level, code = rounds.inferred()
-    names = refinement.variables
+    names, labels = rounds.refinement.variables, rounds.labels
     values = {SOURCE: np.where(level != 0, np.int8(Source.INFERRED), rounds.source), CELL: level}
     codes = np.zeros((len(labels.codes) + 1, 1 + len(names)), np.uint64)
     codes[1:] = labels.codes
@@ -88,29 +90,6 @@ def derived_values(
     listed: Rows = getattr(study, "listed_values", dict)()
     values |= {n: np.broadcast_to(v, (study.n_frames, *v.shape)) for n, v in listed.items()}
     return {**values, AUDIT: audit}
-
-
-def replay(
-    study: Study, refinement: Refinement, labels: Labels, crossed: np.ndarray | None = None
-) -> Rows | None:
-    """Return `derived_values` of a map whose rounds are all known; None if a point is missing.
-
-    Parameters
-    ----------
-    study : Study
-    refinement : Refinement
-    labels : Labels
-    crossed : ndarray, optional
-        The variable of the map, in any shape; required if the job names curves.
-    """
-    shape, boxes = map_shape(study), None
-    if crossed is not None:
-        boxes = crossed.reshape(shape)[(slice(-1),) * len(shape)] != 0
-    rounds = RefinementRounds(shape, refinement, labels, boxes)
-    for points in rounds:
-        if not labels.known[points].all():
-            return None
-    return derived_values(study, refinement, rounds, labels)
 
 
 def last_look(audit: np.ndarray) -> Look | None:

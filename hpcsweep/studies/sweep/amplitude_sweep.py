@@ -11,7 +11,7 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
-from hpcsweep.studies.grid_kinds import DOWN, UP, AlongAmplitudes
+from hpcsweep.studies.grid import DOWN, UP, AlongAmplitudes
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.runs import end_of, frame_runs

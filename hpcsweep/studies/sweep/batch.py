@@ -1,10 +1,12 @@
 """Compute runs that skip rules finish, many in one compiled call; see `runs` for the rules."""
 
+from typing import Any
+
 import numpy as np
 
-from hpcsweep.dynamics.arrival import NEAR
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import SETTLED
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
+from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import exponent_of_multiplier
 from hpcsweep.dynamics.verification import verify_orbit
 from hpcsweep.solvers.flow.flow_map import FlowMap
@@ -15,7 +17,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import exponent_of_orbit
-from hpcsweep.studies.sweep.rows import Result, store
+from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store
 
 AT_ONCE = 256
 """Runs, at most, for whose results room is made."""
@@ -104,9 +106,13 @@ class Batch:
                 return int(k)
         return None
 
-    def _result(self, followed: Followed, amplitudes: np.ndarray) -> Result:
+    def _result(self, followed: Followed, amplitudes: np.ndarray) -> dict[str, Any]:
         """Return the results of the orbits; those of motions without contact in closed form."""
         orbits, measures = followed.orbits, followed.measures
+        units, same = self._solver.structure.state_units, self._settings.period_tolerance
+        for run in np.flatnonzero(orbits.length > 1).tolist():
+            points = orbits.points[run, : orbits.length[run]] / units
+            orbits.period[run] = smallest_period(points, same)
         exponents = np.full(len(orbits.rule), np.nan)
         if "lyapunov" in self._settings.metrics:
             exponents = self._exponents(orbits, amplitudes)
@@ -121,19 +127,20 @@ class Batch:
             if measures.size:
                 measures[free] = linear.measures(amplitudes[free])
         no_contact = orbits.contact == 0
-        return Result(
-            orbits.period,
-            orbits.cycles,
-            orbits.points[np.arange(len(orbits.rule)), orbits.length - 1],
-            _last_points(orbits),
-            orbits.period,
-            orbits.contact,
-            orbits.peak_drift,
-            orbits.modal_norm,
-            measures,
-            *(exponents, exponents, exponents),
-            np.where(no_contact, MotionClass.NO_CONTACT, MotionClass.PERIODIC),
-        )
+        return {
+            "orbit_period": orbits.period,
+            "cycles": orbits.cycles,
+            "final_state": orbits.points[np.arange(len(orbits.rule)), orbits.length - 1],
+            "points": _last_points(orbits),
+            "n_points": orbits.period,
+            "contact": orbits.contact,
+            "peak_drift": orbits.peak_drift,
+            "modal_norm": orbits.modal_norm,
+            "measures": measures,
+            "motion": np.where(no_contact, MotionClass.NO_CONTACT, MotionClass.PERIODIC),
+            "window_period": NOT_TESTED,
+            **dict.fromkeys(EXPONENTS, exponents),
+        }
 
     def _exponents(self, orbits: Orbits, amplitudes: np.ndarray) -> np.ndarray:
         """Return the largest Lyapunov exponent of each orbit, except of free motions."""

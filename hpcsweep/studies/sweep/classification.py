@@ -33,32 +33,32 @@ from hpcsweep.studies.sweep.rows import NOT_TESTED
 
 @dataclass(frozen=True)
 class Classification:
-    """Classified motion of a run, as stored.
+    """Classified motion of a run; other fields than `seen` and `exponent` are variables of it.
 
     Attributes
     ----------
     seen : Observation
         Over one orbit, if it is not longer than the job looks for; otherwise over a window.
-    period : int
+    orbit_period : int
         Orbit period, 0 if there is none, or it is longer than the job looks for.
     exponent : Interval
         Largest Lyapunov exponent per unit of time.
-    kind : MotionClass
+    motion : MotionClass
     window_period : int
         Period that the window test finds; `NOT_TESTED` if there is no window.
     window_class : MotionClass
         What the window shows by itself; NOT_COMPUTED if there is no window.
-    cycles : int
+    classification_cycles : int
         Forcing periods integrated to classify.
     """
 
     seen: Observation
-    period: int
+    orbit_period: int
     exponent: MeanInterval
-    kind: MotionClass = MotionClass.UNDECIDED
+    motion: MotionClass = MotionClass.UNDECIDED
     window_period: int = NOT_TESTED
     window_class: MotionClass = MotionClass.NOT_COMPUTED
-    cycles: int = 0
+    classification_cycles: int = 0
 
 
 def classify_window(
@@ -160,7 +160,9 @@ def _classify_known(
         cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
             return None
-    return Classification(seen, period, motion.interval, _kind(kind, seen), cycles=cycles)
+    return Classification(
+        seen, period, motion.interval, _kind(kind, seen), classification_cycles=cycles
+    )
 
 
 def _kind(kind: MotionClass, seen: Observation) -> MotionClass:

@@ -1,6 +1,7 @@
 """Allocate and fill rows of the results of runs."""
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -16,50 +17,8 @@ NOT_TESTED = -1
 """Window period of a run without a window of its own."""
 
 
-class Result(NamedTuple):
-    """Results of a run, or of k runs: then every array has an additional first axis.
-
-    A field is stored as the variable of its name.
-
-    Attributes
-    ----------
-    orbit_period : int
-        Orbit period, 0 if there is none, or it is longer than the job looks for.
-    cycles : int
-        Forcing periods integrated on the path.
-    final_state : ndarray, shape (2n,)
-        Last point of the run.
-    points : ndarray, shape (m, 2n)
-        Stroboscopic points to store: the first `n_points`, the others NaN.
-    n_points, contact, peak_drift, modal_norm, measures
-        As in an `Observation`.
-    lyapunov, lyapunov_low, lyapunov_high : float
-        Largest Lyapunov exponent per unit of time, and its confidence interval.
-    motion : MotionClass
-    window_period : int
-        Period that the window test finds; `NOT_TESTED` if there is no window.
-    window_class : MotionClass
-        What the window shows by itself; NOT_COMPUTED if there is no window.
-    classification_cycles : int
-        Forcing periods integrated to classify.
-    """
-
-    orbit_period: Any
-    cycles: Any
-    final_state: np.ndarray
-    points: np.ndarray
-    n_points: Any
-    contact: Any
-    peak_drift: Any
-    modal_norm: np.ndarray
-    measures: np.ndarray
-    lyapunov: Any
-    lyapunov_low: Any
-    lyapunov_high: Any
-    motion: Any
-    window_period: Any = NOT_TESTED
-    window_class: Any = MotionClass.NOT_COMPUTED
-    classification_cycles: Any = 0
+EXPONENTS = ("lyapunov", "lyapunov_low", "lyapunov_high")
+"""Variables of the largest Lyapunov exponent per unit of time, and of its interval."""
 
 
 def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> Rows:
@@ -75,19 +34,36 @@ def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> Ro
 
 
 def store(
-    rows: Rows, structure: Structure, omega: float, amplitudes: np.ndarray | float, result: Result
+    rows: Rows,
+    structure: Structure,
+    omega: float,
+    amplitudes: np.ndarray | float,
+    result: Mapping[str, Any],
 ) -> None:
-    """Write results of k complete runs into `rows`, k rows as allocated by `empty_rows`."""
+    """Write results of k complete runs into `rows`, k rows as allocated by `empty_rows`.
+
+    Parameters
+    ----------
+    rows : dict of str to ndarray
+    structure : Structure
+    omega : float
+    amplitudes : ndarray, shape (k,), or float
+    result : mapping
+        The variables by their names, as far as they are stored as they are; ``points``, the
+        stroboscopic points to store: the first ``n_points``, the others NaN; ``peak_drift`` and
+        ``measures`` as in an `Observation`. Of several runs each with an additional first axis.
+    """
     rows["outcome"][:] = Outcome.COMPLETE
-    for name in rows.keys() & set(Result._fields):
-        rows[name][:] = getattr(result, name)
+    for name in rows.keys() & result.keys():
+        rows[name][:] = result[name]
+    points = result["points"]
     if "poincare" in rows:
-        most = min(result.points.shape[-2], rows["poincare"].shape[1])
-        rows["poincare"][:, :most] = result.points[..., :most, :]
+        most = min(points.shape[-2], rows["poincare"].shape[1])
+        rows["poincare"][:, :most] = points[..., :most, :]
     if "drift" in rows:
-        rows["drift"][:] = normalised_drift(result.peak_drift, amplitudes, omega)
-    if result.measures.size:
-        store_measures(rows, structure, np.atleast_2d(result.measures))
+        rows["drift"][:] = normalised_drift(result["peak_drift"], amplitudes, omega)
+    if result["measures"].size:
+        store_measures(rows, structure, np.atleast_2d(result["measures"]))
 
 
 def store_failure(rows: Rows, end: np.ndarray, cycles: int, outcome: Outcome) -> None:

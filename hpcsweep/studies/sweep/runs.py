@@ -40,7 +40,7 @@ from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import Classification, classify_window
-from hpcsweep.studies.sweep.rows import Result, empty_rows, store, store_failure
+from hpcsweep.studies.sweep.rows import EXPONENTS, empty_rows, store, store_failure
 
 if TYPE_CHECKING:
     from hpcsweep.solvers.flow.flow_map import FlowMap
@@ -226,23 +226,10 @@ class FrameRuns:
     def _store(self, row, amplitude: float, found: Classification, end, cycles: int) -> None:
         """Write a run and the classification of its motion into its row."""
         seen = found.seen
-        n_points = min(found.period or len(seen.points), self.settings.stored_points)
-        result = Result(
-            found.period,
-            cycles,
-            end,
-            seen.points[-n_points:],
-            n_points,
-            seen.contact,
-            seen.peak_drift,
-            seen.modal_norm,
-            seen.measures,
-            *found.exponent,
-            found.kind,
-            found.window_period,
-            found.window_class,
-            found.cycles,
-        )
+        n_points = min(found.orbit_period or len(seen.points), self.settings.stored_points)
+        result = vars(seen) | vars(found) | dict(zip(EXPONENTS, found.exponent, strict=True))
+        result |= {"cycles": cycles, "final_state": end}
+        result |= {"points": seen.points[-n_points:], "n_points": n_points}
         store(row, self.structure, self.solver.omega, amplitude, result)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpcsweep import Structure, load_job, stroboscopic_points
-from hpcsweep.dynamics.continuation import cycle, events
+from hpcsweep.dynamics.continuation import cycle
 from hpcsweep.dynamics.continuation.branch import Limits, follow
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve_at
 from hpcsweep.dynamics.continuation.events import Kind
@@ -74,7 +74,7 @@ def test_a_walk_is_that_in_python(name):
     assert len(own.points) == len(other.points) > 12
     for one, same in zip(own.points, other.points, strict=True):
         np.testing.assert_allclose(one.y, same.y, rtol=0, atol=1e-6)
-        assert events.tests_of(one) == pytest.approx(events.tests_of(same), abs=1e-4)
+        assert one.tests == pytest.approx(same.tests, abs=1e-4)
         # the point of the branch in Python that is next to it
         again = plain.solve(one.y, one.tangent)
         np.testing.assert_allclose(one.y, again.y, rtol=0, atol=1e-11)

@@ -28,7 +28,7 @@ def words_on_the_stack(kernel) -> int:
     """Compile a kernel anew; give the most words that are pushed for one call."""
     for one in entry_points.ALL:
         one.load()
-    (signature,) = kernel.signatures
+    (signature,) = kernel.dispatcher.signatures
     fresh = KernelDispatcher(kernel.py_func, kernel.dispatcher.targetoptions)
     fresh.compile(signature)
     assembly = fresh.overloads[signature].library.get_asm_str()

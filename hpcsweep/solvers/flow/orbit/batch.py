@@ -13,8 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
+from hpcsweep.kernels.compile.entry_points import BYTES, INT, entry_point, type_of
+from hpcsweep.kernels.compile.places import allocate, zeros
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.period.march import march
@@ -28,19 +30,12 @@ from hpcsweep.solvers.flow.state.shared import (
     read_watch,
     wants_norms,
 )
-from hpcsweep.solvers.flow.state.state import copy_state, renew_rows
+from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state, renew_rows
 from hpcsweep.solvers.free import is_free
 from hpcsweep.solvers.outcome import COMPLETE
 from hpcsweep.solvers.records import Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
 
-BEGIN, TRANSIENT, ORBIT = 0, 1, 2
-"""Stages of a run."""
-NUMBER, STAGE, TRANSIENT_PERIODS, NEWTON_PERIODS, ORBIT_PERIOD, PERIODS_ROUND = range(6)
-"""Entries of `Run.place`: number and stage of the run, periods of its transient and of Newton's
-method, orbit period, and periods integrated round the orbit."""
-NEAR, MULTIPLIER = 0, 1
-"""Entries of `Run.number`: distance below which to jump, Floquet multiplier after a jump."""
 DONE, MORE, OPEN = 0, 1, 2
 """Why `follow_orbits` returns: no run is left; to be called again; a run is open."""
 FREE_RUNS = 2000
@@ -48,50 +43,63 @@ LINEAR, CONVERGED, NEWTON = (int(rule) for rule in list(SkipRule)[1:])
 
 
 class Rules(NamedTuple):
-    """Conditions under which skip rules finish a run; passed as a plain tuple."""
+    """Conditions under which skip rules finish a run."""
 
-    max_period: int
-    settled: float
-    same: float
-    near: float
+    max_period: int = 1
+    settled: float = 0.0
+    same: float = 0.0
+    near: float = 0.0
     """As in `transient.Closing`."""
-    transient: int
-    sampling: int
+    transient: int = 1
+    sampling: int = 1
     """Forcing periods discarded, and of the window after them."""
-    follow: bool
+    follow: bool = True
     """Whether a run starts from the end of the previous one, or each from the same state."""
 
 
 class Run(NamedTuple):
-    """The current run."""
+    """The runs to compute, and the state of the current one."""
 
-    place: np.ndarray
-    """(6,) int: see `NUMBER`."""
-    number: np.ndarray
-    """(2,): see `NEAR`."""
-    z: np.ndarray
-    """(2R,): state in kernel units."""
-    reached: np.ndarray
-    """(2R,): state at the end of the transient."""
+    rules: Rules
     wanted: int
     """See `tally`."""
-    points: np.ndarray
-    """(max_period, 2n): workspace."""
-    end: np.ndarray
-    """(2n,): workspace."""
+    amplitude_unit: float
+    """Of amplitudes, in kernel units."""
+    amplitudes: np.ndarray = zeros("k")
+    units: np.ndarray = zeros("2n")
+    """Of states, in kernel units."""
+    state: np.ndarray = zeros("2n")
+    """From which the current run starts."""
+    number: np.ndarray = zeros(1, dtype=int)
+    """Of the current run."""
+    begun: np.ndarray = zeros(1, dtype=int)
+    """Whether its transient has begun: 1 or 0."""
+    near: np.ndarray = zeros(1)
+    """Distance below which to jump."""
+    transient: np.ndarray = zeros(1, dtype=int)
+    """Forcing periods of its transient; `newton`, those of Newton's method."""
+    newton: np.ndarray = zeros(1, dtype=int)
+    period: np.ndarray = zeros(1, dtype=int)
+    """Of its orbit, 0 until that is known."""
+    multiplier: np.ndarray = zeros(1)
+    """Floquet multiplier after a jump, else NaN."""
+    turned: np.ndarray = zeros(1, dtype=int)
+    """Forcing periods integrated round the orbit."""
+    z: np.ndarray = zeros("2R")
+    """In kernel units; `reached`, at the end of the transient."""
+    reached: np.ndarray = zeros("2R")
+    points: np.ndarray = zeros("max period", "2n")
+    end: np.ndarray = zeros("2n")
+    """Workspace, and `points`."""
 
 
-def new_run(n: int, size: int, max_period: int, wanted: int) -> Run:
-    """Allocate the current run for n coordinates and kernel states of a size."""
-    return Run(
-        place=np.zeros(6, np.int64),
-        number=np.zeros(2),
-        z=np.empty(size),
-        reached=np.empty(size),
-        wanted=wanted,
-        points=np.empty((max_period, 2 * n)),
-        end=np.empty(2 * n),
-    )
+def new_run(
+    rules: Rules, n_runs: int, size: int, units: np.ndarray, wanted: int, amplitude_unit: float
+) -> Run:
+    """Allocate the state of runs for kernel states of a size."""
+    sizes = {"k": n_runs, "2n": len(units), "2R": size, "max period": rules.max_period}
+    own = {"rules": rules, "wanted": wanted, "amplitude_unit": amplitude_unit}
+    return allocate(Run, sizes, units=units, **own)
 
 
 def new_orbits(n_runs: int, n: int, max_period: int, tally: Tally | None = None) -> Orbits:
@@ -119,36 +127,22 @@ def in_units(orbits: Orbits, n_runs: int, structure: Structure) -> Orbits:
     return done._replace(contact=contact, peak_drift=done.peak_drift * structure.length_unit)
 
 
-RULES = type_of((1, 0.0, 0.0, 0.0, 1, 1, True))
-RUN = type_of(new_run(1, 2, 1, MAXIMA))
+RUN = Arena(new_run(Rules(), 1, 2, np.ones(2), MAXIMA, 1.0))
+read_run = RUN.read
 ORBITS = type_of(new_orbits(1, 1, 1))
 
 
-@entry_point(
-    (INT, INT, INT),
-    *(BYTES, BYTES, BYTES, VECTOR, VECTOR, VECTOR, FLOAT, INT, RULES, RUN, ORBITS),
-    specialises=True,
-)
-def follow_orbits(
-    shared, watch, free, amplitudes, state, units, amplitude_unit, n_periods, rules, run, rows
-):
-    """Compute runs from `run` on, until one is left open or about `n_periods` have been integrated.
+@entry_point((INT, INT, INT), BYTES, BYTES, BYTES, BYTES, INT, ORBITS, specialises=True)
+def follow_orbits(shared, watch, free, packed, n_periods, rows):
+    """Compute runs, until one is left open or about `n_periods` have been integrated.
 
     Parameters
     ----------
-    shared, watch, free : ndarray of bytes
-        A packed `Shared`, `Watch` and `hpcsweep.solvers.free.Free`.
-    amplitudes : ndarray, shape (k,)
-    state : ndarray, shape (2n,)
-        Of the run's start; changed in place.
-    units : ndarray, shape (2n,)
-        Units of states, and `amplitude_unit` of amplitudes, in kernel units.
+    shared, watch, free, packed : ndarray of bytes
+        A packed `Shared`, `Watch`, `hpcsweep.solvers.free.Free` and `Run`.
     n_periods : int
         Forcing periods after which to return, for polling; also after `FREE_RUNS` runs without
         contact. Newton's method is not interrupted.
-    rules : tuple
-        The values of a `Rules`.
-    run : Run
     rows : Orbits
         Receives the results, in the units of the kernels but for the points.
 
@@ -161,161 +155,127 @@ def follow_orbits(
     outcome : int
         Of the open run's transient.
     """
-    common = read_shared(shared)
-    max_period, settled, same, near, transient, sampling, follow = rules
-    place = run.place
+    common, run = read_shared(shared), read_run(packed)
+    rules = run.rules
     n_done = 0
     n_free = 0
-    while place[NUMBER] < amplitudes.shape[0]:
+    while run.number[0] < run.amplitudes.shape[0]:
         if n_done >= n_periods or n_free == FREE_RUNS:
             return MORE, n_done, COMPLETE
-        k = place[NUMBER]
-        amplitude = amplitudes[k]
-        if place[STAGE] == BEGIN:
-            if is_free(free, state, amplitude, run.end) != 0:
+        amplitude = run.amplitudes[run.number[0]]
+        if run.begun[0] == 0:
+            if is_free(free, run.state, amplitude, run.end) != 0:
                 n_free += 1
-                _end_free(state, follow, run, rows)
+                _end_free(run, rows)
                 continue
-            _begin(common, watch, state, units, near, run)
-        if place[STAGE] == TRANSIENT:
-            closing = (max_period, settled, same, run.number[NEAR])
-            wanted = min(n_periods - n_done, transient - place[TRANSIENT_PERIODS])
-            done, by_newton, period, run.number[MULTIPLIER], run.number[NEAR], outcome = (
-                end_of_transient(shared, watch, run.z, amplitude / amplitude_unit, wanted, closing)
+            _begin(common, watch, run)
+        amplitude /= run.amplitude_unit
+        if run.period[0] == 0:
+            closing = (rules.max_period, rules.settled, rules.same, run.near[0])
+            wanted = min(n_periods - n_done, rules.transient - run.transient[0])
+            done, by_newton, run.period[0], run.multiplier[0], run.near[0], outcome = (
+                end_of_transient(shared, watch, run.z, amplitude, wanted, closing)
             )
-            place[TRANSIENT_PERIODS] += done
-            place[NEWTON_PERIODS] += by_newton
+            run.transient[0] += done
+            run.newton[0] += by_newton
             n_done += done + by_newton
-            if outcome != COMPLETE or (period == 0 and place[TRANSIENT_PERIODS] >= transient):
+            known = run.period[0] > 0
+            if outcome != COMPLETE or not (known or run.transient[0] < rules.transient):
                 return OPEN, n_done, outcome
-            if period == 0:
+            if not known:
                 return MORE, n_done, COMPLETE
-            place[STAGE] = ORBIT
-            place[ORBIT_PERIOD] = period
             copy_state(run.z, run.reached)
-        wanted = min(max(n_periods - n_done, 1), place[ORBIT_PERIOD] - place[PERIODS_ROUND])
+        wanted = min(max(n_periods - n_done, 1), run.period[0] - run.turned[0])
         n_done += wanted
-        if not _go_round(shared, common, amplitude / amplitude_unit, wanted, units, run, rows):
+        if not _go_round(shared, amplitude, wanted, run, rows):
             copy_state(run.reached, run.z)
             return OPEN, n_done, COMPLETE
-        if place[PERIODS_ROUND] == place[ORBIT_PERIOD]:
-            _finish(transient + sampling, same, units, common.tally, run, rows)
-            if follow:
-                copy_state(rows.points[k, place[ORBIT_PERIOD] - 1], state)
-            place[NUMBER] = k + 1
-            place[STAGE] = BEGIN
+        if run.turned[0] == run.period[0]:
+            _finish(common.tally, run, rows)
     return DONE, n_done, COMPLETE
 
 
 @kernel
-def _end_free(state, follow, run, rows):
+def _end_free(run, rows):
     """Write the results of a run without contact, and advance to the next."""
-    k = run.place[NUMBER]
+    k = run.number[0]
     rows.rule[k] = LINEAR
     rows.length[k] = 1
     rows.period[k] = 1
-    for i in range(state.shape[0]):
-        rows.points[k, 0, i] = run.end[i]
-        if follow:
-            state[i] = run.end[i]
-    run.place[NUMBER] = k + 1
+    copy_state(run.end, rows.points[k, 0])
+    if run.rules.follow:
+        copy_state(run.end, run.state)
+    run.number[0] += 1
 
 
 @kernel
-def _begin(common, watch, state, units, near, run):
+def _begin(common, watch, run):
     """Begin the transient of a run."""
-    n = state.shape[0] // 2
+    n = run.state.shape[0] // 2
     half = run.z.shape[0] // 2
     for i in range(n):
-        run.z[i] = state[i] / units[i]
-        run.z[half + i] = state[n + i] / units[n + i]
+        run.z[i] = run.state[i] / run.units[i]
+        run.z[half + i] = run.state[n + i] / run.units[n + i]
     if half > n:
         renew_rows(run.z, common.no_tangent, common.model)
     read_watch(watch).since[0] = 0
-    place = run.place
-    place[STAGE] = TRANSIENT
-    for i in range(TRANSIENT_PERIODS, len(place)):
-        place[i] = 0
-    run.number[NEAR] = near
+    run.begun[0] = 1
+    run.transient[0] = run.newton[0] = run.period[0] = run.turned[0] = 0
+    run.near[0] = run.rules.near
     clear(common.tally)
 
 
 @kernel
-def _go_round(shared, common, amplitude, n_periods, units, run, rows):
+def _go_round(shared, amplitude, n_periods, run, rows):
     """Continue round the orbit; return whether the solver succeeded."""
-    place = run.place
+    common, units = read_shared(shared), run.units
     n = units.shape[0] // 2
     half = run.z.shape[0] // 2
+    no_points, no_tangent, no_growth = common.no_points, common.no_tangent, common.no_growth
     for _ in range(n_periods):
         _, outcome = march(
-            shared,
-            run.z,
-            amplitude,
-            1,
-            common.no_points,
-            run.wanted,
-            common.no_tangent,
-            common.no_growth,
+            shared, run.z, amplitude, 1, no_points, run.wanted, no_tangent, no_growth
         )
         if outcome != COMPLETE:
             return False
+        point = rows.points[run.number[0], run.turned[0]]
         for i in range(n):
-            rows.points[place[NUMBER], place[PERIODS_ROUND], i] = run.z[i] * units[i]
-            rows.points[place[NUMBER], place[PERIODS_ROUND], n + i] = run.z[half + i] * units[n + i]
-        place[PERIODS_ROUND] += 1
+            point[i] = run.z[i] * units[i]
+            point[n + i] = run.z[half + i] * units[n + i]
+        run.turned[0] += 1
     return True
 
 
 @kernel
-def _finish(whole_run, same, units, tally, run, rows):
-    """Write the results of a run after one turn round its orbit.
+def _finish(tally, run, rows):
+    """Write the results of a run after one turn round its orbit, and advance to the next.
 
-    Its points are in the order of the last ones of the window procedure, `whole_run` periods from
-    the start: the point from which the next amplitude starts can decide which attractor it reaches,
-    so that a shortened run must end at the same one.
+    Its points are in the order of the last ones of the window procedure: the point from which the
+    next amplitude starts can decide which attractor it reaches, so that a shortened run must end at
+    the same one.
     """
-    place = run.place
-    k, length = place[NUMBER], place[ORBIT_PERIOD]
-    jumped = not math.isnan(run.number[MULTIPLIER])
-    rows.rule[k] = NEWTON if jumped else CONVERGED
-    rows.length[k] = length
-    rows.cycles[k] = place[TRANSIENT_PERIODS] + place[NEWTON_PERIODS] + length
-    rows.multiplier[k] = run.number[MULTIPLIER]
+    k, length = run.number[0], run.period[0]
+    rows.rule[k] = CONVERGED if math.isnan(run.multiplier[0]) else NEWTON
+    rows.length[k] = rows.period[k] = length
+    rows.cycles[k] = run.transient[0] + run.newton[0] + length
+    rows.multiplier[k] = run.multiplier[0]
     rows.contact[k] = tally.contact[0]
     rows.peak_drift[k] = tally.peak_drift[0]
     if run.wanted & PEAKS:
-        for w in range(tally.peaks.shape[0]):
-            rows.peaks[k, w] = tally.peaks[w]
+        copy_state(tally.peaks, rows.peaks[k])
     if run.wanted & IMPACTS:
-        for i in range(tally.impacts.shape[0]):
-            for c in range(tally.impacts.shape[1]):
-                rows.impacts[k, i, c] = tally.impacts[i, c]
+        copy_matrix(tally.impacts, rows.impacts[k])
     if wants_norms(run.wanted) and tally.free_time[0] > 0.0:
         for j in range(tally.modal.shape[0]):
             rows.modal_norm[k, j] = tally.modal[j] / tally.free_time[0]
     points = rows.points[k]
-    rows.period[k] = _smallest_period(points, length, units, same)
-    shift = (whole_run - place[TRANSIENT_PERIODS] - length) % length
-    if shift > 0:
-        for i in range(length):
-            for j in range(units.shape[0]):
-                run.points[i, j] = points[(i + shift) % length, j]
-        for i in range(length):
-            for j in range(units.shape[0]):
-                points[i, j] = run.points[i, j]
-
-
-@kernel
-def _smallest_period(points, length, units, same):
-    """Return the smallest period of an orbit's points; see `dynamics.orbit.smallest_period`."""
-    for divisor in range(1, length):
-        if length % divisor != 0:
-            continue
-        apart = 0.0
-        for i in range(length):
-            for j in range(units.shape[0]):
-                difference = points[(i + divisor) % length, j] - points[i, j]
-                apart = max(apart, abs(difference) / units[j])
-        if apart <= same:
-            return divisor
-    return length
+    whole_run = run.rules.transient + run.rules.sampling
+    shift = (whole_run - run.transient[0] - length) % length
+    for i in range(length):
+        copy_state(points[i], run.points[i])
+    for i in range(length):
+        copy_state(run.points[(i + shift) % length], points[i])
+    if run.rules.follow:
+        copy_state(points[length - 1], run.state)
+    run.number[0] += 1
+    run.begun[0] = run.period[0] = 0

@@ -1,16 +1,8 @@
-r"""Points of a branch of periodic orbits: Newton's method, multipliers, and workspace.
+r"""Points of a branch of periodic orbits along the amplitude: Newton's method, and workspace.
 
 With p points of size N of an orbit there are S = p N + 1 components of y.
-
-Newton's method for a point of a branch along the amplitude, compiled
----------------------------------------------------------------------
 `dynamics.continuation.cycle` has the method, for any map and parameter; these are its rules
-(`solvers.branch_rule`). There a move takes 35 us, of which 3 are the map of three floors.
-
-Multipliers of a point of a branch and functions of them, and the closings of its contacts
-------------------------------------------------------------------------------------------
-As `dynamics.continuation` has them, in `stability`, `events` and `forced`. The eigenvalues are
-those of `linear.spectrum`: 4 us for three floors, 14 from Python.
+(`solvers.branch_rule`), compiled. There a move takes 35 us, of which 3 are the map of three floors.
 """
 
 import math
@@ -25,15 +17,13 @@ from hpcsweep.solvers.branch_rule import (
     CONTRACTS,
     DIFFERENCE,
     EXACT,
-    MAX_PRODUCT,
-    REACHED,
     ROUNDING,
     STEPS,
 )
-from hpcsweep.solvers.flow.linear.algebra import deflate, invert
+from hpcsweep.solvers.flow.linear.algebra import invert
 from hpcsweep.solvers.flow.period.march import march
 from hpcsweep.solvers.flow.state.shared import IMPACTS, MAXIMA, NO_TALLY, clear, read_shared
-from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state, make_unit
+from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.measures import CLOSINGS
 from hpcsweep.solvers.outcome import COMPLETE
 
@@ -49,7 +39,7 @@ class Point(NamedTuple):
     """Tangent maps, N rows each."""
     multipliers: np.ndarray = zeros("N", dtype=complex)
     tests: np.ndarray = zeros(3)
-    """See `FOLD`."""
+    """See `multipliers.tests_of`."""
     closings: np.ndarray = zeros("m", dtype=int)
     """Of each contact."""
     residual: np.ndarray = zeros(1)
@@ -69,9 +59,9 @@ class Trace(NamedTuple):
     now: Point = part(Point)
     """Result of Newton's method, and where it begins."""
     last: Point = part(Point)
-    """From which a step is taken; the end of a chord."""
+    """From which a step is taken."""
     first: Point = part(Point)
-    """The start of the branch; the beginning of a chord. Only y and tangent."""
+    """The start of the branch. Only y and tangent."""
     guess: np.ndarray = zeros("S")
     border: np.ndarray = zeros("S")
     """The hyperplane border . (y - guess) = 0."""
@@ -284,114 +274,21 @@ def find_point(shared, packed, known, reached):
 
 @kernel
 def correct_point(shared, packed):
-    """Find the point near ``now``, sought across the same border, as `cycle.correct` does."""
+    """Find the point near ``now`` by its Jacobian, as `cycle` does; return whether it contracts."""
     trace = read_trace(packed)
     copy_state(trace.guess, trace.now.y)
     least = math.inf
     for _ in range(STEPS):
         if not march_points(shared, packed, value_of(packed), NO_TALLY, False, trace.images):
-            break
+            return False
         distance = _find_move(packed)
-        if distance <= EXACT:
-            _take_move(packed)
-            return True
-        if not distance <= CONTRACTS * least:
-            if least <= ROUNDING:
-                return True
-            break
+        if not (distance <= EXACT or distance <= CONTRACTS * least):
+            return least <= ROUNDING
         _take_move(packed)
+        if distance <= EXACT:
+            return True
         least = distance
-    return find_point(shared, packed, True, REACHED)
-
-
-FOLD, DOUBLING, TORUS = range(3)
-"""Entries of `Point.tests`: those of `dynamics.continuation.events.Tests`."""
-
-
-@kernel
-def find_multipliers(packed):
-    """Find the multipliers of ``now``, and their tests.
-
-    Returns
-    -------
-    bool
-        Whether the product of the tangent maps has their digits.
-    """
-    trace = read_trace(packed)
-    matrix, found = trace.product, trace.now.multipliers
-    size = matrix.shape[0]
-    if not _multiply(packed):
-        return False
-    scale = deflate(matrix)
-    if scale == math.inf:
-        return False
-    for i in range(size):
-        imaginary = 0.0 - matrix[i, i - 1] if i > 0 else 0.0
-        if i + 1 < size and matrix[i + 1, i] != 0.0:
-            imaginary = matrix[i + 1, i]
-        value = scale * complex(matrix[i, i], imaginary)
-        # largest modulus first, equal ones as they come
-        place = i
-        while place > 0 and abs(found[place - 1]) < abs(value):
-            found[place] = found[place - 1]
-            place -= 1
-        found[place] = value
-    fold = doubling = torus = complex(1.0, 0.0)
-    for i in range(size):
-        fold *= (1.0 - found[i]) / (1.0 + abs(found[i]))
-        doubling *= (1.0 + found[i]) / (1.0 + abs(found[i]))
-        for k in range(i):
-            pair = found[i] * found[k]
-            torus *= (1.0 - pair) / (1.0 + abs(pair))
-    tests = trace.now.tests
-    tests[FOLD], tests[DOUBLING], tests[TORUS] = fold.real, doubling.real, torus.real
-    return True
-
-
-@kernel
-def _multiply(packed):
-    """Write M_{p-1} ... M_0 to ``product``; return whether errors grow little; see `stability`.
-
-    ``sizes`` receives the norms of M_{p-1} ... M_{i+1}.
-    """
-    trace = read_trace(packed)
-    matrices, product, other, sizes = trace.now.matrices, trace.product, trace.other, trace.sizes
-    p, size = sizes.shape[0], product.shape[0]
-    make_unit(product)
-    for i in range(p - 1, -1, -1):
-        sizes[i] = _norm(product, 0, size)
-        copy_matrix(product, other)
-        _multiply_into(other, 0, matrices, i * size, product)
-    if p == 1:
-        return True
-    make_unit(product)
-    growth = 0.0
-    for i in range(p):
-        growth += sizes[i] * _norm(matrices, i * size, size) * _norm(product, 0, size)
-        copy_matrix(product, other)
-        _multiply_into(matrices, i * size, other, 0, product)
-    return growth <= MAX_PRODUCT
-
-
-@kernel
-def _norm(matrix, first, size):
-    """Return the norm of Frobenius of some rows."""
-    square = 0.0
-    for i in range(first, first + size):
-        for k in range(size):
-            square += matrix[i, k] * matrix[i, k]
-    return math.sqrt(square)
-
-
-@kernel
-def _multiply_into(left, first, right, other, product):
-    """Write the product of two square matrices, whose rows begin at `first` and `other`."""
-    size = product.shape[0]
-    for i in range(size):
-        for j in range(size):
-            product[i, j] = 0.0
-            for k in range(size):
-                product[i, j] += left[first + i, k] * right[other + k, j]
+    return False
 
 
 @kernel

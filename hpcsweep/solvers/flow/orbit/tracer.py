@@ -1,7 +1,7 @@
 """Find points of branches of periodic orbits along the amplitude by compiled kernels."""
 
+from hpcsweep.solvers.flow.orbit import walk
 from hpcsweep.solvers.flow.orbit.corrector import TRACE, new_trace
-from hpcsweep.solvers.flow.orbit.walk import AT_EVENT, MORE, WITH_MULTIPLIERS
 
 BLOCK, BLOCK_SIZE = 64, 2**17
 """Most points of one call, and most numbers that they hold."""
@@ -12,8 +12,8 @@ class Tracer:
 
     Parameters
     ----------
-    kernels, packed, polling, units, structure
-        Of the solver.
+    own : tuple
+        Kernels, packed data, polling, units and structure of the solver.
     period : int
         p.
     scale, length_unit : float
@@ -28,48 +28,34 @@ class Tracer:
         Called with the forcing periods of each.
     """
 
-    def __init__(
-        self,
-        kernels,
-        packed,
-        polling,
-        units,
-        structure,
-        period,
-        scale,
-        length_unit,
-        made,
-        poll,
-        spent,
-    ):
-        self._kernels, self._shared, self._polling = kernels, packed, polling
-        self._made, self._poll, self._spent = made, poll, spent
+    def __init__(self, own, period, scale, length_unit, made, poll, spent):
+        kernels, self._shared, self._polling, units, structure = own
+        self._kernels, self._made, self._poll, self._spent = kernels, made, poll, spent
         kernels.load_measures()
         size = 2 * structure.n_floors
         shape = period, size, len(structure.contacts)
         self._shape = period, size, size
         self._most = min(BLOCK, max(BLOCK_SIZE // (period * size * size), 1))
-        own = scale, length_unit / structure.length_unit, units.amplitude_unit
-        trace = new_trace(shape, units.size, self._most, own)
+        in_y = scale, length_unit / structure.length_unit, units.amplitude_unit
+        trace = new_trace(shape, units.size, self._most, in_y)
         self._trace, self._packed = TRACE.place(trace)
 
-    def solve(self, guess, border, inverse, reached):
+    def solve(self, guess, border, near, reached, keeps):
         """Find the point on the hyperplane through `guess` across `border`, None if there is none.
 
-        Parameters
-        ----------
-        guess, border : ndarray, shape (S,)
-        inverse : ndarray, shape (S, S), or None
-            Of a neighbour.
-        reached : float
-            Largest last move.
+        The arguments are those of `dynamics.continuation.cycle.Curve.solve`.
         """
-        trace = self._trace
+        trace, how = self._trace, walk.ALONE
         trace.guess[:], trace.border[:] = guess, border
-        if inverse is not None:
-            trace.now.inverse[:] = inverse
-        found = self._call(self._kernels.solve_point, int(inverse is not None), reached)
-        return self._point(found == WITH_MULTIPLIERS) if found else None
+        if near is not None and near.inverse is not None:
+            how = walk.KEEPING if keeps else walk.KNOWN
+            trace.now.inverse[:] = near.inverse
+        self._polling.begin(self._poll)
+        found, n_periods = self._kernels.solve_point(self._shared, self._packed, how, reached)
+        self._end(n_periods)
+        if found == walk.KEPT:
+            return near._replace(y=trace.now.y.copy(), signature=self._closings())
+        return self._point(found == walk.WITH_MULTIPLIERS, how == walk.KEEPING) if found else None
 
     def walk(self, start, last, bend, step, span, room):
         """Take steps as long as nothing happens; see `orbit.walk`.
@@ -97,11 +83,11 @@ class Tracer:
         found : Solution or None
             The point to which that leads, if anything happens on the way.
         """
-        trace, points, why = self._trace, [], MORE
+        trace, points, why = self._trace, [], walk.MORE
         self._begin(start, last)
         trace.bend[:] = bend
         begins, known = 1, int(last.inverse is not None)
-        while why == MORE and len(points) < room:
+        while why == walk.MORE and len(points) < room:
             most = min(self._most, room - len(points))
             n_periods = self._polling.begin(self._poll)
             own = self._shared, self._packed, span, step, begins, known, most, n_periods
@@ -111,40 +97,8 @@ class Tracer:
             begins, known = 0, max(known, int(count > 0))
         if points:
             points[-1] = points[-1]._replace(inverse=trace.last.inverse.copy())
-        found = self._point(True, True) if why == AT_EVENT else None
+        found = self._point(True, True) if why == walk.AT_EVENT else None
         return points, trace.bend.copy(), step, found
-
-    def begin_chord(self, first, last) -> None:
-        """Move to the end of the chord between two points, the last one with its inverse."""
-        self._begin(first, last)
-        self.fraction = 1.0
-
-    def along(self, fraction: float, counts: bool = False):
-        """Move to a fraction of the chord.
-
-        Returns
-        -------
-        tuple or None
-            The signature if that is to be counted; else the component of the tangent along the
-            parameter and the tests of the multipliers (`dynamics.continuation.events.Tests`). None
-            if no point is found, or not its multipliers.
-        """
-        begins = int(self.fraction == 1.0)
-        found = self._call(self._kernels.move_along, fraction, begins, int(counts))
-        now, self.fraction, self._found = self._trace.now, fraction, found
-        if counts:
-            return tuple(now.closings.tolist()) if found else None
-        return (float(now.tangent[-1]), *now.tests.tolist()) if found == WITH_MULTIPLIERS else None
-
-    def point(self):
-        """Return the point to which a move has led, None if it has failed."""
-        return self._point(self._found == WITH_MULTIPLIERS) if self._found else None
-
-    def _call(self, kernel, *rules):
-        self._polling.begin(self._poll)
-        found, n_periods = kernel(self._shared, self._packed, *rules)
-        self._end(n_periods)
-        return found
 
     def _end(self, n_periods: int) -> None:
         self._polling.end(n_periods)
@@ -168,22 +122,20 @@ class Tracer:
             now.multipliers.copy() if multipliers else None,
             float(now.residual[0]),
             now.inverse.copy(),
-            tuple(now.closings.tolist()) if closings else None,
+            self._closings() if closings else None,
         )
+
+    def _closings(self) -> tuple[int, ...]:
+        return tuple(self._trace.now.closings.tolist())
 
     def _walked(self, count: int) -> list:
         walked = self._trace.walked
-        arrays = (each[:count].copy() for each in (walked.y, walked.tangent, walked.matrices))
-        y, tangents, matrices = arrays
-        return [
-            self._made(*each[:5], None, tuple(each[5]))
-            for each in zip(
-                y,
-                tangents,
-                matrices.reshape(count, *self._shape),
-                walked.multipliers[:count].copy(),
-                walked.residual[:count].tolist(),
-                walked.closings[:count].tolist(),
-                strict=True,
-            )
-        ]
+        arrays = (
+            walked.y[:count].copy(),
+            walked.tangent[:count].copy(),
+            walked.matrices[:count].reshape(count, *self._shape).copy(),
+            walked.multipliers[:count].copy(),
+            walked.residual[:count].tolist(),
+            map(tuple, walked.closings[:count].tolist()),
+        )
+        return [self._made(*each, None, closings) for *each, closings in zip(*arrays, strict=True)]

@@ -5,8 +5,7 @@ The steps are those of `dynamics.continuation.branch`, along the amplitude, by t
 decided: at which a test of the multipliers, the number of them outside the unit circle, the
 signature, or the direction of the branch changes, which comes to its own start or to an orbit of a
 period that divides its own, or leaves the span. There the caller takes over, with the point that
-was found. So no result depends on how many steps a call takes. A special point is located by the
-caller, who moves along the chord between two points.
+was found. So no result depends on how many steps a call takes.
 """
 
 import math
@@ -23,15 +22,14 @@ from hpcsweep.solvers.branch_rule import (
     OF_A_STEP,
     ON_A_STEP,
     ON_DIVISOR,
-    REACHED,
 )
 from hpcsweep.solvers.flow.orbit.corrector import (
     correct_point,
     find_closings,
-    find_multipliers,
     find_point,
     read_trace,
 )
+from hpcsweep.solvers.flow.orbit.multipliers import find_multipliers
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state
 
 PRIMES = (2, 3, 5, 7)
@@ -39,23 +37,27 @@ MORE, AT_EVENT, REFUSED = range(3)
 """Why `walk_branch` returns: to be called again; something happens on the next step; that is for
 the caller to take, or too short."""
 UNKNOWN = -1.0
-FAILED, FOUND, WITH_MULTIPLIERS = range(3)
+ALONE, KNOWN, KEEPING = range(3)
+"""How a point is sought: with the inverse of a neighbour; with that alone, if moves contract."""
+FAILED, FOUND, WITH_MULTIPLIERS, KEPT = range(4)
 """What is found of a point; multipliers only where the product of the tangent maps has their
-digits."""
+digits; the last: only y, with the inverse of the neighbour."""
 SPAN = type_of((0.0, 0.0, 0.0, 0.0, 0.0))
 """Lowest and highest amplitude, largest and smallest step, reach."""
 
 
 @entry_point((INT, INT), BYTES, BYTES, INT, FLOAT, specialises=True)
-def solve_point(shared, packed, known, reached):
+def solve_point(shared, packed, how, reached):
     """Find the point on a hyperplane; see `corrector.find_point`.
 
     Parameters
     ----------
     shared, packed : ndarray of bytes
         A packed `Shared` and a packed `Trace`.
-    known : int
-        1 if ``now.inverse`` is that of a neighbour, else 0.
+    how : int
+        See `ALONE`; `KEEPING` counts the closings, too, in place of the multipliers.
+    reached : float
+        Largest last move.
 
     Returns
     -------
@@ -64,65 +66,16 @@ def solve_point(shared, packed, known, reached):
     n_periods : int
         Forcing periods integrated.
     """
-    trace = read_trace(packed)
-    trace.n_periods[0] = 0
-    if not find_point(shared, packed, known == 1, reached):
-        return FAILED, trace.n_periods[0]
-    return FOUND + find_multipliers(packed), trace.n_periods[0]
-
-
-@entry_point((INT, INT), BYTES, BYTES, FLOAT, INT, INT, specialises=True)
-def move_along(shared, packed, fraction, begins, counts):
-    """Move ``now`` to a fraction of the chord from ``first`` to ``last``; see `events.between`.
-
-    Parameters
-    ----------
-    shared, packed
-        As in `solve_point`.
-    fraction : float
-    begins : int
-        1 if ``now`` is to be ``last``, from which a cubic through both ends leads: the tangent
-        there may lead to another branch.
-    counts : int
-        1 if the closings are to be counted; then the inverse is kept from the second point on.
-
-    Returns
-    -------
-    found : int
-        See `FAILED`.
-    n_periods : int
-    """
-    trace = read_trace(packed)
-    now, last, first = trace.now, trace.last, trace.first
-    guess, border = trace.guess, trace.border
-    trace.n_periods[0] = 0
-    if begins == 1:
-        copy_matrix(last.inverse, now.inverse)
-    length = _distance(last.y, first.y)
-    rest = 1.0 - fraction
-    own, other = fraction * rest * rest * length, fraction * fraction * rest * length
-    ahead = slope = 0.0
-    for k in range(border.shape[0]):
-        chord = last.y[k] - first.y[k]
-        border[k] = chord / length
-        guess[k] = now.y[k]
-        if begins == 1:
-            guess[k] = first.y[k] + fraction * fraction * (3.0 - 2.0 * fraction) * chord
-            guess[k] += own * first.tangent[k] - other * last.tangent[k]
-        ahead += border[k] * (first.y[k] + fraction * chord - guess[k])
-        slope += border[k] * now.tangent[k]
-    for k in range(border.shape[0]):
-        way = border[k] if begins == 1 else now.tangent[k] / slope
-        guess[k] += ahead * way
-    if counts == 1 and begins == 0:
-        found = correct_point(shared, packed)
-    else:
-        found = find_point(shared, packed, True, REACHED)
-    if not found:
-        return FAILED, trace.n_periods[0]
-    if counts == 1:
-        return FOUND if find_closings(shared, packed) else FAILED, trace.n_periods[0]
-    return FOUND + find_multipliers(packed), trace.n_periods[0]
+    spent = read_trace(packed).n_periods
+    spent[0] = 0
+    kept = how == KEEPING and correct_point(shared, packed)
+    if not kept and not find_point(shared, packed, how != ALONE, reached):
+        return FAILED, spent[0]
+    if how != KEEPING:
+        return FOUND + find_multipliers(packed), spent[0]
+    if not find_closings(shared, packed):
+        return FAILED, spent[0]
+    return KEPT if kept else FOUND, spent[0]
 
 
 @entry_point((INT, INT, FLOAT, INT), BYTES, BYTES, SPAN, FLOAT, *(INT,) * 4, specialises=True)
@@ -250,48 +203,70 @@ def _is_plain(packed, low, high, reach):
         outside += int(abs(now.multipliers[k]) > 1.0) - int(abs(last.multipliers[k]) > 1.0)
     for k in range(now.closings.shape[0]):
         plain = plain and now.closings[k] == last.closings[k]
-    return plain and outside == 0 and not _returns(packed) and not _collapses(packed)
+    if not plain or outside != 0 or collapses(last, now, now.matrices.shape):
+        return False
+    return passes_start(trace.first, last, now, now.matrices.shape)[0] == 0.0
 
 
 @kernel
-def _returns(packed):
-    """Return whether the branch may come back to its start, any of its points counted first.
+def passes_start(start, last, now, sizes):
+    """Find where a step from `last` to `now` passes the start of the branch, in Python too.
 
-    What `branch._passes` asks, but for the directions.
+    A branch is closed where it comes back to the orbit from which it began, from whichever of its
+    points that is counted: the curve of the chains goes round as many times more. Between two
+    points the branch is a parabola, as far as the chord's sag.
+
+    Parameters
+    ----------
+    start, last, now
+        Points, with y and tangent.
+    sizes : (int, int)
+        p N and N.
+
+    Returns
+    -------
+    share : float
+        Of the step, 0 if it does not.
+    shift : int
+        Number of the start's point that is counted first.
     """
-    trace = read_trace(packed)
-    now, last, start = trace.now, trace.last, trace.first
-    end, size = now.matrices.shape
-    length = _distance(now.y, last.y)
-    turn = _distance(now.tangent, last.tangent)
+    end, size = sizes
+    square = turn = 0.0
+    for k in range(now.y.shape[0]):
+        square += (now.y[k] - last.y[k]) ** 2
+        turn += (now.tangent[k] - last.tangent[k]) ** 2
+    sag = max(0.25 * math.sqrt(turn), CLOSED)
     for shift in range(0, end, size):
-        share = square = 0.0
-        for k in range(end + 1):
-            away = start.y[(k + shift) % end if k < end else end] - last.y[k]
-            share += away * (now.y[k] - last.y[k])
-            square += away * away
-        if 0.0 < share <= length * length:
-            off = math.sqrt(max(square - (share / length) ** 2, 0.0))
-            if off <= length * max(0.25 * turn, CLOSED):
-                return True
-    return False
+        share = apart = along = 0.0
+        for k in range(now.y.shape[0]):
+            place = (k + shift) % end if k < end else k
+            step, away = now.y[k] - last.y[k], start.y[place] - last.y[k]
+            share += away * step
+            apart += away * away
+            along += start.tangent[place] * step
+        ahead = 0.0 < share <= square and along >= 0.5 * math.sqrt(square)
+        if ahead and apart - share * share / square <= sag * sag * square:
+            return share / square, shift // size
+    return 0.0, 0
 
 
 @kernel
-def _collapses(packed):
-    """Return whether the orbit comes to one of a divisor of its period; see `branch.collapses`."""
-    trace = read_trace(packed)
-    after, before = trace.now.y, trace.last.y
-    end, size = trace.now.matrices.shape
+def collapses(last, now, sizes):
+    """Return whether an orbit passes, between two points, one of a period that divides its own.
+
+    Or whether it comes to lie on the branch of that, whose orbits solve the same equations. The
+    arguments are those of `passes_start`.
+    """
+    end, size = sizes
     for prime in PRIMES:
         shift = end // prime
         if shift % size != 0 or end % prime != 0:
             continue
         product = square = 0.0
         for k in range(end):
-            own = before[k] - before[(k - shift) % end]
-            product += own * (after[k] - after[(k - shift) % end])
-            square += own * own
+            before = last.y[k] - last.y[(k - shift) % end]
+            product += before * (now.y[k] - now.y[(k - shift) % end])
+            square += before * before
         if product < ON_DIVISOR * square:
             return True
     return False

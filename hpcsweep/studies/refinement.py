@@ -9,7 +9,6 @@ import numpy as np
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.keys import Key, names
-from hpcsweep.studies.study import Study
 
 LABELS = {
     "class": ("motion", "orbit_period"),
@@ -156,7 +155,7 @@ def read_refinement(
         limit = f"must lie between 0 and 1, at least {MIN_WRONG:g}"
         raise values.error("study.refine.wrong", wrong, limit)
     levels, seed = (
-        values.whole_in(f"study.refine.{key.name}", given.get(key.name, key.default), *key.limits)
+        values.whole(f"study.refine.{key.name}", given.get(key.name, key.default), *key.limits)
         for key in (LEVELS, SEED)
     )
     return Refinement(levels, tuple(on), wrong, seed, _curves(values, given, known))
@@ -172,13 +171,3 @@ def _curves(values, given: Mapping, known: tuple[str, ...]) -> tuple[str, ...]:
         limit = "does not go with basins: curves lie over sweep.omega and sweep.amplitude"
         raise values.error("study.refine.curves", given["curves"], limit)
     return listed
-
-
-def refinement_of(study: Study) -> Refinement | None:
-    """Return the refinement of a study's map; None if all of its runs are computed."""
-    return getattr(study.growth, "refinement", None)
-
-
-def map_shape(study: Study) -> tuple[int, ...]:
-    """Return the number of points of every axis of a map: varied keys, frames, runs of a frame."""
-    return tuple(study.dimensions[dim] for dim in study.run_dims if dim != "direction")

@@ -23,7 +23,7 @@ OPTIONS = (
     CELLS,
     BRANCHES,
 )
-ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
+ALWAYS = ("no contact", "P1", "undecided", "no period found", "quasi-periodic", "chaotic")
 """Motions whose share the legend states even if it is 0."""
 MAX_SETS = 14
 """Contact sets the legend names: the commonest."""
@@ -91,7 +91,7 @@ def draw(
 
 def _classes(figure, axes, results) -> None:
     index = palette.motion_index(*(values[0] for values in drawn_classes(results)))
-    mesh.draw_classes(axes[0], results, index, palette.MOTION_COLOURS)
+    mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, palette.MOTION_COLOURS))
     notes = is_by_period(results), bool(inferred(results).any())
     mesh.legend_of_motions(figure, index, mesh.map_keys(results), ALWAYS, *notes)
 
@@ -102,23 +102,20 @@ def _contact_sets(figure, axes, results) -> None:
     done = (results["outcome"].values[0] == Outcome.COMPLETE) | from_cells
     numbers = style.structure_of(results).contact_labels
     found = style.commonest_sets(contact[done], numbers, MAX_SETS)
+    found.sort(key=lambda each: not each[2])  # the rarer ones last
     index = np.full(done.shape, -1)
     if found:
         sets = np.array([c for c, _, _ in found], contact.dtype)
         order = np.argsort(sets)
         index[done] = order[np.searchsorted(sets, contact[done], sorter=order)]
-    entries = [
-        (name, palette.contact_colour(c, numbers), count / done.size) for c, count, name in found
-    ]
-    colours = [colour for _, colour, _ in entries]
-    mesh.draw_classes(axes[0], results, index, colours or [palette.NO_CONTACT])
-    rarer = [share for name, _, share in entries if not name]
-    entries = [entry for entry in entries if entry[0]]
-    if rarer:
-        entries.append((style.rarer_sets(len(rarer)), "none", sum(rarer)))
-    missing = float((~done).mean())
-    is_inferred = bool(from_cells.any())
-    mesh.legend_of_shares(figure, entries, missing, "failed or not computed", inferred=is_inferred)
+    colours = [palette.contact_colour(c, numbers) for c, _, _ in found] or [palette.NO_CONTACT]
+    mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, colours))
+    entries = [(name, colour) for (_, _, name), colour in zip(found, colours, strict=False) if name]
+    if len(entries) < len(found):
+        entries.append((style.rarer_sets(len(found) - len(entries)), "none"))
+    index = np.minimum(index, len(entries) - 1)
+    keys = mesh.share_keys(index, entries, "failed or not computed")
+    mesh.legend_of_shares(figure, keys, bool(from_cells.any()))
 
 
 def _drift(figure, axes, results) -> None:

@@ -158,9 +158,8 @@ def _panel(axis, results: Panels, panel: int) -> None:
     heights = keys.astype(float) if is_number else np.arange(keys.size, dtype=float)
     edges_to = (lambda y: np.exp(mesh.edges_of(np.log(y)))) if is_wide else mesh.edges_of
     edges = edges_to(heights)
-    motions = np.ma.masked_less(cells, 0)
-    looks = mesh.by_colour(palette.MOTION_COLOURS)
-    mesh.paint(axis, results.study.amplitude, heights, motions, edges_to, **looks)
+    motions = mesh.of_classes(cells, palette.MOTION_COLOURS)
+    mesh.paint(axis, results.study.amplitude, heights, edges=edges_to, **motions)
     if is_wide:
         axis.set_yscale("log")
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):

@@ -20,6 +20,7 @@ from hpcsweep.figures.film.frames import Common, Film, FrameSurvey, Request, com
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.style import PlotError
 from hpcsweep.parallel import farm
+from hpcsweep.parallel.mpi import on_master
 from hpcsweep.parallel.stopping import StopFlag
 
 MIN_WIDTH, MAX_WIDTH = 320, 3840
@@ -169,16 +170,11 @@ def _draw(request: Request, common: Common, folder: Path, placed: tuple[int, int
 
 def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
     """Return on every rank what rank 0 has done; refuse a film that it cannot write."""
-    result = problem = None
-    if comm.rank == 0:
-        try:
-            result = do()
-        except OSError as error:
-            problem = f"{request.output}: cannot be written: {error.strerror or error}"
-    result, problem = comm.bcast((result, problem))
-    if problem is not None:
-        raise PlotError(problem)
-    return result
+    try:
+        return on_master(comm, do, OSError)
+    except OSError as error:
+        problem = f"{request.output}: cannot be written: {error.strerror or error}"
+        raise PlotError(problem) from None
 
 
 def _finish(request: Request, common: Common, folder: Path, richest: int) -> None:

@@ -140,10 +140,9 @@ class Picture:
         """Draw the contact sets, a band for each direction, named where there is room."""
         done = frame["outcome"] == Outcome.COMPLETE
         for d, row in enumerate(frame["contact"] if self.bands else ()):
-            changes = (np.diff(row) != 0) | (np.diff(done[d]) != 0)
-            starts = np.array([0, *np.flatnonzero(changes) + 1])
-            left, right = self._edges[starts], self._edges[[*starts[1:], row.size]]
-            sets = [int(row[k]) if done[d, k] else None for k in starts]
+            first, end = np.transpose(style.stretches(row, done[d]))
+            left, right = self._edges[first], self._edges[end]
+            sets = [int(row[k]) if done[d, k] else None for k in first]
             colours = [palette.NOTHING if c is None else self.sets[c][0] for c in sets]
             spans = [*zip(left, right - left, strict=True)]
             yield self.bands.broken_barh(spans, (d + 0.04, 0.92), facecolors=colours, lw=0)

@@ -1,5 +1,6 @@
 """Map over amplitude and frequency of the motion of each run, or of one of its numbers."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -75,13 +76,8 @@ def draw(
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
     size = 7.2, mesh.map_height(results, 5.2)
     figure, axes = mesh.panels(panels, size, (3.6, 3.6), (0.0, 0.6))
-    {
-        "period": _classes,
-        "contact": _contact_sets,
-        "drift": _drift,
-        "lyapunov": _exponent,
-        "modal_norm": _modal_norms,
-    }[value](figure, axes, results)
+    known = {"period": _classes, "contact": _contact_sets}
+    known.get(value, partial(_numbers, value=value))(figure, axes, results)
     if value != "period":
         style.foot(figure, mesh.map_keys(results), results, style.classes_of(results))
     mesh.finish(axes, results, cells)
@@ -118,35 +114,25 @@ def _contact_sets(figure, axes, results) -> None:
     mesh.legend_of_shares(figure, keys, bool(from_cells.any()))
 
 
-def _drift(figure, axes, results) -> None:
-    drift = np.ma.masked_invalid(results["drift"].values[0])
-    top = float(np.percentile(drift.compressed(), 99)) if drift.count() else 1.0
-    cells = mesh.draw_mesh(axes[0], results, drift, cmap=palette.NUMBERS, vmin=0, vmax=top)
-    figure.colorbar(
-        cells, ax=axes, extend="max", label=r"normalised drift $\delta$  [$A/\Omega^2$]"
-    )
+def _numbers(figure, axes, results, value: str) -> None:
+    """Draw numbers of the runs, those of modes on a panel each."""
+    from matplotlib.colors import Normalize, TwoSlopeNorm
 
-
-def _exponent(figure, axes, results) -> None:
-    from matplotlib.colors import TwoSlopeNorm
-
-    exponent = np.ma.masked_invalid(results["lyapunov"].values[0])
-    inside = exponent.compressed()
-    low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
-    norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
-    cells = mesh.draw_mesh(axes[0], results, exponent, cmap=palette.NUMBERS, norm=norm)
-    label = r"largest Lyapunov exponent $\lambda$" + labels.unit(
-        style.structure_of(results), "rate"
-    )
-    figure.colorbar(cells, ax=axes, extend="both", label=label)
-
-
-def _modal_norms(figure, axes, results) -> None:
-    norms = np.ma.masked_invalid(results["modal_norm"].values[0])
-    for mode in range(min(results.sizes["mode"], MAX_PANELS)):
-        axis = axes[mode]
-        cells = mesh.draw_mesh(
-            axis, results, norms[..., mode], cmap=palette.NUMBERS, vmin=0, vmax=1
-        )
-        axis.set_title(f"mode {mode + 1}", fontsize=9)
-    figure.colorbar(cells, ax=axes, label=r"mean modal norm $\eta_j$ free of contact", aspect=30)
+    numbers = np.ma.masked_invalid(results[value].values[0])
+    inside = numbers.compressed()
+    norm, bar = Normalize(0, 1), {"label": labels.MODAL_NORM, "aspect": 30}
+    if value == "drift":
+        norm = Normalize(0, np.percentile(inside, 99) if inside.size else 1.0)
+        bar = {"label": labels.DRIFT, "extend": "max"}
+    if value == "lyapunov":
+        low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
+        norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
+        unit = labels.unit(style.structure_of(results), "rate")
+        bar = {"label": rf"largest Lyapunov exponent $\lambda${unit}", "extend": "both"}
+    for mode, axis in enumerate(axes):
+        shown = numbers
+        if value == "modal_norm":
+            shown = numbers[..., mode]
+            axis.set_title(f"mode {mode + 1}", fontsize=9)
+        cells = mesh.draw_mesh(axis, results, shown, cmap=palette.NUMBERS, norm=norm)
+    figure.colorbar(cells, ax=axes, **bar)

@@ -119,7 +119,8 @@ def make(
             return None
         richest = max(drawn, key=lambda k: (found[k].kinds, found[k].points, -k))
         finish = partial(_finish, request, common, folder, drawn.index(richest))
-        _on_first(request, comm, finish)
+        with StopFlag():  # a film whose frames are drawn is finished
+            _on_first(request, comm, finish)
     return len(drawn)
 
 

@@ -10,7 +10,11 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, total
-from hpcsweep.solvers.flow.linear.polynomials import value_and_slope, value_slope_bend
+from hpcsweep.solvers.flow.linear.polynomials import (
+    expand_rows,
+    value_and_slope,
+    value_slope_bend,
+)
 from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
 from hpcsweep.solvers.flow.search.search import HERMITE_BEND, may_exceed, may_reach
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
@@ -139,9 +143,12 @@ def expand_difference(row, segment, tables, work):
     """Write the polynomial of a row, as of `row_at_ends`, into ``work.drift_rows``."""
     i, below, side, gap = row
     sign = -1.0 if side < 0 else 1.0
-    expand(i, segment, tables, work)
-    if below >= 0:
-        expand(below, segment, tables, work)
+    if segment.index != IN_LAYER:
+        count = max(i, below) + 1
+        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
+    else:
+        expand(i, segment, tables, work)
+        expand(max(below, 0), segment, tables, work)
     for p in range(N_COEFFICIENTS):
         work.drift_rows[0, p] = sign * work.rows[i, p]
         if below >= 0:

@@ -31,7 +31,7 @@ def run(options) -> int:
     """Make the film on all ranks."""
     from hpcsweep.campaign.progress import make_progress
     from hpcsweep.figures.film.film import make
-    from hpcsweep.figures.film.request import Request
+    from hpcsweep.figures.film.frames import Request
     from hpcsweep.figures.style import PlotError
     from hpcsweep.parallel.mpi import on_master, world
 
@@ -58,7 +58,7 @@ def run(options) -> int:
 
 def _check(request) -> None:
     """Refuse what cannot be drawn or written."""
-    from hpcsweep.figures.film.request import check
+    from hpcsweep.figures.film.film import check
     from hpcsweep.figures.style import PlotError
     from hpcsweep.store import StoreError
 

@@ -1,12 +1,11 @@
 """What figures show of points that are inferred from their cells, and how they say so."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
-from hpcsweep.figures import style
+from hpcsweep.figures import palette, style
 from hpcsweep.studies.refine.variables import CELL, SOURCE, inferred_name
 from hpcsweep.studies.refinement import LABELS, Source
 
@@ -70,13 +69,11 @@ def drawn_classes(results) -> tuple[np.ndarray, np.ndarray]:
     return kinds, periods
 
 
-def drawn_names(names: Mapping[str, Any], by_period: bool) -> dict[str, Any]:
-    """Return entries of a legend of motions, by name, as those of `drawn_classes` are called."""
-    if not by_period:
-        return dict(names)
+def drawn_motions(by_period: bool) -> list[tuple[str, str]]:
+    """Return `palette.MOTIONS` as those of `drawn_classes` are called, '' where there are none."""
     undecided = CLASS_NAMES[MotionClass.UNDECIDED]
-    kept = {name: entry for name, entry in names.items() if name not in APERIODIC}
-    return {"no period found" if name == undecided else name: e for name, e in kept.items()}
+    words = {undecided: "no period found", **dict.fromkeys(APERIODIC, "")} if by_period else {}
+    return [(words.get(name, name), colour) for name, colour in palette.MOTIONS]
 
 
 def share_note(share: float) -> str:

@@ -8,10 +8,10 @@ from hpcsweep.model.unit_names import is_in_gaps, unit_of
 WORD = r"$\omega_0$"
 MAX_FLOORS = 5
 """Floors that are all shown where none are requested; of more the top, the middle and the first."""
-
-
 MAX_MODES = 5
 """Modes that are shown: the lowest."""
+DRIFT = r"normalised drift $\delta$  [$A/\Omega^2$]"
+MODAL_NORM = r"mean modal norm $\eta_j$ free of contact"
 
 
 def displacement(structure, floor: int, at: str = "") -> str:

@@ -5,19 +5,19 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.figures import labels
-from hpcsweep.studies.variables import DRIFT_RATIO, percent_of_height
+from hpcsweep.studies.variables import DRIFT_RATIO, measures_of_each, percent_of_height
 
 LABELS = {
-    "storey_drift": ("peak storey drift", "length", "storey"),
-    "displacement": ("peak displacement", "length", "floor"),
-    "acceleration": ("peak floor acceleration", "acceleration", "floor"),
-    "contact_force": ("peak contact force", "force", "stop"),
-    "impacts": ("impacts a forcing period", "1", "stop"),
-    "impact_velocity": ("largest closing speed", "velocity", "stop"),
-    "impulse": ("impulse a forcing period", "impulse", "stop"),
-    "contact_time": ("share of time in contact", "1", "stop"),
+    "storey_drift": "peak storey drift",
+    "displacement": "peak displacement",
+    "acceleration": "peak floor acceleration",
+    "contact_force": "peak contact force",
+    "impacts": "impacts a forcing period",
+    "impact_velocity": "largest closing speed",
+    "impulse": "impulse a forcing period",
+    "contact_time": "share of time in contact",
 }
-"""What each measure is, its quantity, and the dimension of its places."""
+"""What each measure is."""
 
 
 class ShownMeasure(NamedTuple):
@@ -49,11 +49,12 @@ def measure_of(results, structure, name: str) -> ShownMeasure:
     name : str
         One of `held_measures`.
     """
-    label, quantity, dim = LABELS[name]
+    (variable,) = (each for each in measures_of_each(()) if each.name == name)
+    quantity, dim = variable.units, variable.dims[-1]
     word = "contact" if dim == "stop" else dim
     places = tuple(f"{word} {place}" for place in results[dim].values.tolist())
     percent = percent_of_height(results)
     if name == "storey_drift" and percent is not None:
         return ShownMeasure(DRIFT_RATIO, "  [%]", dim, places, percent)
     own = "" if quantity == "1" else labels.unit(structure, quantity)
-    return ShownMeasure(label, own, dim, places, np.ones(len(places)))
+    return ShownMeasure(LABELS[name], own, dim, places, np.ones(len(places)))

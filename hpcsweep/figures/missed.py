@@ -49,22 +49,21 @@ def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndar
     """Return the sweep's frame, and its amplitudes' places, for each frame of the attractors."""
     if runs.study.structure != found.study.structure:
         raise StoreError(f"{sweep}: is of another structure than {found.path}")
-    rows = []
     points, swept = as_kind(found.study, RunGrid), as_kind(runs.study, RunGrid)
-    for frame, omega in enumerate(points.omega.tolist()):
-        apart = np.abs(swept.omega - omega)
-        own = int(apart.argmin())
-        if apart[own] > SAME * omega:
-            problem = f"holds no frame at Omega = {omega:.12g}, as {found.path} does"
-            raise StoreError(f"{sweep}: {problem}")
-        wanted, there = points.amplitudes_of(frame), swept.amplitudes_of(own)
+
+    def places(there: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
         place = np.abs(there[:, None] - wanted).argmin(axis=0)
         wrong = np.abs(there[place] - wanted) > SAME * np.maximum(wanted, 1e-300)
         if wrong.any():
-            first = float(wanted[wrong][0])
-            raise StoreError(f"{sweep}: holds no amplitude {first:.12g}, as {found.path} does")
-        rows.append((own, place))
-    return rows
+            problem = f"holds no {what} {float(wanted[wrong][0]):.12g}, as {found.path} does"
+            raise StoreError(f"{sweep}: {problem}")
+        return place
+
+    frames = places(swept.omega, points.omega, "frame at Omega =").tolist()
+    return [
+        (own, places(swept.amplitudes_of(own), points.amplitudes_of(frame), "amplitude"))
+        for frame, own in enumerate(frames)
+    ]
 
 
 def _of_frame(found: Frames, runs: Frames, frame: int, own: int, place: np.ndarray) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Branches and curves of a study of branches, laid over the figures of another file."""
 
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,7 +8,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.dynamics.continuation.forced import ForcedMap
-from hpcsweep.figures.style import PlotError
+from hpcsweep.figures.style import PlotError, stretches
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.study import as_kind
 
@@ -40,10 +39,8 @@ class Drawn(NamedTuple):
     def pieces(self) -> Iterator[tuple[slice, bool]]:
         """Cut it where its stability changes; the piece between is unstable."""
         both = self.stable[:-1] & self.stable[1:]
-        edges = [0, *(np.flatnonzero(np.diff(both)) + 1).tolist(), both.size]
-        for first, last in pairwise(edges):
-            if last > first:
-                yield slice(first, last + 1), bool(both[first])
+        for first, last in stretches(both) if both.size else ():
+            yield slice(first, last + 1), bool(both[first])
 
 
 class Overlay:

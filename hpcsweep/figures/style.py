@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from itertools import pairwise
 from pathlib import Path
 from string import ascii_lowercase
 
@@ -308,6 +309,12 @@ def frequency_words(structure, omega: float) -> str:
         return f"{omega:.6g}"
     cycles = f"{omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
     return f"{omega:.6g} {unit_of(structure, 'frequency')} = {cycles}"
+
+
+def stretches(*rows: np.ndarray) -> list[tuple[int, int]]:
+    """Return first and last-plus-one index of every stretch over which no row changes."""
+    changes = np.any([row[1:] != row[:-1] for row in rows], axis=0)
+    return [*pairwise([0, *(np.flatnonzero(changes) + 1).tolist(), rows[0].size])]
 
 
 def percent(share: float) -> str:

@@ -1,6 +1,5 @@
 """A small campaign that the tests of the figures share."""
 
-from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -60,11 +59,11 @@ def still_film():
     """Make the picture of a film without a file, and an empty frame of it."""
     from tools import SMALL
 
-    from hpcsweep.figures.film.film import FirstPass
+    from hpcsweep.figures.film.frames import Common
     from hpcsweep.figures.film.picture import Picture
     from hpcsweep.job import parse_job
 
-    def make(color, motions=(), contacts=(), n_floors=2, amplitude=(0.1, 0.2), ranges=((-1, 1),)):
+    def make(color, keys, contacts=(), n_floors=2, amplitude=(0.1, 0.2), ranges=((-1, 1),)):
         job = parse_job(
             SMALL.replace("n_floors = 2", f"n_floors = {n_floors}").replace(
                 "amplitude = {from = 0.02, to = 0.3, count = 11}",
@@ -80,20 +79,17 @@ def still_film():
             floors=[*range(n_floors)],
             measure=None,
             overlay=None,
-            width=960,
-            request=SimpleNamespace(color=color),
+            request=SimpleNamespace(color=color, width=960),
         )
-        low, high = np.broadcast_to(np.transpose(ranges), (2, n_floors)).astype(float)
-        counts = [
-            Counter({key: 99 - k for k, key in enumerate(keys)}) for keys in (motions, contacts)
-        ]
+        limits = np.broadcast_to(ranges, (n_floors, 2)).astype(float).tolist()
         shape = 2, len(amplitude)
         frame = {
             "poincare": np.full((*shape, 1, n_floors), np.nan),
             "orbit_period": np.ones(shape, int),
             "outcome": np.ones(shape, int),
             "contact": np.zeros(shape, np.uint64),
+            "key": np.indices(shape)[0],
         }
-        return Picture(film, FirstPass(low, high, *counts, {0: (1, 1), 3: (1, 1)})), frame
+        return Picture(film, Common(limits, keys, contacts, (0, 3))), frame
 
     return make

@@ -15,7 +15,9 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.commands import cli
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.film import film, video
-from hpcsweep.figures.film.request import Request, check
+from hpcsweep.figures.film.film import check
+from hpcsweep.figures.film.frames import Film, Request, common_of
+from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, contact_colour, motion_place
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.job import parse_job
@@ -55,6 +57,11 @@ def decode(path: Path) -> tuple[np.ndarray, str]:
     return np.frombuffer(raw, np.uint8).reshape(-1, height, width, 3), said
 
 
+def picture_of(request: Request) -> Picture:
+    view = Film(request)
+    return Picture(view, common_of([*map(view.survey, view.order)]))
+
+
 def rgb(colour: str) -> np.ndarray:
     return np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)])
 
@@ -79,8 +86,7 @@ def test_film_has_the_asked_frames_and_plays_everywhere(made):
 def test_point_pixels_of_the_decoded_film_are_where_they_should_be(made):
     pictures, _ = decode(made.output)
     data = open_results(made.file)
-    view = film.Film(made, made.output.parent)
-    panels = view.picture(view.survey(view.order)).panels
+    panels = picture_of(made).panels
     for k, a, floor in np.ndindex(4, data.sizes["amplitude"], 2):
         u = float(data["poincare"].values[0, k, a, 0, floor])
         colour = spot(pictures[k], panels[floor], float(data["amplitude"][a]), u, 1)
@@ -94,11 +100,11 @@ def test_point_pixels_of_the_decoded_film_are_where_they_should_be(made):
 
 def test_a_point_covers_its_place_and_no_more(still_film):
     """Points lie where matplotlib draws their values, and only there does a frame differ."""
-    given = "direction", (), (), 2, (0.05, 0.1, 0.2), ((-1, 1), (-0.2, 0.7))
+    given = "direction", (0, 1), (), 2, (0.05, 0.1, 0.2), ((-1, 1), (-0.2, 0.7))
     picture, frame = still_film(*given)
-    blank = picture.paint(0.55, frame).astype(int)
+    blank = picture.draw(0.55, frame).astype(int)
     frame["poincare"][0, 1, 0] = 0.3, -0.1
-    drawn = picture.paint(0.55, frame)
+    drawn = picture.draw(0.55, frame)
     y, x = np.nonzero(np.abs(drawn - blank).max(axis=2))
     for panel, u in zip(picture.panels, (0.3, -0.1), strict=True):
         assert tuple(*spot(drawn, panel, 0.1, u)) == tuple(rgb(DIRECTIONS["up"]))
@@ -107,17 +113,16 @@ def test_a_point_covers_its_place_and_no_more(still_film):
         assert y[own].mean() + 0.5 == pytest.approx(len(drawn) - row, abs=1)
         assert x[own].mean() + 0.5 == pytest.approx(column, abs=1)
         assert 9 <= own.sum() < 80
-    assert (picture.paint(0.55, frame) == drawn).all()
+    assert (picture.draw(0.55, frame) == drawn).all()
     frame["poincare"][:] = np.nan
-    assert (picture.paint(0.55, frame) == blank).all()
+    assert (picture.draw(0.55, frame) == blank).all()
 
 
 def test_bands_tell_the_contact_sets(made):
     data = open_results(made.file).isel(omega=0)
-    view = film.Film(made, made.output.parent)
-    picture = view.picture(view.survey(view.order))
+    picture = picture_of(made)
     assert set(picture.sets) >= set(np.unique(data["contact"].values).tolist())
-    painted = picture.paint(float(data["omega"]), view.read(0))
+    painted = picture.paint(0)
     for d, a in np.ndindex(*data["contact"].shape):
         wanted = rgb(contact_colour(int(data["contact"][d, a]), 2))
         shown = spot(painted, picture.bands, float(data["amplitude"][a]), d + 0.15)
@@ -149,8 +154,7 @@ def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
     request = Request(results, tmp_path / "o.gif", every=2, color="period", width=480, fps=20)
     check(request)
     assert film.make(request, Serial()) == 2
-    view = film.Film(request, tmp_path)
-    found = view.survey(view.order)
+    view = picture_of(request)
     p1 = MOTION_COLOURS[motion_place(MotionClass.PERIODIC, 1)]
     with Image.open(request.output) as gif:
         assert gif.n_frames == 2
@@ -159,7 +163,7 @@ def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
         for k, frame in enumerate((0, 2)):
             gif.seek(k)
             picture = np.asarray(gif.convert("RGB")).astype(int)
-            wanted = view.paint(found, frame)[..., :3]
+            wanted = view.paint(frame)
             assert np.abs(picture - wanted).mean() < 1
             own = np.all(wanted == rgb(p1), axis=2)
             assert own.sum() > 20
@@ -170,12 +174,11 @@ def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
 @pytest.mark.parametrize("color", ["contact", "period"])
 def test_colours_tell_the_class_of_the_run(made, tmp_path, color):
     request = replace(made, color=color, direction="down")
-    view = film.Film(request, tmp_path)
-    picture = view.picture(view.survey(view.order))
+    picture = picture_of(request)
     results = open_results(made.file)
     classes = classes_of(results)[1, 1]
     data = results.isel(omega=1, direction=1)
-    painted = picture.paint(0.6, view.read(1))
+    painted = picture.paint(1)
     of = {
         "contact": lambda a: contact_colour(int(data["contact"][a]), 2),
         "period": lambda a: MOTION_COLOURS[motion_place(classes[a], data["orbit_period"][a])],
@@ -270,14 +273,15 @@ def test_what_is_not_there_is_refused(results, tmp_path):
     assert film.make(request, Serial()) == 4
     assert len(decode(request.output)[0]) == 4
     with pytest.raises(RuntimeError, match="ffmpeg ended with code"):
-        video.join([tmp_path / "none.mp4"], tmp_path / "x.mp4")
+        video.encode(tmp_path / "none", tmp_path / "x.mp4", 25.0, tmp_path, ())
 
 
 def test_legends_keep_to_the_picture(still_film):
     """A dozen floors have long names of contact sets: what has no room is left out."""
-    picture, frame = still_film("contact", (), range(4095, 4065, -1), 12)
-    bottom = int(len(picture.paint(0.5, frame)) - picture.panels[0].bbox.y0)
-    legend = picture.paint(0.5, frame)[bottom + 20 :, :, :3].astype(int)
-    assert legend.min() < 100
-    assert legend[:, -6:].min() > 250
-    assert all(0 < len(keys.texts) < 19 for keys in picture.figure.legends)
+    sets = [*range(4095, 4065, -1)]
+    picture, _ = still_film("contact", sets, sets, 12)
+    (legend,) = picture.figure.legends
+    box, whole = legend.get_window_extent(), picture.figure.bbox
+    assert 0 < box.x0 < box.x1 < whole.x1
+    assert 0 < box.y0 < box.y1 < picture.panels[0].bbox.y0
+    assert [text.get_text() for text in legend.texts][-1] == "16 rarer sets"

@@ -417,6 +417,7 @@ def full_size_study(n_frames=2000, n_amplitudes=1250, n=3, most_points=4) -> Pag
         "cycles": np.full(shape, 200, np.uint32),
         "contact": (2 * field).astype(np.uint64),
     }
+    speed = np.repeat(noise[..., None], n, axis=-1).astype(np.float32)
     return PageData(
         name="full size",
         structure=Structure(n_floors=n),
@@ -424,11 +425,8 @@ def full_size_study(n_frames=2000, n_amplitudes=1250, n=3, most_points=4) -> Pag
         amplitude=amplitude,
         directions=("up", "down"),
         words=("sweep up", "sweep down"),
-        codes=codes,
-        values=values,
-        counts=counts,
+        runs={**codes, **values, "counts": counts, "speed": speed},
         points=points,
-        speed=np.repeat(noise[..., None], n, axis=-1).astype(np.float32),
         thinned={"points": 4, "of_points": 100, "frame_step": 1, "amplitude_step": 1},
     )
 

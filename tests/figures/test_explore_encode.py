@@ -93,14 +93,14 @@ def test_a_study_holds_what_the_file_holds(results_file):
     results = open_results(results_file)
     study = gather(results_file)
     assert np.array_equal(study.omega, results["omega"])
-    assert np.array_equal(study.codes["motion"], classes_of(results).swapaxes(0, 1))
+    assert np.array_equal(study.runs["motion"], classes_of(results).swapaxes(0, 1))
     for name in ("period", "cycles", "contact"):
         stored = results["orbit_period" if name == "period" else name].values
-        assert np.array_equal(study.codes[name], stored.swapaxes(0, 1))
+        assert np.array_equal(study.runs[name], stored.swapaxes(0, 1))
     drift = results["drift"].values.swapaxes(0, 1).astype(np.float32)
-    assert np.array_equal(study.values["drift"], drift)
-    ends = np.cumsum(study.counts.ravel()).reshape(study.counts.shape)
-    for frame, direction, amplitude in np.ndindex(study.counts.shape):
+    assert np.array_equal(study.runs["drift"], drift)
+    ends = np.cumsum(study.runs["counts"].ravel()).reshape(study.runs["counts"].shape)
+    for frame, direction, amplitude in np.ndindex(study.runs["counts"].shape):
         run = results.isel(omega=frame, direction=direction, amplitude=amplitude)
         n_points = int(run["n_points"])
         stored = run["poincare"].values[:n_points]
@@ -108,15 +108,18 @@ def test_a_study_holds_what_the_file_holds(results_file):
         kept = study.points[end - n_points : end]
         first = int(np.argmin(np.abs(stored[:, :2] - kept[0]).sum(axis=1)))
         assert np.abs(np.roll(stored, -first, axis=0)[:, :2] - kept).max() < 1e-6
-        assert np.abs(stored[first, 2:] - study.speed[frame, direction, amplitude]).max() < 1e-6
+        assert (
+            np.abs(stored[first, 2:] - study.runs["speed"][frame, direction, amplitude]).max()
+            < 1e-6
+        )
 
 
 def test_thinning(results_file):
     whole, thin = gather(results_file), gather(results_file, 2, 2, 3)
-    assert thin.counts.shape == (2, 2, 4)
-    assert np.array_equal(thin.counts, np.minimum(whole.counts, 2)[::2, :, ::3])
-    assert np.array_equal(thin.values["drift"], whole.values["drift"][::2, :, ::3])
-    assert len(thin.points) == thin.counts.sum()
+    assert thin.runs["counts"].shape == (2, 2, 4)
+    assert np.array_equal(thin.runs["counts"], np.minimum(whole.runs["counts"], 2)[::2, :, ::3])
+    assert np.array_equal(thin.runs["drift"], whole.runs["drift"][::2, :, ::3])
+    assert len(thin.points) == thin.runs["counts"].sum()
 
 
 def test_a_study_too_large_keeps_fewer_points_of_each_run(results_file, monkeypatch):
@@ -127,9 +130,11 @@ def test_a_study_too_large_keeps_fewer_points_of_each_run(results_file, monkeypa
     less = gather(results_file)
     assert less.points.size <= 3 * whole.points.size // 4
     limit = less.thinned["points"]
-    assert np.array_equal(less.counts, np.minimum(whole.counts, limit))
-    same = np.repeat(np.cumsum(whole.counts) - whole.counts.ravel(), less.counts.ravel())
-    same += np.concatenate([np.arange(count) for count in less.counts.ravel()])
+    assert np.array_equal(less.runs["counts"], np.minimum(whole.runs["counts"], limit))
+    same = np.repeat(
+        np.cumsum(whole.runs["counts"]) - whole.runs["counts"].ravel(), less.runs["counts"].ravel()
+    )
+    same += np.concatenate([np.arange(count) for count in less.runs["counts"].ravel()])
     assert np.array_equal(less.points, whole.points[same])
 
 

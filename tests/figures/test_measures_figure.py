@@ -14,7 +14,8 @@ from hpcsweep.figures.explorer.attractors import slots
 from hpcsweep.figures.explorer.page import build_page
 from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.figures.film import film
-from hpcsweep.figures.film.request import Request, check
+from hpcsweep.figures.film.film import check
+from hpcsweep.figures.film.frames import Film, Request
 from hpcsweep.figures.style import PlotError, parameters
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
@@ -110,7 +111,7 @@ def test_the_film_shows_a_measure(buildings, tmp_path):
     results = open_results(buildings)
     request = Request(buildings, tmp_path / "a.gif", width=480, show="storey_drift")
     check(request)
-    frames = film.Film(request, tmp_path)
+    frames = Film(request)
     shown = frames.read(1)["poincare"]
     drift = 100.0 * results.storey_drift.isel(omega=1) / results.storey_height
     np.testing.assert_allclose(shown[:, :, 0], drift.values, rtol=1e-14)
@@ -131,7 +132,7 @@ def test_the_explorer_shows_measures(buildings):
     ]
     assert study.labels["storey_drift_2"] == ("peak storey drift ratio", "storey A2", "  [%]")
     force = results.contact_force.isel(stop=0).transpose("omega", "direction", "amplitude")
-    np.testing.assert_array_equal(study.values["contact_force_1"], force.values.astype("f4"))
+    np.testing.assert_array_equal(study.runs["contact_force_1"], force.values.astype("f4"))
     assert "peak contact force, contact A1-B1  [N]" in build_page(study)[0]
 
 

@@ -330,26 +330,22 @@ def test_contact_sets_and_directions_have_their_colours_in_every_figure(mixed, d
 def test_the_film_has_the_same_colours(still_film):
     def legends(*given):
         picture, _ = still_film(*given)
-        return [
-            {
-                handle.get_label(): to_hex(handle.properties()[name])
-                for handle in legend.legend_handles
-            }
-            for name, legend in zip(("color", "facecolor"), picture.figure.legends, strict=False)
-        ]
+        (legend,) = picture.figure.legends
+        looks = [(key.get_label(), key.properties()) for key in legend.legend_handles]
+        return {name: to_hex(own.get("facecolor", own.get("color"))) for name, own in looks}
 
     for places in (range(len(palette.MOTIONS)), (4, 12)):
         wanted = {palette.MOTION_NAMES[k]: palette.MOTION_COLOURS[k] for k in places}
-        assert legends("period", places) == [wanted]
+        assert legends("period", places) == wanted
     wanted = {style.set_name(c, 2): palette.contact_colour(c, 2) for c in (3, 2)}
-    assert legends("contact", (), (3, 2)) == [wanted, wanted]
-    (shown,) = legends("direction")
+    assert legends("contact", (2, 3), (3, 2)) == wanted
+    shown = legends("direction", (0, 1))
     assert [*shown.values()] == [palette.DIRECTIONS[d] for d in ("up", "down")]
     places = np.arange(len(palette.MOTIONS))
     picture, frame = still_film("period", places, (), 2, np.linspace(0.1, 0.2, 14))
-    frame["motion"] = np.stack([places, places])
+    frame["key"] = np.stack([places, places])
     frame["poincare"][0] = 0.05
-    pixels = picture.paint(0.5, frame)
+    pixels = picture.draw(0.5, frame)
     at = np.linspace(0.1, 0.2, 14)
     painted = [tuple(*spot(pixels, picture.panels[0], x, 0.05)) for x in at]
     assert painted == [cielab.rgb(colour) for colour in palette.MOTION_COLOURS]

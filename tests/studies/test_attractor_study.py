@@ -162,16 +162,16 @@ def test_the_explorer_keeps_each_attractor_in_a_place_of_its_own(tmp_path, whole
         results[name].transpose("omega", "amplitude", "attractor").values
         for name in ("attractor_id", "share", "orbit_period")
     )
-    number = np.broadcast_to(results["n_attractors"].values[:, None], study.codes["motion"].shape)
+    number = np.broadcast_to(results["n_attractors"].values[:, None], study.runs["motion"].shape)
     for frame, row in np.ndindex(identity.shape[:2]):
         held = identity[frame, row] > 0
-        shown = study.codes["motion"][frame, :, row] > 0
+        shown = study.runs["motion"][frame, :, row] > 0
         assert shown.sum() == held.sum()
         places = np.flatnonzero(shown)
-        assert np.isnan(study.values["number"][frame, ~shown, row]).all()
-        assert np.array_equal(study.values["number"][frame, shown, row], number[frame, shown, row])
+        assert np.isnan(study.runs["number"][frame, ~shown, row]).all()
+        assert np.array_equal(study.runs["number"][frame, shown, row], number[frame, shown, row])
         stored = np.stack((share[frame, row, held].astype(np.float32), period[frame, row, held]))
-        codes, values = study.codes["period"], study.values["share"]
+        codes, values = study.runs["period"], study.runs["share"]
         drawn = np.stack((values[frame, places, row], codes[frame, places, row]))
         assert sorted(stored.T.tolist()) == sorted(drawn.T.tolist())
 

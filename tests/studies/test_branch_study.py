@@ -13,8 +13,8 @@ from hpcsweep import Structure, meanings, open_results, orbit
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures.diagrams.special_curves import with_specials
-from hpcsweep.figures.film.film import Film
-from hpcsweep.figures.film.request import Request
+from hpcsweep.figures.film.frames import Film, Request, common_of
+from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.style import PlotError
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.solvers.flow.specialised import branch_kernels
@@ -136,11 +136,11 @@ def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
 def test_branches_lie_under_the_points_of_a_film(folder, whole):
     """Where a branch passes and no run is, the frame has the branch's colour."""
     request = Request(folder / "sweep.h5", folder / "film.mp4", branches=whole)
-    film = Film(request, folder)
-    found = film.survey([1])
-    pixels = film.paint(found, 1)
-    bare = film.picture(found).paint(1.0, film.read(1))
-    panel = film.picture(found).panels[0]
+    film = Film(request)
+    picture = Picture(film, common_of([film.survey(1)]))
+    pixels = picture.paint(1)
+    bare = picture.draw(1.0, film.read(1))
+    panel = picture.panels[0]
     seen = {True: 0, False: 0}
     for one in film.overlay.at(1.0):
         for piece, steady in one.pieces():

@@ -17,9 +17,10 @@ from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures import palette
 from hpcsweep.figures.diagrams import vary_map
 from hpcsweep.figures.diagrams.mesh import open_map
-from hpcsweep.figures.inferred import drawn_names, filled_classes, is_by_period, share_note
+from hpcsweep.figures.inferred import drawn_motions, filled_classes, is_by_period, share_note
 from hpcsweep.figures.style import percent
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.parallel.mpi import Serial
@@ -203,9 +204,10 @@ def test_inferred_motions_without_a_period_are_undecided():
     known = MotionClass.PERIODIC, MotionClass.UNDECIDED, MotionClass.NO_CONTACT
     assert classes.tolist() == [MotionClass.CHAOTIC, *known]
     assert periods.tolist() == [0, 3, 0, 1]
-    names = {"no contact": 1, "undecided": 2, "quasi-periodic": 0, "chaotic": 0}
-    assert drawn_names(names, is_by_period(results)) == {"no contact": 1, "no period found": 2}
-    assert drawn_names(names, False) == names
+    names = [name for name, _ in drawn_motions(is_by_period(results))]
+    assert names[0] == "no contact"
+    assert names[-4:] == ["no period found", "", "", "failed"]
+    assert drawn_motions(False) == [*palette.MOTIONS]
 
 
 @pytest.mark.slow

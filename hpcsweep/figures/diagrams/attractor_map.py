@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.attractor_diagram import starts_words
-from hpcsweep.figures.fitting import LEGEND, area, blank
+from hpcsweep.figures.fitting import LEGEND
 from hpcsweep.figures.inferred import filled, gather, inferred, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
 from hpcsweep.studies.attractors.attractors import AttractorGrid
@@ -70,18 +70,10 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
         *(palette.count_colour(place, MOST - 1) for place in range(MOST - 1)),
     ]
     index = np.where(values < 0, -1, np.clip(values, least, top) - least)
-    mesh.draw_classes(axis, results, index, colours)
-    names = [str(least + place) for place in range(MOST)]
-    names[-1] += " or more"
-    shares = [float((index == place).mean()) for place in range(MOST)]
-    handles = [
-        area(f"{name}  {style.percent(share)}", colour)
-        for place, (name, colour, share) in enumerate(zip(names, colours, shares, strict=True))
-        if share or place < 2
-    ]
-    if (index < 0).any():
-        share = style.percent(float((index < 0).mean()))
-        handles.append(blank(f"none, or not computed  {share}"))
+    mesh.draw_mesh(axis, results, **mesh.of_classes(index, colours))
+    names = [*map(str, range(least, top)), f"{top} or more"]
+    entries = [*zip(names, colours, strict=True)]
+    handles = mesh.share_keys(index, entries, "none, or not computed", names[:2])
     handles += mesh.map_keys(results)
     axis.set_title(name, fontsize=9)
     where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}

@@ -6,7 +6,7 @@ from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
-from hpcsweep.figures.fitting import area, dot, legend_below
+from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS
 from hpcsweep.studies.basins.slice import SliceGrid
@@ -58,8 +58,8 @@ def draw(results, cells: bool | None = None):
         index[reached == number] = place
     figure, axes = style.new_grid(1, 1, SIZE)
     axis = axes[0, 0]
-    looks = mesh.by_colour([colour for _, _, colour in keys])
-    mesh.paint(axis, study.horizontal, study.vertical, np.ma.masked_less(index, 0), **looks)
+    cells_of = mesh.of_classes(index, [colour for _, _, colour in keys])
+    mesh.paint(axis, study.horizontal, study.vertical, **cells_of)
     if cells:
         draw_cells(axis, results, study.vertical, study.horizontal)
     for _, colour, point in listed.values():
@@ -75,12 +75,8 @@ def draw(results, cells: bool | None = None):
 def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
     """Put the attractors with their shares of the starts, and a title, below the panel."""
     total = int((index >= 0).sum())
-    handles: list = []
-    for place, (number, name, colour) in enumerate(keys):
-        count = int((index == place).sum())
-        if count or number > 0:
-            text = f"{name}  {style.percent(count / total)}"
-            handles.append(area(text, colour))
+    attractors = [name for number, name, _ in keys if number > 0]
+    handles = mesh.share_keys(index, [key[1:] for key in keys], "not computed", attractors, total)
     handles.append(dot("a point of each (triangle: outside)", "0.1", face="none"))
     legend_below(figure, handles, f"{total:,} starts; {_rest(study)}", MAX_COLUMNS)
 

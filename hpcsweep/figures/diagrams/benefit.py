@@ -83,7 +83,7 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
     known = chosen & np.isfinite(ratio)
     index[known] = 2 + np.searchsorted(LEVELS, ratio[known], side="left")
     index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
-    mesh.draw_classes(axis, results, index, [colour for _, colour in SHADES])
+    mesh.draw_mesh(axis, results, **mesh.of_classes(index, [colour for _, colour in SHADES]))
     count = int(known.sum())
     note = "no such run"
     if count:

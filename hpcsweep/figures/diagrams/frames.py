@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import orbits
-from hpcsweep.figures.diagrams.mesh import COLUMNS, new_panels
+from hpcsweep.figures.diagrams.mesh import COLUMNS, panels
 from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import DIRECTION, FLOORS, Option
 from hpcsweep.solvers.outcome import Outcome
@@ -15,8 +15,8 @@ from hpcsweep.solvers.outcome import Outcome
 MAX_FRAMES = 12
 ORBIT = 2.5
 """Area of the points of an orbit, in areas of those of a motion that does not repeat."""
-MIN_WIDTH = 4.8
-"""Inches, for the words of a figure of one panel."""
+ONE = 4.8, 2.75
+"""Width and height (inches) of a figure of one panel, for its words."""
 MAX_COLUMNS = 7
 """Columns of the legend."""
 NAME = "frames"
@@ -60,11 +60,7 @@ def draw(
     results = results.isel(omega=chosen, direction=[style.direction_index(results, direction)])
     classes = style.classes_of(results)
     motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
-    figure, axes = new_panels(
-        len(chosen),
-        lambda columns, rows: (max(2.4 * columns, MIN_WIDTH), 1.75 * rows + 1.0),
-        sharex=True,
-    )
+    figure, axes = panels(len(chosen), ONE, (2.4, 1.75), (0.0, 1.0), sharey=False)
     for place, axis in enumerate(axes):
         _panel(axis, results.isel(omega=place, direction=0), motions[place], floor - 1)
     figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)

@@ -1,7 +1,7 @@
 """Draw panels over amplitude and frequency: one cell a run, or one point for scattered runs."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
 from hpcsweep.figures.fitting import LEGEND, area, blank
-from hpcsweep.figures.inferred import draw_cells, drawn_names, gather
+from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -86,13 +86,23 @@ def amplitudes(results) -> np.ndarray:
     return results[SCATTERED if SCATTERED in results else "amplitude"].values
 
 
-def new_panels(count: int, size: Callable[[int, int], tuple[float, float]], **shared):
-    """Make a figure of equal panels, row by row.
+def panels(
+    count: int,
+    one: tuple[float, float],
+    each: tuple[float, float],
+    more: tuple[float, float] = (0.0, 0.0),
+    sharey: bool = True,
+):
+    """Make a figure of equal panels with common axes, row by row.
 
     Parameters
     ----------
-    size : callable
-        Return the width and the height in inches for a number of columns and of rows.
+    count : int
+    one : tuple of float
+        Width and height (inches) of a figure of one panel.
+    each, more : tuple of float
+        Of each of several panels, and of what is beside them.
+    sharey : bool
 
     Returns
     -------
@@ -100,37 +110,11 @@ def new_panels(count: int, size: Callable[[int, int], tuple[float, float]], **sh
     """
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
-    figure, axes = style.new_grid(rows, columns, size(columns, rows), **shared)
+    size = one if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
+    figure, axes = style.new_grid(rows, columns, size, sharex=True, sharey=sharey)
     for axis in axes.flat[count:]:
         axis.set_visible(False)
     return figure, list(axes.flat[:count])
-
-
-def panels(
-    count: int,
-    one: tuple[float, float],
-    each: tuple[float, float],
-    more: tuple[float, float] = (0.0, 0.0),
-):
-    """Make a figure of maps with common axes.
-
-    Parameters
-    ----------
-    count : int
-    one : tuple of float
-        Width and height (inches) of a figure of one map.
-    each, more : tuple of float
-        Of each of several maps, and of what is beside them.
-
-    Returns
-    -------
-    figure, list of axes
-    """
-
-    def size(columns: int, rows: int) -> tuple[float, float]:
-        return one if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
-
-    return new_panels(count, size, sharex=True, sharey=True)
 
 
 def edges_of(centres: np.ndarray) -> np.ndarray:
@@ -188,17 +172,13 @@ def paint(axis, horizontal, vertical, values: np.ndarray, edges=edges_of, **opti
     return axis.pcolormesh(*sides, values[rows][:, columns], rasterized=True, **options)
 
 
-def draw_classes(axis, results, index: np.ndarray, colours: Sequence[str]) -> None:
-    """Draw indices of colours, shape (n_frames, n_amplitudes); hatched where negative."""
-    draw_mesh(axis, results, np.ma.masked_less(index, 0), **by_colour(colours))
-
-
-def by_colour(colours: Sequence[str]) -> dict[str, Any]:
-    """Return the options of a mesh of indices of colours."""
+def of_classes(index: np.ndarray, colours: Sequence[str]) -> dict[str, Any]:
+    """Return the values and options of a mesh of indices of colours; hatched where negative."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
-    return {"cmap": ListedColormap(colours), "norm": norm}
+    values = np.ma.masked_less(index, 0)
+    return {"values": values, "cmap": ListedColormap(colours), "norm": norm}
 
 
 def _thinned(cells: int, most: float) -> np.ndarray:
@@ -238,10 +218,42 @@ def grazing_key():
     return Line2D([], [], color=palette.GRAZING, linewidth=1.2, label="grazing, closed form")
 
 
+def share_keys(
+    index: np.ndarray,
+    entries: Sequence[tuple[str, str]],
+    missing: str,
+    always: Sequence[str] = (),
+    total: int | None = None,
+) -> list:
+    """Return the legend keys of colours that occur on a map, with the share of each.
+
+    Parameters
+    ----------
+    index : ndarray of int
+        Of all cells, in `entries`; negative where there is no colour.
+    entries : sequence of (name, colour)
+    missing : str
+        Name of cells without a colour, which are hatched.
+    always : sequence of str
+        Names that are there even if their colours are not.
+    total : int, optional
+        Cells of which the shares are; by default all.
+    """
+    handles = [
+        area(
+            f"{name}  {style.percent(int((index == place).sum()) / (total or index.size))}", colour
+        )
+        for place, (name, colour) in enumerate(entries)
+        if name in always or (index == place).any()
+    ]
+    absent = float((index < 0).mean())
+    return [*handles, blank(f"{missing}  {style.percent(absent)}")] if absent else handles
+
+
 def legend_of_motions(
     figure,
     index: np.ndarray,
-    keys: Sequence,
+    more: Sequence,
     always: Sequence[str],
     by_period: bool,
     inferred: bool,
@@ -252,49 +264,22 @@ def legend_of_motions(
     ----------
     index : ndarray of int
         Of all runs, in `palette.MOTIONS`; -1 where nothing is computed.
-    keys : sequence of matplotlib artists
-    always : sequence of str
-    by_period, inferred : bool
-        See `drawn_names`, and `legend_of_shares`.
-    """
-    known = max(int((index >= 0).sum()), 1)
-    shown = {
-        name: (colour, int((index == place).sum()) / known)
-        for place, (name, colour) in enumerate(palette.MOTIONS)
-        if name in always or (index == place).any()
-    }
-    entries = [(name, *entry) for name, entry in drawn_names(shown, by_period).items()]
-    missing = float((index < 0).mean())
-    legend_of_shares(figure, entries, missing, "not computed", keys, inferred)
-
-
-def legend_of_shares(
-    figure,
-    entries: list[tuple[str, str, float]],
-    missing: float,
-    missing_name: str,
-    more: Sequence = (),
-    inferred: bool = False,
-) -> None:
-    """Add a legend of colours beside the panels, with the share of runs of each.
-
-    Parameters
-    ----------
-    entries : list of (name, colour, share)
-    missing : float
-        Share of cells without a colour, which are hatched; not named if it is 0.
-    missing_name : str
     more : sequence of matplotlib artists
         Further keys.
-    inferred : bool
-        Whether the shares are those of points, not all of which are runs.
+    always : sequence of str
+    by_period, inferred : bool
+        See `drawn_motions`, and `legend_of_shares`.
     """
-    handles = [area(f"{name}  {style.percent(share)}", colour) for name, colour, share in entries]
-    if missing:
-        handles.append(blank(f"{missing_name}  {style.percent(missing)}"))
+    known = max(int((index >= 0).sum()), 1)
+    keys = share_keys(index, drawn_motions(by_period), "not computed", always, known)
+    legend_of_shares(figure, [*keys, *more], inferred)
+
+
+def legend_of_shares(figure, handles: Sequence, inferred: bool) -> None:
+    """Add a legend of shares beside the panels: of runs, or of points that may be inferred."""
     title = f"share of {'points' if inferred else 'runs'}"
     looks = {"loc": "outside right center", "alignment": "left", "title_fontsize": 8, **LEGEND}
-    figure.legend(handles=[*handles, *more], title=title, **looks)
+    figure.legend(handles=handles, title=title, **looks)
 
 
 @functools.lru_cache(maxsize=8)

@@ -76,7 +76,7 @@ def _drift(axis, frame, classes, free: float) -> None:
             if chosen.any():
                 _plot(axis, amplitude[chosen], drift[chosen], marker, colour, direction, label)
     axis.axhline(free, color="black", linewidth=1.1, linestyle=DASHES[0], label="without stop")
-    axis.set_ylabel(r"normalised drift $\delta$  [$A/\Omega^2$]")
+    axis.set_ylabel(labels.DRIFT)
 
 
 def _directions(frame) -> list[str]:
@@ -100,7 +100,7 @@ def _norms(axis, frame, free: np.ndarray) -> None:
             _plot(axis, amplitude, norm[:, mode], marker, colour, direction, label)
         looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
         axis.axhline(free[mode], label=f"mode {mode + 1}, without stop", **looks)
-    axis.set_ylabel(r"mean modal norm $\eta_j$ free of contact")
+    axis.set_ylabel(labels.MODAL_NORM)
     if shown < frame.sizes["mode"]:
         title = f"the lowest {shown} of {frame.sizes['mode']} modes"
         axis.set_title(title, loc="right", fontsize=9)

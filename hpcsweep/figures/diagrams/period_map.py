@@ -1,5 +1,6 @@
 """Map over amplitude and frequency of the motion of each run, or of one of its numbers."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ OPTIONS = (
     CELLS,
     BRANCHES,
 )
-ALWAYS = ("no contact", "P1", "undecided", "quasi-periodic", "chaotic")
+ALWAYS = ("no contact", "P1", "undecided", "no period found", "quasi-periodic", "chaotic")
 """Motions whose share the legend states even if it is 0."""
 MAX_SETS = 14
 """Contact sets the legend names: the commonest."""
@@ -75,13 +76,8 @@ def draw(
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
     size = 7.2, mesh.map_height(results, 5.2)
     figure, axes = mesh.panels(panels, size, (3.6, 3.6), (0.0, 0.6))
-    {
-        "period": _classes,
-        "contact": _contact_sets,
-        "drift": _drift,
-        "lyapunov": _exponent,
-        "modal_norm": _modal_norms,
-    }[value](figure, axes, results)
+    known = {"period": _classes, "contact": _contact_sets}
+    known.get(value, partial(_numbers, value=value))(figure, axes, results)
     if value != "period":
         style.foot(figure, mesh.map_keys(results), results, style.classes_of(results))
     mesh.finish(axes, results, cells)
@@ -91,7 +87,7 @@ def draw(
 
 def _classes(figure, axes, results) -> None:
     index = palette.motion_index(*(values[0] for values in drawn_classes(results)))
-    mesh.draw_classes(axes[0], results, index, palette.MOTION_COLOURS)
+    mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, palette.MOTION_COLOURS))
     notes = is_by_period(results), bool(inferred(results).any())
     mesh.legend_of_motions(figure, index, mesh.map_keys(results), ALWAYS, *notes)
 
@@ -102,54 +98,41 @@ def _contact_sets(figure, axes, results) -> None:
     done = (results["outcome"].values[0] == Outcome.COMPLETE) | from_cells
     numbers = style.structure_of(results).contact_labels
     found = style.commonest_sets(contact[done], numbers, MAX_SETS)
+    found.sort(key=lambda each: not each[2])  # the rarer ones last
     index = np.full(done.shape, -1)
     if found:
         sets = np.array([c for c, _, _ in found], contact.dtype)
         order = np.argsort(sets)
         index[done] = order[np.searchsorted(sets, contact[done], sorter=order)]
-    entries = [
-        (name, palette.contact_colour(c, numbers), count / done.size) for c, count, name in found
-    ]
-    colours = [colour for _, colour, _ in entries]
-    mesh.draw_classes(axes[0], results, index, colours or [palette.NO_CONTACT])
-    rarer = [share for name, _, share in entries if not name]
-    entries = [entry for entry in entries if entry[0]]
-    if rarer:
-        entries.append((style.rarer_sets(len(rarer)), "none", sum(rarer)))
-    missing = float((~done).mean())
-    is_inferred = bool(from_cells.any())
-    mesh.legend_of_shares(figure, entries, missing, "failed or not computed", inferred=is_inferred)
+    colours = [palette.contact_colour(c, numbers) for c, _, _ in found] or [palette.NO_CONTACT]
+    mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, colours))
+    entries = [(name, colour) for (_, _, name), colour in zip(found, colours, strict=False) if name]
+    if len(entries) < len(found):
+        entries.append((style.rarer_sets(len(found) - len(entries)), "none"))
+    index = np.minimum(index, len(entries) - 1)
+    keys = mesh.share_keys(index, entries, "failed or not computed")
+    mesh.legend_of_shares(figure, keys, bool(from_cells.any()))
 
 
-def _drift(figure, axes, results) -> None:
-    drift = np.ma.masked_invalid(results["drift"].values[0])
-    top = float(np.percentile(drift.compressed(), 99)) if drift.count() else 1.0
-    cells = mesh.draw_mesh(axes[0], results, drift, cmap=palette.NUMBERS, vmin=0, vmax=top)
-    figure.colorbar(
-        cells, ax=axes, extend="max", label=r"normalised drift $\delta$  [$A/\Omega^2$]"
-    )
+def _numbers(figure, axes, results, value: str) -> None:
+    """Draw numbers of the runs, those of modes on a panel each."""
+    from matplotlib.colors import Normalize, TwoSlopeNorm
 
-
-def _exponent(figure, axes, results) -> None:
-    from matplotlib.colors import TwoSlopeNorm
-
-    exponent = np.ma.masked_invalid(results["lyapunov"].values[0])
-    inside = exponent.compressed()
-    low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
-    norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
-    cells = mesh.draw_mesh(axes[0], results, exponent, cmap=palette.NUMBERS, norm=norm)
-    label = r"largest Lyapunov exponent $\lambda$" + labels.unit(
-        style.structure_of(results), "rate"
-    )
-    figure.colorbar(cells, ax=axes, extend="both", label=label)
-
-
-def _modal_norms(figure, axes, results) -> None:
-    norms = np.ma.masked_invalid(results["modal_norm"].values[0])
-    for mode in range(min(results.sizes["mode"], MAX_PANELS)):
-        axis = axes[mode]
-        cells = mesh.draw_mesh(
-            axis, results, norms[..., mode], cmap=palette.NUMBERS, vmin=0, vmax=1
-        )
-        axis.set_title(f"mode {mode + 1}", fontsize=9)
-    figure.colorbar(cells, ax=axes, label=r"mean modal norm $\eta_j$ free of contact", aspect=30)
+    numbers = np.ma.masked_invalid(results[value].values[0])
+    inside = numbers.compressed()
+    norm, bar = Normalize(0, 1), {"label": labels.MODAL_NORM, "aspect": 30}
+    if value == "drift":
+        norm = Normalize(0, np.percentile(inside, 99) if inside.size else 1.0)
+        bar = {"label": labels.DRIFT, "extend": "max"}
+    if value == "lyapunov":
+        low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
+        norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
+        unit = labels.unit(style.structure_of(results), "rate")
+        bar = {"label": rf"largest Lyapunov exponent $\lambda${unit}", "extend": "both"}
+    for mode, axis in enumerate(axes):
+        shown = numbers
+        if value == "modal_norm":
+            shown = numbers[..., mode]
+            axis.set_title(f"mode {mode + 1}", fontsize=9)
+        cells = mesh.draw_mesh(axis, results, shown, cmap=palette.NUMBERS, norm=norm)
+    figure.colorbar(cells, ax=axes, **bar)

@@ -1,6 +1,6 @@
 """Phase portraits of the floors, with stroboscopic points and their stops."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -129,22 +129,19 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     for kind in kinds:
         here = usable & (classes == kind) & (found == period)
         stretches = [
-            (end - start, d, start) for d, row in enumerate(here) for start, end in _stretches(row)
+            (end - start, d, start)
+            for d, row in enumerate(here)
+            for start, end in style.stretches(row)
+            if row[start]
         ]
         if stretches:
             length, d, start = max(stretches, key=lambda stretch: stretch[0])
-            return DrawnRun(d, int(start + (length - 1) // 2))
+            return DrawnRun(d, start + (length - 1) // 2)
     occur = ", ".join(str(p) for p in np.unique(found[usable])) or "none"
     swept = f"the sweep {direction}" if direction else "the sweeps"
     raise style.PlotError(
         f"--period {period}: not in {swept} of this frame; periods that occur: {occur}"
     )
-
-
-def _stretches(flags: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Return first and last-plus-one index of every stretch of true flags."""
-    change = np.diff(np.concatenate(([0], flags.astype(int), [0])))
-    return zip(np.flatnonzero(change == 1), np.flatnonzero(change == -1), strict=True)
 
 
 def _at_amplitude(frame, value: float, direction: str | None) -> DrawnRun:

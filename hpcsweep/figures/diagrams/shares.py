@@ -100,16 +100,14 @@ def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
         if "contact" in frame:
             contact = np.where(there, frame["contact"].values[rows, slot], 0)
         wide = there & (layer[:, 1] - layer[:, 0] > MIN_HEIGHT)
-        changes = (np.diff(motion) != 0) | (np.diff(contact) != 0) | (np.diff(wide) != 0)
-        for own in np.split(rows, np.flatnonzero(changes) + 1):
-            first, last = int(own[0]), int(own[-1])
-            if not wide[first] or edges[last + 1] - edges[first] < MIN_WIDTH * total:
+        for first, end in style.stretches(motion, contact, wide):
+            if not wide[first] or edges[end] - edges[first] < MIN_WIDTH * total:
                 continue
-            middle = (first + last) // 2
+            middle = (first + end - 1) // 2
             text = str(number)
             if "contact" in frame:
                 text += f"\n{style.set_name(int(contact[middle]), labels)}"
-            at = 0.5 * (edges[first] + edges[last + 1]), 0.5 * layer[middle, :2].sum()
+            at = 0.5 * (edges[first] + edges[end]), 0.5 * layer[middle, :2].sum()
             ink = palette.ink(palette.MOTION_COLOURS[motion[middle]])
             axis.text(*at, text, ha="center", va="center", fontsize=7, color=ink)
 

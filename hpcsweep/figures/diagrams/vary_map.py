@@ -43,11 +43,8 @@ class Panels(NamedTuple):
     key : str
         Name of the key on the vertical axis; its values are `values`.
     values : tuple
-    omega : float
-    direction : str
-        In words.
-    name : str
-        Of the job.
+    title : str
+        Name of the job, frequency and direction.
     study : RunGrid
         Of one part.
     by_period : bool
@@ -61,9 +58,7 @@ class Panels(NamedTuple):
     titles: tuple[str, ...]
     key: str
     values: tuple[Any, ...]
-    omega: float
-    direction: str
-    name: str
+    title: str
     study: RunGrid
     by_period: bool
     inferred: float
@@ -111,15 +106,14 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         pairs = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
     study, shape = frames.study, (len(panels), len(rows))
+    words = style.frequency_words(study.structure, float(study.omega[place]))
     return Panels(
         motion=np.array(motion).reshape(*shape, -1),
         grazing=np.array(grazing).reshape(shape),
         titles=tuple(titles),
         key=_words(over) + labels.unit(study.structure, axes[key].units),
         values=axes[key].values,
-        omega=float(study.omega[place]),
-        direction=study.words[study.directions[at]],
-        name=frames.whole.name,
+        title=rf"{frames.whole.name},  $\Omega$ = {words},  {study.words[study.directions[at]]}",
         study=as_kind(study, RunGrid),
         by_period=is_by_period(frame),
         inferred=float(np.mean(from_cells)),
@@ -144,9 +138,7 @@ def draw(results: Panels, **_options):
         axis.label_outer()
     notes = results.by_period, bool(results.inferred)
     mesh.legend_of_motions(figure, results.motion, [mesh.grazing_key()], (), *notes)
-    at = style.frequency_words(results.study.structure, results.omega)
-    title = rf"{results.name},  $\Omega$ = {at},  {results.direction}"
-    return style.head(figure, title, share_note(results.inferred))
+    return style.head(figure, results.title, share_note(results.inferred))
 
 
 def _panel(axis, results: Panels, panel: int) -> None:
@@ -158,9 +150,8 @@ def _panel(axis, results: Panels, panel: int) -> None:
     heights = keys.astype(float) if is_number else np.arange(keys.size, dtype=float)
     edges_to = (lambda y: np.exp(mesh.edges_of(np.log(y)))) if is_wide else mesh.edges_of
     edges = edges_to(heights)
-    motions = np.ma.masked_less(cells, 0)
-    looks = mesh.by_colour(palette.MOTION_COLOURS)
-    mesh.paint(axis, results.study.amplitude, heights, motions, edges_to, **looks)
+    motions = mesh.of_classes(cells, palette.MOTION_COLOURS)
+    mesh.paint(axis, results.study.amplitude, heights, edges=edges_to, **motions)
     if is_wide:
         axis.set_yscale("log")
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):

@@ -75,16 +75,13 @@ def as_study(study):
     ----------
     study : hpcsweep.figures.explorer.page_data.PageData
     """
-    used = np.flatnonzero((study.codes["motion"] != MotionClass.NOT_COMPUTED).any(axis=(0, 2)))
+    used = np.flatnonzero((study.runs["motion"] != MotionClass.NOT_COMPUTED).any(axis=(0, 2)))
     n = int(used.max(initial=0)) + 1
     return replace(
         study,
         directions=tuple(str(k + 1) for k in range(n)),
         words=tuple(f"attractor {k + 1}" for k in range(n)),
-        codes={name: codes[:, :n] for name, codes in study.codes.items()},
-        values={name: values[:, :n] for name, values in study.values.items()},
-        counts=study.counts[:, :n],
-        speed=study.speed[:, :n],
+        runs={name: numbers[:, :n] for name, numbers in study.runs.items()},
         thinned={**study.thinned, "of_points": study.thinned["points"]},
         each=DIMENSION,
     )

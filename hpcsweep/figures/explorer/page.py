@@ -101,10 +101,12 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         arrays[name] = {"bytes": codes.dtype.itemsize, "length": codes.size, "row": row, **notes}
 
     n_amplitudes = study.amplitude.size
-    sets, contact = _contact_index(study.codes.get("contact"))
-    for name, codes in study.codes.items():
-        add(name, contact if name == "contact" and contact is not None else _narrow(codes))
-    for name, values in study.values.items():
+    sets, contact = _contact_index(study.runs.get("contact"))
+    for name, values in study.runs.items():
+        if values.dtype.kind in "iu":
+            add(name, contact if name == "contact" and contact is not None else _narrow(values))
+        if values.dtype.kind in "iu" or name == "speed":
+            continue
         low, high = _range(values)
         own = VALUE_BITS.get(name, NORM_BITS)
         colour = _range(values, 1.0)
@@ -155,9 +157,8 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
 def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
     """Add the points, each frame and component on its own range; return the worst steps."""
     n_frames = study.omega.size
-    sweeps = study.counts.reshape(-1, study.amplitude.size)
-    per_frame = study.counts.reshape(n_frames, -1).sum(axis=1)
-    add("counts", _narrow(study.counts))
+    sweeps = study.runs["counts"].reshape(-1, study.amplitude.size)
+    per_frame = sweeps.reshape(n_frames, -1).sum(axis=1)
     if not per_frame.any():
         return {}
     steps = {}
@@ -168,7 +169,7 @@ def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
 
     low, high, codes = _quantise_frames(study.points, per_frame, bits)
     add_ranged("points", encode.predict_points(codes, sweeps), low, high)
-    speed = np.moveaxis(study.speed, -1, 0)
+    speed = np.moveaxis(study.runs["speed"], -1, 0)
     with np.errstate(invalid="ignore"):
         low = np.nan_to_num(np.fmin.reduce(speed, axis=(2, 3)).T).astype(float)
         high = np.nan_to_num(np.fmax.reduce(speed, axis=(2, 3)).T).astype(float)

@@ -42,18 +42,16 @@ class PageData:
     directions : tuple of str
     words : tuple of str
         The directions in words.
-    codes : dict of str to ndarray of unsigned int, shape (n_frames, n_directions, n_amplitudes)
-        `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it.
-    values : dict of str to ndarray of float32, same shape
-        `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MAX_MODES` modes, `storey_drift_1`,
-        ... and all other measures of the first `MAX_PLACES`, as far as the file has them.
-    counts : ndarray of int, same shape
-        Stroboscopic points kept of each run, 0 everywhere if the file has none.
+    runs : dict of str to ndarray, shape (n_frames, n_directions, n_amplitudes)
+        Unsigned codes `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it;
+        float32 `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MAX_MODES` modes,
+        `storey_drift_1`, ... and all other measures of the first `MAX_PLACES`, as far as the file
+        has them; `counts`, the stroboscopic points kept of each run, 0 everywhere if the file has
+        none; `speed`, with a further axis of the floors, their velocities at the first point, NaN
+        where there is none.
     points : ndarray of float32, shape (sum of counts, n)
         Displacements of the floors at the points kept, runs in the order of their index. Of a
         periodic run the point with the largest displacement of the top floor comes first.
-    speed : ndarray of float32, shape (n_frames, n_directions, n_amplitudes, n)
-        Velocities of the floors at the first point, NaN where there is none.
     thinned : dict of str to int
         What was left out, for the page to report.
     labels : dict of str to tuple of str
@@ -66,11 +64,8 @@ class PageData:
     amplitude: np.ndarray
     directions: tuple[str, ...]
     words: tuple[str, ...]
-    codes: dict[str, np.ndarray]
-    values: dict[str, np.ndarray]
-    counts: np.ndarray
+    runs: dict[str, np.ndarray]
     points: np.ndarray
-    speed: np.ndarray
     thinned: dict[str, int] = field(default_factory=dict)
     labels: dict[str, tuple[str, str, str]] = field(default_factory=dict)
     each: str = "direction"
@@ -119,24 +114,21 @@ def gather(
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points
-    codes, values, counts, points, speed = [], [], [], [], []
+    runs, points = [], []
     held = 0
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel(amplitude=slice(None, None, amplitude_step))
         if several:
             chosen = attractors.as_runs(chosen)
-        codes.append(_codes(chosen))
         numbers, words = _values(chosen, study.structure)
-        values.append(numbers)
         kept, u, v = _points(chosen, n, limit)
-        counts.append(kept)
+        runs.append({**_codes(chosen), **numbers, "counts": kept, "speed": v})
         points.append(u)
-        speed.append(v)
         held += u.size
         while most_points is None and held > POINT_BUDGET and limit > 1:
             limit //= 2
-            for place, (k, u) in enumerate(zip(counts, points, strict=True)):
-                counts[place], points[place] = _fewer(k, u, limit)
+            for place, (frame, u) in enumerate(zip(runs, points, strict=True)):
+                frame["counts"], points[place] = _fewer(frame["counts"], u, limit)
             held = sum(u.size for u in points)
         if say is not None:
             say(done, len(rows))
@@ -148,12 +140,9 @@ def gather(
         amplitude=grid.amplitude[::amplitude_step],
         directions=study.directions,
         words=tuple(study.words[name] for name in study.directions),
-        codes={name: np.stack([c[name] for c in codes]) for name in codes[0]},
-        values={name: np.stack([v[name] for v in values]) for name in values[0]},
+        runs={name: np.stack([frame[name] for frame in runs]) for name in runs[0]},
         labels=words,
-        counts=np.stack(counts),
         points=np.concatenate(points),
-        speed=np.stack(speed),
         thinned={
             "points": min(limit, stored),
             "of_points": study.settings.sampling_cycles,

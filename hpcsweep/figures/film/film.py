@@ -1,151 +1,69 @@
-"""A film of orbit diagrams over the forcing frequency, made by many ranks or processes.
+"""A film of orbit diagrams over the forcing frequency, drawn by many ranks or processes.
 
-Two passes over the frames, both distributed in pieces of `PIECE` frames: the first finds the ranges
-of the axes and the classes that occur, the second paints the pieces and encodes each as a segment.
-The film's bytes do not depend on the number of ranks or processes.
+Two passes over the frames, both distributed: the first finds the ranges of the axes and the classes
+that occur, the second draws each frame as a picture, of which ffmpeg makes the film. Its bytes do
+not depend on the number of ranks or processes.
 """
 
-import contextlib
+import multiprocessing
 import shutil
 import tempfile
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, closing
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.film import video
+from hpcsweep.figures.film.frames import Common, Film, FrameSurvey, Request, common_of
 from hpcsweep.figures.film.picture import Picture
-from hpcsweep.figures.film.request import WIDTH, Request
-from hpcsweep.figures.film.workers import Workers
-from hpcsweep.figures.measures import ShownMeasure, measure_of
-from hpcsweep.figures.overlay import Overlay
-from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.store import Frames
-from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import as_kind
+from hpcsweep.figures.style import PlotError
+from hpcsweep.parallel import farm
+from hpcsweep.parallel.mpi import on_master
+from hpcsweep.parallel.stopping import StopFlag
 
-PIECE = 40
-"""Frames of one segment."""
+MIN_WIDTH, MAX_WIDTH = 320, 3840
+"""Of a frame (pixels)."""
+PIECE = 8
+"""Frames that a rank or process takes at once."""
 
 
-@dataclass
-class FirstPass:
-    """Findings of the first pass.
+@lru_cache(maxsize=1)
+def _film(request: Request) -> Film:
+    return Film(request)
 
-    Attributes
-    ----------
-    low, high : ndarray, shape (n_panels,)
-        Extremes of the points of the floors shown.
-    motions, contacts : Counter
-        Runs of each motion (where colours show it) and contact set.
-    richness : dict
-        For each frame that has any complete run: number of kinds of motion (period and contact
-        set), and of points.
+
+@lru_cache(maxsize=1)
+def _picture(request: Request, common: Common) -> Picture:
+    return Picture(_film(request), common)
+
+
+def check(request: Request) -> None:
+    """Check a request before any work.
+
+    Raises
+    ------
+    PlotError
+        One line for the user.
+    StoreError
+        If the file is not a campaign file, or holds no stroboscopic points.
     """
-
-    low: np.ndarray = field(default_factory=lambda: np.array(np.inf))
-    high: np.ndarray = field(default_factory=lambda: np.array(-np.inf))
-    motions: Counter = field(default_factory=Counter)
-    contacts: Counter = field(default_factory=Counter)
-    richness: dict[int, tuple[int, int]] = field(default_factory=dict)
-
-    def add(self, other: "FirstPass") -> None:
-        """Merge findings of other frames."""
-        self.low = np.minimum(self.low, other.low)
-        self.high = np.maximum(self.high, other.high)
-        self.motions.update(other.motions)
-        self.contacts.update(other.contacts)
-        self.richness.update(other.richness)
-
-
-class Film:
-    """Reader, painter and encoder of pieces of one film; the same on every rank."""
-
-    def __init__(self, request: Request, folder: Path):
-        self.request, self.folder = request, folder
-        self.frames = Frames(request.file, at=request.at)
-        self.study = as_kind(self.frames.study, RunGrid)
-        self.structure = self.frames.job.structure
-        self.measure: ShownMeasure | None = None
-        if request.show:
-            self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
-        known = self.study.directions
-        self.directions = known if request.direction == "both" else (request.direction,)
-        self.order = [int(k) for k in np.argsort(self.study.omega, kind="stable")[:: request.every]]
-        n = len(self.measure.places) if self.measure else self.structure.n_floors
-        self.floors = labels.choose_floors(n, request.floors)
-        self.overlay = Overlay(request.branches, self.structure) if request.branches else None
-        self.width = request.width or WIDTH[request.is_gif]
-        self._picture: Picture | None = None
-
-    def read(self, frame: int) -> dict[str, np.ndarray]:
-        """Read one frame.
-
-        Returns
-        -------
-        dict
-            ``poincare`` (direction, amplitude, point, panel), NaN where there is no point;
-            ``orbit_period``, ``outcome`` and, where the file or the colours have them, ``contact``
-            and ``motion`` (index in `palette.MOTIONS`), all (direction, amplitude).
-        """
-        shown = self.request.show or "poincare"
-        names = (shown, "orbit_period", "outcome", *{"contact"}.intersection(self.frames))
-        rows = [self.study.directions.index(name) for name in self.directions]
-        found = {k: v[rows] for k, v in self.frames.read(frame, names).items()}
-        values = found.pop(shown)
-        if self.measure:
-            values = (values * self.measure.factor)[..., None, :]
-        values = found["poincare"] = values[..., self.floors]
-        values[found["outcome"] != Outcome.COMPLETE] = np.nan
-        if self.request.color == "period":
-            classes = style.classes_of(self.frames.dataset(frame))[rows, 0]
-            found["motion"] = palette.motion_index(classes, found["orbit_period"])
-        return found
-
-    def survey(self, frames: list[int]) -> FirstPass:
-        """Find ranges and classes of some frames."""
-        total = FirstPass()
-        for k in frames:
-            frame = self.read(k)
-            points = frame["poincare"][np.isfinite(frame["poincare"][..., 0])]
-            if points.size:
-                done = frame["outcome"] == Outcome.COMPLETE
-                periods, contacts, motions = (
-                    frame[name][done].tolist() if name in frame else []
-                    for name in ("orbit_period", "contact", "motion")
-                )
-                kinds = set(zip(periods, contacts or periods, strict=True))
-                extremes = points.min(axis=0), points.max(axis=0)
-                richness = {k: (len(kinds), len(points))}
-                total.add(FirstPass(*extremes, Counter(motions), Counter(contacts), richness))
-        return total
-
-    def picture(self, found: FirstPass) -> Picture:
-        """Return the picture of the frames, made once."""
-        if self._picture is None:
-            self._picture = Picture(self, found)
-        return self._picture
-
-    def paint(self, found: FirstPass, frame: int) -> np.ndarray:
-        """Paint one frame; shape (height, width, 4)."""
-        omega = float(self.study.omega[frame])
-        branches = self.overlay.at(omega) if self.overlay else []
-        return self.picture(found).paint(omega, self.read(frame), branches)
-
-    def encode(self, frames: list[int], found: FirstPass) -> None:
-        """Paint some frames and encode them as a segment."""
-        pictures = (self.paint(found, frame) for frame in frames)
-        request = self.request
-        video.encode(pictures, self.segment(frames[0]), request.fps, request.is_gif)
-
-    def segment(self, first: int) -> Path:
-        """Return the path of the segment that begins with a frame."""
-        return self.folder / f"{first:06d}.mp4"
+    if request.output.suffix.lower() not in video.ENDINGS:
+        raise PlotError(f"--output {request.output}: must end in {' or '.join(video.ENDINGS)}")
+    for path in (request.output, request.poster):
+        if path is not None and not path.parent.is_dir():
+            raise PlotError(f"{path}: folder {path.parent} does not exist")
+        if path is not None and path.is_dir():
+            raise PlotError(f"{path}: is a folder")
+    if request.poster is not None and request.poster.suffix.lower() != ".png":
+        raise PlotError(f"--poster {request.poster}: must end in .png")
+    if request.is_gif and request.fps > video.MAX_GIF_RATE:
+        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
+    if request.width and (request.width % 2 or not MIN_WIDTH <= request.width <= MAX_WIDTH):
+        raise PlotError(f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}")
+    Film(request).frames.close()
+    video.find_ffmpeg()
 
 
 def make(
@@ -162,7 +80,7 @@ def make(
         Processes that share the work if there is one rank.
     progress : callable, optional
         Return the progress display on rank 0 (`campaign.progress`): each frame counts twice, once
-        surveyed and once painted.
+        surveyed and once drawn.
 
     Returns
     -------
@@ -177,70 +95,97 @@ def make(
     name = f".{request.output.name}."
     new_folder = partial(tempfile.mkdtemp, prefix=name, dir=request.output.parent)
     folder = Path(_on_first(request, comm, new_folder))
-    try:
-        film = Film(request, folder)
-        shown = progress(2 * len(film.order), 0) if progress and comm.rank == 0 else None
-        with contextlib.closing(shown) if shown else contextlib.nullcontext():
-            advance = shown.advance if shown else lambda frames: None
-            n_frames = _make(film, comm, processes, advance)
-    except BaseException:
-        # no other rank is waited for: the caller ends them all
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
-    comm.barrier()
-    if comm.rank == 0:
-        shutil.rmtree(folder, ignore_errors=True)
-    return n_frames
+    with ExitStack() as stack:
+        # a rank that fails waits for no other: the caller ends them all
+        stack.callback(shutil.rmtree, folder, ignore_errors=True)
+        pool = None
+        if comm.size == 1 and processes > 1:
+            context = multiprocessing.get_context("spawn")
+            pool = stack.enter_context(ProcessPoolExecutor(processes, context))
+        order = _film(request).order
+        shown = None
+        if progress and comm.rank == 0:
+            shown = stack.enter_context(closing(progress(2 * len(order), 0)))
+        share = partial(_share, comm, pool, shown)
+        surveys = share(partial(_survey, request), order)
+        if surveys is None:
+            return None
+        found = comm.bcast({each.frame: each for each in surveys if each})
+        drawn = [k for k in order if k in found]
+        if not drawn:
+            raise PlotError(f"{request.file}: no run is complete yet")
+        common = common_of([found[k] for k in drawn])
+        if share(partial(_draw, request, common, folder), [*enumerate(drawn)]) is None:
+            return None
+        richest = max(drawn, key=lambda k: (found[k].kinds, found[k].points, -k))
+        finish = partial(_finish, request, common, folder, drawn.index(richest))
+        with StopFlag():  # a film whose frames are drawn is finished
+            _on_first(request, comm, finish)
+    return len(drawn)
+
+
+def _share(comm, pool, shown, task: Callable[[Any], Any], frames: list) -> list | None:
+    """Call a function for each frame, on all ranks or by the pool.
+
+    Returns
+    -------
+    list or None
+        Results on rank 0, in any order; None on all ranks if a signal came.
+    """
+    results: list = []
+
+    def on_report(_rank: int, values: list) -> None:
+        results.extend(values)
+        if shown:
+            shown.advance(len(values))
+
+    if pool is not None:
+        for value in pool.map(task, frames, chunksize=PIECE):
+            on_report(0, [value])
+        return results
+
+    def compute(number: int, poll, report) -> None:
+        values = []
+        for frame in frames[number : number + PIECE]:
+            poll()
+            values.append(task(frame))
+        report(values)
+
+    with StopFlag() as flag:
+        firsts = range(0, len(frames), PIECE)
+        return results if farm.run(comm, firsts, compute, flag, on_report) else None
+
+
+def _survey(request: Request, frame: int) -> FrameSurvey | None:
+    return _film(request).survey(frame)
+
+
+def _draw(request: Request, common: Common, folder: Path, placed: tuple[int, int]) -> None:
+    """Draw a frame as the picture of its place in the film."""
+    from PIL import Image
+
+    place, frame = placed
+    pixels = _picture(request, common).paint(frame)
+    Image.fromarray(pixels).save(folder / (video.PICTURES % place), compress_level=1)
 
 
 def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
     """Return on every rank what rank 0 has done; refuse a film that it cannot write."""
-    result = problem = None
-    if comm.rank == 0:
-        try:
-            result = do()
-        except OSError as error:
-            problem = f"{request.output}: cannot be written: {error.strerror or error}"
-    result, problem = comm.bcast((result, problem))
-    if problem is not None:
-        raise style.PlotError(problem)
-    return result
+    try:
+        return on_master(comm, do, OSError)
+    except OSError as error:
+        problem = f"{request.output}: cannot be written: {error.strerror or error}"
+        raise PlotError(problem) from None
 
 
-def _make(film: Film, comm, processes: int, advance: Callable[[int], None]) -> int | None:
-    """Survey all frames, then paint and join them."""
-    found = FirstPass()
-    with Workers(comm, processes, film, advance) as workers:
-        if not workers.run(Film.survey, _pieces(film.order), collect=found.add):
-            return None
-        found = comm.bcast(found)
-        drawn = [k for k in film.order if k in found.richness]
-        if not drawn:
-            raise style.PlotError(f"{film.request.file}: no run is complete yet")
-        if not workers.run(Film.encode, _pieces(drawn), found):
-            return None
-    segments = [film.segment(piece[0]) for piece in _pieces(drawn)]
-    _on_first(film.request, comm, lambda: _finish(film, found, segments))
-    return len(drawn)
-
-
-def _pieces(frames: list[int]) -> list[list[int]]:
-    return [frames[k : k + PIECE] for k in range(0, len(frames), PIECE)]
-
-
-def _finish(film: Film, found: FirstPass, segments: list[Path]) -> None:
-    """Join the segments, write the poster, move both to their places."""
-    from PIL import Image
-
-    request = film.request
-    picture = film.paint(found, max(found.richness, key=lambda k: (found.richness[k], -k)))
-    keys = *film.picture(found).keys.values(), *film.picture(found).sets.values()
-    whole = film.folder / f"film{request.output.suffix.lower()}"
-    video.join(
-        segments, whole, video.palette_of(picture, [c for c, _ in keys]) if request.is_gif else None
-    )
+def _finish(request: Request, common: Common, folder: Path, richest: int) -> None:
+    """Make the film, move it and the poster to their places."""
+    poster, whole = folder / (video.PICTURES % richest), folder / f"film{request.output.suffix}"
+    keys: list[tuple[str, str]] = []
+    if request.is_gif:
+        picture = _picture(request, common)
+        keys = [*picture.keys.values(), *picture.sets.values()]
+    video.encode(folder, whole, request.fps, poster, [colour for colour, _ in keys])
     if request.poster is not None:
-        poster = film.folder / "poster.png"
-        Image.fromarray(np.ascontiguousarray(picture[..., :3])).save(poster)
         poster.replace(request.poster)
     whole.replace(request.output)

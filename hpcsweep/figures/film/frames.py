@@ -1,0 +1,210 @@
+"""A film as it is requested, and its frames as they are read."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.measures import LABELS, ShownMeasure, measure_of
+from hpcsweep.figures.overlay import Drawn, Overlay
+from hpcsweep.figures.style import PlotError
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store import Frames
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
+
+
+@dataclass(frozen=True)
+class Request:
+    """Request of a film.
+
+    Attributes
+    ----------
+    file, output : Path
+        Results, and the film; its ending selects MP4 or GIF.
+    poster : Path or None
+        Picture of the frame with most kinds of motion.
+    fps : float
+    every : int
+        Step between frames, in ascending frequency.
+    direction : {"up", "down", "both"}
+    color : {"direction", "contact", "period"}
+    width : int
+        In pixels, even; 0 for the default.
+    floors : tuple of int
+        Shown, from 1; see `labels.choose_floors`. Of a measure its storeys, floors or contacts.
+    show : str
+        Measure that is drawn in place of stroboscopic displacements; empty for these.
+    branches : Path or None
+        File of branches that lie under the points.
+    at : dict
+        Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
+    """
+
+    file: Path
+    output: Path
+    poster: Path | None = None
+    fps: float = 25.0
+    every: int = 1
+    direction: str = "both"
+    color: str = "direction"
+    width: int = 0
+    floors: tuple[int, ...] = ()
+    show: str = ""
+    branches: Path | None = None
+    at: Mapping[str, float | str] = field(default_factory=dict, hash=False)
+
+    @property
+    def is_gif(self) -> bool:
+        """Return whether a GIF is requested."""
+        return self.output.suffix.lower() == ".gif"
+
+
+class FrameSurvey(NamedTuple):
+    """What one frame holds.
+
+    Attributes
+    ----------
+    frame : int
+    low, high : ndarray, shape (n_panels,)
+        Extremes of the points of the floors shown.
+    keys : set of int
+        Directions, motions or contact sets that colours show.
+    contacts : Counter
+        Runs of each contact set.
+    kinds, points : int
+        Number of kinds of motion (period and contact set), and of points.
+    """
+
+    frame: int
+    low: np.ndarray
+    high: np.ndarray
+    keys: set[int]
+    contacts: Counter[int]
+    kinds: int
+    points: int
+
+
+class Common(NamedTuple):
+    """What all frames of a film have in common, as a value.
+
+    Attributes
+    ----------
+    limits : tuple of (float, float)
+        Extremes of the points in each panel.
+    keys : tuple of int
+        Directions, motions or contact sets that colours show, ascending.
+    contacts : tuple of int
+        Contact sets, the commonest first.
+    frames : tuple of int
+        All.
+    """
+
+    limits: tuple[tuple[float, float], ...]
+    keys: tuple[int, ...]
+    contacts: tuple[int, ...]
+    frames: tuple[int, ...]
+
+
+def common_of(surveys: Sequence[FrameSurvey]) -> Common:
+    """Summarise the surveys of all frames."""
+    low = np.min([each.low for each in surveys], axis=0).tolist()
+    high = np.max([each.high for each in surveys], axis=0).tolist()
+    contacts = sum((each.contacts for each in surveys), Counter())
+    return Common(
+        tuple(zip(low, high, strict=True)),
+        tuple(sorted(set().union(*(each.keys for each in surveys)))),
+        tuple(sorted(contacts, key=lambda c: (-contacts[c], c))),
+        tuple(each.frame for each in surveys),
+    )
+
+
+class Film:
+    """Reader of the frames of one film.
+
+    Raises
+    ------
+    PlotError, StoreError
+        If the file does not hold what is requested; one line for the user.
+    """
+
+    def __init__(self, request: Request):
+        if request.show and request.show not in LABELS:
+            raise PlotError(f"--show {request.show}: must be one of {', '.join(LABELS)}")
+        self.request = request
+        self.frames = Frames(request.file, at=request.at)
+        self._shown = request.show or "poincare"
+        for name in (self._shown, *(("contact",) if request.color == "contact" else ())):
+            if name not in self.frames:
+                wanted = f"set output.{name} = true in the job"
+                raise PlotError(f"{request.file}: holds no {name}: {wanted}")
+        self.study = as_kind(self.frames.study, RunGrid)
+        self.structure = self.frames.job.structure
+        style.need_amplitudes(self.study)
+        self.measure: ShownMeasure | None = None
+        if request.show:
+            self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
+        n = len(self.measure.places) if self.measure else self.structure.n_floors
+        self.floors = labels.choose_floors(n, request.floors)
+        self.order = [int(k) for k in np.argsort(self.study.omega, kind="stable")[:: request.every]]
+        self.overlay: Overlay | None = None
+        if request.branches:
+            if request.show:
+                raise PlotError(f"--branches {request.branches}: does not go with --show")
+            self.overlay = Overlay(request.branches, self.structure)
+            self.overlay.need(self.study.omega[self.order])
+        there = self.study.directions
+        self.directions = there if request.direction == "both" else (request.direction,)
+        if not {*self.directions} <= {*there}:
+            held = f"{request.file} holds {', '.join(there)}"
+            raise PlotError(f"--direction {request.direction}: {held}")
+
+    def read(self, frame: int) -> dict[str, np.ndarray]:
+        """Read one frame.
+
+        Returns
+        -------
+        dict
+            ``poincare`` (direction, amplitude, point, panel), NaN where there is no point;
+            ``orbit_period``, ``outcome``, ``contact`` where the file has it, and ``key``, the
+            direction, contact set or motion (index in `palette.MOTIONS`) that the colour shows, all
+            (direction, amplitude).
+        """
+        names = (self._shown, "orbit_period", "outcome", *{"contact"}.intersection(self.frames))
+        rows = [self.study.directions.index(name) for name in self.directions]
+        found = {k: v[rows] for k, v in self.frames.read(frame, names).items()}
+        values = found.pop(self._shown)
+        if self.measure:
+            values = (values * self.measure.factor)[..., None, :]
+        values = found["poincare"] = values[..., self.floors]
+        values[found["outcome"] != Outcome.COMPLETE] = np.nan
+        periods = found["orbit_period"]
+        if self.request.color == "period":
+            classes = style.classes_of(self.frames.dataset(frame))[rows, 0]
+            found["key"] = palette.motion_index(classes, periods)
+        elif self.request.color == "contact":
+            found["key"] = found["contact"]
+        else:
+            found["key"] = np.indices(periods.shape)[0]
+        return found
+
+    def branches(self, frame: int) -> list[Drawn]:
+        """Return the branches that lie under the points of one frame."""
+        return self.overlay.at(float(self.study.omega[frame])) if self.overlay else []
+
+    def survey(self, frame: int) -> FrameSurvey | None:
+        """Find ranges and classes of one frame, None if no run of it is complete."""
+        found = self.read(frame)
+        points = found["poincare"][np.isfinite(found["poincare"][..., 0])]
+        if not points.size:
+            return None
+        done = found["outcome"] == Outcome.COMPLETE
+        names = ("orbit_period", "key", *{"contact"}.intersection(found))
+        periods, keys, *sets = (found[name][done].tolist() for name in names)
+        kinds = len({*zip(periods, *sets, strict=True)})
+        extremes = points.min(axis=0), points.max(axis=0)
+        return FrameSurvey(frame, *extremes, set(keys), Counter(*sets), kinds, len(points))

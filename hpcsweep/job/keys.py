@@ -65,6 +65,11 @@ STRUCTURE: Tables = {
             "`gap`, `stiffness`, and if wanted `damping`, c of a dashpot, and `tension`",
             told="damping 0, tension false",
         ),
+        Key(
+            "slider",
+            "tables `[[structure.slider]]` that go with matrices, of springs that yield "
+            "([how](yielding.md)): `direction`, `stiffness`, `strength`, and if wanted `name`",
+        ),
     ),
     "forcing": (
         Key(

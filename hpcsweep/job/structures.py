@@ -17,7 +17,7 @@ from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
 from hpcsweep.model.buildings import Building, adjacent
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact
+from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
 
@@ -25,9 +25,10 @@ Harmonics = tuple[tuple[int, float, float], ...]
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
 MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
 CONTACT = ("direction", "gap", "stiffness", "damping", "tension")
+SLIDER = ("direction", "stiffness", "strength", "name")
 BUILDING = tuple(field.name for field in fields(Building))
 HARMONIC = ("order", "amplitude", "phase")
-WITH_MATRICES = ("matrices", "contact", "sharpness", "damping_ratio", "rayleigh")
+WITH_MATRICES = ("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh")
 """Keys of the structure that go with its matrices; all others are those of a building."""
 MAX_STIFFNESS = 1e12
 MAX_SHARPNESS = 1e300
@@ -36,7 +37,10 @@ MAX_DAMPING = 1e6
 MAX_LABEL = 100
 """Characters of the name of a building."""
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
-SIZED = re.compile(r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact|pounding)\.damping)$")
+SIZED = re.compile(
+    r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact|pounding)\.damping|strength|"
+    r"yield_(force|drift))$"
+)
 """Ends of the keys whose values, where they are not 0, are of such a size."""
 
 
@@ -51,8 +55,9 @@ def read_structure(values: Values) -> Structure:
     given = dict(values.table("structure"))
     harmonics = read_forcing(values)
     matrices, contacts = given.get("matrices"), given.get("contact", [])
-    if "contact" in given and matrices is None:
-        raise values.error("structure.contact", contacts, "goes with structure.matrices")
+    for key in ("contact", "slider"):
+        if key in given and matrices is None:
+            raise values.error(f"structure.{key}", given[key], "goes with structure.matrices")
     side_by_side = values.top("building", None) is not None
     try:
         if side_by_side or values.table("pounding"):
@@ -110,11 +115,17 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
         raise values.error("structure.contact", contacts, "must be tables, [[structure.contact]]")
     for contact in contacts:
         _check_table(values, "structure.contact", contact, CONTACT, CONTACT[:3])
+    sliders = given.get("slider", [])
+    if not isinstance(sliders, list):
+        raise values.error("structure.slider", sliders, "must be tables, [[structure.slider]]")
+    for slider in sliders:
+        _check_table(values, "structure.slider", slider, SLIDER, SLIDER[:3])
     return Structure.from_matrices(
         contacts=[Contact(**contact) for contact in contacts],
+        sliders=[Slider(**slider) for slider in sliders],
         harmonics=harmonics,
         **matrices,
-        **{key: _tuples(given[key]) for key in WITH_MATRICES[2:] if key in given},
+        **{key: _tuples(given[key]) for key in WITH_MATRICES[3:] if key in given},
     )
 
 

@@ -4,18 +4,21 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from hpcsweep.model.arguments import number, plain
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact, each, vector
+from hpcsweep.model.matrices import Contact, Slider, each, vector
 from hpcsweep.model.structure import Structure
 
 RANGE = 1e-12, 1e12
 PERIODS = "finite and positive, from {:g} to {:g}".format(*RANGE)
 """Periods of a building, in whatever unit of time."""
+ABOVE_0 = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
+SHARE_LIMITS = "from 0 to below 1", 0.0, math.nextafter(1.0, 0.0)
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
 
@@ -39,6 +42,11 @@ class Building:
     rayleigh : (float, float), optional
         (alpha, beta) of its damping matrix alpha M + beta K, in place of `damping_ratio`.
     name : str
+    yield_force, yield_drift : float or sequence of n floats, optional
+        Force, or drift, at which each storey yields, above 0; ``math.inf`` for one that does not.
+        One of the two.
+    hardening : float or sequence of n floats
+        Stiffness of a storey that yields over that before, from 0 to below 1.
 
     Examples
     --------
@@ -57,6 +65,9 @@ class Building:
     rayleigh: tuple[float, float] | None = None
     name: str = ""
     period: float | None = None
+    yield_force: float | Sequence[float] | None = None
+    yield_drift: float | Sequence[float] | None = None
+    hardening: float | Sequence[float] = 0.0
 
     def __post_init__(self) -> None:
         given = plain(self.mass)
@@ -76,6 +87,33 @@ class Building:
             del self.__dict__["structure"]  # of the stiffness as it is given
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
+        _ = self.sliders
+
+    @functools.cached_property
+    def sliders(self) -> list[tuple[int, float, float]]:
+        """Storey, counted from 0, spring and strength of the slider of each storey that yields.
+
+        The storey keeps the elastic stiffness alpha k; the slider has the rest of k, and of the
+        force at which it yields 1 - alpha.
+        """
+        given = {"yield_force": self.yield_force, "yield_drift": self.yield_drift}
+        named = [name for name, value in given.items() if value is not None]
+        if len(named) > 1:
+            raise ValueError("building.yield_force and building.yield_drift must not be given both")
+        n, found = self.n_floors, []
+        shares = _of_storeys("building.hardening", self.hardening, n, SHARE_LIMITS)
+        if not named:
+            if any(shares):
+                raise ValueError("building.hardening goes with yield_force or yield_drift")
+            return []
+        at = _of_storeys(f"building.{named[0]}", given[named[0]], n, ABOVE_0)
+        stiffness = each("building.storey_stiffness", self.storey_stiffness, n, "mass")
+        for i, (k, share, limit) in enumerate(zip(stiffness, shares, at, strict=True)):
+            if limit < math.inf:
+                spring = (1.0 - share) * k
+                force = limit * (k if named[0] == "yield_drift" else 1.0)
+                found.append((i, spring, (1.0 - share) * force))
+        return found
 
     @property
     def n_floors(self) -> int:
@@ -170,7 +208,7 @@ def adjacent(
         ("pounding.restitution", 1.0 if restitution is None else restitution),
         ("pounding.damping", 0.0 if damping is None else damping),
     )
-    contacts, labels = [], []
+    contacts, labels, sliders = [], [], []
     for k in range(len(buildings) - 1):
         pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
         levels = (each(name, given, len(pairs), "level") for name, given in of_levels)
@@ -184,19 +222,34 @@ def adjacent(
                 contact = Contact.from_restitution(*stop, e, masses, tension)
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
+    stiffness_matrix = block_diag(*(one.stiffness_matrix for one in alone))
+    for start, name, building in zip(first, names, buildings, strict=False):
+        for i, spring, strength in building.sliders:
+            row = unit[start + i] - (unit[start + i - 1] if i else 0.0)
+            sliders.append(Slider(tuple(row.tolist()), spring, strength, f"{name}{i + 1}"))
+            stiffness_matrix -= spring * np.outer(row, row)
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
-        block_diag(*(one.stiffness_matrix for one in alone)),
+        stiffness_matrix,
         contacts,
         damping=block_diag(*(one.damping_matrix for one in alone)),
         drift=block_diag(*(one.drift_rows for one in alone)),
         sharpness=sharpness,
         harmonics=harmonics,
+        sliders=sliders,
     )
     floors = [name + i for name, one in zip(names, alone, strict=True) for i in one.floor_names]
     heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
     return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
+
+
+def _of_storeys(name: str, given: Any, n: int, limits: tuple[str, float, float]) -> list[float]:
+    """Read a number for each storey, from one or a sequence."""
+    listed = plain(given)
+    listed = listed if hasattr(listed, "__len__") else [listed] * n
+    found = vector(name, listed, n, "numbers, one per mass")
+    return [number(name, value, *limits) for value in found]
 
 
 def _names(buildings: Sequence[Building]) -> list[str]:

@@ -126,8 +126,7 @@ def kernel_elements(structure: Structure, contacts, slides, extra: np.ndarray) -
         for k in range(len(contacts.row)):
             table.add((int(contacts.row[k]), -1), *_contact(k, contacts))
     length, rate = structure.length_unit, structure.frequency_unit
-    directions = np.array([slider.direction for slider in sliders], float)
-    directions = directions.reshape(-1, structure.n_floors)
+    directions = structure.slider_directions.copy()
     softness = np.array([b @ per_mass(structure.mass_matrix, b) for b in directions])
     for j, (slider, (i, below, sign)) in enumerate(zip(sliders, slides, strict=True)):
         directions[j] *= sign

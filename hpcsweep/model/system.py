@@ -70,11 +70,18 @@ class System:
             return frozen(np.array(self.matrices.mass))
         return frozen(np.diag(self._floors(self.mass)))
 
+    @property
+    def elastic_stiffness(self) -> np.ndarray:
+        """K without the springs of sliders, shape (n, n)."""
+        if self.matrices is None:
+            return self.stiffness_matrix
+        return np.array(self.matrices.stiffness)
+
     @cached_property
     def stiffness_matrix(self) -> np.ndarray:
         """K, (3) of equal storeys, with the springs of all sliders, shape (n, n)."""
         if self.matrices is not None:
-            found = np.array(self.matrices.stiffness)
+            found = np.array(self.elastic_stiffness)
             for slider in self.sliders:
                 found += slider.stiffness * np.outer(slider.direction, slider.direction)
             return frozen(found)
@@ -86,6 +93,17 @@ class System:
     def sliders(self) -> tuple[Slider, ...]:
         """Sliders of the matrices."""
         return () if self.matrices is None else self.matrices.sliders
+
+    @cached_property
+    def slider_directions(self) -> np.ndarray:
+        """b_j of every slider, shape (L, n)."""
+        listed = [slider.direction for slider in self.sliders]
+        return frozen(np.array(listed, float).reshape(-1, self.n_floors))
+
+    @property
+    def slider_names(self) -> tuple[str, ...]:
+        """Name of each slider: as given, or its number."""
+        return tuple(one.name or str(j) for j, one in enumerate(self.sliders, 1))
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:

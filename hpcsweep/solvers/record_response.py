@@ -19,6 +19,8 @@ class Slid(NamedTuple):
 
     elongation: np.ndarray
     """Largest |b . u|."""
+    stretch: np.ndarray
+    """Of the springs, b . u - p, at the end."""
     plastic: np.ndarray
     """p at the end."""
     path: np.ndarray
@@ -71,6 +73,8 @@ class Response:
         Lasting elongation p of each slider at the end, and the sum of its changes.
     excursions : ndarray of int, shape (L,)
         How often it has slipped.
+    final_slider_force : ndarray, shape (L,)
+        Force of each slider at the end.
     slider_energy : ndarray, shape (L,)
         Energy that it has dissipated, F times the plastic path.
     duration : float
@@ -109,6 +113,7 @@ class Response:
     plastic: np.ndarray
     plastic_path: np.ndarray
     excursions: np.ndarray
+    final_slider_force: np.ndarray
     slider_energy: np.ndarray
     residual_displacement: np.ndarray
     residual_drift: np.ndarray
@@ -178,6 +183,7 @@ def response_of(
         plastic=plastic,
         plastic_path=path,
         excursions=slid.excursions,
+        final_slider_force=spring * slid.stretch * length,
         slider_energy=strength * path,
         residual_displacement=lasting,
         residual_drift=structure.drift_rows @ lasting,

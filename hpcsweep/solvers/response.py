@@ -121,8 +121,7 @@ def linear_response(
     structure, record, tail = _arguments(structure, record, tail)
     from hpcsweep.solvers.flow.record_map import RecordMap
 
-    slides = np.array([slider.direction for slider in structure.sliders], float)
-    slides = slides.reshape(-1, structure.n_floors)
+    slides = structure.slider_directions
     n_drifts, n_contacts = len(structure.drift_rows), len(structure.contacts)
     free = Structure.from_matrices(
         structure.mass_matrix,
@@ -152,6 +151,7 @@ def linear_response(
         plastic=none,
         plastic_path=none,
         excursions=none.astype(int),
+        final_slider_force=none,
         slider_energy=none,
         residual_drift=np.zeros(n_drifts),
     )
@@ -223,6 +223,8 @@ class History(NamedTuple):
     """Absolute, as in `Response`, shape (p, n)."""
     peak_force: np.ndarray
     """Largest force of each contact since the instant before, shape (p, k)."""
+    slider_force: np.ndarray
+    """Of each slider, shape (p, L)."""
 
 
 def history(
@@ -281,6 +283,7 @@ def history(
     last, n_all = ground.size - 1, ground.size - 1 + int(tail / dt + SAME_STEP)
     count, n = n_all // samples + 1, structure.n_floors
     states, peaks = np.empty((count, 2 * n)), np.zeros((count, len(structure.contacts)))
+    slider_force = np.zeros((count, len(structure.sliders)))
     states[0] = structure.rest
     for j in range(1, count):
         if poll is not None:
@@ -288,17 +291,20 @@ def history(
         low, high = (j - 1) * samples, j * samples
         pushed = ground[low : high + 1] if low < last else np.zeros(samples + 1)
         free = (samples + 1 - pushed.size) * dt
-        found = _complete(own.respond(pushed, scale, free, states[j - 1]))
+        found = _complete(own.respond(pushed, scale, free, states[j - 1], resume=j > 1))
         states[j], peaks[j] = found.final_state, found.force
+        slider_force[j] = found.final_slider_force
     u, v, force = states[:, :n], states[:, n:], structure.contact_forces(states)
     peaks[0] = np.maximum(force[0], 0.0)
-    push = -u @ structure.stiffness_matrix - v @ structure.damping_matrix
+    push = -u @ structure.elastic_stiffness - v @ structure.damping_matrix
     push -= force @ structure.directions
+    push -= slider_force @ structure.slider_directions
     if not structure.shakes:
         given = ground[: n_all + 1 : samples]
         push[: given.size] += scale * np.outer(given, structure.forcing_vector)
     acceleration = per_mass(structure.mass_matrix, push.T).T
-    return History(dt * samples * np.arange(count), u, v, force, acceleration, peaks)
+    time = dt * samples * np.arange(count)
+    return History(time, u, v, force, acceleration, peaks, slider_force)
 
 
 def steps_in(dt: float, step: float) -> tuple[int, int] | None:

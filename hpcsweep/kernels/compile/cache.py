@@ -51,6 +51,7 @@ PACKAGE = Path(__file__).resolve().parents[2]
 KERNEL_FILES = (
     "kernels",
     "model/contact.py",
+    "model/elements.py",
     "model/equations.py",
     "model/kernel_contacts.py",
     "model/kernel_model.py",

@@ -60,11 +60,16 @@ class RecordMap:
         state: np.ndarray | None = None,
         poll: Callable[[], None] | None = None,
         at_samples: bool = False,
+        resume: bool = False,
     ) -> Response:
-        """Return the response to a record; see `hpcsweep.solvers.response.response`."""
+        """Return the response to a record; see `hpcsweep.solvers.response.response`.
+
+        Sliders start from rest, or `resume` from where the last response has left them.
+        """
         reset(self._shared.tally)
-        reset(self._shared.modes)
-        self._shared.modes.mode[:] = self._shared.model.elements.first
+        if not resume:
+            reset(self._shared.modes)
+            self._shared.modes.mode[:] = self._shared.model.elements.first
         z = self._units.into(self.structure.rest if state is None else state)
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
         wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
@@ -87,22 +92,24 @@ class RecordMap:
     def _slid(self, z: np.ndarray) -> Slid:
         """Return what the sliders have done, up to the state z at the end."""
         model, modes, structure = self._shared.model, self._shared.modes, self.structure
-        elements, n_loads = model.elements, len(structure.sliders)
-        own = slice(len(modes.mode) - n_loads, None)
-        y = [z[i] - (z[below] if below >= 0 else 0.0) for i, below in elements.rows[own].tolist()]
-        load = elements.load[modes.mode[own]]
-        state = np.where(load[:, 1] == 0.0, load[:, 0] + y, modes.state[own])
+        elements, own = model.elements, slice(len(model.contacts.row), None)
+        rows = elements.rows[own].tolist()
+        y = np.array([z[i] - (z[below] if below >= 0 else 0.0) for i, below in rows])
+        load, sticks = elements.load[modes.mode[own]].T if rows else np.zeros((2, 0))
+        state = np.where(sticks > 0.0, modes.state[own], load + y)
         change = np.abs(state - modes.state[own])
-        slips = change > ROUNDING * np.maximum(np.abs(state), np.abs(load[:, 0]))
-        sign = [
-            1.0 if np.array_equal(reach, slider.direction) else -1.0
-            for reach, slider in zip(elements.reach, structure.sliders, strict=True)
-        ]
+        # the kernels' rows are directions of sliders, or against them
+        sign = np.array(
+            [
+                1.0 if np.array_equal(reach, slider.direction) else -1.0
+                for reach, slider in zip(elements.reach, structure.sliders, strict=True)
+            ]
+        )
         drifts = model.drift_rows.tolist()
+        slips = change > ROUNDING * np.maximum(np.abs(state), np.abs(load))
         return Slid(
-            elongation=self._shared.tally.peaks[
-                [drifts.index(row) for row in elements.rows[own].tolist()]
-            ],
+            elongation=self._shared.tally.peaks[[drifts.index(row) for row in rows]],
+            stretch=sign * (y - state),
             plastic=sign * state,
             path=modes.path[own] + change,
             excursions=modes.taken[own] + slips,

@@ -2,7 +2,8 @@ r"""Compute responses of a structure to a record at many scales, with two rules 
 
 From rest, with sharp contacts (dashpots too), the equations are homogeneous in lengths: with u(t)
 the response of gaps g at scale s, L u(t) is that of gaps L g at scale L s, forces and velocities
-grow with L, energies with its square, times and counts stay. So is the static equilibrium of
+grow with L, energies with its square, times and counts stay. Sliders scale likewise, with the
+elongation at which they slip beside the gaps. So is the static equilibrium of
 pressed contacts from which it starts, gaps below 0.
 
 ratio
@@ -13,9 +14,9 @@ ratio
     without the cache: results do not depend on ranks or on order. Where all gaps are 0 one run
     serves all scales.
 linear
-    Without contacts the motion is proportional to s at all scales, and it is the motion up to the
-    scale at which its reach, max_t d_k . u, comes to a gap (`first_contact_scale`): at none where
-    a contact is pressed.
+    Without contacts and sliders the motion is proportional to s at all scales, and it is the motion
+    up to the scale at which its reach, max_t d_k . u, comes to a gap, or max_t |b_j . u| to where a
+    slider slips (`first_contact_scale`): at none where a contact is pressed.
 
 Neither holds for a smooth stop, which pushes at any distance and whose sharpness is a length: there
 every run is computed as it is.
@@ -82,17 +83,22 @@ class RecordResponses:
 
     @cached_property
     def _largest(self) -> float:
-        """Largest gap of the structure, of either sign; 1 where ratios are not used."""
+        """Largest gap of the structure, of either sign, or elongation at which a slider slips.
+
+        1 where ratios are not used.
+        """
         if not self._ratio:
             return 1.0
-        return max((abs(contact.gap) for contact in self.structure.contacts), default=0.0)
+        lengths = [abs(contact.gap) for contact in self.structure.contacts]
+        lengths += [slider.strength / slider.stiffness for slider in self.structure.sliders]
+        return max(lengths, default=0.0)
 
     @cached_property
     def computed(self) -> Structure:
         """The structure whose responses are computed: with gaps in units of the largest."""
         if not self._ratio or self._largest == 0.0:
             return self.structure
-        return with_gaps_in(self.structure, self._largest)
+        return with_lengths_in(self.structure, self._largest)
 
     def ratio(self, factor: float) -> float:
         """Return the scale at which `computed` responds like the structure at a scale."""
@@ -129,8 +135,9 @@ class RecordResponses:
 
     def _histories(self, record, factors, outcomes, poll: Poll) -> Rows:
         """Compute the motion itself at the instants, by variable name; NaN where there is none."""
-        n, n_contacts = self.structure.n_floors, len(self.structure.contacts)
-        sizes = dict(zip((one.name for one in HISTORY), (n, n, n_contacts), strict=True))
+        structure, n = self.structure, self.structure.n_floors
+        counts = (n, n, len(structure.contacts), len(structure.sliders))
+        sizes = dict(zip((one.name for one in HISTORY), counts, strict=True))
         found = {
             name: np.full((factors.size, self._n_instants, size), math.nan)
             for name, size in sizes.items()
@@ -143,8 +150,8 @@ class RecordResponses:
                     rtol=self._settings.rtol,
                     poll=poll,
                 )
-                parts = zip(sizes, (seen.displacement, seen.velocity, seen.force), strict=True)
-                for name, values in parts:
+                motion = seen.displacement, seen.velocity, seen.force, seen.slider_force
+                for name, values in zip(sizes, motion, strict=True):
                     if name in found:
                         found[name][k, : len(values)] = values
         return found
@@ -158,9 +165,11 @@ class RecordResponses:
                 linear, reach = linear_response(self.computed, record, self._tail)
             except ArithmeticError:
                 size = int(np.sum(self._sizes)) + len(self.structure.contacts)
+                size += len(self.structure.sliders)
                 kept = np.full(size, math.nan), Outcome.NON_FINITE
             else:
-                own, alone = pack(linear, reach, self._own), pack(linear, reach, self._alone)
+                gaps = reach[: len(self.structure.contacts)]
+                own, alone = pack(linear, gaps, self._own), pack(linear, gaps, self._alone)
                 kept = np.concatenate((own, alone, reach)), Outcome.COMPLETE
             KEPT.put(key, kept)
         ends = self._powers.size, int(np.sum(self._sizes))
@@ -191,6 +200,7 @@ class RecordResponses:
             "state": 2 * n,
             "storey": len(self.structure.drift_rows),
             "stop": len(self.structure.contacts),
+            "slider": len(self.structure.sliders),
         }
         return [sizes[peak.variable.dims[-1]] for peak in (*self._own, *self._alone)]
 
@@ -225,16 +235,17 @@ def respond(
     return solver.respond(record.acceleration, scale, tail, poll=poll)
 
 
-def with_gaps_in(structure: Structure, unit: float) -> Structure:
-    """Return the structure by its matrices, with its gaps in a unit."""
+def with_lengths_in(structure: Structure, unit: float) -> Structure:
+    """Return the structure by its matrices, with its gaps and strengths in a unit of length."""
     return Structure.from_matrices(
         structure.mass_matrix,
-        structure.stiffness_matrix,
+        structure.elastic_stiffness,
         [replace(contact, gap=contact.gap / unit) for contact in structure.contacts],
         damping=structure.damping_matrix,
         forcing=structure.forcing_vector,
         drift=structure.drift_rows,
         sharpness=structure.sharpness,
+        sliders=[replace(one, strength=one.strength / unit) for one in structure.sliders],
     )
 
 

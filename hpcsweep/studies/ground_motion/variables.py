@@ -10,7 +10,7 @@ from hpcsweep.solvers.record_response import Response
 from hpcsweep.studies import variables
 from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.variable import ANY, FINITE, SIZE, Coordinate, Variable, count, real
-from hpcsweep.studies.variables import STATES, measure_coordinates
+from hpcsweep.studies.variables import STATES, measure_coordinates, named
 
 RUN = ("record", "scale")
 """Dimensions of a run."""
@@ -30,7 +30,7 @@ class Peak(NamedTuple):
 def _peak(
     name: str, dim: str, units: str, power: int, long_name: str, limits=SIZE, field="", **rules
 ) -> Peak:
-    made = count if name == "impacts" else real
+    made = count if name in ("impacts", "excursions") else real
     rules |= {"units": units, "long_name": long_name, "limits": limits}
     return Peak(made(name, (*RUN, dim), **rules), field or name, power)
 
@@ -51,6 +51,13 @@ PEAKS = (
     _peak("impulse", "stop", "impulse", 1, "impulse of each contact", FINITE),
     _peak("contact_time", "stop", "time", 0, "time each contact is closed"),
     _peak("dissipated", "stop", "energy", 2, "energy that each contact has taken", FINITE),
+    _peak("ductility", "slider", "1", 0, "peak elongation of each slider over that of yielding"),
+    _peak("slider_force", "slider", "force", 1, "peak force of each slider"),
+    _peak("plastic", "slider", "length", 1, "lasting elongation of each slider", FINITE),
+    _peak("plastic_path", "slider", "length", 1, "sum of its changes"),
+    _peak("excursions", "slider", "1", 0, "how often each slider has slipped"),
+    _peak("slider_energy", "slider", "energy", 2, "energy that each slider has dissipated"),
+    _peak("residual_drift", "storey", "length", 1, "lasting drift of each storey", FINITE),
     _peak("residual", "floor", "length", 1, "displacement left at the end"),
     _peak("final_state", "state", STATES, 1, "state at the end of the tail", FINITE),
 )
@@ -88,6 +95,7 @@ HISTORY = tuple(
         ("displacement", "floor", "length", "displacement of each floor"),
         ("velocity", "floor", "velocity", "velocity of each floor, relative to the ground"),
         ("force", "stop", "force", "force of each contact"),
+        ("slider_force", "slider", "force", "force of each slider"),
     )
 )
 """The motion itself, where ``output.history`` gives a step; NaN past the end of a record."""
@@ -107,11 +115,18 @@ FACTS = (
 FACTOR = real("factor", RUN, "1", "by which the acceleration is multiplied")
 
 
+def _absent(structure: Structure) -> set[str]:
+    """Return the dimensions that a structure does not have, and variables of what it has not."""
+    absent = set() if structure.contacts else {"stop"}
+    return absent | (set() if structure.sliders else {"slider", "residual_drift"})
+
+
 def peaks_of(structure: Structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:
     """Return the peaks of a response, and of the motion without contacts, that a file holds."""
+    absent = _absent(structure)
 
     def held(peaks) -> list[Peak]:
-        return [p for p in peaks if structure.contacts or p.variable.dims[-1] != "stop"]
+        return [p for p in peaks if absent.isdisjoint((p.variable.dims[-1], p.variable.name))]
 
     groups = {name: held(peaks) for name, peaks in GROUPS.items() if name in settings.metrics}
     return held(PEAKS) + groups.get("times", []), groups.get("alone", [])
@@ -122,7 +137,7 @@ def response_variables(
 ) -> list[Variable]:
     """Return the variables of a run, in the order of the file, with or without its history."""
     own, alone = peaks_of(structure, settings)
-    motion = [one for one in HISTORY if structure.contacts or one.dims[-1] != "stop"]
+    motion = [one for one in HISTORY if one.dims[-1] not in _absent(structure)]
     peaks = [peak.variable for peak in own + alone]
     return [*peaks, *(motion if history else ()), OUTCOME, SKIP_RULE]
 
@@ -130,6 +145,7 @@ def response_variables(
 def place_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions storey, floor and, where there are contacts, stop."""
     made = measure_coordinates(structure, replace(settings, metrics=frozenset(MEASURES)))
+    made["slider"] = named(structure.slider_names, "slider")
     return {name: one for name, one in made.items() if one.values.size}
 
 

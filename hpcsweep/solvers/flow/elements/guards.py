@@ -168,7 +168,7 @@ def _passage(g, segment, end, modes, tables, elements, work):
     )
     _, g0, slope0, _, g1, slope1 = part
     if guard[SHARE] != 0.0 and abs(g0) < ROUNDING and abs(slope0) * h < ROUNDING:
-        # a slider that has just stuck, at its guard and at rest to rounding: it moves on, if at all,
+        # a slider that has just stuck, at its guard and at rest to rounding, moves on, if at all,
         # by its acceleration
         part = Part(0.0, min(g0, 0.0), min(slope0, 0.0), end, g1, slope1)
     if not may_reach(end, g0, slope0, g1, slope1, bound4) or leaves(

@@ -23,6 +23,7 @@ def describe(job: Job) -> list[str]:
         lines.append(f"below:      {study.describe_part((0,) * len(study.axes))}, the first part")
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
+    lines += [f"slider:     {line}" for line in _sliders(structure)]
     lines += [f"at rest:    {line}" for line in _at_rest(structure, study)]
     lines += study.lines()
     return lines + [f"warning:    {text}" for text in warnings(job)]
@@ -85,6 +86,15 @@ def _contacts(structure) -> list[str]:
         f"{names[k]}: gap {contact.gap:.6g}{length}, stiffness {contact.stiffness:.6g}"
         for k, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
     ] or ["none"]
+
+
+def _sliders(structure) -> list[str]:
+    length, force = (known_unit(structure, name) for name in ("length", "force"))
+    return [
+        f"{name}: stiffness {one.stiffness:.6g}, slips at {one.strength:.6g}{force}, "
+        f"{one.strength / one.stiffness:.6g}{length}"
+        for name, one in zip(structure.slider_names, structure.sliders, strict=True)
+    ]
 
 
 def _at_rest(structure, study: Study) -> Iterator[str]:

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,10 @@ MAX_LISTED = 4
 
 
 def describe(structure: Structure) -> dict:
-    """Return all that the equations of `hpcsweep.model.matrices` need except A and Omega."""
+    """Return all that the equations of `hpcsweep.model.matrices` need except A and Omega.
+
+    The stiffness is that of a structure whose sliders stick.
+    """
     return {
         "n_floors": structure.n_floors,
         "mass": structure.mass_matrix.tolist(),
@@ -36,6 +40,7 @@ def describe(structure: Structure) -> dict:
             for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
         ],
         "drift": structure.drift_rows.tolist(),
+        **({"sliders": [asdict(one) for one in structure.sliders]} if structure.sliders else {}),
     }
 
 
@@ -93,6 +98,8 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
         words.append(("", "dashpots pull"))
     if structure.matrices is not None and structure.matrices.damping is not None:
         words.append(("", "damping matrix"))
+    if structure.sliders:
+        words.append(("", f"{len(structure.sliders)} sliders"))
     elif structure.rayleigh is not None:
         words.append(("", "Rayleigh damping " + few(structure.rayleigh)))
     else:

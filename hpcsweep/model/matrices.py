@@ -221,7 +221,7 @@ class Matrices:
     damping: Matrix | None = None
     forcing: Vector | None = None
     drift: Matrix | None = None
-    sliders: tuple[Slider, ...] = ()
+    sliders: tuple[Slider, ...] = field(default=(), metadata={"later": True})
 
 
 def read_matrices(

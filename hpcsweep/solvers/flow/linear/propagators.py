@@ -31,10 +31,8 @@ from hpcsweep.kernels.simd.vectors import (
     modulus,
     store,
 )
-from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.linear.algebra import spectral_radius
+from hpcsweep.solvers.flow.linear.generator import spectral_bound, write_generator
 from hpcsweep.solvers.flow.state.shared import read_shared
-from hpcsweep.solvers.flow.state.state import contact_bit
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
     ECONOMISATION,
@@ -167,99 +165,6 @@ def lookup(key, packed):
 
 
 @kernel
-def _generator(key, model, scale, out):
-    """Write M of the coordinates u into `out`, (2n + 2H + 1, padded), balanced.
-
-    Displacements are measured in units of ``model.balance``, velocities in these times `scale`, and
-    the forcing in units of `scale`.
-    """
-    n = model.modal_transform.shape[0]
-    contacts, unit = model.contacts, model.balance
-    last, elements = out.shape[0] - 1, model.elements
-    n_loads = elements.stiffness.shape[0]
-    loads = last - n_loads
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = 0.0
-    for i in range(n):
-        out[i, n + i] = scale
-        for j in range(n):
-            ratio = unit[j] / unit[i]
-            out[n + i, j] = -model.stiffness[i, j] * ratio / scale
-            out[n + i, n + j] = -model.damping[i, j] * ratio
-        for h in range(2 * n, loads, 2):
-            out[n + i, h] = model.forcing[i] / unit[i]
-    for k in range(contacts.row.shape[0]):
-        if (key >> np.uint64(k)) & np.uint64(1):
-            for i in range(n):
-                push = contacts.beta[k] * contacts.kick[k, i] / (unit[i] * scale)
-                if push != 0.0:
-                    for j in range(n):
-                        out[n + i, j] -= push * contacts.reach[k, j] * unit[j]
-                    out[n + i, last] += push * contacts.gap[k]
-                drag = contacts.edges[k, DRAG] * contacts.kick[k, i] / unit[i]
-                if drag != 0.0:
-                    for j in range(n):
-                        out[n + i, n + j] -= drag * contacts.reach[k, j] * unit[j]
-    for j in range(n_loads):
-        slips = key & contact_bit(contacts.row.shape[0] + j) != np.uint64(0)
-        for i in range(n):
-            push = elements.stiffness[j] * elements.kick[j, i] / (unit[i] * scale)
-            out[n + i, loads + j] += push
-            if slips and push != 0.0:
-                for k in range(n):
-                    out[n + i, k] += push * elements.reach[j, k] * unit[k]
-    for h in range(model.harmonics.shape[0]):
-        at = 2 * n + 2 * h
-        out[at, at + 1] = model.harmonics[h, 0] * model.omega
-        out[at + 1, at] = -model.harmonics[h, 0] * model.omega
-    for k in range(model.ramp.shape[0]):
-        at = 2 * n + 2 * (model.harmonics.shape[0] + k)
-        out[at, at + 1] = 1.0
-
-
-@kernel
-def _spectral_bound(key, model, contact):
-    """Bound the moduli of the eigenvalues of M.
-
-    For an eigenvector with displacements q, q* M q = 1, lambda^2 + d lambda + k = 0 with d = q* C q
-    and k = q* (K + contacts) q, dashpots in C. If the roots are complex |lambda|^2 = k, if not
-    |lambda| <= d.
-    `contact`, (n, n), is workspace.
-    """
-    energy = model.energy
-    n = contact.shape[0]
-    for i in range(n):
-        for j in range(n):
-            contact[i, j] = energy.stiffness[i, j]
-    for k in range(energy.kappa.shape[0]):
-        if (key >> np.uint64(k)) & np.uint64(1):
-            for i in range(n):
-                for j in range(n):
-                    contact[i, j] += energy.kappa[k] * energy.reach[k, i] * energy.reach[k, j]
-    hardest = math.sqrt(spectral_radius(contact))
-    drag = energy.drag
-    if not model.contacts.is_elastic:
-        for i in range(n):
-            for j in range(n):
-                contact[i, j] = 0.0
-        for k in range(energy.kappa.shape[0]):
-            if (key >> np.uint64(k)) & np.uint64(1):
-                softness = 0.0
-                for i in range(n):
-                    softness += energy.reach[k, i] ** 2
-                c = model.contacts.edges[k, DRAG] / softness
-                for i in range(n):
-                    for j in range(n):
-                        contact[i, j] += c * energy.reach[k, i] * energy.reach[k, j]
-        drag += spectral_radius(contact)
-    fastest = model.omega
-    for h in range(model.harmonics.shape[0]):
-        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
-    return max(hardest, max(drag, fastest))
-
-
-@kernel
 def _square(matrix, out):
     """Write the product of a square matrix with itself, rows padded."""
     size, padded = out.shape
@@ -309,8 +214,8 @@ def _build(key, model, tables, index):
     size = tables.vectors.shape[1]
     scale = math.sqrt(model.stiffness_bound + (model.hardest if key != np.uint64(0) else 0.0))
     generator, half, term, full = tables.work[0], tables.work[1], tables.work[2], tables.work[3]
-    _generator(key, model, scale, generator)
-    radius = _spectral_bound(key, model, tables.energy)
+    write_generator(key, model, scale, generator)
+    radius = spectral_bound(key, model, tables.energy)
     h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
     if model.ramp.shape[0] > 0:
         h = model.period / math.ceil(model.period / h)

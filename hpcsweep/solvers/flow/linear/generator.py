@@ -1,0 +1,103 @@
+"""The matrix M of the linear motion of one set, x' = M x (`propagators`), and its spectrum."""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.model.kernel_contacts import DRAG
+from hpcsweep.solvers.flow.linear.algebra import spectral_radius
+from hpcsweep.solvers.flow.state.state import contact_bit
+
+
+@kernel
+def write_generator(key, model, scale, out):
+    """Write M of the coordinates u into `out`, (2n + 2H + 1, padded), balanced.
+
+    Displacements are measured in units of ``model.balance``, velocities in these times `scale`, and
+    the forcing in units of `scale`.
+    """
+    n = model.modal_transform.shape[0]
+    contacts, unit = model.contacts, model.balance
+    last, elements = out.shape[0] - 1, model.elements
+    n_loads = elements.stiffness.shape[0]
+    loads = last - n_loads
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
+    for i in range(n):
+        out[i, n + i] = scale
+        for j in range(n):
+            ratio = unit[j] / unit[i]
+            out[n + i, j] = -model.stiffness[i, j] * ratio / scale
+            out[n + i, n + j] = -model.damping[i, j] * ratio
+        for h in range(2 * n, loads, 2):
+            out[n + i, h] = model.forcing[i] / unit[i]
+    for k in range(contacts.row.shape[0]):
+        if (key >> np.uint64(k)) & np.uint64(1):
+            for i in range(n):
+                push = contacts.beta[k] * contacts.kick[k, i] / (unit[i] * scale)
+                if push != 0.0:
+                    for j in range(n):
+                        out[n + i, j] -= push * contacts.reach[k, j] * unit[j]
+                    out[n + i, last] += push * contacts.gap[k]
+                drag = contacts.edges[k, DRAG] * contacts.kick[k, i] / unit[i]
+                if drag != 0.0:
+                    for j in range(n):
+                        out[n + i, n + j] -= drag * contacts.reach[k, j] * unit[j]
+    for j in range(n_loads):
+        slips = key & contact_bit(contacts.row.shape[0] + j) != np.uint64(0)
+        for i in range(n):
+            push = elements.stiffness[j] * elements.kick[j, i] / (unit[i] * scale)
+            out[n + i, loads + j] += push
+            if slips and push != 0.0:
+                for k in range(n):
+                    out[n + i, k] += push * elements.reach[j, k] * unit[k]
+    for h in range(model.harmonics.shape[0]):
+        at = 2 * n + 2 * h
+        out[at, at + 1] = model.harmonics[h, 0] * model.omega
+        out[at + 1, at] = -model.harmonics[h, 0] * model.omega
+    for k in range(model.ramp.shape[0]):
+        at = 2 * n + 2 * (model.harmonics.shape[0] + k)
+        out[at, at + 1] = 1.0
+
+
+@kernel
+def spectral_bound(key, model, contact):
+    """Bound the moduli of the eigenvalues of M.
+
+    For an eigenvector with displacements q, q* M q = 1, lambda^2 + d lambda + k = 0 with d = q* C q
+    and k = q* (K + contacts) q, dashpots in C. If the roots are complex |lambda|^2 = k, if not
+    |lambda| <= d.
+    `contact`, (n, n), is workspace.
+    """
+    energy = model.energy
+    n = contact.shape[0]
+    for i in range(n):
+        for j in range(n):
+            contact[i, j] = energy.stiffness[i, j]
+    for k in range(energy.kappa.shape[0]):
+        if (key >> np.uint64(k)) & np.uint64(1):
+            for i in range(n):
+                for j in range(n):
+                    contact[i, j] += energy.kappa[k] * energy.reach[k, i] * energy.reach[k, j]
+    hardest = math.sqrt(spectral_radius(contact))
+    drag = energy.drag
+    if not model.contacts.is_elastic:
+        for i in range(n):
+            for j in range(n):
+                contact[i, j] = 0.0
+        for k in range(energy.kappa.shape[0]):
+            if (key >> np.uint64(k)) & np.uint64(1):
+                softness = 0.0
+                for i in range(n):
+                    softness += energy.reach[k, i] ** 2
+                c = model.contacts.edges[k, DRAG] / softness
+                for i in range(n):
+                    for j in range(n):
+                        contact[i, j] += c * energy.reach[k, i] * energy.reach[k, j]
+        drag += spectral_radius(contact)
+    fastest = model.omega
+    for h in range(model.harmonics.shape[0]):
+        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
+    return max(hardest, max(drag, fastest))

@@ -145,6 +145,9 @@ def read_study(source: str, tree: Mapping):
     if settings.solver == "bdf" and structure.contact_damping.any():
         limit = "must be 'flow' where contacts have dashpots"
         raise values.error("solver.method", settings.solver, limit)
+    if structure.sliders and not study.starts_at_rest:
+        limit = "must be 'records' where springs yield: harmonic studies of them are to come"
+        raise values.error("study.kind", study.kind, limit)
     block = values.get("output.block", _default_block(values, study))
     return study.read(
         values,

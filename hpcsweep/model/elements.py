@@ -62,7 +62,8 @@ class Elements(NamedTuple):
     after: np.ndarray
     """... and the mode to which it leads."""
     stiffness: np.ndarray
-    """(L,): spring of each slider that its elongation feels; sliders are the last L elements."""
+    """(L,): what the bit of each slider takes out, as its elongation feels it; sliders are the last
+    L elements."""
     reach: np.ndarray
     """(L, n): b_j ..."""
     kick: np.ndarray
@@ -130,8 +131,8 @@ def kernel_elements(structure: Structure, contacts, slides, extra: np.ndarray) -
     softness = np.array([b @ per_mass(structure.mass_matrix, b) for b in directions])
     for j, (slider, (i, below, sign)) in enumerate(zip(sliders, slides, strict=True)):
         directions[j] *= sign
-        table.add((i, below), *_slider(len(contacts.row) + j, slider, length))
-    stiffness = np.array([slider.stiffness for slider in sliders], float) * softness / rate**2
+        table.add((i, below), *slider.modes(len(contacts.row) + j, length))
+    stiffness = np.array([slider.taken for slider in sliders], float) * softness / rate**2
     kick = per_mass(structure.mass_matrix, directions.T).T / softness.reshape(-1, 1)
     wide = np.concatenate((kick, kick @ extra.T), axis=-1)
     return table.packed(stiffness, directions, wide)
@@ -150,17 +151,4 @@ def _contact(k: int, contacts) -> list[tuple[tuple, list[tuple]]]:
         ((0, 0, 0.0, 0.0), [(PUSHING, sign, 1.0, 0.0, stop)]),
         ((bit, bit, 0.0, 0.0), [opens, (LET_GO, -1.0, *force)] if lets_go else [opens]),
         ((bit, 0, 0.0, 0.0), [opens, (PUSHING, 1.0, *force)]),
-    ]
-
-
-def _slider(bit: int, slider, length: float) -> list[tuple[tuple, list[tuple]]]:
-    """Return the modes of a slider with their guards."""
-    delta = slider.strength / slider.stiffness / length
-    up = (0, -1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, -delta)
-    down = (0, 1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, delta)
-    sticks = [(1, 1.0, 1.0, 0.0, delta, 1.0), (2, -1.0, 1.0, 0.0, -delta, 1.0)]
-    return [
-        ((0, 0, 0.0, 1.0), sticks),
-        ((0, 1 << bit, -delta, 0.0), [up]),
-        ((0, 1 << bit, delta, 0.0), [down]),
     ]

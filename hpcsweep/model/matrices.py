@@ -210,6 +210,39 @@ class Slider:
         if self.name is not None and not (isinstance(self.name, str) and self.name):
             raise ValueError(f"slider.name must be a text, is {shown(self.name)}")
 
+    @property
+    def spring(self) -> float:
+        """Stiffness in its first mode: a part of the stiffness matrix of the structure."""
+        return self.stiffness
+
+    @property
+    def taken(self) -> float:
+        """Stiffness that its bit takes out of that matrix, and unit of its loads."""
+        return self.stiffness
+
+    def modes(self, bit: int, length: float) -> list[tuple[tuple, list[tuple]]]:
+        """Return its modes with their guards, see `hpcsweep.model.elements`.
+
+        Of each mode past, key, and the load, a constant and the share of p; of each guard the mode
+        to which it leads, s, a, b, c, r, and where p is taken 1 and the shift.
+
+        Parameters
+        ----------
+        bit : int
+            Of the key, where it slips.
+        length : float
+            Unit of length.
+        """
+        delta = self.strength / self.stiffness / length
+        up = (0, -1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, -delta)
+        down = (0, 1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, delta)
+        sticks = [(1, 1.0, 1.0, 0.0, delta, 1.0), (2, -1.0, 1.0, 0.0, -delta, 1.0)]
+        return [
+            ((0, 0, 0.0, 1.0), sticks),
+            ((0, 1 << bit, -delta, 0.0), [up]),
+            ((0, 1 << bit, delta, 0.0), [down]),
+        ]
+
 
 @dataclass(frozen=True)
 class Matrices:

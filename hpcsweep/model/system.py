@@ -83,7 +83,7 @@ class System:
         if self.matrices is not None:
             found = np.array(self.elastic_stiffness)
             for slider in self.sliders:
-                found += slider.stiffness * np.outer(slider.direction, slider.direction)
+                found += slider.spring * np.outer(slider.direction, slider.direction)
             return frozen(found)
         own = np.array(self._floors(self.storey_stiffness))
         above = np.append(own[1:], 0.0)

@@ -19,13 +19,16 @@ class Slid(NamedTuple):
 
     elongation: np.ndarray
     """Largest |b . u|."""
-    stretch: np.ndarray
-    """Of the springs, b . u - p, at the end."""
+    force: np.ndarray
+    """At the end, in the unit of force."""
     plastic: np.ndarray
     """p at the end."""
     path: np.ndarray
     """Sum of |dp|."""
     excursions: np.ndarray
+
+
+NONE_SLID = Slid(*(np.zeros(0),) * 4, np.zeros(0, int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +186,7 @@ def response_of(
         plastic=plastic,
         plastic_path=path,
         excursions=slid.excursions,
-        final_slider_force=spring * slid.stretch * length,
+        final_slider_force=slid.force,
         slider_energy=strength * path,
         residual_displacement=lasting,
         residual_drift=structure.drift_rows @ lasting,

@@ -149,6 +149,32 @@ def test_a_forcing(copy):
     hpcsweep("run", "square.toml", "-o", "none.h5", code=2)
 
 
+def test_an_element(copy):
+    """A spring that hardens moves as one between two contacts of the reference."""
+    _, _, run = copy("element")
+    said = run(
+        "-c",
+        "import numpy as np, hpcsweep\n"
+        "from hpcsweep.model.hardening import Hardening\n"
+        "from yielding import Yielding\n"
+        "mass, k = np.eye(2), np.array([[3.0, -1.0], [-1.0, 1.5]])\n"
+        "hard, row = Hardening((-1.0, 1.0), 20.0, 10.0), np.array([-1.0, 1.0])\n"
+        "s = hpcsweep.Structure.from_matrices(mass, k, [], damping=0.05 * k, sliders=[hard])\n"
+        "record = hpcsweep.Record(np.random.default_rng(1).standard_normal(60) * 4, dt=0.1)\n"
+        "found, seen = hpcsweep.response(s, record), hpcsweep.history(s, record)\n"
+        "stops = [hpcsweep.Contact(side * row, 0.5, 20.0) for side in (1, -1)]\n"
+        "reference = Yielding(mass, k, 0.05 * k, stops, [])\n"
+        "print(abs(found.final_state - reference.run(record.acceleration, 0.1)).max())\n"
+        "d = seen.displacement @ row\n"
+        "force = np.sign(d) * 20 * np.maximum(abs(d) - 0.5, 0)\n"
+        "print(abs(seen.slider_force[:, 0] - force).max(), abs(force).max())\n",
+    )
+    state, force, largest = map(float, said.split())
+    assert state < 1e-12
+    assert force < 1e-12
+    assert largest > 1.0
+
+
 def test_a_solver(copy):
     folder, hpcsweep, _ = copy("solver")
     few = SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 3")

@@ -464,3 +464,110 @@ def test_every_command_serves_a_study_of_records(tmp_path):
         assert done.returncode == 2
     assert hpcsweep(0, "pack", "job.h5", "-o", "packed.h5", cwd=tmp_path).returncode == 0
     assert open_results(tmp_path / "packed.h5").equals(open_results(tmp_path / "job.h5"))
+
+
+YIELD = 'name = "A"\nyield_drift = [0.004, 0.002]\nhardening = 0.05\n'
+SLID = (
+    *("ductility", "slider_force", "plastic", "plastic_path", "excursions", "slider_energy"),
+    "residual_drift",
+)
+
+
+def test_yielding_buildings_are_computed_as_plainly(tmp_path, calls):
+    text = FACTORS.replace('name = "A"\n', YIELD)
+    assert text != FACTORS
+    job, path, results = computed(text, tmp_path)
+    structure = job.study.structure
+    assert results["slider"].values.tolist() == ["A1", "A2"]
+    rules = results["skip_rule"].values
+    assert set(np.unique(rules)) == {SkipRule.NONE, SkipRule.LINEAR}
+    for place in np.ndindex(4, 4):
+        found = response(structure, SUITE[place[0]], float(results["scale"][place[1]]), tail=1.0)
+        assert (
+            (found.excursions > 0).any() or rules[place] == SkipRule.LINEAR or found.impacts.any()
+        )
+        for name, field in (FIELDS | dict(zip(SLID, SLID, strict=True))).items():
+            own, plain = results[name].values[place], getattr(found, field)
+            size = max(np.abs(plain).max(), 1e-300)
+            np.testing.assert_allclose(own, plain, rtol=0, atol=1e-9 * size, err_msg=name)
+    assert results["excursions"].values.sum() > 10
+    assert validate(path, 3).sound
+
+
+def test_gaps_and_strengths_in_proportion_are_computed_once(tmp_path, calls):
+    """Yielding at half the force under half the record, with half the gap, is the same motion."""
+    force = "yield_force = {}\n"
+    text = FACTORS.replace('name = "A"\n', 'name = "A"\n' + force.format(4e5))
+    computed(text, tmp_path)
+    first = len(calls)
+    calls.clear()
+    gap = float(text.split("gap = ")[1].split()[0])
+    half = text.replace(force.format(4e5), force.format(2e5))
+    computed(half.replace(f"gap = {gap:g}", f"gap = {gap / 2:g}"), tmp_path, "b")
+    # of the scales 0.25, 0.5, 1, 2 the last alone has no twin
+    assert 0 < len(calls) <= len(SUITE) < first
+
+
+def test_histories_of_sliders_are_their_law(tmp_path):
+    text = FACTORS.replace("[output]", "[output]\nhistory = 0.1").replace('name = "A"\n', YIELD)
+    job, path, results = computed(text, tmp_path)
+    structure = job.study.structure
+    run = {"record": 1, "scale": 3}
+    force = results["history_slider_force"].isel(run).values
+    strength = np.array([one.strength for one in structure.sliders])
+    assert (np.abs(force) <= strength * (1 + 1e-12)).all()
+    u = results["history_displacement"].isel(run).values
+    stretch = u @ structure.slider_directions.T
+    spring = np.array([one.stiffness for one in structure.sliders])
+    lasting = stretch - force / spring
+    assert lasting[0] == pytest.approx(0.0, abs=1e-15)
+    np.testing.assert_allclose(lasting[-1], results["plastic"].isel(run).values, rtol=0, atol=1e-12)
+    path = np.abs(np.diff(lasting, axis=0)).sum(axis=0)
+    assert (path <= results["plastic_path"].isel(run).values * (1 + 1e-9) + 1e-15).all()
+    assert validate(path_of(job, tmp_path), 2).sound
+
+
+def path_of(job, folder: Path) -> Path:
+    """Return where `computed` has written the results of a job."""
+    return folder / f"{job.name}.h5"
+
+
+WRONG_YIELD = [
+    ('"A"\nyield_drift = 0.0', "building[0].yield_drift must be above 0"),
+    ('"A"\nyield_drift = 0.1\nyield_force = 1.0', "must not be given both"),
+    ('"A"\nhardening = 0.1', "building[0].hardening goes with yield_force or yield_drift"),
+    ('"A"\nyield_drift = 0.1\nhardening = 1.0', "building[0].hardening must be from 0 to below 1"),
+    ('"A"\nyield_drift = [0.1]', "building[0].yield_drift must have 2 numbers, one per mass"),
+    ('"A"\nyield_drift = "soft"', "building[0].yield_drift"),
+]
+
+
+@pytest.mark.parametrize(("given", "message"), WRONG_YIELD)
+def test_storeys_that_cannot_yield_so_are_refused(given, message):
+    with pytest.raises(JobError) as caught:
+        parse_job(RECORDS.replace('"A"', given), "job.toml")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_sliders_of_matrices_and_what_they_do_not_go_with():
+    matrices = (
+        "[structure.matrices]\nmass = [1.0]\nstiffness = [[1.0]]\n"
+        "[[structure.slider]]\ndirection = [1.0]\nstiffness = 2.0\nstrength = 0.5\n"
+    )
+    base = RECORDS[: RECORDS.index("[[building]]")]
+    rest = RECORDS[RECORDS.index("[records]") :]
+    job = parse_job(base + matrices + rest, "job")
+    assert job.structure.slider_names == ("1",)
+    assert job.structure.stiffness_matrix.tolist() == [[3.0]]
+    for wrong, message in (
+        (matrices.replace("strength = 0.5\n", ""), "structure.slider.strength is missing"),
+        (matrices.replace("strength", "force"), "structure.slider.force"),
+        (matrices.replace("0.5", "-1"), "slider.strength must be"),
+    ):
+        with pytest.raises(JobError) as caught:
+            parse_job(base + wrong + rest, "job")
+        assert message in str(caught.value)
+    sweep = "[sweep]\nomega = 1.0\namplitude = {from = 0.1, to = 0.2, count = 2}\n"
+    with pytest.raises(JobError, match="must be 'records' where springs yield"):
+        parse_job(matrices + sweep, "job")

@@ -6,6 +6,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile.entry_points import with_called
 from hpcsweep.kernels.compile.warm import load_all
+from hpcsweep.model.elements import TAKES
 from hpcsweep.model.kernel_model import record_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
@@ -18,7 +19,7 @@ from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 from hpcsweep.solvers.measures import ROUNDING
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
-from hpcsweep.solvers.record_response import Response, Slid, intervals, response_of
+from hpcsweep.solvers.record_response import NONE_SLID, Response, Slid, intervals, response_of
 
 KERNELS = with_called(march_record, measure_layer_step)
 """All that responses to records call."""
@@ -92,24 +93,34 @@ class RecordMap:
     def _slid(self, z: np.ndarray) -> Slid:
         """Return what the sliders have done, up to the state z at the end."""
         model, modes, structure = self._shared.model, self._shared.modes, self.structure
+        sliders = structure.sliders
+        if not sliders:
+            return NONE_SLID
         elements, own = model.elements, slice(len(model.contacts.row), None)
         rows = elements.rows[own].tolist()
         y = np.array([z[i] - (z[below] if below >= 0 else 0.0) for i, below in rows])
-        load, sticks = elements.load[modes.mode[own]].T if rows else np.zeros((2, 0))
-        state = np.where(sticks > 0.0, modes.state[own], load + y)
+        mode = modes.mode[own]
+        load, share = elements.load[mode].T
+        load = load + share * modes.state[own]
+        takes = np.array(
+            [elements.guard[slice(*elements.guards[k : k + 2]), TAKES].any() for k in mode], bool
+        )
+        state = np.where(takes, load + y, modes.state[own])
         change = np.abs(state - modes.state[own])
+        spring, taken = np.array([(one.spring, one.taken) for one in sliders]).reshape(-1, 2).T
+        force = np.where(elements.sets[mode, 1] > 0, spring - taken, spring) * y - taken * load
         # the kernels' rows are directions of sliders, or against them
         sign = np.array(
             [
                 1.0 if np.array_equal(reach, slider.direction) else -1.0
-                for reach, slider in zip(elements.reach, structure.sliders, strict=True)
+                for reach, slider in zip(elements.reach, sliders, strict=True)
             ]
         )
         drifts = model.drift_rows.tolist()
         slips = change > ROUNDING * np.maximum(np.abs(state), np.abs(load))
         return Slid(
             elongation=self._shared.tally.peaks[[drifts.index(row) for row in rows]],
-            stretch=sign * (y - state),
+            force=sign * force * structure.length_unit,
             plastic=sign * state,
             path=modes.path[own] + change,
             excursions=modes.taken[own] + slips,

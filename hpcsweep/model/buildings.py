@@ -208,7 +208,7 @@ def adjacent(
         ("pounding.restitution", 1.0 if restitution is None else restitution),
         ("pounding.damping", 0.0 if damping is None else damping),
     )
-    contacts, labels, sliders = [], [], []
+    contacts, labels = [], []
     for k in range(len(buildings) - 1):
         pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
         levels = (each(name, given, len(pairs), "level") for name, given in of_levels)
@@ -222,16 +222,11 @@ def adjacent(
                 contact = Contact.from_restitution(*stop, e, masses, tension)
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
-    stiffness_matrix = block_diag(*(one.stiffness_matrix for one in alone))
-    for start, name, building in zip(first, names, buildings, strict=False):
-        for i, spring, strength in building.sliders:
-            row = unit[start + i] - (unit[start + i - 1] if i else 0.0)
-            sliders.append(Slider(tuple(row.tolist()), spring, strength, f"{name}{i + 1}"))
-            stiffness_matrix -= spring * np.outer(row, row)
+    sliders, springs = _sliders(buildings, names, unit)
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
-        stiffness_matrix,
+        block_diag(*(one.stiffness_matrix for one in alone)) - springs,
         contacts,
         damping=block_diag(*(one.damping_matrix for one in alone)),
         drift=block_diag(*(one.drift_rows for one in alone)),
@@ -242,6 +237,21 @@ def adjacent(
     floors = [name + i for name, one in zip(names, alone, strict=True) for i in one.floor_names]
     heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
     return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
+
+
+def _sliders(buildings: Sequence[Building], names: Sequence[str], unit: np.ndarray):
+    """Return the sliders of the storeys of buildings, and the matrix of their springs.
+
+    By the unit vectors of all floors.
+    """
+    found, springs, first = [], np.zeros_like(unit), 0
+    for building, name in zip(buildings, names, strict=True):
+        for i, spring, strength in building.sliders:
+            row = unit[first + i] - (unit[first + i - 1] if i else 0.0)
+            found.append(Slider(tuple(row.tolist()), spring, strength, f"{name}{i + 1}"))
+            springs += spring * np.outer(row, row)
+        first += building.n_floors
+    return found, springs
 
 
 def _of_storeys(name: str, given: Any, n: int, limits: tuple[str, float, float]) -> list[float]:

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.equilibrium import static_equilibrium
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, SPEED, TIME
 from hpcsweep.solvers.outcome import Outcome
@@ -164,6 +163,8 @@ def response_of(
     plastic = slid.plastic * length
     lasting = np.zeros(n)
     if plastic.any():
+        from hpcsweep.model.equilibrium import static_equilibrium  # reading results needs no scipy
+
         lasting = static_equilibrium(structure, plastic) - structure.rest[:n]
     return Response(
         displacement=size[1],

@@ -134,7 +134,9 @@ def linear_response(
     found = RecordMap(free, record.dt, one_sided=n_contacts).respond(record.acceleration, 1.0, tail)
     _complete(found)
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
-    reach = found.drift[n_drifts:]
+    reach = np.roll(found.drift[n_drifts:], n_contacts)
+    spring = np.array([one.stiffness for one in structure.sliders])
+    force = spring * reach[n_contacts:]
     linear = replace(
         found,
         drift=found.drift[:n_drifts],
@@ -146,8 +148,8 @@ def linear_response(
         impulse=nothing,
         dissipated=nothing,
         force_time=nothing,
-        ductility=none,
-        slider_force=none,
+        ductility=force / [one.strength for one in structure.sliders] if len(force) else none,
+        slider_force=force,
         plastic=none,
         plastic_path=none,
         excursions=none.astype(int),
@@ -155,7 +157,7 @@ def linear_response(
         slider_energy=none,
         residual_drift=np.zeros(n_drifts),
     )
-    return linear, np.roll(reach, n_contacts)
+    return linear, reach
 
 
 def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0) -> float:

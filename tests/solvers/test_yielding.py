@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from support.yielding import Yielding
+from yielding import Yielding
 
 import hpcsweep
 from hpcsweep.solvers.flow import FlowMap

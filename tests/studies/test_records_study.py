@@ -545,7 +545,7 @@ WRONG_YIELD = [
 @pytest.mark.parametrize(("given", "message"), WRONG_YIELD)
 def test_storeys_that_cannot_yield_so_are_refused(given, message):
     with pytest.raises(JobError) as caught:
-        parse_job(RECORDS.replace('"A"', given), "job.toml")
+        parse_job(RECORDS.replace('"A"', given), "job.toml", "job")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -557,7 +557,7 @@ def test_sliders_of_matrices_and_what_they_do_not_go_with():
     )
     base = RECORDS[: RECORDS.index("[[building]]")]
     rest = RECORDS[RECORDS.index("[records]") :]
-    job = parse_job(base + matrices + rest, "job")
+    job = parse_job(base + matrices + rest, "job", "job")
     assert job.structure.slider_names == ("1",)
     assert job.structure.stiffness_matrix.tolist() == [[3.0]]
     for wrong, message in (
@@ -566,8 +566,8 @@ def test_sliders_of_matrices_and_what_they_do_not_go_with():
         (matrices.replace("0.5", "-1"), "slider.strength must be"),
     ):
         with pytest.raises(JobError) as caught:
-            parse_job(base + wrong + rest, "job")
+            parse_job(base + wrong + rest, "job", "job")
         assert message in str(caught.value)
     sweep = "[sweep]\nomega = 1.0\namplitude = {from = 0.1, to = 0.2, count = 2}\n"
     with pytest.raises(JobError, match="must be 'records' where springs yield"):
-        parse_job(matrices + sweep, "job")
+        parse_job(matrices + sweep, "job", "job")

@@ -118,12 +118,15 @@ class RecordResponses:
             scale = self.ratio(factor)
             is_linear = scale <= first
             if is_linear:
-                row, outcome, scale, length = free, Outcome.COMPLETE, 1.0, factor
+                more = self._powers("linear_power") - self._powers("power")
+                outcome, own = (
+                    Outcome.COMPLETE,
+                    free * factor ** self._powers("power") * scale**more,
+                )
             else:
                 row, outcome = self._respond(record, digest, scale, poll)
-                length = factor / scale
-            parts = [row * length**self._powers, alone * factor]
-            found.append(np.concatenate(parts))
+                own = row * (factor / scale) ** self._powers("power")
+            found.append(np.concatenate((own, alone * factor)))
             told["outcome"].append(outcome)
             told["skip_rule"].append(SkipRule.LINEAR if is_linear else SkipRule.NONE)
         motion = self._histories(record, factors, told["outcome"], poll) if self._step else {}
@@ -172,7 +175,7 @@ class RecordResponses:
                 own, alone = pack(linear, gaps, self._own), pack(linear, gaps, self._alone)
                 kept = np.concatenate((own, alone, reach)), Outcome.COMPLETE
             KEPT.put(key, kept)
-        ends = self._powers.size, int(np.sum(self._sizes))
+        ends = int(np.sum(self._sizes[: len(self._own)])), int(np.sum(self._sizes))
         own, alone, reach = np.split(kept[0], ends)
         is_known = self._linear and kept[1] is Outcome.COMPLETE
         first = scale_of_contact(self.computed, reach) * BELOW if is_known else -math.inf
@@ -204,11 +207,10 @@ class RecordResponses:
         }
         return [sizes[peak.variable.dims[-1]] for peak in (*self._own, *self._alone)]
 
-    @cached_property
-    def _powers(self) -> np.ndarray:
-        """Power of the scale for each number of a run's own response."""
+    def _powers(self, name: str) -> np.ndarray:
+        """Power of the scale for each number of a run's own response; a field of `Peak`."""
         sizes = self._sizes[: len(self._own)]
-        return np.repeat([float(peak.power) for peak in self._own], sizes)
+        return np.repeat([float(getattr(peak, name)) for peak in self._own], sizes)
 
     def _by_name(self, rows: np.ndarray) -> Rows:
         ends = np.cumsum(self._sizes)[:-1]

@@ -24,7 +24,12 @@ class Peak(NamedTuple):
     field: str
     """Of a `Response`."""
     power: int
-    """Of the scale, with which it grows where gaps grow with the scale."""
+    """Of the scale, with which it grows where gaps grow with the scale ..."""
+
+    @property
+    def linear_power(self) -> int:
+        """... and of a motion without contacts and slips, where nothing else grows."""
+        return 1 if self.field == "ductility" else self.power
 
 
 def _peak(

@@ -47,7 +47,8 @@ def random_case(rng) -> Case:
         if j == 0 or rng.random() < 0.7:
             row = steps[i]
         else:
-            row = np.round(rng.normal(0.0, 1.0, n), 1) + np.eye(n)[i]
+            row = np.round(rng.normal(0.0, 1.0, n), 1)
+            row[i] = 1.0
         share = float(rng.uniform(0.1, 0.6)) * springs[i]
         low = np.linalg.eigvalsh(elastic - share * np.outer(row, row))[0]
         spring = share

@@ -27,7 +27,8 @@ def draw(results, response: str = "drift", place: str | None = None):
     responses.draw_suite(curve, stripes.values)
     if responses.touches(stripes):
         (median,) = fractiles(stripes.alone, (0.5,))
-        curve(median, ":", color=palette.STOP, linewidth=2.0, label="50 %, no contact")
+        label = f"50 %, {responses.alone(results)}"
+        curve(median, ":", color=palette.STOP, linewidth=2.0, label=label)
     axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, None), ylim=(0, intensity[-1]))
     responses.legend(axis, f"{len(stripes.records)} records", handlelength=3.5)
     return style.head(figure, responses.title(results), fontsize=9)

@@ -36,7 +36,8 @@ def draw(results, response: str = "drift", scale: float | None = None):
         if responses.touches(whole):
             alone = np.array([np.asarray(one.alone)[:, at] for one in each])
             (free,) = fractiles(alone, (0.5,), axis=1)
-            axis.plot(free, level, "s:", color=palette.STOP, markersize=3, label="no contact")
+            looks = {"color": palette.STOP, "markersize": 3, "label": responses.alone(results)}
+            axis.plot(free, level, "s:", **looks)
         axis.set_title(f"building {building}" if building else "", fontsize=9)
         axis.set_yticks(level)
         axis.grid(True, color="0.92", linewidth=0.6)

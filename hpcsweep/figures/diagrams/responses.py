@@ -76,6 +76,11 @@ def title(results) -> str:
     return f"{results.attrs['name']}:  {part}" if part else str(results.attrs["name"])
 
 
+def alone(results) -> str:
+    """Return the words for the motion without contacts, in which no slider slips."""
+    return "elastic, no contact" if style.structure_of(results).sliders else "no contact"
+
+
 def touches(stripes: Stripes) -> bool:
     """Return whether contacts change any of the responses, as far as the file shows."""
     if stripes.alone is None:

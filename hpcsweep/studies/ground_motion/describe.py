@@ -73,7 +73,7 @@ def warnings(study: RecordGrid) -> Iterator[str]:
 class ResponseTally(BaseTally):
     """Tally of runs, record by record."""
 
-    measures = tuple(peak.variable.name for peak in PEAKS[:7])
+    measures = (*(peak.variable.name for peak in PEAKS[:7]), "ductility", "excursions")
     placed_by = ("record", "scale", "part")
 
     def add(self, frame, study: Study) -> None:

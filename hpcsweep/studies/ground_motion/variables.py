@@ -92,7 +92,7 @@ OUTCOME = replace(variables.OUTCOME, dims=RUN)
 SKIP_RULE = replace(
     variables.SKIP_RULE,
     dims=RUN,
-    long_name="rule that spared a computation: 1 linear, below first contact",
+    long_name="rule that spared a computation: 1 linear, below first contact and slip",
 )
 HISTORY = tuple(
     real(f"history_{name}", (*RUN, "time", dim), units, long_name, None)

@@ -55,6 +55,18 @@ STRUCTURE: Tables = {
         ),
         Key("tension", "whether these dashpots may pull on the way out", told="false"),
         Key(
+            "yield_drift",
+            "drift at which each storey yields, above 0, `inf` for one that does not; needs "
+            "`sharpness = inf` ([how](yielding.md)); a number, or a list of n",
+            told="none yields",
+        ),
+        Key("yield_force", "force at which it yields, in place of `yield_drift`"),
+        Key(
+            "hardening",
+            "stiffness of a storey that yields over that before, from 0 to below 1",
+            0.0,
+        ),
+        Key(
             "matrices",
             "table of matrices in place of a building ([how](structures.md#matrices)): `mass`, "
             "`stiffness`, and if wanted `damping`, `forcing`, `drift`",

@@ -3,22 +3,19 @@
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hpcsweep.model.arguments import number, plain
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact, Slider, each, vector
+from hpcsweep.model.matrices import Contact, each, vector
 from hpcsweep.model.structure import Structure
 
 RANGE = 1e-12, 1e12
 PERIODS = "finite and positive, from {:g} to {:g}".format(*RANGE)
 """Periods of a building, in whatever unit of time."""
-ABOVE_0 = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
-SHARE_LIMITS = "from 0 to below 1", 0.0, math.nextafter(1.0, 0.0)
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
 
@@ -87,33 +84,6 @@ class Building:
             del self.__dict__["structure"]  # of the stiffness as it is given
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
-        _ = self.sliders
-
-    @functools.cached_property
-    def sliders(self) -> list[tuple[int, float, float]]:
-        """Storey, counted from 0, spring and strength of the slider of each storey that yields.
-
-        The storey keeps the elastic stiffness alpha k; the slider has the rest of k, and of the
-        force at which it yields 1 - alpha.
-        """
-        given = {"yield_force": self.yield_force, "yield_drift": self.yield_drift}
-        named = [name for name, value in given.items() if value is not None]
-        if len(named) > 1:
-            raise ValueError("building.yield_force and building.yield_drift must not be given both")
-        n, found = self.n_floors, []
-        shares = _of_storeys("building.hardening", self.hardening, n, SHARE_LIMITS)
-        if not named:
-            if any(shares):
-                raise ValueError("building.hardening goes with yield_force or yield_drift")
-            return []
-        at = _of_storeys(f"building.{named[0]}", given[named[0]], n, ABOVE_0)
-        stiffness = each("building.storey_stiffness", self.storey_stiffness, n, "mass")
-        for i, (k, share, limit) in enumerate(zip(stiffness, shares, at, strict=True)):
-            if limit < math.inf:
-                spring = (1.0 - share) * k
-                force = limit * (k if named[0] == "yield_drift" else 1.0)
-                found.append((i, spring, (1.0 - share) * force))
-        return found
 
     @property
     def n_floors(self) -> int:
@@ -131,6 +101,10 @@ class Building:
             damping_ratio=self.damping_ratio,
             rayleigh=self.rayleigh,
             gap=math.inf,
+            sharpness=math.inf,
+            yield_force=self.yield_force,
+            yield_drift=self.yield_drift,
+            hardening=self.hardening,
         )
 
     @property
@@ -222,7 +196,7 @@ def adjacent(
                 contact = Contact.from_restitution(*stop, e, masses, tension)
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
-    sliders, springs = _sliders(buildings, names, unit)
+    sliders, springs = _sliders(alone, names)
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
@@ -239,27 +213,19 @@ def adjacent(
     return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
 
 
-def _sliders(buildings: Sequence[Building], names: Sequence[str], unit: np.ndarray):
-    """Return the sliders of the storeys of buildings, and the matrix of their springs.
-
-    By the unit vectors of all floors.
-    """
-    found, springs, first = [], np.zeros_like(unit), 0
-    for building, name in zip(buildings, names, strict=True):
-        for i, spring, strength in building.sliders:
-            row = unit[first + i] - (unit[first + i - 1] if i else 0.0)
-            found.append(Slider(tuple(row.tolist()), spring, strength, f"{name}{i + 1}"))
-            springs += spring * np.outer(row, row)
-        first += building.n_floors
+def _sliders(alone: Sequence[Structure], names: Sequence[str]):
+    """Return the sliders of buildings side by side, and the matrix of their springs."""
+    n = sum(one.n_floors for one in alone)
+    found, springs, first = [], np.zeros((n, n)), 0
+    for one, name in zip(alone, names, strict=True):
+        for slider in one.sliders:
+            row = np.zeros(n)
+            row[first : first + one.n_floors] = slider.direction
+            named = f"{name}{slider.name}"
+            found.append(replace(slider, direction=tuple(row.tolist()), name=named))
+            springs += slider.stiffness * np.outer(row, row)
+        first += one.n_floors
     return found, springs
-
-
-def _of_storeys(name: str, given: Any, n: int, limits: tuple[str, float, float]) -> list[float]:
-    """Read a number for each storey, from one or a sequence."""
-    listed = plain(given)
-    listed = listed if hasattr(listed, "__len__") else [listed] * n
-    found = vector(name, listed, n, "numbers, one per mass")
-    return [number(name, value, *limits) for value in found]
 
 
 def _names(buildings: Sequence[Building]) -> list[str]:

@@ -39,7 +39,7 @@ from hpcsweep.model.unit_names import Names
 
 FOREIGN = (
     *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh"),
-    *("stiffness_ratio", "harmonics", "restitution"),
+    *("stiffness_ratio", "harmonics", "restitution", "yield_force", "yield_drift"),
 )
 """Parameters that the building of the paper leaves at their defaults."""
 AT_LEAST_0 = "finite and at least 0", 0.0, LARGEST
@@ -100,6 +100,11 @@ class Structure(MeasuredDynamics):
         beside the spring, see `hpcsweep.model.dashpot`. It needs sharpness = inf.
     tension : bool
         Whether these dashpots may pull, see `Contact`.
+    yield_force, yield_drift : float or sequence of n floats, optional
+        Force, or drift, at which each storey yields, above 0; ``math.inf`` for one that does not.
+        One of the two.
+    hardening : float or sequence of n floats
+        Stiffness of a storey that yields over that before, from 0 to below 1.
     harmonics : sequence of (order, amplitude, phase)
         Of the forcing: A sum_h a_h sin(h Omega tau + phi_h). Default: A sin(Omega tau).
     matrices, motion_length, unreached
@@ -147,9 +152,14 @@ class Structure(MeasuredDynamics):
         self._set("tension", flag("tension", self.tension))
         told = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth(self._all_contacts, self.sharpness, told)
+        for name in ("yield_force", "yield_drift", "hardening"):
+            given = plain(getattr(self, name))
+            if hasattr(given, "__len__") and not isinstance(given, str | bytes):
+                self._set(name, tuple(given))
         if self.sliders and self.sharpness != math.inf:
             raise ValueError(
-                f"sliders need sharpness = inf, stops that are sharp: it is {self.sharpness:g}"
+                "sharpness must be inf, that of sharp stops, where springs yield, is "
+                f"{self.sharpness:g}"
             )
         if max(self.contact_numbers, default=0) > MAX_CONTACTS:
             raise ValueError(

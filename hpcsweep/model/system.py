@@ -15,6 +15,7 @@ from hpcsweep.model.dashpot import dashpots_of_floors
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, Matrices, Slider
 from hpcsweep.model.unit_names import Names, UnitNames
+from hpcsweep.model.yielding import storey_sliders
 
 PerFloor = float | tuple[float, ...]
 
@@ -45,6 +46,9 @@ class System:
     rayleigh: tuple[float, float] | None = None
     restitution: PerFloor | Sequence[float] | None = None
     tension: bool = False
+    yield_force: float | Sequence[float] | None = None
+    yield_drift: float | Sequence[float] | None = None
+    hardening: float | Sequence[float] = 0.0
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
     matrices: Matrices | None = None
     unit_names: UnitNames = field(default=UnitNames(), compare=False)
@@ -74,25 +78,33 @@ class System:
     def elastic_stiffness(self) -> np.ndarray:
         """K without the springs of sliders, shape (n, n)."""
         if self.matrices is None:
-            return self.stiffness_matrix
+            return self.stiffness_matrix - self._springs
         return np.array(self.matrices.stiffness)
+
+    @property
+    def _springs(self) -> np.ndarray:
+        """Stiffness of the springs of all sliders, shape (n, n)."""
+        found = np.zeros((self.n_floors, self.n_floors))
+        for slider in self.sliders:
+            found += slider.spring * np.outer(slider.direction, slider.direction)
+        return found
 
     @cached_property
     def stiffness_matrix(self) -> np.ndarray:
         """K, (3) of equal storeys, with the springs of all sliders, shape (n, n)."""
         if self.matrices is not None:
-            found = np.array(self.elastic_stiffness)
-            for slider in self.sliders:
-                found += slider.spring * np.outer(slider.direction, slider.direction)
-            return frozen(found)
+            return frozen(self.elastic_stiffness + self._springs)
         own = np.array(self._floors(self.storey_stiffness))
         above = np.append(own[1:], 0.0)
         return frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
 
-    @property
+    @cached_property
     def sliders(self) -> tuple[Slider, ...]:
-        """Sliders of the matrices."""
-        return () if self.matrices is None else self.matrices.sliders
+        """Sliders of the matrices, or of the storeys that yield."""
+        if self.matrices is not None:
+            return self.matrices.sliders
+        stiffness = self._floors(self.storey_stiffness)
+        return storey_sliders(stiffness, self.yield_force, self.yield_drift, self.hardening)
 
     @cached_property
     def slider_directions(self) -> np.ndarray:

@@ -125,6 +125,9 @@ OTHER = {
     "rayleigh": (0.1, 0.01),
     "restitution": 1.0,
     "tension": True,
+    "yield_force": math.inf,
+    "yield_drift": math.inf,
+    "hardening": 0.1,
     "harmonics": ((1, 1.0, 0.0), (3, 0.2, 0.0)),
     "matrices": Structure.from_matrices([1, 1, 1], np.eye(3), []).matrices,
     "transient_cycles": 7,
@@ -148,6 +151,8 @@ OTHER = {
     "refine": Refinement(),
 }
 """Another value than that of the job below, for every field that has a meaning."""
+ALONG = {"hardening": {"yield_drift": math.inf}}
+"""Fields without which another one must not be given."""
 
 
 @pytest.mark.parametrize("kind", ["amplitude_sweep", "points"])
@@ -161,11 +166,12 @@ def test_every_field_is_part_of_the_fingerprint(part, kind):
     assert names
     for name in names:
         assert name in OTHER, f"{name}: give it another value here, and it must change the hash"
-        changed = dataclasses.replace(owner, **{name: OTHER[name]})
-        study = changed
-        if part != "study":
-            study = dataclasses.replace(job.study, **{part: changed})
-        assert dataclasses.replace(job, study=study).fingerprint != job.fingerprint, name
+        usual = dataclasses.replace(owner, **ALONG.get(name, {}))
+        made = []
+        for own in (usual, dataclasses.replace(usual, **{name: OTHER[name]})):
+            study = own if part == "study" else dataclasses.replace(job.study, **{part: own})
+            made.append(dataclasses.replace(job, study=study).fingerprint)
+        assert made[0] != made[1], name
 
 
 @dataclasses.dataclass(frozen=True)

@@ -60,7 +60,6 @@ def test_every_key_is_named_by_what_refuses_odd_values(job, tmp_path):
         ("solver", "name", "did you mean 'method'?"),
         ("structure", "name", "it belongs at the top of the file"),
         ("sweep", "amplitud", "did you mean 'amplitude'?"),
-        ("structure", "yield_force", "known are n_floors, mass, "),
         ("structure", "colour", "known are n_floors, mass, "),
         ("sweep", "starts", 'it goes with study.kind = "attractors" or'),
     ],

@@ -183,6 +183,48 @@ def test_continuing_at_samples_and_peaks_at_samples_are_those_of_the_motion():
     assert (sampled.ductility <= whole.ductility * (1 + 1e-12)).all()
 
 
+def test_storeys_that_yield_are_springs_and_sliders():
+    """The same building by its storeys, by its matrices, and beside another one."""
+    record = hpcsweep.Record(np.random.default_rng(8).standard_normal(80) * 4.0, dt=0.1)
+    given = {"yield_drift": [0.4, math.inf, 0.2], "hardening": 0.05}
+    storeys = hpcsweep.Structure(
+        3, sharpness=math.inf, storey_stiffness=[4.0, 3.0, 2.0], gap=math.inf, **given
+    )
+    assert storeys.slider_names == ("1", "3")
+    steps = np.eye(3) - np.eye(3, k=-1)
+    sliders = [
+        hpcsweep.Slider(steps[0], 0.95 * 4.0, 0.95 * 1.6),
+        hpcsweep.Slider(steps[2], 0.95 * 2.0, 0.95 * 0.4),
+    ]
+    matrices = hpcsweep.Structure.from_matrices(
+        np.eye(3), storeys.elastic_stiffness, [], damping=storeys.damping_matrix, sliders=sliders
+    )
+    np.testing.assert_allclose(
+        storeys.elastic_stiffness, steps.T @ np.diag([0.2, 3.0, 0.1]) @ steps, atol=1e-15
+    )
+    one, two = hpcsweep.response(storeys, record), hpcsweep.response(matrices, record)
+    assert one.excursions.min() > 0
+    np.testing.assert_allclose(one.final_state, two.final_state, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(one.plastic, two.plastic, rtol=0, atol=1e-13)
+    building = hpcsweep.Building(mass=[1.0] * 3, storey_stiffness=[4.0, 3.0, 2.0], **given)
+    far = hpcsweep.adjacent([building, hpcsweep.Building(mass=1.0)], gap=1e6, stiffness=1.0)
+    assert far.slider_names == ("A1", "A3")
+    np.testing.assert_allclose(
+        hpcsweep.response(far, record).plastic, one.plastic, rtol=0, atol=1e-12
+    )
+
+
+def test_the_force_of_a_storey_is_that_at_which_it_yields():
+    by_force = hpcsweep.Structure(2, sharpness=math.inf, yield_force=0.3, hardening=0.1)
+    by_drift = hpcsweep.Structure(2, sharpness=math.inf, yield_drift=0.3, hardening=0.1)
+    assert by_force.sliders == by_drift.sliders  # of storeys of stiffness 1
+    assert by_force.sliders[0].strength == pytest.approx(0.27)
+    with pytest.raises(ValueError, match="sharpness must be inf, that of sharp stops"):
+        hpcsweep.Structure(2, yield_drift=0.3)
+    with pytest.raises(ValueError, match="yield_drift must be a list of numbers, is 'soft'"):
+        hpcsweep.Structure(2, sharpness=math.inf, yield_drift="soft")
+
+
 WRONG = [
     ({"direction": (0.0, 0.0)}, "slider.direction must not be 0"),
     ({"stiffness": 0.0}, "slider.stiffness must be"),
@@ -201,7 +243,7 @@ def test_wrong_sliders_are_refused(wrong, message):
 
 def test_structures_refuse_what_sliders_cannot_do():
     slider, given = hpcsweep.Slider((1.0,), 1.0, 1.0), ([1.0], [[1.0]])
-    with pytest.raises(ValueError, match="sliders need sharpness = inf"):
+    with pytest.raises(ValueError, match="sharpness must be inf, that of sharp stops"):
         hpcsweep.Structure.from_matrices(*given, [], sliders=[slider], sharpness=10.0)
     with pytest.raises(ValueError, match="slider 1 must have 1 entries, has 2"):
         hpcsweep.Structure.from_matrices(

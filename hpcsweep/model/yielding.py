@@ -1,0 +1,62 @@
+"""Storeys that yield: bilinear springs as an elastic spring and a slider (`matrices.Slider`)."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.model.arguments import number, plain
+from hpcsweep.model.matrices import Slider, vector
+
+YIELDS = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
+HARDENS = "from 0 to below 1", 0.0, math.nextafter(1.0, 0.0)
+
+
+def storey_sliders(
+    stiffness: Sequence[float], yield_force: Any, yield_drift: Any, hardening: Any
+) -> tuple[Slider, ...]:
+    """Return the sliders of the storeys that yield, named by the number of the storey.
+
+    A storey of stiffness k keeps the elastic spring alpha k; the slider has the rest of k, and of
+    the force at which the storey yields 1 - alpha.
+
+    Parameters
+    ----------
+    stiffness : sequence of n floats
+        Of the storeys, from the lowest on.
+    yield_force, yield_drift, hardening
+        Of `hpcsweep.model.structure.Structure`.
+
+    Raises
+    ------
+    ValueError
+        If they are outside their ranges; the message names one.
+    """
+    given = {"yield_force": yield_force, "yield_drift": yield_drift}
+    named = [name for name, value in given.items() if value is not None]
+    if len(named) > 1:
+        raise ValueError("yield_force and yield_drift must not be given both")
+    n, found = len(stiffness), []
+    shares = _of_storeys("hardening", hardening, n, HARDENS)
+    if not named:
+        if any(shares):
+            raise ValueError("hardening goes with yield_force or yield_drift")
+        return ()
+    at = _of_storeys(named[0], given[named[0]], n, YIELDS)
+    steps = np.eye(n) - np.eye(n, k=-1)
+    for i, (k, share, limit) in enumerate(zip(stiffness, shares, at, strict=True)):
+        if limit < math.inf:
+            force = limit * (k if named[0] == "yield_drift" else 1.0)
+            row = tuple(steps[i].tolist())
+            found.append(Slider(row, (1.0 - share) * k, (1.0 - share) * force, str(i + 1)))
+    return tuple(found)
+
+
+def _of_storeys(name: str, given: Any, n: int, limits: tuple[str, float, float]) -> list[float]:
+    """Read a number for each storey, from one or a sequence."""
+    listed = plain(given)
+    listed = listed if hasattr(listed, "__len__") else [listed] * n
+    return [
+        number(name, value, *limits) for value in vector(name, listed, n, "numbers, one a storey")
+    ]

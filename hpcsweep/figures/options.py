@@ -29,6 +29,7 @@ FIGURES = (
     "diagrams.profile",
     "diagrams.suite_spectra",
     "diagrams.record_history",
+    "diagrams.hysteresis",
     "diagrams.branches",
     "diagrams.basins",
     "film.figure",

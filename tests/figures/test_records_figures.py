@@ -25,7 +25,10 @@ OPTIONS = {"fragility": ["--threshold", "0.5"], "profile": ["--scale", "10"]}
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("figures")
     (made / "job.toml").write_text(TEXT)
-    assert hpcsweep(0, "run", "job.toml", cwd=made).returncode == 0
+    yields = TEXT.replace("count = 20}", "count = 2}").replace('"A"\n', '"A"\nyield_drift = 1e-3\n')
+    (made / "hysteresis.toml").write_text(yields)
+    for job in ("job.toml", "hysteresis.toml"):
+        assert hpcsweep(0, "run", job, cwd=made).returncode == 0
     return made
 
 
@@ -34,7 +37,8 @@ def folder(tmp_path_factory):
 )
 def test_every_figure_is_drawn(folder, kind):
     options = OPTIONS.get(kind, [])
-    done = hpcsweep(0, "plot", "job.h5", "--kind", kind, "-o", f"{kind}.png", *options, cwd=folder)
+    name = "hysteresis.h5" if kind == "hysteresis" else "job.h5"
+    done = hpcsweep(0, "plot", name, "--kind", kind, "-o", f"{kind}.png", *options, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert (folder / f"{kind}.png").stat().st_size > 10_000
 
@@ -48,6 +52,8 @@ def test_every_figure_is_drawn(folder, kind):
         (["plot", "job.h5", "--kind", "history", "--record", "x"], "must be one of synthetic-3-1"),
         (["plot", "job.h5", "--kind", "profile", "--response", "force"], "no profile"),
         (["plot", "job.h5", "--kind", "orbit"], "holds responses"),
+        (["plot", "job.h5", "--kind", "hysteresis"], "the structure has no sliders"),
+        (["plot", "hysteresis.h5", "--kind", "hysteresis", "--place", "B1"], "of A1, A2"),
         (["fragility", "job.h5", "--threshold", "1e9"], "of 8 records 0 reach"),
         (["fragility", "job.h5", "--threshold", "nan"], "must be finite"),
         (["fragility", "job.h5", "--threshold", "0.5", "--place", "Z"], "or a building"),

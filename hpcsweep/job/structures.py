@@ -67,6 +67,8 @@ def read_structure(values: Values) -> Structure:
             structure = Structure(**given, harmonics=harmonics)
         else:
             structure = _of_matrices(values, given, matrices, contacts, harmonics)
+        if structure.sliders:
+            _ = structure.rest
     except (ValueError, OverflowError) as error:
         if isinstance(error, JobError):
             raise

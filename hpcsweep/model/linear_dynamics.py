@@ -164,7 +164,15 @@ class LinearDynamics(System):
         """State of static equilibrium with the contacts, (u, 0), shape (2n,); see `equilibrium`."""
         from hpcsweep.model.equilibrium import static_equilibrium
 
-        return frozen(np.concatenate((static_equilibrium(self), np.zeros(self.n_floors))))
+        u = static_equilibrium(self)
+        for name, one in zip(self.slider_names, self.sliders, strict=True):
+            force = abs(one.spring * float(np.dot(one.direction, u)))
+            if force > one.strength:
+                raise ValueError(
+                    f"slider {name} would slip at rest: a contact with gap below 0 presses it with "
+                    f"{force:.4g}, its strength is {one.strength:.4g}"
+                )
+        return frozen(np.concatenate((u, np.zeros(self.n_floors))))
 
     @cached_property
     def _modes(self) -> tuple[np.ndarray, np.ndarray]:

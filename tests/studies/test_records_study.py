@@ -568,6 +568,9 @@ def test_sliders_of_matrices_and_what_they_do_not_go_with():
         with pytest.raises(JobError) as caught:
             parse_job(base + wrong + rest, "job", "job")
         assert message in str(caught.value)
+    pressed = "[[structure.contact]]\ndirection = [1.0]\ngap = -5.0\nstiffness = 9.0\n"
+    with pytest.raises(JobError, match="slider 1 would slip at rest"):
+        parse_job(base + matrices + pressed + rest, "job", "job")
     sweep = "[sweep]\nomega = 1.0\namplitude = {from = 0.1, to = 0.2, count = 2}\n"
     with pytest.raises(JobError, match="must be 'records' where springs yield"):
         parse_job(matrices + sweep, "job", "job")

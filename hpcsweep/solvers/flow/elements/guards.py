@@ -68,9 +68,9 @@ def difference(e, first, elements, z):
 
 @kernel
 def holds(g, d, x, modes, elements, work):
-    """Return whether guard g is not passed within d of a step from x; True is proved.
+    """Return whether guard g is not passed within d of a step from x to ``work.z_end``.
 
-    ``work.wide`` or a longer array begins with the state at the end, `work.z_end` tells its size.
+    True is proved.
     """
     e = elements.owner[g]
     sign, spring, speed = (

@@ -151,7 +151,7 @@ def test_branches_lie_under_the_points_of_a_film(folder, whole):
                     dark = spot(pixels, panel, *at, 1).min()
                     assert dark < (70 if steady else 200)
                     seen[steady] += 1
-    assert min(seen.values()) > 5
+    assert min(seen.values()) >= 5
     assert hpcsweep(0, "animate", *_film(folder, whole)).returncode == 0
     done = hpcsweep(0, "animate", *_film(folder, folder / "sweep.h5"))
     assert done.returncode == 2

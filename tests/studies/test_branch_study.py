@@ -144,14 +144,15 @@ def test_branches_lie_under_the_points_of_a_film(folder, whole):
     seen = {True: 0, False: 0}
     for one in film.overlay.at(1.0):
         for piece, steady in one.pieces():
-            for at in zip(one.value[piece], one.points[piece, 0, 0], strict=True):
+            line = np.column_stack((one.value[piece], one.points[piece, 0, 0]))
+            for at in (*line, *(0.5 * (line[1:] + line[:-1]))):
                 if not panel.viewLim.contains(*at):
                     continue
                 if spot(bare, panel, *at, 2).min() > 200:  # nothing else is there
                     dark = spot(pixels, panel, *at, 1).min()
                     assert dark < (70 if steady else 200)
                     seen[steady] += 1
-    assert min(seen.values()) >= 5
+    assert min(seen.values()) > 5
     assert hpcsweep(0, "animate", *_film(folder, whole)).returncode == 0
     done = hpcsweep(0, "animate", *_film(folder, folder / "sweep.h5"))
     assert done.returncode == 2

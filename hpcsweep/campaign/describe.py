@@ -92,7 +92,7 @@ def _sliders(structure) -> list[str]:
     length, force = (known_unit(structure, name) for name in ("length", "force"))
     return [
         f"{name}: stiffness {one.stiffness:.6g}, slips at {one.strength:.6g}{force}, "
-        f"{one.strength / one.stiffness:.6g}{length}"
+        f"{one.limit:.6g}{length}"
         for name, one in zip(structure.slider_names, structure.sliders, strict=True)
     ]
 

@@ -41,7 +41,7 @@ class LinearDynamics(System):
         elongation at which a slider slips, up to a factor.
         """
         gaps = [abs(contact.gap) for contact in self.contacts if contact.gap]
-        gaps = gaps or [slider.strength / slider.stiffness for slider in self.sliders]
+        gaps = gaps or [slider.limit for slider in self.sliders]
         return self.motion_length or power_of_two(min(gaps, default=1.0))
 
     @cached_property

@@ -211,6 +211,11 @@ class Slider:
             raise ValueError(f"slider.name must be a text, is {shown(self.name)}")
 
     @property
+    def limit(self) -> float:
+        """Elongation F / k at which it first slips."""
+        return self.strength / self.stiffness
+
+    @property
     def spring(self) -> float:
         """Stiffness in its first mode: a part of the stiffness matrix of the structure."""
         return self.stiffness
@@ -233,7 +238,7 @@ class Slider:
         length : float
             Unit of length.
         """
-        delta = self.strength / self.stiffness / length
+        delta = self.limit / length
         up = (0, -1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, -delta)
         down = (0, 1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, delta)
         sticks = [(1, 1.0, 1.0, 0.0, delta, 1.0), (2, -1.0, 1.0, 0.0, -delta, 1.0)]

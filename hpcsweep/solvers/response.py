@@ -135,7 +135,8 @@ def linear_response(
     _complete(found)
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
     reach = np.roll(found.drift[n_drifts:], n_contacts)
-    spring = np.array([one.stiffness for one in structure.sliders])
+    sliders = [(one.stiffness, one.strength) for one in structure.sliders]
+    spring, strength = np.array(sliders).reshape(-1, 2).T
     force = spring * reach[n_contacts:]
     linear = replace(
         found,
@@ -148,7 +149,7 @@ def linear_response(
         impulse=nothing,
         dissipated=nothing,
         force_time=nothing,
-        ductility=force / [one.strength for one in structure.sliders] if len(force) else none,
+        ductility=force / strength,
         slider_force=force,
         plastic=none,
         plastic_path=none,
@@ -189,7 +190,7 @@ def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0)
 def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
     """Return the scale of `first_contact_scale`, from what `linear_response` reaches."""
     gaps = [contact.gap for contact in structure.contacts]
-    gaps += [slider.strength / slider.stiffness for slider in structure.sliders]
+    gaps += [slider.limit for slider in structure.sliders]
     scales = [
         max(gap, 0.0) / way if way > 0.0 else 0.0 if gap < 0.0 else math.inf
         for gap, way in zip(gaps, reach.tolist(), strict=True)

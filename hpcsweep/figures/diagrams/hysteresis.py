@@ -1,11 +1,9 @@
 """Hysteresis loops: the force of each slider against its elongation, of one record at one scale."""
 
-import math
-
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams import responses
+from hpcsweep.figures.diagrams import mesh, responses
 from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "hysteresis"
@@ -15,6 +13,10 @@ force of each slider against its elongation, of one record at one intensity; nee
 OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE)
 IN_A_ROW = 4
 """Panels."""
+EACH, MORE = (2.6, 2.3), (1.0, 0.6)
+"""Inches of a panel, and of what is beside all ..."""
+ONE = EACH[0] + MORE[0], EACH[1] + MORE[1]
+"""... of a figure of one."""
 
 
 def load(frames, **_options):
@@ -36,21 +38,15 @@ def draw(results, record: str | None = None, scale: float | None = None, place: 
     samples = responses.samples_of(study, i)
     seen = history(structure, samples, float(study.factor[i, at]), study.tail)
     shown = [names.index(place)] if place else range(len(names))
-    columns = min(len(shown), IN_A_ROW)
-    rows = math.ceil(len(shown) / columns)
-    size = 1.0 + 2.6 * columns, 0.6 + 2.3 * rows
-    figure, axes = style.new_grid(rows, columns, size, sharex=True, sharey=True)
+    figure, axes = mesh.panels(len(shown), ONE, EACH, MORE, columns=IN_A_ROW)
     elongation = seen.displacement @ structure.slider_directions.T
-    for axis, j in zip(axes.flat, shown, strict=False):
-        yields = structure.sliders[j].strength / structure.sliders[j].stiffness
-        ductility = np.abs(elongation[:, j]).max() / yields
+    for axis, j in zip(axes, shown, strict=True):
+        ductility = np.abs(elongation[:, j]).max() / structure.sliders[j].limit
         axis.plot(elongation[:, j], seen.slider_force[:, j], color=palette.series_colour(0), lw=0.7)
         axis.set_title(f"{names[j]}, ductility {ductility:.2g}", fontsize=9)
         axis.grid(True, color="0.92", linewidth=0.6)
-    for axis in axes.flat[len(shown) :]:
-        axis.set_visible(False)
-    for axis in axes[:, 0]:
+    for axis in axes[::IN_A_ROW]:
         axis.set_ylabel("force" + labels.unit(structure, "force"), fontsize=8)
-    for axis in axes[-1]:
+    for axis in axes[(len(axes) - 1) // IN_A_ROW * IN_A_ROW :]:
         axis.set_xlabel("elongation" + labels.unit(structure, "length"), fontsize=8)
     return style.head(figure, f"{samples.name},  {responses.at_scale(study, at)}", fontsize=9)

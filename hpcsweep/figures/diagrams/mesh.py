@@ -92,6 +92,7 @@ def panels(
     each: tuple[float, float],
     more: tuple[float, float] = (0.0, 0.0),
     sharey: bool = True,
+    columns: int = COLUMNS,
 ):
     """Make a figure of equal panels with common axes, row by row.
 
@@ -103,12 +104,14 @@ def panels(
     each, more : tuple of float
         Of each of several panels, and of what is beside them.
     sharey : bool
+    columns : int
+        At most so many beside each other.
 
     Returns
     -------
     figure, list of axes
     """
-    columns = min(count, COLUMNS)
+    columns = min(count, columns)
     rows = -(-count // columns)
     size = one if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
     figure, axes = style.new_grid(rows, columns, size, sharex=True, sharey=sharey)

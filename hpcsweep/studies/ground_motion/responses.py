@@ -90,7 +90,7 @@ class RecordResponses:
         if not self._ratio:
             return 1.0
         lengths = [abs(contact.gap) for contact in self.structure.contacts]
-        lengths += [slider.strength / slider.stiffness for slider in self.structure.sliders]
+        lengths += [slider.limit for slider in self.structure.sliders]
         return max(lengths, default=0.0)
 
     @cached_property

@@ -1,1 +1,1 @@
-"""Motions with dashpots: contacts that are past their stops, those that push, and their changes."""
+"""Motions of sharp elements: modes, guards that end them, contacts with dashpots and sliders."""

@@ -90,19 +90,20 @@ def _threshold(options, results, study: "Records") -> int:
         print(json.dumps(_finite(sums), indent=1))
         return 0
     title = f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records"
-    print(table(title, _rows(sums), 11))
+    elastic = ", elastic" if study.structure.sliders else ""
+    print(table(title, _rows(sums, elastic), 11))
     return 0
 
 
-def _rows(sums: dict) -> Rows:
-    """Write capacities and fragility as a person reads them."""
+def _rows(sums: dict, elastic: str) -> Rows:
+    """Write capacities and fragility as a person reads them; `elastic` of a motion alone."""
     low, high = sums["median_interval"]
     least, most = sums["dispersion_interval"]
     never = f"{sums['never']} records never reach it up to {sums['highest']:.4g}"
     unknown = f", {sums['unknown']} unknown" if sums["unknown"] else ""
     yield "capacity", f"{_shown(sums)} of {sums['measure']}; {never}{unknown}"
     if "alone" in sums:
-        yield "no contact", f"{_shown(sums['alone'])}, exact"
+        yield "no contact", f"{_shown(sums['alone'])}, exact{elastic}"
     yield "crossings", f"{sums['later_crossings']} records fall below it again"
     dispersion = f"{sums['dispersion']:.4f} ({least:.4f} to {most:.4f})"
     median = f"median {sums['median']:.4g} ({low:.4g} to {high:.4g})"

@@ -32,6 +32,7 @@ RECORD_PLOTS = {
     "profile": (),
     "spectra": (),
     "history": (),
+    "hysteresis": (),
 }
 """Those of a study of records."""
 BRANCH_PLOTS = {"branches": ("--sweep", "study.h5")}
@@ -43,6 +44,7 @@ kind = "records"
 [[building]]
 mass = [1.0, 1.0]
 storey_stiffness = 900.0
+yield_drift = 0.01
 [[building]]
 mass = [1.0]
 storey_stiffness = 200.0

@@ -1,11 +1,14 @@
 """What can be checked of the recipes in slurm/ without Apptainer and conda."""
 
 import re
+import runpy
 import subprocess
 import tomllib
 
 import pytest
 from tools import ROOT
+
+from hpcsweep.figures.options import figures
 
 SECTIONS = {
     "setup", "files", "arguments", "environment", "post", "runscript", "startscript", "test",
@@ -81,3 +84,9 @@ def test_image_tests_itself_by_commands_that_the_installed_package_is_tested_by(
     commands = re.findall(r"hpcsweep (--\w+|\w+)", definition["test"])
     assert len(commands) >= 4
     assert [name for name in commands if f'hpcsweep("{name}"' not in smoke] == []
+
+
+def test_installed_package_draws_every_figure():
+    smoke = runpy.run_path(str(ROOT / "tests" / "packaging" / "smoke.py"), run_name="smoke")
+    drawn = [kind for name, kinds in smoke.items() if name.endswith("PLOTS") for kind in kinds]
+    assert sorted(drawn) == sorted(figures())

@@ -28,13 +28,9 @@ from hpcsweep.solvers.flow.elements.guards import (
     write_row,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import (
-    evaluate,
-    expand_row,
-    integral,
-    value_and_slope,
-)
+from hpcsweep.solvers.flow.linear.polynomials import evaluate, integral, value_and_slope
 from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.observe.dense_output import expand
 from hpcsweep.solvers.flow.observe.drift import (
     drift_on_segment,
     largest_of_storeys,
@@ -42,7 +38,7 @@ from hpcsweep.solvers.flow.observe.drift import (
     raise_to_ends,
     row_may_be_higher,
 )
-from hpcsweep.solvers.flow.observe.impacts import come_apart, record
+from hpcsweep.solvers.flow.observe.impacts import note_closed, record
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent, linear_tangent
@@ -75,7 +71,7 @@ def observe_segment(segment, past, span, amplitude, wanted, shared):
     index = segment.index
     tally.contact[0] |= past
     if wanted & DRIFT == 0:
-        drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
+        drift_on_segment(segment, span, model, tables, tally, work)
     if wanted & PEAKS:
         peaks_with_dashpots(segment, span, amplitude, wanted & PEAKS, shared)
     if wanted & IMPACTS:
@@ -120,12 +116,8 @@ def _force_peaks(segment, span, shared):
 @kernel
 def impacts_with_dashpots(segment, past, span, model, tables, tally, work):
     """Add force, time and energy of the contacts past their stops on the first `span` of a step."""
-    contacts, index, h = model.contacts, segment.index, segment.h
-    n = work.z_end.shape[0] // 2
-    tally.closed[0] = past
-    tally.beside[0] |= past
-    if tally.beside[0] & ~past != np.uint64(0):
-        come_apart(segment, past, span, model, tables, tally, work)
+    contacts, h, n = model.contacts, segment.h, work.z_end.shape[0] // 2
+    note_closed(segment, past, span, model, tables, tally, work)
     for k in range(contacts.row.shape[0]):
         if past & contact_bit(k) == np.uint64(0):
             continue
@@ -136,10 +128,8 @@ def impacts_with_dashpots(segment, past, span, model, tables, tally, work):
             tally.impacts[DISSIPATED, k] += 0.5 * spring * (x0 - x1) * (x0 + x1)
             continue
         row = contacts.row[k]
-        for i in (row, n + row):
-            if not work.expanded[i]:
-                expand_row(tables.poly, index, i, work.x, work.rows)
-                work.expanded[i] = True
+        expand(row, segment, tables, work)
+        expand(n + row, segment, tables, work)
         way = contacts.sign[k] * integral(work.rows, row, h, span) - contacts.gap[k] * span
         tally.impacts[FORCE, k] += spring * way + dashpot * (x1 - x0)
         if dashpot > 0.0:

@@ -11,11 +11,9 @@ the scheme, here Gauss collocation:
 - end: `scheme.finish` gives the state at the end of the step from its stages;
 - error: `error.quadrature_error` measures the error of that state, relative to max(1, |z|), of a
   known order in h (`visit.shortening`); it is a bound or an estimate from above;
-- highest point: `observation.observe_layer_step` finds the maxima of displacements and drifts over
-  the step to its own accuracy (dense output), not only at its ends, and the modal norms;
-- measures: `measures.measure_layer_step` raises peaks and adds impacts where a step may change
-  them, of a solitary step in halves (`solitary.halves`), at extrema and crossings along the
-  polynomial of `interpolant`;
+- dense output: its stages give the polynomials of rows and what bounds them (`dense_output`), from
+  which maxima, peaks and impacts are taken as on a linear step (`measures`), of a solitary step in
+  halves (`solitary.step`) where it may change them;
 - tangent: `variations.layer_tangent` multiplies a matrix by the derivative of the map from start to
   end of the step, the same map as that of `finish`.
 

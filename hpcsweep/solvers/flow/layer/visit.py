@@ -29,8 +29,7 @@ from hpcsweep.kernels.compile.entry_points import (
     entry_point,
     type_of,
 )
-from hpcsweep.solvers.flow.layer.measures import measure_layer_step
-from hpcsweep.solvers.flow.layer.observation import observe_layer_step
+from hpcsweep.solvers.flow.layer.measures import measure_layer_step, observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
     accelerations_at_stages,
     allowed_error,
@@ -43,6 +42,7 @@ from hpcsweep.solvers.flow.layer.scheme import (
 from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
+from hpcsweep.solvers.flow.observe.dense_output import layer_segment
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import (
@@ -234,7 +234,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
         ground = total_forcing(pairs, 0, model)
         accelerations(ground, work.z_end, model, work.a_end)
         if wanted != NO_TALLY:
-            observe_layer_step(h, z, wanted, shared)
+            observe_layer_step(layer_segment(begun, h), z, wanted, shared)
         if wanted & ANY_MEASURE:
             step = (begun, h, amplitude, before, ground)
             measure_layer_step(packed, step, z, wanted, 1 if solitary else 0)

@@ -1,7 +1,7 @@
-"""Largest storey drift over continuous time, on linear segments, and what finds peaks of rows.
+"""Largest storey drift over continuous time, and what finds peaks of rows on any step.
 
-All components are polynomials of the step (`tables`). A maximum is sought only where the Hermite
-bound of `search` allows more than the largest drift so far.
+All components are polynomials of the step (`dense_output`). A maximum is sought only where the
+Hermite bound of `search` allows more than the largest drift so far.
 """
 
 import math
@@ -15,6 +15,7 @@ from hpcsweep.solvers.flow.linear.polynomials import (
     value_and_slope,
     value_slope_bend,
 )
+from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
 from hpcsweep.solvers.flow.search.search import HERMITE_BEND, may_exceed, may_reach
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 
@@ -48,21 +49,34 @@ MAX_STEPS = 5
 
 
 @inlined
-def drift_on_segment(index, x, z_end, s, model, tables, tally, work):
-    """Update the largest drift over the first `s` of a linear step from x to state z_end.
-
-    ``work.bounds`` holds the bounds of the fourth derivatives on the step.
-    """
+def drift_on_segment(segment, span, model, tables, tally, work):
+    """Update the largest drift over the first `span` of the present step (`dense_output`)."""
     for d in range(model.drift_rows.shape[0]):
         i, below = model.drift_rows[d]
         row = (i, below, 0, 0.0)
-        ends, bound4 = row_at_ends(row, x, z_end, work.bounds)
-        raise_to_ends(ends, 0, s, 0, tally.peak_drift)
-        if row_may_be_higher(tally.peak_drift[0], 0, s, ends, bound4):
-            expand_difference(row, index, x, tables, work)
-            search_peak(
-                work.drift_rows, tables.h[index], s, bound4, 0, 0, tally.peak_drift, work.stack
-            )
+        raise_row(row, 0, -math.inf, segment, span, tally.peak_drift, tables, work)
+
+
+@inlined
+def raise_row(row, w, near, segment, span, peaks, tables, work):
+    """Raise peak w to that of a row, as of `row_at_ends`, over the first `span` of a step.
+
+    Returns
+    -------
+    float
+        Time of the peak in the step, -1 if it has not been raised. `near` is one to begin with, see
+        `raise_peak`.
+    """
+    side = row[2]
+    ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
+    at = raise_to_ends(ends, side, span, w, peaks)
+    if row_may_be_higher(peaks[w], side, span, ends, bound4):
+        expand_difference(row, segment, tables, work)
+        bound4 = math.inf if segment.index == IN_LAYER else bound4
+        rows, h = work.drift_rows, segment.h
+        found = raise_peak(rows, h, span, ends, bound4, side, w, near, peaks, work.stack)
+        at = found if found >= 0.0 else at
+    return at
 
 
 @inlined
@@ -82,7 +96,7 @@ def row_at_ends(row, x, z_end, bounds):
         i; below, or -1; a side, 0 for |y_i - y_below|, 1 or -1 for that times the difference; and a
         gap, by which it is less.
     x, z_end : ndarray
-        Of `drift_on_segment`.
+        States at both ends.
     bounds : ndarray
         ``work.bounds``
 
@@ -125,11 +139,16 @@ def row_may_be_higher(peak, side, s, ends, bound4):
 
 
 @inlined
-def expand_difference(row, index, x, tables, work):
+def expand_difference(row, segment, tables, work):
     """Write the polynomial of a row, as of `row_at_ends`, into ``work.drift_rows``."""
     i, below, side, gap = row
     sign = -1.0 if side < 0 else 1.0
-    expand_rows(tables.poly, index, x, work.rows, work.expanded, max(i, below) + 1)
+    if segment.index != IN_LAYER:
+        count = max(i, below) + 1
+        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
+    else:
+        expand(i, segment, tables, work)
+        expand(max(below, 0), segment, tables, work)
     for p in range(N_COEFFICIENTS):
         work.drift_rows[0, p] = sign * work.rows[i, p]
         if below >= 0:
@@ -213,7 +232,7 @@ def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
     """
     g0, v0, g1, v1 = ends
     time = -1.0
-    bound4 = min(bound4, _fourth_derivative(rows, h))
+    bound4 = min(bound4, fourth_derivative(rows, h))
     if not _may_be_higher(peaks[w], side, s, g0, v0, g1, v1, bound4):
         return time
     if v0 * v1 < 0.0 and (side == 0 or v0 > 0.0):
@@ -240,7 +259,7 @@ def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
 
 
 @inlined
-def _fourth_derivative(rows, h):
+def fourth_derivative(rows, h):
     """Bound |d^4/ds^4| of polynomial 0 on the step by the moduli of its coefficients."""
     own = modulus(load(rows, 0)) * load(FOURTH, 0)
     for p in range(LANES, N_COEFFICIENTS, LANES):

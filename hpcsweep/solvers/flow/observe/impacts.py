@@ -29,10 +29,11 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import total
 from hpcsweep.model.kernel_model import FLOOR
-from hpcsweep.solvers.flow.linear.polynomials import expand_row, integral, value_and_slope
+from hpcsweep.solvers.flow.linear.polynomials import integral, value_and_slope
+from hpcsweep.solvers.flow.observe.dense_output import expand
 from hpcsweep.solvers.flow.passage.crossing import at_stop, half_passage, since_linear, sums
 from hpcsweep.solvers.flow.passage.passage import ARRIVED, FAST, SLOW
-from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit
 from hpcsweep.solvers.measures import CLOSINGS, FORCE, ROUNDING, SPEED, TIME
 
 
@@ -40,21 +41,25 @@ from hpcsweep.solvers.measures import CLOSINGS, FORCE, ROUNDING, SPEED, TIME
 def impacts_on_segment(segment, span, model, tables, tally, work):
     """Add force and time of the contacts that are closed on the first `span` of a linear step."""
     contacts = model.contacts
-    key, index = segment.key, segment.index
-    tally.closed[0] = key
-    tally.beside[0] |= key
-    if tally.beside[0] & ~key != np.uint64(0):
-        come_apart(segment, key, span, model, tables, tally, work)
+    note_closed(segment, segment.key, span, model, tables, tally, work)
     for k in range(contacts.row.shape[0]):
-        if key & contact_bit(k) == np.uint64(0):
-            continue
-        row = contacts.row[k]
-        if not work.expanded[row]:
-            expand_row(tables.poly, index, row, work.x, work.rows)
-            work.expanded[row] = True
-        way = integral(work.rows, row, segment.h, span)
-        tally.impacts[FORCE, k] += contacts.sign[k] * way - contacts.gap[k] * span
-        tally.impacts[TIME, k] += span
+        if segment.key & contact_bit(k):
+            expand(contacts.row[k], segment, tables, work)
+            way = integral(work.rows, contacts.row[k], segment.h, span)
+            tally.impacts[FORCE, k] += contacts.sign[k] * way - contacts.gap[k] * span
+            tally.impacts[TIME, k] += span
+
+
+@inlined
+def note_closed(segment, past, span, model, tables, tally, work):
+    """Note which contacts, a set, are past their stops on the first `span` of a linear step.
+
+    A step is a part of the fastest free motion, and an opening within one an arch.
+    """
+    tally.closed[0] = past
+    tally.beside[0] |= past
+    if tally.beside[0] & ~past != np.uint64(0):
+        come_apart(segment, past, span, model, tables, tally, work)
 
 
 @inlined
@@ -86,31 +91,27 @@ def _raise_size(z, model, tally):
             tally.size[0] = max(tally.size[0], tally.peaks[p])
 
 
-@inlined
-def note_apart(k, x, contacts, tally):
-    """Note how far an open contact has come apart, the distance past its stop being x."""
-    if x < -ROUNDING * max(abs(contacts.gap[k]), tally.size[0]):
-        tally.beside[0] &= ~contact_bit(k)
-
-
 @kernel
 def come_apart(segment, past, span, model, tables, tally, work):
-    """Note the open contacts that come apart on the first `span` of a linear step.
+    """Note the open contacts that come apart on the first `span` of a linear step."""
+    for k in range(model.contacts.row.shape[0]):
+        if tally.beside[0] & ~past & contact_bit(k):
+            note_arch(k, 0.0, span, segment, model.contacts, tables, tally, work)
 
-    A step is a part of the fastest free motion, and an opening within one an arch: its middle tells
-    its height.
+
+@inlined
+def note_arch(k, a, b, segment, contacts, tables, tally, work):
+    """Note whether an open contact comes apart from time a to b of a step.
+
+    The middle of an arch tells its height.
     """
-    contacts = model.contacts
-    for k in range(contacts.row.shape[0]):
-        if tally.beside[0] & ~past & contact_bit(k) == np.uint64(0):
-            continue
-        row = contacts.row[k]
-        if not work.expanded[row]:
-            expand_row(tables.poly, segment.index, row, work.x, work.rows)
-            work.expanded[row] = True
-        middle, _ = value_and_slope(work.rows, row, segment.h, 0.5 * span)
-        ends = min(distance(k, work.x, contacts), distance(k, work.z_end, contacts))
-        note_apart(k, min(ends, contacts.sign[k] * middle - contacts.gap[k]), contacts, tally)
+    row, h = contacts.row[k], segment.h
+    expand(row, segment, tables, work)
+    x = math.inf
+    for at in (a, 0.5 * (a + b), b):
+        x = min(x, contacts.sign[k] * value_and_slope(work.rows, row, h, at)[0] - contacts.gap[k])
+    if x < -ROUNDING * max(abs(contacts.gap[k]), tally.size[0]):
+        tally.beside[0] &= ~contact_bit(k)
 
 
 @kernel

@@ -107,22 +107,11 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
         if _add_interval(s, False, n, tally, work):
             return
     expand_rows(tables.poly, index, x, work.rows, work.expanded, n)
+    transform, width, count = model.modal_transform, model.modal_transform.shape[1], N_COEFFICIENTS
     for j in range(n):
-        for p in range(0, N_COEFFICIENTS, LANES):
-            row = j * N_COEFFICIENTS + p
-            combine(
-                work.modal_rows,
-                row,
-                ZERO,
-                0,
-                1.0,
-                work.rows,
-                p,
-                N_COEFFICIENTS,
-                model.modal_transform,
-                j * model.modal_transform.shape[1],
-                n,
-            )
+        for p in range(0, count, LANES):
+            to, own = work.modal_rows, j * width
+            combine(to, j * count + p, ZERO, 0, 1.0, work.rows, p, count, transform, own, n)
     # halves, the left one first, until each is resolved
     left = 0.0
     length = 0.5 * s if s == h else s
@@ -140,19 +129,9 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
                 power = power * sigma
         for j in range(n):
             for node in range(0, N_MODAL, LANES):
-                combine(
-                    work.modal_nodes,
-                    j * N_MODAL + node,
-                    ZERO,
-                    0,
-                    1.0,
-                    powers,
-                    node,
-                    N_MODAL,
-                    work.modal_rows,
-                    j * N_COEFFICIENTS,
-                    N_COEFFICIENTS,
-                )
+                at, rows = j * N_MODAL + node, work.modal_rows
+                own, to = j * count, work.modal_nodes
+                combine(to, at, ZERO, 0, 1.0, powers, node, N_MODAL, rows, own, count)
         if _add_interval(length, length <= least, n, tally, work):
             left = s if length >= s - left else left + length
             length *= 2.0

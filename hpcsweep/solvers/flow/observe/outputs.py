@@ -20,7 +20,7 @@ from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.linear.propagators import max_fourth_derivative
 from hpcsweep.solvers.flow.state.state import contact_bit
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, product, product_of_moduli
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 
 
 @inlined
@@ -119,15 +119,3 @@ def _write_pairs(rows, model, pair):
                 rate = model.harmonics[h, 0] * model.omega
             pair[at, value_at] += own
             pair[at + 1, slope_at] += own * rate
-
-
-@inlined
-def look(index, x, outputs, out):
-    """Write values and slopes of the accelerations in an augmented state."""
-    product(outputs.pair, index, x, out)
-
-
-@inlined
-def bound_outputs(index, x, outputs):
-    """Write bounds of |q''''| on a step from x."""
-    product_of_moduli(outputs.bound4, index, x, outputs.bounds)

@@ -1,7 +1,8 @@
-"""Peaks of single rows and their times over continuous time, on linear segments.
+"""Peaks of single rows and their times over continuous time.
 
 Drifts, floors and distances of closed contacts past their stops are taken from the states at both
-ends of a step (`drift`), absolute accelerations from their tables (`outputs`), eight at once. A
+ends of any step (`drift`), absolute accelerations on linear segments from their tables (`outputs`),
+eight at once. A
 peak is first raised to what is reached at the ends, and then looked for only where the Hermite
 bound of `search` allows more.
 """
@@ -12,28 +13,28 @@ from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import (
-    expand_row,
-)
+from hpcsweep.solvers.flow.linear.polynomials import expand_row
 from hpcsweep.solvers.flow.observe.drift import (
     SAME_PEAK,
-    expand_difference,
     raise_peak,
+    raise_row,
     raise_to_ends,
     row_at_ends,
     row_may_be_higher,
 )
-from hpcsweep.solvers.flow.observe.outputs import bound_outputs, fill_outputs, look
+from hpcsweep.solvers.flow.observe.outputs import fill_outputs
 from hpcsweep.solvers.flow.search.search import HERMITE_MIDDLE
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, time_of
+from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
 
 DISPLACEMENT_KINDS = 3
+DISPLACEMENTS = DRIFT | FLOOR | CONTACT
 LEAST = 1e-200
 """Excess over a peak that is not looked for, however small the peak is."""
 
 
 @inlined
-def rows_of_kind(kind, shared):
+def _rows_of_kind(kind, shared):
     """Return the flag of drifts, floors or contacts, where in `Model.watched`, and how many."""
     model, outputs = shared.model, shared.outputs
     if kind == 0:
@@ -50,20 +51,23 @@ def peaks_on_segment(segment, span, amplitude, wanted, shared):
     ``work.expanded`` tells which polynomials are there, and ``work.bounds`` the bounds of the
     fourth derivatives on the step.
     """
-    if wanted & ~ACCELERATION:
-        _displacements_on_segment(segment, span, wanted & ~ACCELERATION, shared)
+    if wanted & DISPLACEMENTS:
+        displacements_on_segment(segment, span, wanted, False, shared)
     if wanted & ACCELERATION:
         _accelerations_on_segment(segment, span, amplitude, shared)
 
 
 @inlined
-def _displacements_on_segment(segment, span, wanted, shared):
-    """Raise the peaks of drifts, floors and closed contacts; arguments of `peaks_on_segment`."""
+def displacements_on_segment(segment, span, wanted, only_look, shared):
+    """Raise the wanted peaks of drifts, floors and closed contacts over the present step.
+
+    With `only_look` none is raised; return then whether one may be.
+    """
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     contacts, peaks = model.contacts, tally.peaks
-    index, time = segment.index, time_of(segment.tau, model)
+    time = time_of(segment.tau, model)
     for kind in range(DISPLACEMENT_KINDS):
-        flag, first, count = rows_of_kind(kind, shared)
+        flag, first, count = _rows_of_kind(kind, shared)
         if wanted & flag == 0 or (flag == CONTACT and segment.key == np.uint64(0)):
             continue
         for k in range(count):
@@ -75,16 +79,16 @@ def _displacements_on_segment(segment, span, wanted, shared):
             p = first + k
             i, below, side, _ = model.watched[p]
             row = (i, below, side, gap)
-            ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
-            at = raise_to_ends(ends, side, span, p, peaks)
-            if row_may_be_higher(peaks[p], side, span, ends, bound4):
-                expand_difference(row, index, work.x, tables, work)
-                h, rows = tables.h[index], work.drift_rows
-                near = tally.times[p] - time
-                found = raise_peak(rows, h, span, ends, bound4, side, p, near, peaks, work.stack)
-                at = found if found >= 0.0 else at
+            if only_look:
+                ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
+                if row_may_be_higher(peaks[p], side, span, ends, bound4):
+                    return True
+                continue
+            near = tally.times[p] - time
+            at = raise_row(row, p, near, segment, span, peaks, tables, work)
             if at >= 0.0:
                 tally.times[p] = time + at
+    return False
 
 
 @inlined
@@ -96,7 +100,7 @@ def _accelerations_on_segment(segment, span, amplitude, shared):
     if outputs.place[0] == index and outputs.place[1] == segment.tau:
         copy_state(outputs.end, outputs.start)
     else:
-        look(index, work.x, outputs, outputs.start)
+        product(outputs.pair, index, work.x, outputs.start)
     x_end = outputs.x_end
     copy_state(work.x, x_end)
     for row in range(size):
@@ -107,9 +111,9 @@ def _accelerations_on_segment(segment, span, amplitude, shared):
         forcing_after(span, segment.tau + span, amplitude, work.x, size, model, outputs.pairs)
         for k in range(outputs.pairs.shape[0]):
             x_end[size + k] = outputs.pairs[k]
-    look(index, x_end, outputs, outputs.end)
+    product(outputs.pair, index, x_end, outputs.end)
     outputs.place[0], outputs.place[1] = index, segment.tau + span
-    bound_outputs(index, work.x, outputs)
+    product_of_moduli(outputs.bound4, index, work.x, outputs.bounds)
     start, end, bounds = outputs.start, outputs.end, outputs.bounds
     quarter, sixth = 0.25 * span, span * (1.0 / 6.0)
     fourth = HERMITE_MIDDLE * (span * span) * (span * span)

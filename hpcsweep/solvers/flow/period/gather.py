@@ -143,7 +143,7 @@ def observe_segment(segment, span, wanted, measures, shared):
     if key != np.uint64(0):
         tally.contact[0] |= key
     if measures is None or wanted & DRIFT == 0:  # see `observe.drift.largest_of_storeys`
-        drift_on_segment(index, work.x, work.z_end, span, model, tables, tally, work)
+        drift_on_segment(segment, span, model, tables, tally, work)
     if wants_norms(wanted) and key == np.uint64(0):
         modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
 

@@ -23,7 +23,7 @@ from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
-from hpcsweep.solvers.flow.observe.outputs import fill_outputs, look
+from hpcsweep.solvers.flow.observe.outputs import fill_outputs
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
@@ -190,7 +190,7 @@ def _sample_peaks(packed, j, z, amplitude, shared):
         index = table_of(key, tables, packed)
         fill_outputs(index, model, tables, outputs)
         start(outputs.x_end, z, work.forcing)
-        look(index, outputs.x_end, outputs, outputs.end)
+        product(outputs.pair, index, outputs.x_end, outputs.end)
     for p in range(tally.peaks.shape[0]):
         i, below, side, flag = model.watched[p]
         k = p - outputs.first_contact

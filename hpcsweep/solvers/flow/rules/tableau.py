@@ -1,7 +1,7 @@
 """Constants of Gauss collocation and of the rule that checks it; see `scheme`."""
 
 import numpy as np
-from numpy.polynomial import legendre
+from numpy.polynomial import chebyshev, legendre
 
 from hpcsweep.kernels.simd.vectors import LANES
 
@@ -74,10 +74,28 @@ def _check():
     )
 
 
+def _stage_polynomials():
+    """Return the polynomials of a step by its stages.
+
+    Velocities at the Gauss nodes and their slopes have one polynomial of degree 2 N_STAGES - 1; its
+    integral, without the last term, is that of the displacement.
+
+    Returns
+    -------
+    ndarray, shape (2, 2 N_STAGES, 2 N_STAGES)
+        Of displacement and h times the velocity, less u_0 + h v_0 s and h v_0: per h (V_j - v_0)
+        and per h^2 G_j the coefficients in sigma = 2 s / h - 1, ascending.
+    """
+    x, last = legendre.leggauss(N_STAGES)[0], 2 * N_STAGES - 1
+    slopes = [chebyshev.chebval(x, 2.0 * chebyshev.chebder(row)) for row in np.eye(last + 1)]
+    series = np.linalg.inv(np.vstack((chebyshev.chebvander(x, last), np.transpose(slopes))))
+    ways = 0.5 * chebyshev.chebint(series[:last], lbnd=-1, axis=0)
+    powers = [np.pad(chebyshev.cheb2poly(row), (0, last))[: last + 1] for row in np.eye(last + 1)]
+    return np.stack([np.transpose(powers) @ rows for rows in (ways, series)]).transpose(0, 2, 1)
+
+
 NODES, WEIGHTS, STAGES, STAGES_SQUARED, LEGENDRE = _collocation()
-POINTS = np.concatenate(([0.0], NODES, [1.0]))
-"""The ends and the stages."""
-N_POINTS = N_STAGES + 2
+STAGE_POLYNOMIALS = np.ascontiguousarray(_stage_polynomials())
 SPEED_ROWS = np.ascontiguousarray(STAGES.T)
 POSITION_ROWS = np.ascontiguousarray(STAGES_SQUARED.T)
 POSITION_WEIGHTS = WEIGHTS @ STAGES

@@ -54,11 +54,12 @@ class LayerWorkspace(NamedTuple):
     """Estimated error of the integral of the force of each active contact over a step."""
     between: np.ndarray = zeros("2R")
     """State between both halves of a step."""
-    values: np.ndarray = zeros(N_STAGES + 2)
-    """Of one component at ends and stages."""
+    values: np.ndarray = zeros(N_COEFFICIENTS)
+    """What a polynomial of a step is made of."""
     state: np.ndarray = zeros("2R")
     rates: np.ndarray = zeros("R")
-    """A state and its accelerations."""
+    pairs: np.ndarray = zeros("2H")
+    """A state, its accelerations and the forcing."""
 
 
 class SolitaryWorkspace(NamedTuple):
@@ -120,7 +121,6 @@ class Workspace(NamedTuple):
     """See `modal_norm.SUMMARY`."""
     forcing: np.ndarray = zeros("2H+L")
     """Pairs of the forcing, see `forcing`, and loads of sliders."""
-    ways: np.ndarray = zeros("R")
     stack: np.ndarray = zeros(MAX_DEPTH + 2, 3)
     a: np.ndarray = zeros("R")
     a_end: np.ndarray = zeros("R")
@@ -129,8 +129,3 @@ class Workspace(NamedTuple):
     tangent: TangentWorkspace = part(TangentWorkspace)
     layer: LayerWorkspace = part(LayerWorkspace)
     solitary: SolitaryWorkspace = part(SolitaryWorkspace)
-    stage_u: np.ndarray = zeros(N_STAGES)
-    stage_v: np.ndarray = zeros(N_STAGES)
-    stage_a: np.ndarray = zeros(N_STAGES)
-    newton: np.ndarray = zeros(2 * (N_STAGES + 2))
-    """A polynomial of a layer step."""

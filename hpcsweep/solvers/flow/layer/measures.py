@@ -79,7 +79,7 @@ def observe_layer_step(segment, z0, wanted, shared):
 def _note_contacts(segment, shared):
     """Update the contact set by the present step; return whether one is closed at an end."""
     model, work, tally = shared.model, shared.work, shared.tally
-    contacts, reached, touching = model.contacts, work.layer.values, False
+    contacts, highest, touching = model.contacts, work.layer.highest, False
     for k in range(contacts.row.shape[0]):
         bit = contact_bit(k)
         if distance(k, work.x, contacts) >= 0.0 or distance(k, work.z_end, contacts) >= 0.0:
@@ -88,8 +88,8 @@ def _note_contacts(segment, shared):
         elif tally.contact[0] & bit == np.uint64(0):
             i, _, side, _ = model.watched[shared.outputs.first_contact + k]
             row, h = (i, -1, side, contacts.gap[k]), segment.h
-            reached[0] = 0.0
-            if raise_row(row, 0, -math.inf, segment, h, reached, shared.tables, work) >= 0.0:
+            highest[0] = 0.0
+            if raise_row(row, 0, -math.inf, segment, h, highest, shared.tables, work) >= 0.0:
                 tally.contact[0] |= bit
     return touching
 

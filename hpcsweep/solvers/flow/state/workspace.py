@@ -56,6 +56,8 @@ class LayerWorkspace(NamedTuple):
     """State between both halves of a step."""
     values: np.ndarray = zeros(N_COEFFICIENTS)
     """What a polynomial of a step is made of."""
+    highest: np.ndarray = zeros(1)
+    """Largest distance of a contact past its stop on a step, from 0."""
     state: np.ndarray = zeros("2R")
     rates: np.ndarray = zeros("R")
     pairs: np.ndarray = zeros("2H")

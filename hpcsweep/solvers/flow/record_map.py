@@ -14,7 +14,12 @@ from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.observe.gathered import reset
-from hpcsweep.solvers.flow.period.record import ALL_PEAKS, PEAKS_AT_SAMPLES, march_record
+from hpcsweep.solvers.flow.period.record import (
+    ALL_PEAKS,
+    PEAKS_AT_SAMPLES,
+    Intervals,
+    march_record,
+)
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 from hpcsweep.solvers.measures import ROUNDING
 from hpcsweep.solvers.outcome import Outcome
@@ -132,25 +137,17 @@ class RecordMap:
         period = self._shared.model.period
         whole, rest = intervals(len(samples), self.dt, tail)
         for first, last in self._polling.cut(whole, poll):
-            done, outcome = self._march(z, samples, amplitude, first, last, period, wanted)
+            part = Intervals(first, last, period)
+            done, outcome = self._march(z, samples, amplitude, part, wanted)
             if outcome != Outcome.COMPLETE:
                 return (first + done) * self.dt, Outcome(outcome)
         if rest > 0.0:
-            length = rest * self.structure.frequency_unit
-            done, outcome = self._march(z, samples, amplitude, whole, whole + 1, length, wanted)
+            part = Intervals(whole, whole + 1, rest * self.structure.frequency_unit)
+            done, outcome = self._march(z, samples, amplitude, part, wanted)
             if outcome != Outcome.COMPLETE:
                 return whole * self.dt, Outcome(outcome)
         return whole * self.dt + rest, Outcome.COMPLETE
 
-    def _march(self, z, samples, amplitude, first, last, length, wanted):
-        return march_record(
-            self._packed,
-            z,
-            samples,
-            amplitude,
-            first,
-            last,
-            length,
-            wanted,
-            self._shared.no_points,
-        )
+    def _march(self, z, samples, amplitude, part, wanted):
+        points = self._shared.no_points
+        return march_record(self._packed, z, samples, amplitude, part, wanted, points)

@@ -13,6 +13,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.layer import scheme, visit
 from hpcsweep.solvers.flow.linear import forcing
+from hpcsweep.solvers.flow.observe.dense_output import layer_segment
 from hpcsweep.solvers.flow.state.state import accelerations
 
 compiled_only = pytest.mark.skipif(
@@ -50,7 +51,8 @@ def test_error_of_a_layer_step_is_measured():
                 begun = tau + part * h
                 forcing.forcing_at(begun, 0.3, model, pairs, 0)
                 accelerations(pairs[0], start, model, a)
-                if scheme.collocate(begun, h, start, a, 0.3, pairs, stiffness, model, work):
+                step = layer_segment(begun, h)
+                if scheme.collocate(step, start, a, 0.3, pairs, stiffness, model, work):
                     scheme.finish(h, start, work.g, end)
                     if parts == 1:
                         measured = scheme.quadrature_error(h, z, model, work)

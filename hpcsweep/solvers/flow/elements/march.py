@@ -32,6 +32,7 @@ from hpcsweep.solvers.flow.linear.polynomials import evaluate, integral, value_a
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.dense_output import expand
 from hpcsweep.solvers.flow.observe.drift import (
+    Peak,
     drift_on_segment,
     largest_of_storeys,
     raise_peak,
@@ -44,7 +45,15 @@ from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.passage.tangent import coasted_tangent, linear_tangent
 from hpcsweep.solvers.flow.search.events import coast, take_step
 from hpcsweep.solvers.flow.search.search import UNDECIDED
-from hpcsweep.solvers.flow.state.shared import IMPACTS, NO_TALLY, PEAKS, read_shared, wants_norms
+from hpcsweep.solvers.flow.state.shared import (
+    IMPACTS,
+    LINEAR_STEPS,
+    NO_TALLY,
+    PASSAGES,
+    PEAKS,
+    read_shared,
+    wants_norms,
+)
 from hpcsweep.solvers.flow.state.state import (
     OVERFLOW,
     Segment,
@@ -104,10 +113,10 @@ def _force_peaks(segment, span, shared):
         g0, v0 = value_and_slope(rows, 0, h, 0.0)
         g1, v1 = value_and_slope(rows, 0, h, span)
         ends = (g0, v0, g1, v1)
-        at = raise_to_ends(ends, 1, span, w, tally.peaks)
+        peak = Peak(tally.peaks, w, tally.times[w] - time)
+        at = raise_to_ends(ends, 1, span, peak)
         if row_may_be_higher(tally.peaks[w], 1, span, ends, bound4):
-            near = tally.times[w] - time
-            found = raise_peak(rows, h, span, ends, bound4, 1, w, near, tally.peaks, work.stack)
+            found = raise_peak(rows, h, span, ends, bound4, 1, peak, work.stack)
             at = found if found >= 0.0 else at
         if at >= 0.0:
             tally.times[w] = time + at
@@ -233,9 +242,9 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
             tau, coasted, known = coast(segment, shared.max_steps - steps, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)
-            counts[0] += coasted
+            counts[LINEAR_STEPS] += coasted
             steps += coasted
-        counts[0] += 1
+        counts[LINEAR_STEPS] += 1
         span = take_step(segment, known, tables, work)
         place, span = first_change(segment, span, modes, tables, elements, work)
         if place == UNDECIDED:
@@ -254,7 +263,7 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
             if wanted != NO_TALLY:
                 observe_segment(segment, past, span, amplitude, wanted, shared)
         if place >= 0:
-            counts[1] += 1
+            counts[PASSAGES] += 1
             before = past
             change(place, segment, span, work.z_end, modes, elements, work)
             past, key = sets_of(modes, elements)

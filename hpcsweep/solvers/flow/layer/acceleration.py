@@ -17,7 +17,7 @@ from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
 from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, value_and_slope
 from hpcsweep.solvers.flow.observe.dense_output import expand
-from hpcsweep.solvers.flow.observe.drift import raise_peak
+from hpcsweep.solvers.flow.observe.drift import Peak, raise_peak
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.state import accelerations, time_of
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
@@ -83,12 +83,12 @@ def accelerations_in_layer(segment, amplitude, ground0, ground1, shared):
         g0, v0 = value_and_slope(rows, 0, h, 0.0)
         g1, v1 = value_and_slope(rows, 0, h, h)
         values[0] = (1.0 - NEAR_PEAK) * tally.peaks[p]
-        near, ends = tally.times[p] - time, (g0, v0, g1, v1)
-        at = raise_peak(rows, h, h, ends, math.inf, 0, 0, near, values, work.stack)
+        peak, ends = Peak(values, 0, tally.times[p] - time), (g0, v0, g1, v1)
+        at = raise_peak(rows, h, h, ends, math.inf, 0, peak, work.stack)
         if at >= 0.0:
-            peak = abs(_acceleration_at(at, i, segment, amplitude, shared))
-            if peak > tally.peaks[p]:
-                tally.peaks[p], tally.times[p] = peak, time + at
+            size = abs(_acceleration_at(at, i, segment, amplitude, shared))
+            if size > tally.peaks[p]:
+                tally.peaks[p], tally.times[p] = size, time + at
 
 
 @inlined

@@ -20,7 +20,7 @@ from hpcsweep.solvers.flow.layer.solitary.step import (
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
 from hpcsweep.solvers.flow.observe.dense_output import begin_layer_step, layer_segment
-from hpcsweep.solvers.flow.observe.drift import drift_on_segment, raise_row
+from hpcsweep.solvers.flow.observe.drift import Peak, drift_on_segment, raise_row
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
 from hpcsweep.solvers.flow.observe.peaks import DISPLACEMENTS, displacements_on_segment
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, WEIGHTS
@@ -89,7 +89,8 @@ def _note_contacts(segment, shared):
             i, _, side, _ = model.watched[shared.outputs.first_contact + k]
             row, h = (i, -1, side, contacts.gap[k]), segment.h
             highest[0] = 0.0
-            if raise_row(row, 0, -math.inf, segment, h, highest, shared.tables, work) >= 0.0:
+            peak = Peak(highest, 0, -math.inf)
+            if raise_row(row, peak, segment, h, shared.tables, work) >= 0.0:
                 tally.contact[0] |= bit
     return touching
 

@@ -312,13 +312,13 @@ def replace(g, fresh):
 
 
 @inlined
-def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
+def collocate(step, z, a, amplitude, pairs, stiffness, model, work):
     """Solve the collocation equations of one step.
 
     Parameters
     ----------
-    tau, h : float
-        Start and length of the step.
+    step : Segment
+        Its start `tau`, and its length.
     z : ndarray, shape (2R,)
         State at `tau`; not changed.
     a : ndarray, shape (n,)
@@ -337,6 +337,7 @@ def collocate(tau, h, z, a, amplitude, pairs, stiffness, model, work):
     bool
         Whether the iteration converged.
     """
+    tau, h = step.tau, step.h
     u, v, g, fresh, ground, active = (work.u, work.v, work.g, work.fresh, work.ground, work.active)
     free, speeds = work.free, work.speeds
     n = a.shape[0]

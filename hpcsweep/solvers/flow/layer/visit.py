@@ -164,7 +164,8 @@ def _collocated_step(interval, most, z, amplitude, shared):
     if not tau + h > tau:
         return h, SOLVER_FAILED, 0
     for steps in range(1, interval.steps_left + 1):
-        if collocate(tau, h, z, work.a, amplitude, work.forcing, stiffness, model, work.layer):
+        step = layer_segment(tau, h)
+        if collocate(step, z, work.a, amplitude, work.forcing, stiffness, model, work.layer):
             finish(h, z, work.layer.g, work.z_end)
             error = quadrature_error(h, z, model, work.layer)
             allowed = allowed_error(work.z_end, shared.tolerance)

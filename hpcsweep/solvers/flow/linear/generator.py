@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.linear.algebra import spectral_radius
 from hpcsweep.solvers.flow.state.state import contact_bit
@@ -17,11 +17,8 @@ def write_generator(key, model, scale, out):
     Displacements are measured in units of ``model.balance``, velocities in these times `scale`, and
     the forcing in units of `scale`.
     """
-    n = model.modal_transform.shape[0]
-    contacts, unit = model.contacts, model.balance
-    last, elements = out.shape[0] - 1, model.elements
-    n_loads = elements.stiffness.shape[0]
-    loads = last - n_loads
+    n, unit = model.modal_transform.shape[0], model.balance
+    loads = out.shape[0] - 1 - model.elements.stiffness.shape[0]
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = 0.0
@@ -33,6 +30,22 @@ def write_generator(key, model, scale, out):
             out[n + i, n + j] = -model.damping[i, j] * ratio
         for h in range(2 * n, loads, 2):
             out[n + i, h] = model.forcing[i] / unit[i]
+    _add_contacts(key, model, scale, out)
+    _add_elements(key, model, scale, out)
+    for h in range(model.harmonics.shape[0]):
+        at = 2 * n + 2 * h
+        out[at, at + 1] = model.harmonics[h, 0] * model.omega
+        out[at + 1, at] = -model.harmonics[h, 0] * model.omega
+    for k in range(model.ramp.shape[0]):
+        at = 2 * n + 2 * (model.harmonics.shape[0] + k)
+        out[at, at + 1] = 1.0
+
+
+@inlined
+def _add_contacts(key, model, scale, out):
+    """Add the springs and dashpots of the closed contacts."""
+    n, last = model.modal_transform.shape[0], out.shape[0] - 1
+    contacts, unit = model.contacts, model.balance
     for k in range(contacts.row.shape[0]):
         if (key >> np.uint64(k)) & np.uint64(1):
             for i in range(n):
@@ -45,21 +58,22 @@ def write_generator(key, model, scale, out):
                 if drag != 0.0:
                     for j in range(n):
                         out[n + i, n + j] -= drag * contacts.reach[k, j] * unit[j]
-    for j in range(n_loads):
-        slips = key & contact_bit(contacts.row.shape[0] + j) != np.uint64(0)
+
+
+@inlined
+def _add_elements(key, model, scale, out):
+    """Add the loads of elements, and take the springs of those that slip away."""
+    n = model.modal_transform.shape[0]
+    elements, unit = model.elements, model.balance
+    loads = out.shape[0] - 1 - elements.stiffness.shape[0]
+    for j in range(elements.stiffness.shape[0]):
+        slips = key & contact_bit(model.contacts.row.shape[0] + j) != np.uint64(0)
         for i in range(n):
             push = elements.stiffness[j] * elements.kick[j, i] / (unit[i] * scale)
             out[n + i, loads + j] += push
             if slips and push != 0.0:
                 for k in range(n):
                     out[n + i, k] += push * elements.reach[j, k] * unit[k]
-    for h in range(model.harmonics.shape[0]):
-        at = 2 * n + 2 * h
-        out[at, at + 1] = model.harmonics[h, 0] * model.omega
-        out[at + 1, at] = -model.harmonics[h, 0] * model.omega
-    for k in range(model.ramp.shape[0]):
-        at = 2 * n + 2 * (model.harmonics.shape[0] + k)
-        out[at, at + 1] = 1.0
 
 
 @kernel

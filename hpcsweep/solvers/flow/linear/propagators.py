@@ -32,7 +32,7 @@ from hpcsweep.kernels.simd.vectors import (
     store,
 )
 from hpcsweep.solvers.flow.linear.generator import spectral_bound, write_generator
-from hpcsweep.solvers.flow.state.shared import read_shared
+from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
     ECONOMISATION,
@@ -72,44 +72,51 @@ def build_series(generator, vectors, model, series, impulses):
     impulses : ndarray, shape (m, LANES, padded 2R)
         Receives M^k e / k!.
     """
-    n = model.modal_transform.shape[0]
-    n_rows = model.stiffness.shape[0]
-    size = generator.shape[0]
-    contacts = model.contacts
+    for contact in range(model.contacts.row.shape[0]):
+        _distance_series(contact, generator, vectors, model, series[contact])
+        _impulse_series(contact, generator, vectors, model, impulses[contact])
+
+
+@kernel
+def _distance_series(contact, generator, vectors, model, series):
+    """Fill d M^k / k! of a contact; arguments of `build_series`."""
+    n, n_rows, size = model.modal_transform.shape[0], model.stiffness.shape[0], generator.shape[0]
     unit, vector, spare = vectors[0], vectors[1], vectors[2]
-    for contact in range(contacts.row.shape[0]):
-        for i in range(size):
-            vector[i] = contacts.reach[contact, i] * unit[i] if i < n else 0.0
-        for k in range(LANES):
-            if k > 0:
-                for j in range(size):
-                    spare[j] = 0.0
-                for i in range(size):
-                    for j in range(size):
-                        spare[j] += vector[i] * generator[i, j]
-                for j in range(size):
-                    vector[j] = spare[j] / k
+    for i in range(size):
+        vector[i] = model.contacts.reach[contact, i] * unit[i] if i < n else 0.0
+    for k in range(LANES):
+        if k > 0:
             for j in range(size):
-                series[contact, place_of(j, n, n_rows), k] = vector[j] / unit[j]
-        for i in range(size):
-            vector[i] = contacts.kick[contact, i - n] / unit[i] if n <= i < 2 * n else 0.0
-        for k in range(LANES):
-            if k > 0:
-                for i in range(size):
-                    spare[i] = 0.0
-                    for j in range(size):
-                        spare[i] += generator[i, j] * vector[j]
-                for i in range(size):
-                    vector[i] = spare[i] / k
-            for half in range(2):
-                first = half * n_rows
-                for i in range(n):
-                    impulses[contact, k, first + i] = vector[half * n + i] * unit[half * n + i]
-                for extra in range(n_rows - n):
-                    value = 0.0
-                    for j in range(n):
-                        value += model.rows[extra, j] * impulses[contact, k, first + j]
-                    impulses[contact, k, first + n + extra] = value
+                spare[j] = 0.0
+            for i in range(size):
+                for j in range(size):
+                    spare[j] += vector[i] * generator[i, j]
+            for j in range(size):
+                vector[j] = spare[j] / k
+        for j in range(size):
+            series[place_of(j, n, n_rows), k] = vector[j] / unit[j]
+
+
+@kernel
+def _impulse_series(contact, generator, vectors, model, impulses):
+    """Fill M^k e / k! of a contact; arguments of `build_series`."""
+    n, n_rows, size = model.modal_transform.shape[0], model.stiffness.shape[0], generator.shape[0]
+    unit, vector, spare = vectors[0], vectors[1], vectors[2]
+    for i in range(size):
+        vector[i] = model.contacts.kick[contact, i - n] / unit[i] if n <= i < 2 * n else 0.0
+    for k in range(LANES):
+        if k > 0:
+            for i in range(size):
+                spare[i] = 0.0
+                for j in range(size):
+                    spare[i] += generator[i, j] * vector[j]
+            for i in range(size):
+                vector[i] = spare[i] / k
+        for half in range(2):
+            first = half * n_rows
+            for i in range(n):
+                impulses[k, first + i] = vector[half * n + i] * unit[half * n + i]
+            _write_extra(model, impulses[k, first : first + n_rows])
 
 
 @inlined
@@ -158,7 +165,7 @@ def lookup(key, packed):
         forget(shared.responses)
     index = tables.count[0]
     _build(key, shared.model, tables, index)
-    shared.counts[4] += 1
+    shared.counts[TABLES] += 1
     tables.keys[index] = key
     tables.count[0] = index + 1
     return index
@@ -285,13 +292,19 @@ def _write_rows(matrix, unit, column, model, out):
     for i in range(n):
         out[i] = matrix[i, column] * unit[i] / unit[column]
         out[n_rows + i] = matrix[n + i, column] * unit[n + i] / unit[column]
-    for extra in range(n_rows - n):
-        value, slope = 0.0, 0.0
+    _write_extra(model, out[:n_rows])
+    _write_extra(model, out[n_rows : 2 * n_rows])
+
+
+@inlined
+def _write_extra(model, out):
+    """Write the rows beyond the n coordinates by those."""
+    n = model.modal_transform.shape[0]
+    for extra in range(out.shape[0] - n):
+        value = 0.0
         for j in range(n):
             value += model.rows[extra, j] * out[j]
-            slope += model.rows[extra, j] * out[n_rows + j]
         out[n + extra] = value
-        out[n_rows + n + extra] = slope
 
 
 @kernel

@@ -5,6 +5,7 @@ Hermite bound of `search` allows more than the largest drift so far.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,33 +49,40 @@ MAX_STEPS = 5
 """Of Newton's method, from the cubic Hermite interpolant: its error is squared by each."""
 
 
+class Peak(NamedTuple):
+    """A peak so far: number `place` of values, and a time to begin with, see `raise_peak`."""
+
+    values: np.ndarray
+    place: int
+    near: float
+
+
 @inlined
 def drift_on_segment(segment, span, model, tables, tally, work):
     """Update the largest drift over the first `span` of the present step (`dense_output`)."""
     for d in range(model.drift_rows.shape[0]):
         i, below = model.drift_rows[d]
-        row = (i, below, 0, 0.0)
-        raise_row(row, 0, -math.inf, segment, span, tally.peak_drift, tables, work)
+        peak = Peak(tally.peak_drift, 0, -math.inf)
+        raise_row((i, below, 0, 0.0), peak, segment, span, tables, work)
 
 
 @inlined
-def raise_row(row, w, near, segment, span, peaks, tables, work):
-    """Raise peak w to that of a row, as of `row_at_ends`, over the first `span` of a step.
+def raise_row(row, peak, segment, span, tables, work):
+    """Raise a `Peak` to that of a row, as of `row_at_ends`, over the first `span` of a step.
 
     Returns
     -------
     float
-        Time of the peak in the step, -1 if it has not been raised. `near` is one to begin with, see
-        `raise_peak`.
+        Time of the peak in the step, -1 if it has not been raised.
     """
     side = row[2]
     ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
-    at = raise_to_ends(ends, side, span, w, peaks)
-    if row_may_be_higher(peaks[w], side, span, ends, bound4):
+    at = raise_to_ends(ends, side, span, peak)
+    if row_may_be_higher(peak.values[peak.place], side, span, ends, bound4):
         expand_difference(row, segment, tables, work)
         bound4 = math.inf if segment.index == IN_LAYER else bound4
         rows, h = work.drift_rows, segment.h
-        found = raise_peak(rows, h, span, ends, bound4, side, w, near, peaks, work.stack)
+        found = raise_peak(rows, h, span, ends, bound4, side, peak, work.stack)
         at = found if found >= 0.0 else at
     return at
 
@@ -120,13 +128,13 @@ def row_at_ends(row, x, z_end, bounds):
 
 
 @inlined
-def raise_to_ends(ends, side, s, w, peaks):
-    """Raise peak w to the values at the ends of a step; return when, -1 if it was not below."""
+def raise_to_ends(ends, side, s, peak):
+    """Raise a `Peak` to the values at the ends of a step; return when, -1 if it was not below."""
     start, end = _size(ends[0], side), _size(ends[2], side)
     reached = max(start, end)
-    if not reached > peaks[w]:
+    if not reached > peak.values[peak.place]:
         return -1.0
-    peaks[w] = reached
+    peak.values[peak.place] = reached
     return 0.0 if start == reached else s
 
 
@@ -172,8 +180,8 @@ def _size(value, side):
 
 
 @kernel
-def search_peak(rows, h, s, bound4, side, w, peaks, stack):
-    """Update peak w with the extrema of one polynomial on [0, s].
+def search_peak(rows, h, s, bound4, side, peak, stack):
+    """Update a `Peak` with the extrema of one polynomial on [0, s].
 
     A part is finished where the Hermite bound allows no more than the peak, or where the slope is
     proved monotone, so that it has at most one extremum. Other parts are halved. `stack` is
@@ -184,6 +192,7 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
     float
         Time of the peak, -1 if it has not been raised.
     """
+    peaks, w, _ = peak
     a = 0.0
     time = -1.0
     ga, da = value_and_slope(rows, 0, h, a)
@@ -215,8 +224,8 @@ def search_peak(rows, h, s, bound4, side, w, peaks, stack):
 
 
 @kernel
-def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
-    """Update peak w with the extrema of polynomial 0 of `rows` on [0, s], as `search_peak` does.
+def raise_peak(rows, h, s, ends, bound4, side, peak, stack):
+    """Update a `Peak` with the extrema of polynomial 0 of `rows` on [0, s], as `search_peak` does.
 
     The coefficients bound the fourth derivative more sharply than the state does, which makes most
     searches needless. Where slopes at the `ends`, of `row_at_ends`, differ in sign, Newton's method
@@ -230,6 +239,7 @@ def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
     float
         Time of the peak, -1 if it has not been raised.
     """
+    peaks, w, near = peak
     g0, v0, g1, v1 = ends
     time = -1.0
     bound4 = min(bound4, fourth_derivative(rows, h))
@@ -254,7 +264,7 @@ def raise_peak(rows, h, s, ends, bound4, side, w, near, peaks, stack):
             if v0 * bend >= 0.0:
                 break
             t -= v / bend
-    found = search_peak(rows, h, s, bound4, side, w, peaks, stack)
+    found = search_peak(rows, h, s, bound4, side, peak, stack)
     return found if found >= 0.0 else time
 
 

@@ -16,6 +16,7 @@ from hpcsweep.solvers.flow.linear.forcing import forcing_after, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import expand_row
 from hpcsweep.solvers.flow.observe.drift import (
     SAME_PEAK,
+    Peak,
     raise_peak,
     raise_row,
     raise_to_ends,
@@ -84,8 +85,8 @@ def displacements_on_segment(segment, span, wanted, only_look, shared):
                 if row_may_be_higher(peaks[p], side, span, ends, bound4):
                     return True
                 continue
-            near = tally.times[p] - time
-            at = raise_row(row, p, near, segment, span, peaks, tables, work)
+            peak = Peak(peaks, p, tally.times[p] - time)
+            at = raise_row(row, peak, segment, span, tables, work)
             if at >= 0.0:
                 tally.times[p] = time + at
     return False
@@ -144,12 +145,12 @@ def _raise_acceleration(p, segment, span, shared):
     start, end = outputs.start, outputs.end
     ends = (start[at], start[at + LANES], end[at], end[at + LANES])
     bound4, time = outputs.bounds[p], time_of(segment.tau, shared.model)
-    reached = raise_to_ends(ends, 0, span, w, peaks)
+    peak = Peak(peaks, w, shared.tally.times[w] - time)
+    reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
         expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
         rows = outputs.rows[p : p + 1]
-        near, h = shared.tally.times[w] - time, segment.h
-        found = raise_peak(rows, h, span, ends, bound4, 0, w, near, peaks, work.stack)
+        found = raise_peak(rows, segment.h, span, ends, bound4, 0, peak, work.stack)
         reached = found if found >= 0.0 else reached
     if reached >= 0.0:
         shared.tally.times[w] = time + reached

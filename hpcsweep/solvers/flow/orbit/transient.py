@@ -22,7 +22,13 @@ from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
 from hpcsweep.solvers.flow.orbit.newton import newton_orbit
 from hpcsweep.solvers.flow.period.march import advance
-from hpcsweep.solvers.flow.state.shared import read_shared, read_watch
+from hpcsweep.solvers.flow.state.shared import (
+    LAYER_STEPS,
+    LINEAR_STEPS,
+    TABLES,
+    read_shared,
+    read_watch,
+)
 from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.outcome import COMPLETE
 
@@ -130,7 +136,7 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
 @kernel
 def _steps(counts, size):
     """Return the steps taken so far, and those that tables are worth."""
-    return counts[0] + counts[2] + size * counts[4]
+    return counts[LINEAR_STEPS] + counts[LAYER_STEPS] + size * counts[TABLES]
 
 
 @entry_point(

@@ -256,6 +256,47 @@ def jerk_at_stop(arrival, z, a, model):
     return jerk
 
 
+@inlined
+def accelerations_at_stop(arrival, z, model, a):
+    """Write the accelerations without the force of the contact that is at its stop into `a`."""
+    contacts, n = model.contacts, a.shape[0]
+    stiffness, damping = model.stiffness, model.damping
+    pressed = arrival.key & ~contact_bit(arrival.contact)
+    ground = total_forcing(arrival.forcing, 0, model)
+    for i in range(n):
+        force = model.forcing[i] * ground
+        k = contacts.solo[i]
+        if k >= 0 and pressed & contact_bit(k):
+            force -= contacts.sign[k] * contacts.beta[k] * distance(k, z, contacts)
+        for j in range(n):
+            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
+        a[i] = force
+    for other in range(contacts.others.shape[0]):
+        k = contacts.others[other]
+        if pressed & contact_bit(k):
+            force = contacts.beta[k] * distance(k, z, contacts)
+            for p in range(contacts.first[k], contacts.first[k + 1]):
+                a[contacts.push_row[p]] -= contacts.push[p] * force
+
+
+@inlined
+def closed_form(arrival, v, pushed, bend, model):
+    """Return how a contact may pass, by its speed, acceleration and jerk towards the stop there."""
+    contact = arrival.contact
+    if not model.contacts.is_elastic:
+        return INTEGRATED
+    if passage_is_fast(v, pushed, bend, contact, model):
+        return FAST
+    if model.rho == math.inf:
+        return INTEGRATED
+    if passage_is_smooth(v, pushed, bend, contact, model):
+        return SLOW
+    free = arrival.key & contact_bit(contact) == np.uint64(0)
+    if free and half_is_smooth(v, pushed, bend, False, contact, model):
+        return ARRIVED
+    return INTEGRATED
+
+
 @entry_point(
     (INT, FLOAT, KEY), INT, SEGMENT, FLOAT, VECTOR, KEY, FLOAT, BYTES, inner=True, specialises=True
 )
@@ -289,42 +330,14 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     z = as_long_as(z, shared.previous)
     model, work = shared.model, shared.work
     arrival = Arrival(contact, before.key, tau, work.forcing)
-    contacts, a = model.contacts, work.a
-    stiffness, damping, rho = model.stiffness, model.damping, model.rho
-    n = stiffness.shape[0]
+    contacts, a, rho = model.contacts, work.a, model.rho
     row, sign = contacts.row[contact], contacts.sign[contact]
     z[row] = sign * contacts.gap[contact]
-    ground = total_forcing(arrival.forcing, 0, model)
-    for i in range(n):
-        force = model.forcing[i] * ground
-        k = contacts.solo[i]
-        if k >= 0 and k != contact and arrival.key & contact_bit(k):
-            force -= contacts.sign[k] * contacts.beta[k] * distance(k, z, contacts)
-        for j in range(n):
-            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
-        a[i] = force
-    for other in range(contacts.others.shape[0]):
-        k = contacts.others[other]
-        if k != contact and arrival.key & contact_bit(k):
-            force = contacts.beta[k] * distance(k, z, contacts)
-            for p in range(contacts.first[k], contacts.first[k + 1]):
-                a[contacts.push_row[p]] -= contacts.push[p] * force
+    accelerations_at_stop(arrival, z, model, a)
     jerk = jerk_at_stop(arrival, z, a, model)
-    if not contacts.is_elastic:
-        return INTEGRATED, jerk, promised
-    v, pushed, bend = sign * z[n + row], sign * a[row], sign * jerk
-    free = arrival.key & contact_bit(contact) == np.uint64(0)
-    if passage_is_fast(v, pushed, bend, contact, model):
-        how = FAST
-    elif rho == math.inf:
-        return INTEGRATED, jerk, promised
-    elif passage_is_smooth(v, pushed, bend, contact, model):
-        how = SLOW
-    elif free and half_is_smooth(v, pushed, bend, False, contact, model):
-        how = ARRIVED
-    else:
-        return INTEGRATED, jerk, promised
-    if rho == math.inf:
+    v, pushed, bend = sign * z[a.shape[0] + row], sign * a[row], sign * jerk
+    how = closed_form(arrival, v, pushed, bend, model)
+    if how == INTEGRATED or rho == math.inf:
         return how, jerk, promised
     if how != FAST:
         if promised != np.uint64(0) or not is_alone(arrival, z, a, amplitude, model):

@@ -30,7 +30,8 @@ from hpcsweep.solvers.outcome import COMPLETE
 def march_measured(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
     """Advance z as `march` does where measures are requested."""
     common = read_shared(shared)
-    done = _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, True)
+    gathered = (points, wanted, tangent, growth)
+    done = _march(shared, common, z, amplitude, n_periods, gathered, True)
     if wanted & DRIFT:
         largest_of_storeys(common.model, common.tally)
     return done
@@ -62,12 +63,14 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
         return march_periods(shared, z, amplitude, n_periods, points, wanted, tangent, growth)
     if wanted & ANY_MEASURE:
         return march_measured(shared, z, amplitude, n_periods, points, wanted, tangent, growth)
-    return _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, None)
+    gathered = (points, wanted, tangent, growth)
+    return _march(shared, common, z, amplitude, n_periods, gathered, None)
 
 
 @inlined
-def _march(shared, common, z, amplitude, n_periods, points, wanted, tangent, growth, measures):
-    """Advance z; arguments of `march` and, `measures`, of `march_period`."""
+def _march(shared, common, z, amplitude, n_periods, gathered, measures):
+    """Advance z; arguments of `march`, the last four as one, and, `measures`, of `march_period`."""
+    points, wanted, tangent, growth = gathered
     z = as_long_as(z, common.previous)
     tangent = as_long_as(tangent, common.previous)
     for period in range(n_periods):

@@ -47,12 +47,17 @@ from hpcsweep.solvers.flow.search.events import (
     take_step,
 )
 from hpcsweep.solvers.flow.search.search import UNDECIDED, Bracket, Curve, Level, rising_root
-from hpcsweep.solvers.flow.state.shared import NO_TALLY
+from hpcsweep.solvers.flow.state.shared import (
+    LAYER_STEPS,
+    LINEAR_STEPS,
+    NO_TALLY,
+    PASSAGES,
+    VISITS,
+)
 from hpcsweep.solvers.flow.state.state import (
     OVERFLOW,
     Ending,
     Segment,
-    Stretch,
     approach_speed,
     contact_bit,
     copy_state,
@@ -218,21 +223,19 @@ def march_period(packed, z, amplitude, shared, wanted, tangent, measures):
     """
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    stretch, key = Stretch(0.0, shared.model.period), np.uint64(0)
-    return march_segments(
-        packed, stretch, key, NO_TABLE, z, amplitude, shared, wanted, tangent, measures
-    )
+    whole = Segment(np.uint64(0), NO_TABLE, 0.0, 0.0, shared.model.period)
+    return march_segments(packed, whole, z, amplitude, shared, wanted, tangent, measures)
 
 
 @inlined
-def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, tangent, measures):
+def march_segments(packed, part, z, amplitude, shared, wanted, tangent, measures):
     """Advance z over a part of a period or of a sample interval, in place; return the outcome.
 
     Parameters
     ----------
-    stretch : Stretch
-    key, index : uint64, int
-        Contact set at its start and its table, which may be `NO_TABLE`.
+    part : Segment
+        From its start to its end, with the contact set at the start, and its table, which may be
+        `NO_TABLE`.
     wanted : int
         Of a record only `PEAKS` and `IMPACTS`, together.
     tangent : ndarray, shape (2R, m), or None
@@ -241,7 +244,7 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
         See `march_period`.
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
-    tau, end = stretch
+    key, index, _, tau, end = part
     steps = 0
     promised = np.uint64(0)
     while tau < end:
@@ -250,13 +253,10 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
             return STEP_LIMIT
         if index == AT_EDGE or (index == NO_TABLE and inside_layer(z, model)):
             interval = Interval(tau, end, shared.max_steps - steps)
-            counts[3] += 1
-            if tangent is None:
-                nothing = shared.no_tangent
-                tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, nothing)
-            else:
-                tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, tangent)
-            counts[2] += used
+            counts[VISITS] += 1
+            moved = shared.no_tangent if tangent is None else tangent
+            tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, moved)
+            counts[LAYER_STEPS] += used
             steps += used
             if outcome != COMPLETE:
                 return outcome
@@ -274,14 +274,14 @@ def march_segments(packed, stretch, key, index, z, amplitude, shared, wanted, ta
             tau, coasted, known = coast(segment, steps_left, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)
-            counts[0] += coasted
+            counts[LINEAR_STEPS] += coasted
             steps += coasted
-        counts[0] += 1
+        counts[LINEAR_STEPS] += 1
         ending = take_segment(segment, known, promised, z, amplitude, packed, shared)
         if ending.contact == UNDECIDED:
             return SOLVER_FAILED
         promised = ending.promised
-        counts[1] += ending.how != INTEGRATED
+        counts[PASSAGES] += ending.how != INTEGRATED
         if tangent is not None and tangent.shape[1] > 0:
             segment_tangent(segment, ending, packed, shared, tangent)
         if ending.how != INTEGRATED:

@@ -7,11 +7,21 @@ change (proved, `events.is_clear`) is a product or a few. From the first step on
 rest of the interval is taken as a period is (`period`).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
+from hpcsweep.kernels.compile.entry_points import (
+    BYTES,
+    FLOAT,
+    INT,
+    MATRIX,
+    VECTOR,
+    entry_point,
+    type_of,
+)
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
@@ -27,7 +37,7 @@ from hpcsweep.solvers.flow.observe.outputs import fill_outputs
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
-from hpcsweep.solvers.flow.state.shared import IMPACTS, NO_TALLY, PEAKS, read_shared
+from hpcsweep.solvers.flow.state.shared import IMPACTS, LINEAR_STEPS, NO_TALLY, PEAKS, read_shared
 from hpcsweep.solvers.flow.state.state import (
     OVERFLOW,
     Segment,
@@ -48,9 +58,18 @@ PEAKS_AT_SAMPLES, ALL_PEAKS = 1, 2
 """What is gathered: peaks at the samples, or over continuous time, and impacts; 0: nothing."""
 
 
-@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, INT, INT, FLOAT, INT, MATRIX)
-def march_record(shared, z, samples, amplitude, first, last, length, wanted, points):
-    """Advance z over the intervals `first`, .., `last` - 1 of a record, in place.
+class Intervals(NamedTuple):
+    """The intervals `first`, .., `last` - 1 of a record."""
+
+    first: int
+    last: int
+    length: float
+    """Of each: that of a sample, or a part of it."""
+
+
+@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, type_of(Intervals(0, 0, 0.0)), INT, MATRIX)
+def march_record(shared, z, samples, amplitude, intervals, wanted, points):
+    """Advance z over intervals of a record, in place.
 
     Parameters
     ----------
@@ -61,9 +80,7 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
         Of the ground; from the last one on there is none.
     amplitude : float
         By which they are multiplied.
-    first, last : int
-    length : float
-        Of each interval: that of a sample, or a part of it.
+    intervals : Intervals
     wanted : int
     points : ndarray, shape (last - first, 2R) or (0, 2R)
         Receives the states at the ends of the intervals; not written if empty.
@@ -76,6 +93,7 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
     common = read_shared(shared)
     z = as_long_as(z, common.previous)
     model, tables, work = common.model, common.tables, common.work
+    first, last, length = intervals
     key, index = np.uint64(0), NO_TABLE
     elements, modes = model.elements, common.modes
     with_elements = by_elements(model)
@@ -109,14 +127,13 @@ def march_record(shared, z, samples, amplitude, first, last, length, wanted, poi
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
-            rest = Stretch(tau, length)
             flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
             if with_elements:
+                rest = Stretch(tau, length)
                 outcome = march_elements(shared, rest, z, amplitude, common, flags, None)
             else:
-                outcome = march_segments(
-                    shared, rest, key, index, z, amplitude, common, flags, None, True
-                )
+                part = Segment(key, index, 0.0, tau, length)
+                outcome = march_segments(shared, part, z, amplitude, common, flags, None, True)
             if outcome != COMPLETE:
                 return j - first, outcome
             index = NO_TABLE
@@ -167,7 +184,7 @@ def _coast(segment, amplitude, wanted, shared):
         for row in range(work.z_end.shape[0]):
             x[row] = wide[row]
         turn_forcing(x, work.z_end.shape[0], tables, index)
-        shared.counts[0] += 1
+        shared.counts[LINEAR_STEPS] += 1
     reached = n_steps * h
     return end if abs(reached - end) <= 1e-12 * end else reached
 

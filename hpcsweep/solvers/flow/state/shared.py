@@ -41,6 +41,11 @@ ANY_MEASURE = PEAKS | IMPACTS
 `PEAK_FLAGS` may be added, for the peaks of watched rows, and `IMPACT_FLAG`, for impacts."""
 
 
+LINEAR_STEPS, PASSAGES, LAYER_STEPS, VISITS, TABLES = range(5)
+"""Places in ``Shared.counts``: linear steps, passages in closed form or changes of elements, steps
+inside layers, visits to these, and tables that were built."""
+
+
 class Tally(NamedTuple):
     """Quantities gathered over a window."""
 

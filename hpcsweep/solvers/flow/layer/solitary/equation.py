@@ -118,7 +118,7 @@ def _state_at_end(place, x, width, responses, forces, out):
 
 
 @inlined
-def take_step(contact, place, h, stiffness, linear, z, model, responses, work):
+def take_step(contact, place, h, stiffness, linear, z, shared):
     """Take a step whose table is at `place`, from z and ``work.forcing``, to ``work.z_end``.
 
     Parameters
@@ -131,13 +131,14 @@ def take_step(contact, place, h, stiffness, linear, z, model, responses, work):
     linear : float
         Stiffness of the contact in the linear motion: 0 or beta.
     z : ndarray, shape (2R,)
-    model, responses, work
+    shared : Shared
 
     Returns
     -------
     float
         Estimated error of the velocity of the contact; inf if the iteration has not converged.
     """
+    model, responses, work = shared.model, shared.responses, shared.work
     contacts, rho = model.contacts, model.rho
     beta, gap = contacts.beta[contact], contacts.gap[contact]
     solitary = work.solitary

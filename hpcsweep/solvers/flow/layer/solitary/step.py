@@ -235,7 +235,7 @@ def solitary_step(left, z, wanted, tangent, packed):
     level, h = level_of(h, tables.h[index])
     while level < LEVELS:
         place = response_table(index, contact, level, packed, responses)
-        error = take_step(contact, place, h, stiffness, linear, z, model, responses, work)
+        error = take_step(contact, place, h, stiffness, linear, z, shared)
         allowed = allowed_error(work.z_end, shared.tolerance)
         if error <= allowed and others_stay_away(contact, z, work.z_end, model):
             if wanted != NO_TALLY:

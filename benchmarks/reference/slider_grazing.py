@@ -75,10 +75,10 @@ def random_chain(rng) -> Chain:
     steps, springs = np.eye(n) - np.eye(n, k=-1), rng.uniform(1.0, 8.0, n)
     elastic = (steps.T * springs) @ steps
     rows = steps[rng.integers(0, n, int(rng.integers(1, 5)))]
-    anywhere = (rng.random(len(rows)) < 0.3) | (rows.sum(axis=1) == 0.0) * (
-        np.arange(len(rows), 0, -1) == 1
-    )
-    rows[anywhere] = np.round(rng.normal(0.0, 1.0, (anywhere.sum(), n)), 1) + np.eye(n)[0]
+    anywhere = rng.random(len(rows)) < 0.3
+    rows[anywhere] = np.round(rng.normal(0.0, 1.0, (anywhere.sum(), n)), 1)
+    rows[:, 0] += np.abs(rows).sum(axis=1) == 0.0
+    rows[-1, 0] += abs(rows[-1].sum()) < 0.1
     share = rng.uniform(0.1, 2.0, len(rows))
     damping = rng.uniform(0.0, 0.1) * elastic
     return Chain(np.diag(rng.uniform(0.5, 2.0, n)), elastic, damping, rows, share)

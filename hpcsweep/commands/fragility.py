@@ -91,7 +91,7 @@ def _threshold(options, results, study: "Records") -> int:
         return 0
     title = f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records"
     elastic = ", elastic" if study.structure.sliders else ""
-    print(table(title, _rows(sums, elastic), 11))
+    print(table(title, _rows(sums, elastic)))
     return 0
 
 

@@ -20,7 +20,7 @@ from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
 from hpcsweep.studies.report import MAX_FRAMES, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
-from hpcsweep.studies.study import RunAgain, StudyTally
+from hpcsweep.studies.study import Lines, RunAgain, StudyTally
 from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import (
@@ -182,11 +182,10 @@ class RunGrid(Part):
         frames = range(min(self.n_frames, MAX_FRAMES))
         return self.omega, np.unique(np.concatenate([self.amplitudes_of(k) for k in frames]))
 
-    def lines(self) -> Iterator[str]:
-        """List the ranges of frequency and amplitude, of first contact, and of the starts."""
+    def lines(self) -> Lines:
+        """Tell the ranges of frequency and amplitude, of first contact, and of the starts."""
         yield from ranges(self.structure, *self.covered)
-        for line in starting_range(self):
-            yield f"starts:     {line}"
+        yield from (("starts", text) for text in starting_range(self))
 
     def warnings(self) -> Iterator[str]:
         """Return one line for each thing that looks like a mistake in what drives the structure."""

@@ -10,7 +10,7 @@ leave these, and, if the job has starts, those of orbits that a search finds
 files and the job alone.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -35,7 +35,7 @@ from hpcsweep.studies.branches.variables import (
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
-from hpcsweep.studies.study import StudyTally
+from hpcsweep.studies.study import Lines, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -101,14 +101,12 @@ class Branches(BranchGrid):
         along = {self.parameter: np.array(self.span)}
         return along.get("omega", omega), along.get("amplitude", amplitude)
 
-    def lines(self) -> Iterator[str]:
-        """List the ranges, and what is followed from where."""
+    def lines(self) -> Lines:
+        """Tell the ranges, and what is followed from where."""
         yield from super().lines()
         low, high = self.span
-        yield (
-            f"branches:   along {self.parameter} from {low:.6g} to {high:.6g}, through the "
-            f"periodic motions of {', '.join(self.seeds)}"
-        )
+        through = f"through the periodic motions of {', '.join(self.seeds)}"
+        yield "branches", f"along {self.parameter} from {low:.6g} to {high:.6g}, {through}"
 
     def where(self, line: int) -> Where:
         """Return of which motions of the files the seeds of a line are."""

@@ -82,7 +82,7 @@ class MapGrowth:
         least = n_least(map_shape(self.study), self.refinement, crossed)
         curves = ", those that curves cross" if self.refinement.curves else ""
         return least, (
-            f"refined:    the coarsest cells{curves} and the first draw of the audit are {least} "
+            f"the coarsest cells{curves} and the first draw of the audit are {least} "
             f"points ({100 * least / self.study.n_runs:.2g} %), the least; all points are the most"
         )
 

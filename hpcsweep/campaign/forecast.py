@@ -260,12 +260,13 @@ def estimate(job: Job, output: Path) -> Lines:
         which more do not help, and the Slurm request.
     """
     job = with_inputs(job)
-    study, size = job.study, Layout(job).file_size()
+    study, layout = job.study, Layout(job)
+    size = layout.file_size()
     pilot, peak = time_pilot(job), memory.peak()
     yield from describe(job)
     yield "file", f"{output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names"
-    least, inputs = study.n_runs, Inputs(study)
+    least, inputs = study.n_runs, Inputs(layout)
     if inputs.growth is not None:
-        least, text = inputs.growth.describe(inputs.crossed())
-        yield "refined", text
+        least, row = inputs.growth.describe(inputs.crossed())
+        yield row
     yield from cost_lines(job, pilot, whole(job, pilot.samples, least), peak)

@@ -211,7 +211,7 @@ def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, re
     check_transport()
     existing = output.exists()
     _check_earlier(layout, output, reuse, say)
-    inputs = Inputs(layout.study)
+    inputs = Inputs(layout)
     inputs.need()
     if existing:
         with contextlib.suppress(DamagedError):

@@ -1,44 +1,31 @@
-"""Rows of tables as declarations: templates of the values that commands are given."""
+"""Rows of tables, declared as templates of the values that commands are given.
+
+A line declares a row: its name and its text, divided by a bar, and behind another bar what is added
+to the text. A row is shown where the values of name and text are there and not None, and what is
+added where its own are. ``MAPPING: `` before a name declares a row for each `key` and `value` of a
+mapping. Templates are those of `str.format`, also with these formats: ``share`` of a number and its
+share, ``percent``, ``counts`` of a mapping, ``run`` of a described one, ``n NOUN`` of a count.
+"""
 
 import string
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from hpcsweep.commands import Rows
 from hpcsweep.studies.run_names import count, run_name
 
 
-class Row(NamedTuple):
-    """A row, shown where the values of its name and of its first piece are there and not None.
-
-    Templates are those of `str.format`; of a format, too: ``share`` of a number and its share,
-    ``percent``, ``counts`` of a mapping, ``run`` of a described one, and ``n NOUN`` of a count.
-
-    Attributes
-    ----------
-    name, text : str
-        Templates.
-    more : str
-        Template of what is added to the text where its own values are there.
-    each : str
-        Name of a mapping, of which there is a row for each `key` and `value`.
-    """
-
-    name: str
-    text: str
-    more: str = ""
-    each: str = ""
-
-
-def rows_of(declared: Iterable[Row], values: Mapping[str, Any]) -> Rows:
+def rows_of(declared: str, values: Mapping[str, Any]) -> Rows:
     """Yield name and text of the declared rows whose values are there."""
-    for row in declared:
-        entries = (values.get(row.each) or {}).items() if row.each else [(None, None)]
+    for line in declared.splitlines():
+        name, *texts = line.split(" | ")
+        each, _, name = name.rpartition(": ")
+        entries = (values.get(each) or {}).items() if each else [(None, None)]
         for key, value in entries:
             own = {**values, "key": key, "value": value}
-            name, text, more = (_filled(each, own) for each in row[:3])
-            if name is not None and text is not None:
-                yield name, text + (more or "")
+            filled, text, *more = (_filled(template, own) for template in (name, *texts))
+            if filled is not None and text is not None:
+                yield filled, "".join([text, *filter(None, more)])
 
 
 def _filled(template: str, values: Mapping[str, Any]) -> str | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hpcsweep.commands import USER_ERROR, CommandError, Rows, table
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
-from hpcsweep.commands.rows import Row, inferred_text, rows_of
+from hpcsweep.commands.rows import inferred_text, rows_of
 from hpcsweep.figures.options import file_name
 from hpcsweep.studies.run_names import count, run_name
 
@@ -81,60 +81,34 @@ def _keep_page(files: list[Path], page: Path) -> int:
         time.sleep(REFRESH)
 
 
-ROWS = (
-    Row(
-        "{run_noun}s",
-        "{runs_done} of {runs_total} ({done:.1f} %)",
-        ", {frame}s {frames_done} of {frames_total}",
-    ),
-    Row("solver", "{solver}"),
-    Row("inferred", "{inferred}"),
-    Row(
-        "cost",
-        "{core_seconds:.3g} core seconds, {runs_per_core_second:.3g} {run_noun}s per core second",
-        ", about {core_seconds_remaining:.3g} core seconds left",
-    ),
-    Row(
-        "rate",
-        "{runs_per_second:.3g} {run_noun}s/s by the clock, {runs_per_second_recent:.3g} in the "
-        "last minute of the last session",
-        "; about {seconds_remaining:.3g} s left on its ranks",
-    ),
-    Row(
-        "{frame_noun}s",
-        "costliest {frame_seconds[costliest]:.3g} s ({frame_seconds[costliest_at]:run}), median "
-        "{frame_seconds[median]:.3g} s, cheapest {frame_seconds[cheapest]:.3g} s "
-        "({frame_seconds[cheapest_at]:run}), of {frame_seconds[frames]} timed whole",
-    ),
-    Row(
-        "master",
-        "{master[messages]} messages, {master[messages_per_second]:.3g}/s of "
-        "{master[messages_per_second_possible]:.3g}/s possible; {master[tasks_moved]} tasks moved "
-        "between ranks",
-    ),
-    Row("memory", "rank 0 {memory[0]:.0f} MB, largest rank {memory[1]:.0f} MB"),
-    Row("last heard of", "{silent:.0f} s ago"),
-    Row(
-        "periods",
-        "{periods_per_run:.3g} integrated a run, of {periods_per_run_window}; "
-        "runs spared: {spared}",
-    ),
-    Row("no period found", "in {no_period_found} runs"),
-    Row("linear", "{runs_below_contact} runs below first contact"),
-    Row(
-        "found",
-        "{attractors_per_point:.3g} attractors a point, several in {points_with_several} points, "
-        "at most {most_attractors}",
-    ),
-    Row(
-        "starts",
-        "{starts} of {periods_per_start:.3g} periods; undecided {starts_undecided}, failed "
-        "{starts_failed}, to attractors that are not in the file {starts_elsewhere}",
-    ),
-    Row("branches", "{n_branches}, on which {n_covered} of {n_seeds} motions of the files lie"),
-    Row("failures", "{n_failed}"),
-)
-"""What is told of a state, of its values and those of `_rows`."""
+ROWS = """\
+{run_noun}s | {runs_done} of {runs_total} ({done:.1f} %)\
+ | , {frame}s {frames_done} of {frames_total}
+solver | {solver}
+inferred | {inferred}
+cost | {core_seconds:.3g} core seconds, {runs_per_core_second:.3g} {run_noun}s per core second\
+ | , about {core_seconds_remaining:.3g} core seconds left
+rate | {runs_per_second:.3g} {run_noun}s/s by the clock, {runs_per_second_recent:.3g} in the last \
+minute of the last session | ; about {seconds_remaining:.3g} s left on its ranks
+{frame_noun}s | costliest {frame_seconds[costliest]:.3g} s ({frame_seconds[costliest_at]:run}), \
+median {frame_seconds[median]:.3g} s, cheapest {frame_seconds[cheapest]:.3g} s \
+({frame_seconds[cheapest_at]:run}), of {frame_seconds[frames]} timed whole
+master | {master[messages]} messages, {master[messages_per_second]:.3g}/s of \
+{master[messages_per_second_possible]:.3g}/s possible; {master[tasks_moved]} tasks moved between \
+ranks
+memory | rank 0 {memory[0]:.0f} MB, largest rank {memory[1]:.0f} MB
+last heard of | {silent:.0f} s ago
+periods | {periods_per_run:.3g} integrated a run, of {periods_per_run_window}; runs spared: {spared}
+no period found | in {no_period_found} runs
+linear | {runs_below_contact} runs below first contact
+found | {attractors_per_point:.3g} attractors a point, several in {points_with_several} points, \
+at most {most_attractors}
+starts | {starts} of {periods_per_start:.3g} periods; undecided {starts_undecided}, failed \
+{starts_failed}, to attractors that are not in the file {starts_elsewhere}
+branches | {n_branches}, on which {n_covered} of {n_seeds} motions of the files lie
+failures | {n_failed}
+"""
+"""What is told of a state, of its values and those of `_rows`; see `hpcsweep.commands.rows`."""
 
 
 def _rows(state: dict) -> Rows:

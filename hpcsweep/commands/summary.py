@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hpcsweep.commands import Rows, table
-from hpcsweep.commands.rows import Row, inferred_text, percent, rows_of, share
+from hpcsweep.commands.rows import inferred_text, percent, rows_of, share
 from hpcsweep.figures.options import whole_number
 from hpcsweep.studies.run_names import count, plural
 
@@ -56,80 +56,59 @@ def run(options) -> int:
     return 0
 
 
-ROWS = (
-    Row("structure", "{structure}", "{first}"),
-    Row("varied", "{varied}"),
-    Row("{noun}s", "{runs_done} of {runs_total}", "{grid}"),
-    Row(
-        "inferred", "{share_inferred:percent} of the map, {inferred}; all shares below are of {of}"
-    ),
-    Row("cost", "{no_cost}"),
-    Row("wall time", "{cost[wall_seconds]:.4g} s{sessions} on {ranks}"),
-    Row("core seconds", "{cost[core_seconds]:.4g} s"),
-    Row("{noun}s per second", "{cost[runs_per_second]:.4g}"),
-    Row("{noun}s per core second", "{cost[runs_per_core_second]:.4g}"),
-    Row("scaled by", "{measure}"),
-    Row("below first contact", "{below_contact:share}"),
-    Row("of equal ratio", "{equal_ratio:share}"),
-    Row("with contact", "{with_contact:share}"),
-    Row("periods per run", "{periods_per_run:.4g} integrated, of {periods_per_run_window}"),
-    Row("skip rule {key}", "{value:share}", each="rules"),
-    Row(
-        "periods per {noun}",
-        "{periods_per_run:.4g} integrated, {periods_per_start:.4g} a start",
-    ),
-    Row("points with {key:n attractor}", "{value:share}", each="numbers"),
-    Row("starts", "{searched}"),
-    Row("starts undecided", "{starts_undecided:share}"),
-    Row("starts failed", "{starts_failed:share}"),
-    Row("starts elsewhere", "{starts_elsewhere:share}"),
-    Row("attractors", "{attractors}"),
-    Row("starts to {key}, {value[name]}", "{value:share}", each="basins"),
-    Row("parameter", "{parameter}"),
-    Row("branches", "{branches}"),
-    Row("branches by {key}", "{value:share}", each="sources"),
-    Row("points", "{points}"),
-    Row("points stable", "{points_stable:share}"),
-    Row("points of {key}", "{value}", each="special_points"),
-    Row("curves", "{curves[curves]}, {curves[points]} points"),
-    Row("special points on a curve", "{curves[followed]:share}"),
-    Row("meetings", "{curves[meetings]:counts}"),
-    Row("seeds", "{seeds}, and {motions_not_periodic} motions not periodic"),
-    Row("seeds on a branch", "{seeds_covered:share}"),
-    Row(
-        "seed {key} on none",
-        "{value[line]}, {parameter} = {value[value]:.8g}, P{value[period]}: {value[reason]}",
-        each="missed",
-    ),
-    Row("more seeds on none", "{more_missed}"),
-    Row("file", "{gigabytes:.4g} GB, {on_disk:.4g} GB on disk"),
-    Row("{key}", "{value}", each="kinds"),
-    Row("chaotic", "{untold}"),
-    Row(
-        "chaos that lasts",
-        "{transients[share]:percent} of chaotic runs outlive {transients[periods]} more periods "
-        "({transients[outlive]} of {transients[samples]} drawn, {transients[undecided]} undecided; "
-        "95 %: {transients[low]:percent} to {transients[high]:percent})",
-    ),
-    Row(
-        "lifetime of chaos",
-        "{lifetime[0]:.4g} periods (95 %: {lifetime[1]:.4g} to {lifetime[2]:.4g})",
-    ),
-    Row(
-        "window test",
-        "of {tested[runs]} windows it claims {tested[wrong]} wrong periods and misses "
-        "{tested[missed]}",
-    ),
-    Row("P{key}", "{value}", each="listed_periods"),
-    Row("contact {key}", "{value}", each="listed_contact_sets"),
-    Row(
-        "largest {key}",
-        "{value[value]:.4g}{value[unit]} ({value[of]}, {value[where]})",
-        each="most",
-    ),
-    Row("failures", "{failures:counts}"),
-)
-"""What is told of a summary, of its values and those of `_values`."""
+ROWS = """\
+structure | {structure} | {first}
+varied | {varied}
+{noun}s | {runs_done} of {runs_total} | {grid}
+inferred | {share_inferred:percent} of the map, {inferred}; all shares below are of {of}
+cost | {no_cost}
+wall time | {cost[wall_seconds]:.4g} s{sessions} on {ranks}
+core seconds | {cost[core_seconds]:.4g} s
+{noun}s per second | {cost[runs_per_second]:.4g}
+{noun}s per core second | {cost[runs_per_core_second]:.4g}
+scaled by | {measure}
+below first contact | {below_contact:share}
+of equal ratio | {equal_ratio:share}
+with contact | {with_contact:share}
+periods per run | {periods_per_run:.4g} integrated, of {periods_per_run_window}
+rules: skip rule {key} | {value:share}
+periods per {noun} | {periods_per_run:.4g} integrated, {periods_per_start:.4g} a start
+numbers: points with {key:n attractor} | {value:share}
+starts | {searched}
+starts undecided | {starts_undecided:share}
+starts failed | {starts_failed:share}
+starts elsewhere | {starts_elsewhere:share}
+attractors | {attractors}
+basins: starts to {key}, {value[name]} | {value:share}
+parameter | {parameter}
+branches | {branches}
+sources: branches by {key} | {value:share}
+points | {points}
+points stable | {points_stable:share}
+special_points: points of {key} | {value}
+curves | {curves[curves]}, {curves[points]} points
+special points on a curve | {curves[followed]:share}
+meetings | {curves[meetings]:counts}
+seeds | {seeds}, and {motions_not_periodic} motions not periodic
+seeds on a branch | {seeds_covered:share}
+missed: seed {key} on none | {value[line]}, {parameter} = {value[value]:.8g}, \
+P{value[period]}: {value[reason]}
+more seeds on none | {more_missed}
+file | {gigabytes:.4g} GB, {on_disk:.4g} GB on disk
+kinds: {key} | {value}
+chaotic | {untold}
+chaos that lasts | {transients[share]:percent} of chaotic runs outlive {transients[periods]} more \
+periods ({transients[outlive]} of {transients[samples]} drawn, {transients[undecided]} undecided; \
+95 %: {transients[low]:percent} to {transients[high]:percent})
+lifetime of chaos | {lifetime[0]:.4g} periods (95 %: {lifetime[1]:.4g} to {lifetime[2]:.4g})
+window test | of {tested[runs]} windows it claims {tested[wrong]} wrong periods and misses \
+{tested[missed]}
+listed_periods: P{key} | {value}
+listed_contact_sets: contact {key} | {value}
+most: largest {key} | {value[value]:.4g}{value[unit]} ({value[of]}, {value[where]})
+failures | {failures:counts}
+"""
+"""What is told of a summary, of its values and those of `_values`; see `hpcsweep.commands.rows`."""
 
 
 def _text(summary: dict) -> str:

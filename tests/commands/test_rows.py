@@ -1,15 +1,15 @@
 """Rows of tables are declared once, and shown as far as their values are there."""
 
 from hpcsweep.commands import table
-from hpcsweep.commands.rows import Row, rows_of
+from hpcsweep.commands.rows import rows_of
 
-DECLARED = (
-    Row("{noun}s", "{done:n run} of {all}", ", {left:.2f} s left"),
-    Row("master", "{master[messages]} messages"),
-    Row("by {key}", "{value:share}", each="sources"),
-    Row("outcomes", "{outcomes:counts}"),
-    Row("at", "{place:run}"),
-)
+DECLARED = """\
+{noun}s | {done:n run} of {all} | , {left:.2f} s left
+master | {master[messages]} messages
+sources: by {key} | {value:share}
+outcomes | {outcomes:counts}
+at | {place:run}
+"""
 
 
 def test_a_row_is_shown_where_its_values_are_there_and_what_is_added_where_that_is():

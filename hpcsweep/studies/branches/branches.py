@@ -20,18 +20,10 @@ import numpy as np
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
+from hpcsweep.studies.branches import variables
 from hpcsweep.studies.branches.invariants import broken_relations
 from hpcsweep.studies.branches.keys import KEYS, BranchGrid, read_lines
 from hpcsweep.studies.branches.tally import BranchTally
-from hpcsweep.studies.branches.variables import (
-    COMMIT,
-    CURVE_VARIABLES,
-    LINE_AMPLITUDE,
-    LINE_OMEGA,
-    RUN,
-    SLOTS,
-    VARIABLES,
-)
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
@@ -71,14 +63,14 @@ class Branches(BranchGrid):
     }
     default_block: ClassVar[int] = 1
     frame_dim: ClassVar[str] = "line"
-    run_dims: ClassVar[tuple[str, ...]] = RUN
-    commit: ClassVar[Variable] = COMMIT
+    run_dims: ClassVar[tuple[str, ...]] = variables.RUN
+    commit: ClassVar[Variable] = variables.COMMIT
     always: ClassVar[frozenset[str]] = frozenset(["impacts"])
     """An orbit's signature counts them."""
     carried: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[str] = "branches"
     point_dim: ClassVar[str] = "step"
-    slots: ClassVar[Mapping[str, str]] = SLOTS
+    slots: ClassVar[Mapping[str, str]] = variables.SLOTS
     status_variables: ClassVar[tuple[str, ...]] = ("n_branches", "n_seeds", "n_covered")
 
     @classmethod
@@ -149,7 +141,7 @@ class Branches(BranchGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the lines, in the order of the file."""
-        return [*VARIABLES, *(CURVE_VARIABLES if self.curves else ())]
+        return [*variables.VARIABLES, *(variables.CURVE_VARIABLES if self.curves else ())]
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -159,7 +151,7 @@ class Branches(BranchGrid):
         )
         coordinates = super().coordinates | {
             "line": numbered(self.omega.size, "line along the parameter"),
-            "amplitude": Coordinate(np.array([np.nan]), LINE_AMPLITUDE.units, "see the line's"),
+            "amplitude": Coordinate(np.array([np.nan]), "acceleration", "see the line's"),
             "branch": numbered(self.max_branches, "branch, in the order found"),
             "step": numbered(self.max_points, "point of a branch, branch after branch"),
             "special": numbered(n_special, "special point, branch after branch"),
@@ -181,10 +173,11 @@ class Branches(BranchGrid):
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Frequency and amplitude of each line, NaN where it is the parameter."""
-        told = {"omega": (LINE_OMEGA, self.omega), "amplitude": (LINE_AMPLITUDE, self.amplitude)}
+        lines = variables.LINE_OMEGA, variables.LINE_AMPLITUDE
+        told = zip(FORCING_PARAMETERS[::-1], lines, (self.omega, self.amplitude), strict=True)
         return [
             (variable, np.full_like(values, np.nan) if name == self.parameter else values)
-            for name, (variable, values) in told.items()
+            for name, variable, values in told
         ]
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:

@@ -49,6 +49,11 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     settings : sequence of str
         ``TABLE.KEY=VALUE`` each, the value in TOML: replace the values of the files.
 
+    Returns
+    -------
+    Job
+        Its `study` has the structure, the settings of the runs and their grid.
+
     Raises
     ------
     JobError

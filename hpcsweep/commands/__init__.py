@@ -16,7 +16,7 @@ from hpcsweep.figures.options import file_name
 USER_ERROR, FAILURE = 2, 1
 Rows = Iterator[tuple[str, str]]
 """Names and texts of a table."""
-WIDEST = 20
+WIDEST = 24
 """Letters of the longest name that makes the column of names wider."""
 
 

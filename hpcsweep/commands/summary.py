@@ -59,20 +59,20 @@ def run(options) -> int:
 ROWS = """\
 structure | {structure} | {first}
 varied | {varied}
-{noun}s | {runs_done} of {runs_total} | {grid}
+{run_noun}s | {runs_done} of {runs_total} ({sizes})
 inferred | {share_inferred:percent} of the map, {inferred}; all shares below are of {of}
 cost | {no_cost}
 wall time | {cost[wall_seconds]:.4g} s{sessions} on {ranks}
 core seconds | {cost[core_seconds]:.4g} s
-{noun}s per second | {cost[runs_per_second]:.4g}
-{noun}s per core second | {cost[runs_per_core_second]:.4g}
+{run_noun}s per second | {cost[runs_per_second]:.4g}
+{run_noun}s per core second | {cost[runs_per_core_second]:.4g}
 scaled by | {measure}
 below first contact | {below_contact:share}
 of equal ratio | {equal_ratio:share}
 with contact | {with_contact:share}
 periods per run | {periods_per_run:.4g} integrated, of {periods_per_run_window}
 rules: skip rule {key} | {value:share}
-periods per {noun} | {periods_per_run:.4g} integrated, {periods_per_start:.4g} a start
+periods per {run_noun} | {periods_per_run:.4g} integrated, {periods_per_start:.4g} a start
 numbers: points with {key:n attractor} | {value:share}
 starts | {searched}
 starts undecided | {starts_undecided:share}
@@ -134,17 +134,16 @@ def _rows(summary: dict, together: list[dict]) -> Rows:
 def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
     """Return what rows show besides the values of a summary; None where it is not shown."""
     vary = [f"{key} {_ends(values)}" for key, values in summary["vary"].items()]
-    noun, classes = _noun(summary), summary.get("classes", {})
+    classes = summary.get("classes", {})
     missed, window = summary.get("seeds_missed", []), summary.get("window_test")
     values: dict[str, Any] = {
         "first": " (the first)" if vary else None,
         "varied": "; ".join(vary) or None,
-        "noun": noun,
-        "grid": _grid(summary),
+        "sizes": " x ".join(count(n, dim) for dim, n in summary["dimensions"].items()),
         "of": "all of these" if "basins" in summary else "runs",
         "no_cost": None if summary["cost"] else "not known: no journal beside the file",
         "rules": {k: one for k, one in summary.get("skip_rules", {}).items() if k != "none"},
-        "searched": None if noun == "start" else summary.get("starts"),
+        "searched": None if summary["run_noun"] == "start" else summary.get("starts"),
         "missed": dict(enumerate(missed[:MAX_ROWS], 1)),
         "more_missed": len(missed) - MAX_ROWS if len(missed) > MAX_ROWS else None,
         "gigabytes": summary["file_bytes"] / 1e9,
@@ -186,27 +185,6 @@ def _placed(most: dict) -> dict[str, str]:
     if "record" in most:
         where = "{part}, " * bool(most["part"]) + "{record}, scale {scale:.6g}"
     return {"unit": unit, "where": where.format_map(most)}
-
-
-def _noun(summary: dict) -> str:
-    """Return the noun for a run of a study."""
-    if "basins" in summary and "audit" in summary:
-        return "start"
-    for key, noun in (("basins", "row"), ("branches", "line"), ("attractors", "point")):
-        if key in summary:
-            return noun
-    return "run"
-
-
-def _grid(summary: dict) -> str:
-    """Format the frames and amplitudes of the runs, or the point of a slice."""
-    if "basins" in summary or "branches" in summary:
-        return ""
-    if "measure" in summary:
-        return f" ({count(summary['records'], 'record')} x {count(summary['scales'], 'scale')})"
-    frames = count(summary["frames"], "frame")
-    amplitudes = count(summary["amplitudes"], "amplitude")
-    return f" ({frames} x {amplitudes}, {' and '.join(summary['directions'])})"
 
 
 def _listed(key: str, together: list[dict]) -> list:

@@ -117,9 +117,6 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     JobError
         If it is not a valid job.
     """
-    arguments.instance("text", text, str)
-    arguments.instance("source", source, str)
-    arguments.instance("default_name", default_name, str)
     try:
         tree = parse_toml(text, source)
     except TreeError as error:

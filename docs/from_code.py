@@ -15,7 +15,7 @@ from hpcsweep.job.keys import declared, every_key, keys_of
 from hpcsweep.job.tree import resolve
 from hpcsweep.model.unit_names import GAPS
 from hpcsweep.studies.kinds import KINDS
-from hpcsweep.studies.refine.variables import derived_variables
+from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.settings import MEASURES
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -167,7 +167,7 @@ def variables() -> str:
             parts.append(f"\n{_table(rows)}")
         known.setdefault(rows, kind)
         if refined is not None:
-            derived = derived_variables(refined, refined.refine)
+            derived = MapGrowth(refined, refined.refine).variables
             more = tuple(_row(variable, refined.run_dims) for variable in derived)
             parts.append(f"\nWith `study.refine` there are also\n\n{_table(more)}")
     return "\n".join(parts)

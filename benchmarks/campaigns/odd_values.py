@@ -159,7 +159,7 @@ def judge(case: Case, folder: Path) -> str:
     tree = with_value(parse_toml(JOBS[case.job], case.job), case.key, case.value)
     path.write_text(write(tree, every_key()))
     try:
-        describe(load_job(path))
+        list(describe(load_job(path)))
     except JobError as error:
         said = str(error)
         if not said.startswith(f"{path}: "):

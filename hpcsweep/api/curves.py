@@ -18,8 +18,7 @@ from hpcsweep.model.arguments import choice, count, finite, finite_vector, insta
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.rows import store_measures
-from hpcsweep.studies.variables import RUN_VARIABLES, empty_results
+from hpcsweep.studies.variables import RUN_VARIABLES, empty_results, store_measures
 
 
 def curve(

@@ -8,25 +8,40 @@ from hpcsweep.job import Job
 from hpcsweep.model.description import few, one_line
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.run_names import count
+from hpcsweep.studies.study import Lines, Study
 
 MAX_MODES = 12
 """Number of lowest modes that are listed."""
 
 
-def describe(job: Job) -> list[str]:
-    """Describe the structure and the study of a job, line by line, warnings last."""
+def title(job: Job) -> str:
+    """Name a job, its runs and its solver."""
+    return f"{job.name}: {study_text(job.study)}, solver {job.settings.solver}"
+
+
+def study_text(study: Study) -> str:
+    """Format the number of runs of a study, and their dimensions."""
+    sizes = [count(study.dimensions[dim], dim) for dim in study.run_dims]
+    runs = count(study.n_runs, study.run_noun)
+    return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
+
+
+def describe(job: Job) -> Lines:
+    """Describe the structure and the study of a job, by names and texts, warnings last."""
     study, structure = job.study, job.structure
-    lines = [f"structure:  {one_line(structure)}", f"units:      {_units(structure)}"]
-    lines += [f"varied:     {axis.key}: {_listed(axis.values)}" for axis in study.axes]
+    yield from (("note", text) for text in job.notes)
+    yield "structure", one_line(structure)
+    yield "units", _units(structure)
+    yield from (("varied", f"{axis.key}: {_listed(axis.values)}") for axis in study.axes)
     if study.n_parts > 1:
-        lines.append(f"below:      {study.describe_part((0,) * len(study.axes))}, the first part")
-    lines += _modes(structure)
-    lines += [f"contact:    {line}" for line in _contacts(structure)]
-    lines += [f"slider:     {line}" for line in _sliders(structure)]
-    lines += [f"at rest:    {line}" for line in _at_rest(structure, study)]
-    lines += study.lines()
-    return lines + [f"warning:    {text}" for text in warnings(job)]
+        yield "below", f"{study.describe_part((0,) * len(study.axes))}, the first part"
+    yield from _modes(structure)
+    yield from (("contact", text) for text in _contacts(structure))
+    yield from (("slider", text) for text in _sliders(structure))
+    yield from (("at rest", text) for text in _at_rest(structure, study))
+    yield from study.lines()
+    yield from (("warning", text) for text in warnings(job))
 
 
 def warnings(job: Job) -> list[str]:
@@ -56,25 +71,21 @@ def _cycles(structure, omega: float) -> str:
     return f" = {omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
 
 
-def _modes(structure) -> list[str]:
-    """Return lines with natural frequencies, periods, damping ratios and mode shapes."""
+def _modes(structure) -> Lines:
+    """Yield natural frequencies, periods, damping ratios and mode shapes."""
     frequencies, ratios = structure.frequencies, structure.damping_ratios
-    lines = []
     for i, omega in enumerate(frequencies[:MAX_MODES]):
         shape = structure.modes[:, i]
         shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
         entries = ", ".join(f"{value:.3g}" for value in shape[:MAX_MODES])
         more = ", ..." if shape.size > MAX_MODES else ""
-        lines.append(
-            f"mode {i + 1:<3}    omega = {omega:.6g}{_cycles(structure, omega)}, period "
-            f"{2 * np.pi / omega:.6g}, damping ratio {ratios[i]:.4g}, shape ({entries}{more})"
+        yield (
+            f"mode {i + 1}",
+            f"omega = {omega:.6g}{_cycles(structure, omega)}, period {2 * np.pi / omega:.6g}, "
+            f"damping ratio {ratios[i]:.4g}, shape ({entries}{more})",
         )
-    if frequencies.size > MAX_MODES:
-        lines.append(
-            f"            and {frequencies.size - MAX_MODES} modes more, up to "
-            f"omega = {frequencies[-1]:.6g}"
-        )
-    return lines
+    if (more := frequencies.size - MAX_MODES) > 0:
+        yield "", f"and {more} modes more, up to omega = {frequencies[-1]:.6g}"
 
 
 def _contacts(structure) -> list[str]:

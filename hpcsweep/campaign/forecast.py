@@ -30,7 +30,7 @@ from hpcsweep.parallel.schedule import DEDICATED_MASTER
 from hpcsweep.store import Layout, with_inputs
 from hpcsweep.store.inputs import Inputs
 from hpcsweep.studies.run_names import count
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import Lines, Study
 
 SAMPLE_SECONDS = 5.0
 """Time of the sample (s)."""
@@ -179,18 +179,10 @@ def memory_text(job: Job, peak: int) -> str:
     each = (largest_rank(job, peak) - first, peak, MPI_BYTES)
     rank, process, mpi = (f"{size / 1e6:.0f} MB" for size in each)
     return (
-        f"memory:     about {rank} a rank, however long the job ({process} as in this process, "
-        f"{mpi} for MPI, {_block_bytes(job) / 1e6:.2g} MB for a block of results), "
-        f"rank 0 up to {first / 1e6:.2g} MB more"
+        f"about {rank} a rank, however long the job ({process} as in this process, {mpi} for MPI, "
+        f"{_block_bytes(job) / 1e6:.2g} MB for a block of results), rank 0 up to "
+        f"{first / 1e6:.2g} MB more"
     )
-
-
-def study_text(study: Study) -> str:
-    """Format the number of runs of a study, and their dimensions."""
-    counts = [(study.dimensions[dim], dim) for dim in study.run_dims]
-    sizes = [count(size, dim) for size, dim in counts]
-    runs = count(study.n_runs, study.run_noun)
-    return f"{' x '.join(sizes)} = {runs} ({study.kind.replace('_', ' ')})"
 
 
 def slurm_lines(n_computing: int, work: float, memory: float) -> list[str]:
@@ -223,54 +215,58 @@ def _slurm_time(seconds: float) -> str:
     return f"{f'{days}-' if days else ''}{hours:02d}:{minutes:02d}:{rest:02d}"
 
 
-def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> list[str]:
-    """Format what a job costs, and the lines of a batch script that fit."""
+def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> Lines:
+    """Yield what a job costs, and the lines of a batch script that fit."""
     study, noun = job.study, job.study.run_noun
     each = pilot.samples.mean(axis=(0, 2))
     kernels = "compiled, once for this type of processor" if pilot.compiled else "loaded"
     longest, useful = int(pilot.tasks.argmax()), useful_ranks(pilot.tasks) * (1 + ROUNDING)
     n_runs = sum(block.n_runs for block in study.path(longest))
     n_ranks = advised_ranks(useful, total)
-    return [
-        f"{f'one {noun}:':12}{1e3 * each[0]:.3g} ms of processor time, {1e3 * each[1]:.3g} ms by "
-        f"the clock ({count(pilot.n_runs, noun)} timed twice, spread over the study)",
-        f"start:      {pilot.load_seconds:.2g} s a rank for the program; kernels {kernels} "
-        f"in {pilot.kernel_seconds:.2g} s",
-        f"in all:     {total.low / 3600:.2g} to {total.high / 3600:.2g} core-hours "
-        f"({total.low:.2g} to {total.high:.2g} s): the sample's error, {100 * SHARE:.0f} %, and "
-        f"cores up to {LOAD:g} times as slow among busy neighbours",
-        memory_text(job, peak),
-        f"longest:    {count(n_runs, noun)} that one rank computes, {study.describe_task(longest)}",
-        f"ranks:      {int(useful)} at most are of use, the whole over its longest part",
-        f"batch job:  {count(n_ranks, 'rank')}, no more than work for {SESSION_SECONDS / 60:g} min "
-        f"each; the time of the upper end and {START_SECONDS / 60:g} min; "
-        f"{MEMORY_MARGIN:g} times the memory:",
-        *slurm_lines(n_ranks, total.high, largest_rank(job, peak)),
-    ]
+    yield (
+        f"one {noun}",
+        f"{1e3 * each[0]:.3g} ms of processor time, {1e3 * each[1]:.3g} ms by the clock "
+        f"({count(pilot.n_runs, noun)} timed twice, spread over the study)",
+    )
+    yield (
+        "start",
+        f"{pilot.load_seconds:.2g} s a rank for the program; kernels {kernels} in "
+        f"{pilot.kernel_seconds:.2g} s",
+    )
+    yield (
+        "in all",
+        f"{total.low / 3600:.2g} to {total.high / 3600:.2g} core-hours ({total.low:.2g} to "
+        f"{total.high:.2g} s): the sample's error, {100 * SHARE:.0f} %, and cores up to {LOAD:g} "
+        "times as slow among busy neighbours",
+    )
+    yield "memory", memory_text(job, peak)
+    yield "longest", f"{count(n_runs, noun)} that one rank computes, {study.describe_task(longest)}"
+    yield "ranks", f"{int(useful)} at most are of use, the whole over its longest part"
+    script = slurm_lines(n_ranks, total.high, largest_rank(job, peak))
+    margins = (
+        f"{count(n_ranks, 'rank')}, no more than work for {SESSION_SECONDS / 60:g} min each; the "
+        f"time of the upper end and {START_SECONDS / 60:g} min; {MEMORY_MARGIN:g} times the memory:"
+    )
+    yield "batch job", "\n".join([margins, *script])
 
 
-def estimate(job: Job, output: Path) -> str:
+def estimate(job: Job, output: Path) -> Lines:
     """Time a sample of runs and extrapolate.
 
-    Returns
-    -------
-    str
-        Lines for people: runs, bytes, core-hours, memory, the number of ranks beyond which more do
-        not help, and the Slurm request.
+    Yields
+    ------
+    str, str
+        Names and texts for people: runs, bytes, core-hours, memory, the number of ranks beyond
+        which more do not help, and the Slurm request.
     """
     job = with_inputs(job)
-    study, size = job.study, Layout(job).file_size()
+    study, layout = job.study, Layout(job)
+    size = layout.file_size()
     pilot, peak = time_pilot(job), memory.peak()
-    least, refined = study.n_runs, ""
-    inputs = Inputs(study)
+    yield from describe(job)
+    yield "file", f"{output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names"
+    least, inputs = study.n_runs, Inputs(layout)
     if inputs.growth is not None:
-        least, refined = inputs.growth.describe(inputs.crossed())
-    lines = [
-        f"{job.name}: {study_text(study)}, solver {study.settings.solver}",
-        *job.notes,
-        *describe(job),
-        f"file:       {output}, {size} bytes ({size / 1e6:.4g} MB) and a few kB of names",
-        *filter(None, [refined]),
-        *cost_lines(job, pilot, whole(job, pilot.samples, least), peak),
-    ]
-    return "\n".join(lines)
+        least, row = inputs.growth.describe(inputs.crossed())
+        yield row
+    yield from cost_lines(job, pilot, whole(job, pilot.samples, least), peak)

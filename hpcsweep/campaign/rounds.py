@@ -1,7 +1,7 @@
 """Campaigns of studies that grow: rounds of runs, each known when the one before is computed.
 
-Rank 0 walks the rounds (`hpcsweep.studies.refine`), which depend on the labels of the runs of
-earlier rounds alone. It knows labels from the file, as far as all ranks have verified it, and from
+Rank 0 walks the rounds (`Job.growth`), which depend on the labels of the runs of earlier rounds
+alone. It knows labels from the file, as far as all ranks have verified it, and from
 what ranks report. A round is cut into tasks: runs of one frame, which are computed together and
 committed one by one. So neither ranks nor kills change which runs are computed, or any byte.
 """
@@ -80,7 +80,7 @@ class RoundsWork(RankWork):
     def _crossed(self) -> np.ndarray | None:
         """Read where known curves cross; they were found sound when the file was prepared."""
         try:
-            return Inputs(self.study).crossed()
+            return Inputs(self._campaign.blocks.layout).crossed()
         except StoreError as error:
             raise WriteError(f"{error}; it was changed by somebody else in mid-run") from None
 
@@ -102,7 +102,7 @@ class RoundsWork(RankWork):
         if runs is not None:
             return runs
         if not self._complete:
-            write_inferred(self._campaign, self._growth.derived(self._rounds))
+            write_inferred(self._campaign, self._growth.values(self._rounds))
             self._inferred = self._rounds.n_inferred
             self._complete = True
         return np.zeros(0, int)
@@ -141,7 +141,7 @@ class RoundsWork(RankWork):
         computed = iter(self._growth.compute(new, start, poll) if new else ())
         rows = [next(computed) if found is None else found for found in taken]
         whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}
-        labels, failures = self._growth.refinement.labels(whole), Failures()
+        labels, failures = self._growth.labels(whole), Failures()
         for block, own, failed in zip(blocks, rows, labels[:, 0], strict=True):
             self._campaign.write_block(block, start, own)
             if failed:

@@ -29,17 +29,11 @@ from hpcsweep.store import (
     WriteError,
     create,
     open_campaign,
+    opening,
     with_inputs,
 )
 from hpcsweep.store.commit import check_writable
 from hpcsweep.store.inputs import Inputs
-from hpcsweep.store.opening import (
-    check_file,
-    check_place,
-    layout_problems,
-    read_layout,
-    refuse_problems,
-)
 from hpcsweep.store.repair import repair
 from hpcsweep.store.transport import check_transport
 from hpcsweep.studies.study import Study
@@ -207,11 +201,11 @@ def _release(opened: list[tuple[Layout, Path, Lock]], comm) -> None:
 
 def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, reuse) -> None:
     """Check, repair or create the file, under the lock."""
-    check_place(output)
+    opening.check_place(output)
     check_transport()
     existing = output.exists()
     _check_earlier(layout, output, reuse, say)
-    inputs = Inputs(layout.study)
+    inputs = Inputs(layout)
     inputs.need()
     if existing:
         with contextlib.suppress(DamagedError):
@@ -243,7 +237,7 @@ def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> 
     for path in reuse:
         if path.resolve() == output.resolve():
             raise StoreError(f"{path}: is the file of the results; --reuse takes others")
-        made = check_file(path).get("libraries")
+        made = opening.check_file(path).get("libraries")
         if made != provenance.library_versions():
             say(f"{path}: made with {made}: what is taken may differ in the last digits")
     Reuse(layout, reuse).close()
@@ -251,16 +245,16 @@ def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> 
 
 def _check_same_job(layout: Layout, output: Path, inputs: Inputs) -> None:
     """Check that a file is of this job, plain, and sound apart from its results."""
-    attributes = check_file(output)
+    attributes = opening.check_file(output)
     if attributes.get("fingerprint") != layout.fingerprint:
-        stored = read_layout(output)  # a `DamagedError` if it is not of any job
+        stored = opening.read_layout(output)  # a `DamagedError` if it is not of any job
         raise StoreError(
             f"{output}: holds the results of another job (named {stored.name!r}); give "
             "another file with -o"
         )
-    read_layout(output)
+    opening.read_layout(output)
     inputs.check(output, attributes)
-    refuse_problems(output, layout_problems(output, layout))
+    opening.refuse_problems(output, opening.layout_problems(output, layout))
     check_writable(output)
 
 

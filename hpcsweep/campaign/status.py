@@ -213,19 +213,15 @@ def _master(session: Session | None) -> dict | None:
 
 def _session(session: Session) -> dict:
     """Return one session as a dict."""
-    described = {
-        "started": session.started,
-        "ranks": session.ranks,
-        "hosts": session.hosts,
-        "transport": session.transport,
-        "ended": session.ended,
-        "written_bytes": None,
-        "write_bytes_per_second": None,
-        "write_share": None,
-    }
+    told = ("started", "ranks", "hosts", "transport", "ended")
+    written, rate, part = session.written_bytes or None, None, None
     seconds = session.write_seconds
-    if session.written_bytes and session.rank_seconds and seconds is not None:
-        described["written_bytes"] = session.written_bytes
-        described["write_bytes_per_second"] = session.written_bytes / seconds if seconds else None
-        described["write_share"] = seconds / session.rank_seconds
-    return described
+    if written and session.rank_seconds and seconds is not None:
+        rate, part = written / seconds if seconds else None, seconds / session.rank_seconds
+    else:
+        written = None
+    return {name: getattr(session, name) for name in told} | {
+        "written_bytes": written,
+        "write_bytes_per_second": rate,
+        "write_share": part,
+    }

@@ -59,6 +59,8 @@ def summarize(path: str | Path) -> dict:
         "frames": study.n_frames,
         study.run_dims[-1] + "s": study.dimensions[study.run_dims[-1]],
         "directions": list(study.directions),
+        "dimensions": {dim: study.dimensions[dim] for dim in study.run_dims},
+        "run_noun": study.run_noun,
         "runs_total": study.n_runs,
         "runs_done": tally.done,
         **audit,

@@ -24,7 +24,7 @@ from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
 from hpcsweep.studies.blocks import Block, Place
-from hpcsweep.studies.refine.variables import AUDIT, CROSSED, INFERRED, map_shape
+from hpcsweep.studies.refine.variables import AUDIT, CROSSED, INFERRED
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import RunAgain, Study
 
@@ -303,17 +303,16 @@ def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
     if unknown:
         return [(place, "what is inferred: its checksum does not hold") for place in unknown]
     boxes = None
-    if growth.refinement.curves:
+    if growth.curves:
         frames = [inferred.frame(place) or {} for place in inferred.places]
-        shape = map_shape(blocks.study)
-        stored = np.array([rows[CROSSED] for rows in frames]).reshape(shape)
-        boxes = stored[(slice(-1),) * len(shape)] != 0
+        stored = np.array([rows[CROSSED] for rows in frames]).reshape(growth.shape)
+        boxes = stored[(slice(-1),) * stored.ndim] != 0
     rounds = growth.begin(boxes)
     for place in inferred.places:
         rounds.labels.store(*inferred.labels(place))
     if rounds.next() is not None:
         return [(inferred.places[0], "points that the map was refined by are not committed")]
-    values, audit = growth.derived(rounds), inferred.audit()
+    values, audit = growth.values(rounds), inferred.audit()
     if not np.array_equal(values[AUDIT], audit, equal_nan=True):
         return [(inferred.places[0], "the audit is not that of the computed points")]
     problems = []

@@ -16,16 +16,19 @@ from hpcsweep.figures.options import file_name
 USER_ERROR, FAILURE = 2, 1
 Rows = Iterator[tuple[str, str]]
 """Names and texts of a table."""
+WIDEST = 24
+"""Letters of the longest name that makes the column of names wider."""
 
 
 class CommandError(ValueError):
     """A command cannot do what it was given; one line for the user."""
 
 
-def table(title: str, rows: Iterable[tuple[str, str]], width: int = 9) -> str:
-    """Format rows of a name, in a column of `width`, and a text, under a title."""
-    lines = (f"  {name:<{width}} {text}".rstrip() for name, text in rows)
-    return "\n".join([title, *lines])
+def table(title: str, rows: Iterable[tuple[str, str]]) -> str:
+    """Format rows of a name and a text, each in a column of its own, under a title."""
+    rows = list(rows)
+    width = max((len(name) for name, _ in rows if len(name) <= WIDEST), default=0)
+    return "\n".join([title, *(f"  {name:<{width}}  {text}".rstrip() for name, text in rows)])
 
 
 def complain(message: str, rank: int | None = None) -> None:

@@ -6,17 +6,55 @@ from dataclasses import fields
 
 from hpcsweep.commands import FAILURE, CommandError, abort, add_at, add_file, complain
 from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
-from hpcsweep.figures.film import figure
-from hpcsweep.figures.options import add_options, whole_number
+from hpcsweep.figures.options import BRANCHES, FLOORS, Option, file_name, positive, whole_number
 
 SUMMARY = "make a film of the orbit diagrams over Omega"
-HELP = figure.HELP
+HELP = """\
+Make a film of the orbit diagrams, or of a measure, one frame a forcing frequency, with fixed axes:
+MP4 or, by the ending of OUT, GIF. Start it under mpirun to use many ranks; alone it uses several
+processes. The film is the same for any number. Needs the extra 'video' (imageio-ffmpeg)."""
+OPTIONS = (
+    Option(
+        "--poster", "also write the frame with most kinds of motion", type=file_name, metavar="PNG"
+    ),
+    Option("--fps", "frames per second (default: %(default)g)", type=positive, default=25.0),
+    Option("--every", "take every Kth frame", type=whole_number(1), default=1, metavar="K"),
+    Option(
+        "--direction",
+        "sweeps that are drawn (default: %(default)s)",
+        choices=("up", "down", "both"),
+        default="both",
+    ),
+    Option(
+        "--color",
+        "what the colours show (default: %(default)s)",
+        choices=("direction", "contact", "period"),
+        default="direction",
+    ),
+    FLOORS,
+    Option(
+        "--show",
+        "measure drawn in place of stroboscopic displacements: storey_drift, displacement, "
+        "acceleration, contact_force, impacts, impact_velocity, impulse or contact_time",
+        default="",
+        metavar="MEASURE",
+    ),
+    BRANCHES,
+    Option(
+        "--width",
+        "even (default: 1280, GIF 960); the height follows from the number of floors shown",
+        type=whole_number(1),
+        default=0,
+        metavar="PIXELS",
+    ),
+)
 
 
 def configure(parser) -> None:
     """Add the options of the command."""
     add_file(parser, "OUT", "film, .mp4 or .gif (default: FILE.mp4)")
-    add_options(parser, [figure])
+    for option in OPTIONS:
+        option.add(parser)
     parser.add_argument(
         "--processes",
         type=whole_number(1),

@@ -4,45 +4,15 @@ import argparse
 import errno
 import sys
 from collections.abc import Callable
+from importlib import import_module
 
 from hpcsweep.campaign.progress import silence
-from hpcsweep.commands import (
-    FAILURE,
-    USER_ERROR,
-    CommandError,
-    animate,
-    complain,
-    describe,
-    environment,
-    explore,
-    fragility,
-    new,
-    one_thread,  # noqa: F401  before numpy is loaded
-    pack,
-    plot,
-    run,
-    status,
-    summary,
-    validate,
-    warmup,
-    zoom,
-)
+from hpcsweep.commands import FAILURE, USER_ERROR, CommandError, complain, environment
+from hpcsweep.commands import one_thread as one_thread  # before numpy is loaded
 
-COMMANDS = (
-    new,
-    describe,
-    run,
-    status,
-    summary,
-    fragility,
-    zoom,
-    validate,
-    pack,
-    plot,
-    animate,
-    explore,
-    warmup,
-)
+NAMES = "new describe run status summary fragility zoom validate pack plot animate explore warmup"
+COMMANDS = {name: import_module(f"hpcsweep.commands.{name}") for name in NAMES.split()}
+"""Modules of the commands, by their names, in the order of the help."""
 
 DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.
@@ -120,9 +90,9 @@ def build_parser() -> argparse.ArgumentParser:
         help="print the versions of hpcsweep and its libraries",
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    for command in COMMANDS:
+    for name, command in COMMANDS.items():
         commands.add_parser(
-            command.__name__.rpartition(".")[2],
+            name,
             help=command.SUMMARY,
             description=getattr(command, "HELP", None),
             epilog=getattr(command, "EXAMPLES", None),

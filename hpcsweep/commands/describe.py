@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import add_settings
+from hpcsweep.commands import add_settings, table
 
 SUMMARY = "describe a job: modes, units, grazing amplitude, runs"
 HELP = """\
@@ -19,10 +19,9 @@ def configure(parser) -> None:
 
 def run(options) -> int:
     """Run the command."""
-    from hpcsweep.campaign.describe import describe
-    from hpcsweep.campaign.forecast import study_text
+    from hpcsweep.campaign.describe import describe, title
     from hpcsweep.job import load_job
 
     job = load_job(options.job, options.settings)
-    print("\n".join([f"{job.name}: {study_text(job.study)}", *job.notes, *describe(job)]))
+    print(table(title(job), describe(job)))
     return 0

@@ -5,8 +5,9 @@ import json
 import math
 from typing import TYPE_CHECKING
 
-from hpcsweep.commands import CommandError, Rows, add_at, add_file, table
+from hpcsweep.commands import CommandError, add_at, add_file, table
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
+from hpcsweep.commands.rows import rows_of
 from hpcsweep.figures.options import file_name
 
 if TYPE_CHECKING:
@@ -90,26 +91,26 @@ def _threshold(options, results, study: "Records") -> int:
         print(json.dumps(_finite(sums), indent=1))
         return 0
     title = f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records"
-    elastic = ", elastic" if study.structure.sliders else ""
-    print(table(title, _rows(sums, elastic), 11))
+    told = sums | {
+        "fractiles": _shown(sums),
+        "lost": sums["unknown"] or None,
+        "free": _shown(sums["alone"]) if "alone" in sums else None,
+        "caution": sums["caution"] or None,
+        "elastic": ", elastic" if study.structure.sliders else "",
+    }
+    print(table(title, rows_of(ROWS, told)))
     return 0
 
 
-def _rows(sums: dict, elastic: str) -> Rows:
-    """Write capacities and fragility as a person reads them; `elastic` of a motion alone."""
-    low, high = sums["median_interval"]
-    least, most = sums["dispersion_interval"]
-    never = f"{sums['never']} records never reach it up to {sums['highest']:.4g}"
-    unknown = f", {sums['unknown']} unknown" if sums["unknown"] else ""
-    yield "capacity", f"{_shown(sums)} of {sums['measure']}; {never}{unknown}"
-    if "alone" in sums:
-        yield "no contact", f"{_shown(sums['alone'])}, exact{elastic}"
-    yield "crossings", f"{sums['later_crossings']} records fall below it again"
-    dispersion = f"{sums['dispersion']:.4f} ({least:.4f} to {most:.4f})"
-    median = f"median {sums['median']:.4g} ({low:.4g} to {high:.4g})"
-    yield "fragility", f"{median}, dispersion {dispersion}"
-    if sums["caution"]:
-        yield "caution", sums["caution"]
+ROWS = """\
+capacity | {fractiles} of {measure}; {never} records never reach it up to {highest:.4g}\
+ | , {lost} unknown
+no contact | {free}, exact{elastic}
+crossings | {later_crossings} records fall below it again
+fragility | median {median:.4g} ({median_interval[0]:.4g} to {median_interval[1]:.4g}), \
+dispersion {dispersion:.4f} ({dispersion_interval[0]:.4f} to {dispersion_interval[1]:.4f})
+caution | {caution}
+"""
 
 
 def _counted(reached) -> dict:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import PICTURE, check_overwriting, writing
-from hpcsweep.figures.options import add_options, figures, options_of, whole_number
+from hpcsweep.figures.options import figures, options_of, whole_number
 
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
@@ -40,7 +40,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="pixels an inch (default: %(default)s)",
     )
     add_at(parser)
-    add_options(parser, known.values(), named=True)
+    for option, kinds in options_of(known.values()).items():
+        option.add(parser, f"; {kinds}")
 
 
 def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
@@ -72,12 +73,11 @@ def run(options) -> int:
     kind = options.kind or default
     figure = known[kind]
     given = {}
-    for option in options_of(known.values()):
+    for option, kinds in options_of(known.values()).items():
         value = getattr(options, option.keyword)
         if value is None:
             continue
         if option not in figure.OPTIONS:
-            kinds = ", ".join(f.NAME for f in known.values() if option in f.OPTIONS)
             raise CommandError(f"{option.flag} does not go with --kind {kind}, only with: {kinds}")
         given[option.keyword] = value
     output = options.output or options.file.with_suffix(".png")

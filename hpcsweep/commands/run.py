@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain
+from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, table
 from hpcsweep.figures.options import file_name, positive
 
 SUMMARY = "run a job, or resume it"
@@ -78,9 +78,11 @@ def run(options) -> int:
     if options.dry_run:
         # on one rank, whichever MPI the launcher is of
         if launched_rank() == 0:
+            from hpcsweep.campaign.describe import title
             from hpcsweep.campaign.forecast import estimate
 
-            print("\n\n".join([estimate(job, output) for job, output in _read(options)]))
+            told = [table(title(job), estimate(job, output)) for job, output in _read(options)]
+            print("\n\n".join(told))
         return 0
     # listens from here to the end of the process: a signal while a library is loading is not lost,
     # and one after the last run does no harm

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from hpcsweep.commands import USER_ERROR, CommandError, Rows, table
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
+from hpcsweep.commands.rows import inferred_text, rows_of
 from hpcsweep.figures.options import file_name
+from hpcsweep.studies.run_names import count, run_name
 
 SUMMARY = "show how far results files are, also while they run"
 HELP = """\
@@ -79,27 +81,51 @@ def _keep_page(files: list[Path], page: Path) -> int:
         time.sleep(REFRESH)
 
 
+ROWS = """\
+{run_noun}s | {runs_done} of {runs_total} ({done:.1f} %)\
+ | , {frame}s {frames_done} of {frames_total}
+solver | {solver}
+inferred | {inferred}
+cost | {core_seconds:.3g} core seconds, {runs_per_core_second:.3g} {run_noun}s per core second\
+ | , about {core_seconds_remaining:.3g} core seconds left
+rate | {runs_per_second:.3g} {run_noun}s/s by the clock, {runs_per_second_recent:.3g} in the last \
+minute of the last session | ; about {seconds_remaining:.3g} s left on its ranks
+{frame_noun}s | costliest {frame_seconds[costliest]:.3g} s ({frame_seconds[costliest_at]:run}), \
+median {frame_seconds[median]:.3g} s, cheapest {frame_seconds[cheapest]:.3g} s \
+({frame_seconds[cheapest_at]:run}), of {frame_seconds[frames]} timed whole
+master | {master[messages]} messages, {master[messages_per_second]:.3g}/s of \
+{master[messages_per_second_possible]:.3g}/s possible; {master[tasks_moved]} tasks moved between \
+ranks
+memory | rank 0 {memory[0]:.0f} MB, largest rank {memory[1]:.0f} MB
+last heard of | {silent:.0f} s ago
+periods | {periods_per_run:.3g} integrated a run, of {periods_per_run_window}; runs spared: {spared}
+no period found | in {no_period_found} runs
+linear | {runs_below_contact} runs below first contact
+found | {attractors_per_point:.3g} attractors a point, several in {points_with_several} points, \
+at most {most_attractors}
+starts | {starts} of {periods_per_start:.3g} periods; undecided {starts_undecided}, failed \
+{starts_failed}, to attractors that are not in the file {starts_elsewhere}
+branches | {n_branches}, on which {n_covered} of {n_seeds} motions of the files lie
+failures | {n_failed}
+"""
+"""What is told of a state, of its values and those of `_rows`; see `hpcsweep.commands.rows`."""
+
+
 def _rows(state: dict) -> Rows:
     """Write a status as a person reads it."""
-    from hpcsweep.studies.run_names import count, run_name
-
-    done, total = state["runs_done"], state["runs_total"]
-    run, frame = state["run_noun"], state["frame_noun"]
-    frames = ""
-    if frame != run:
-        frames = f", {frame}s {state['frames_done']} of {state['frames_total']}"
-    share = f"{100 * done / total:.1f} %"
-    yield f"{run}s", f"{done} of {total} ({share}){frames}, solver {state['solver']}"
+    own_noun, spared = state["frame_noun"] != state["run_noun"], state.get("runs_spared", {})
+    waits, master = not state["complete"], state["master"]
+    derived = {
+        "done": 100 * state["runs_done"] / state["runs_total"],
+        "frame": state["frame_noun"] if own_noun else None,
+        "spared": ", ".join(f"{name} {n}" for name, n in spared.items()),
+        "master": master if master and master["messages"] else None,
+        "memory": [size / 1e6 for size in state["peak_memory"] or ()] or None,
+        "silent": state["last_heard"] if waits else None,
+    }
     if "audit" in state:
-        yield "inferred", inferred_text(state["runs_inferred"], state["audit"])
-    if rate := state["runs_per_core_second"]:
-        left = state["core_seconds_remaining"]
-        rest = "" if left is None else f", about {left:.3g} core seconds left"
-        spent = f"{state['core_seconds']:.3g} core seconds"
-        yield "cost", f"{spent}, {rate:.3g} {run}s per core second{rest}"
-    yield from _rows_of_work(state)
-    yield from _rows_of_motions(state)
-    yield "failures", str(state["n_failed"])
+        derived["inferred"] = inferred_text(state["runs_inferred"], state["audit"])
+    yield from rows_of(ROWS, state | derived)
     for failed in state["failures"]:
         yield f"  {run_name(failed)}:", failed["outcome"]
     if state["n_failed"] > len(state["failures"]):
@@ -120,78 +146,3 @@ def _rows(state: dict) -> Rows:
                 f"{session['write_bytes_per_second'] / 1e6:.3g} MB/s, "
                 f"{100 * session['write_share']:.2g} % of the ranks' time",
             )
-
-
-def inferred_text(count: int, audit: dict | None) -> str:
-    """Write how many points of a refined map are inferred, and how many of these are wrong."""
-    if audit is None:
-        return "nothing yet: not complete"
-    return (
-        f"{count} points; of {audit['drawn']} drawn and computed {audit['wrong']} were wrong: "
-        f"{100 * audit['low']:.2g} to {100 * audit['high']:.2g} % of them are (95 %)"
-    )
-
-
-def _rows_of_motions(state: dict) -> Rows:
-    """Write the periods integrated, and the lines of only one kind of study."""
-    if "runs_spared" in state:
-        if state["periods_per_run"] is not None:
-            spared = ", ".join(f"{name} {count}" for name, count in state["runs_spared"].items())
-            yield (
-                "periods",
-                f"{state['periods_per_run']:.3g} integrated a run, of "
-                f"{state['periods_per_run_window']}; runs spared: {spared}",
-            )
-        yield "no period found in", f"{state['no_period_found']} runs"
-    if "runs_below_contact" in state:
-        yield "linear", f"{state['runs_below_contact']} runs below first contact"
-    if "starts" in state and state["periods_per_start"] is not None:
-        if state.get("attractors_per_point") is not None:
-            yield (
-                "found",
-                f"{state['attractors_per_point']:.3g} attractors a point, several in "
-                f"{state['points_with_several']} points, at most {state['most_attractors']}",
-            )
-        yield (
-            "starts",
-            f"{state['starts']} of {state['periods_per_start']:.3g} periods; undecided "
-            f"{state['starts_undecided']}, failed {state['starts_failed']}, to attractors that are "
-            f"not in the file {state['starts_elsewhere']}",
-        )
-
-
-def _rows_of_work(state: dict) -> Rows:
-    """Write rate, remaining time, cost by frame and the master's load."""
-    from hpcsweep.studies.run_names import run_name
-
-    if state["runs_per_second"] is not None:
-        left = state["seconds_remaining"]
-        yield (
-            "rate",
-            f"{state['runs_per_second']:.3g} {state['run_noun']}s/s by the clock, "
-            f"{state['runs_per_second_recent']:.3g} in the last minute of the last session"
-            + ("" if left is None else f"; about {left:.3g} s left on its ranks"),
-        )
-    if frames := state["frame_seconds"]:
-        most, least = (
-            f"{which} {frames[which]:.3g} s ({run_name(frames[f'{which}_at'])})"
-            for which in ("costliest", "cheapest")
-        )
-        whole = f"{frames['frames']} timed whole"
-        yield (
-            f"{state['frame_noun']}s",
-            f"{most}, median {frames['median']:.3g} s, {least}, of {whole}",
-        )
-    master = state["master"]
-    if master and master["messages"]:
-        yield (
-            "master",
-            f"{master['messages']} messages, {master['messages_per_second']:.3g}/s "
-            f"of {master['messages_per_second_possible']:.3g}/s possible; "
-            f"{master['tasks_moved']} tasks moved between ranks",
-        )
-    if state["peak_memory"]:
-        first, largest = (size / 1e6 for size in state["peak_memory"])
-        yield "memory", f"rank 0 {first:.0f} MB, largest rank {largest:.0f} MB"
-    if not state["complete"] and state["last_heard"] is not None:
-        yield "last heard of", f"{state['last_heard']:.0f} s ago"

@@ -4,11 +4,12 @@ import json
 import math
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 from hpcsweep.commands import Rows, table
-from hpcsweep.commands.status import inferred_text
+from hpcsweep.commands.rows import inferred_text, percent, rows_of, share
 from hpcsweep.figures.options import whole_number
-from hpcsweep.studies.run_names import count
+from hpcsweep.studies.run_names import count, plural
 
 SUMMARY = "summarise studies: cost, kinds of motion"
 HELP = """\
@@ -55,9 +56,63 @@ def run(options) -> int:
     return 0
 
 
+ROWS = """\
+structure | {structure} | {first}
+varied | {varied}
+{run_noun}s | {runs_done} of {runs_total} ({sizes})
+inferred | {share_inferred:percent} of the map, {inferred}; all shares below are of {of}
+cost | {no_cost}
+wall time | {cost[wall_seconds]:.4g} s{sessions} on {ranks}
+core seconds | {cost[core_seconds]:.4g} s
+{run_noun}s per second | {cost[runs_per_second]:.4g}
+{run_noun}s per core second | {cost[runs_per_core_second]:.4g}
+scaled by | {measure}
+below first contact | {below_contact:share}
+of equal ratio | {equal_ratio:share}
+with contact | {with_contact:share}
+periods per run | {periods_per_run:.4g} integrated, of {periods_per_run_window}
+rules: skip rule {key} | {value:share}
+periods per {run_noun} | {periods_per_run:.4g} integrated, {periods_per_start:.4g} a start
+numbers: points with {key:n attractor} | {value:share}
+starts | {searched}
+starts undecided | {starts_undecided:share}
+starts failed | {starts_failed:share}
+starts elsewhere | {starts_elsewhere:share}
+attractors | {attractors}
+basins: starts to {key}, {value[name]} | {value:share}
+parameter | {parameter}
+branches | {branches}
+sources: branches by {key} | {value:share}
+points | {points}
+points stable | {points_stable:share}
+special_points: points of {key} | {value}
+curves | {curves[curves]}, {curves[points]} points
+special points on a curve | {curves[followed]:share}
+meetings | {curves[meetings]:counts}
+seeds | {seeds}, and {motions_not_periodic} motions not periodic
+seeds on a branch | {seeds_covered:share}
+missed: seed {key} on none | {value[line]}, {parameter} = {value[value]:.8g}, \
+P{value[period]}: {value[reason]}
+more seeds on none | {more_missed}
+file | {gigabytes:.4g} GB, {on_disk:.4g} GB on disk
+kinds: {key} | {value}
+chaotic | {untold}
+chaos that lasts | {transients[share]:percent} of chaotic runs outlive {transients[periods]} more \
+periods ({transients[outlive]} of {transients[samples]} drawn, {transients[undecided]} undecided; \
+95 %: {transients[low]:percent} to {transients[high]:percent})
+lifetime of chaos | {lifetime[0]:.4g} periods (95 %: {lifetime[1]:.4g} to {lifetime[2]:.4g})
+window test | of {tested[runs]} windows it claims {tested[wrong]} wrong periods and misses \
+{tested[missed]}
+listed_periods: P{key} | {value}
+listed_contact_sets: contact {key} | {value}
+most: largest {key} | {value[value]:.4g}{value[unit]} ({value[of]}, {value[where]})
+failures | {failures:counts}
+"""
+"""What is told of a summary, of its values and those of `_values`; see `hpcsweep.commands.rows`."""
+
+
 def _text(summary: dict) -> str:
-    rows = dict(_rows(summary, [summary]))
-    return table(summary["file"], rows.items(), max(map(len, rows)) + 1)
+    return table(summary["file"], _rows(summary, [summary]))
 
 
 def _markdown(summaries: list[dict]) -> str:
@@ -73,193 +128,77 @@ def _markdown(summaries: list[dict]) -> str:
 
 def _rows(summary: dict, together: list[dict]) -> Rows:
     """Yield name and value of every line of a table, for summaries shown together."""
-    vary = [f"{key} {_values(values)}" for key, values in summary["vary"].items()]
-    yield "structure", summary["structure"] + " (the first)" * bool(vary)
-    if vary:
-        yield "varied", "; ".join(vary)
-    yield (
-        f"{_noun(summary)}s",
-        f"{summary['runs_done']} of {summary['runs_total']}{_grid(summary)}",
-    )
+    return rows_of(ROWS, summary | _values(summary, together))
+
+
+def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
+    """Return what rows show besides the values of a summary; None where it is not shown."""
+    vary = [f"{key} {_ends(values)}" for key, values in summary["vary"].items()]
+    classes = summary.get("classes", {})
+    missed, window = summary.get("seeds_missed", []), summary.get("window_test")
+    values: dict[str, Any] = {
+        "first": " (the first)" if vary else None,
+        "varied": "; ".join(vary) or None,
+        "sizes": " x ".join(count(n, dim) for dim, n in summary["dimensions"].items()),
+        "of": "all of these" if "basins" in summary else "runs",
+        "no_cost": None if summary["cost"] else "not known: no journal beside the file",
+        "rules": {k: one for k, one in summary.get("skip_rules", {}).items() if k != "none"},
+        "searched": None if summary["run_noun"] == "start" else summary.get("starts"),
+        "missed": dict(enumerate(missed[:MAX_ROWS], 1)),
+        "more_missed": len(missed) - MAX_ROWS if len(missed) > MAX_ROWS else None,
+        "gigabytes": summary["file_bytes"] / 1e9,
+        "on_disk": summary["disk_bytes"] / 1e9,
+        "kinds": {name: share(one) + _by_direction(summary, name) for name, one in classes.items()},
+        "tested": window if window and window["runs"] else None,
+        "most": {name: most | _placed(most) for name, most in summary["largest"].items()},
+    }
+    if classes and not summary["tells_chaos"]:
+        values["untold"] = "not told: the file holds neither motion nor lyapunov"
     if "audit" in summary:
-        share = _percent(summary["runs_inferred"] / summary["runs_total"])
-        wrong = inferred_text(summary["runs_inferred"], summary["audit"])
-        of = "all of these" if "basins" in summary else "runs"
-        yield "inferred", f"{share} of the map, {wrong}; all shares below are of {of}"
-    yield from _cost_rows(summary)
-    kinds = {"measure": _record_rows, "branches": _branch_rows, "attractors": _attractor_rows}
-    own = next((rows for key, rows in kinds.items() if key in summary), _history_rows)
-    yield from own(summary)
-    yield (
-        "file",
-        f"{summary['file_bytes'] / 1e9:.4g} GB, {summary['disk_bytes'] / 1e9:.4g} GB on disk",
-    )
-    if "measure" not in summary:
-        yield from _motion_rows(summary, together)
-    for name, most in summary["largest"].items():
-        units = "" if most["units"] == "1" else f" {most['units']}"
-        yield f"largest {name}", f"{most['value']:.4g}{units} ({most['of']}, {_where(most)})"
-    yield "failures", _counts(summary["failures"])
+        values["share_inferred"] = summary["runs_inferred"] / summary["runs_total"]
+        values["inferred"] = inferred_text(summary["runs_inferred"], summary["audit"])
+    if cost := summary["cost"]:
+        ranks, sessions = cost["ranks"], cost["sessions"]
+        values["ranks"] = f"{' or '.join(map(str, ranks))} {plural('rank', sum(ranks))}"
+        values["sessions"] = f" in {sessions} sessions" if sessions > 1 else ""
+    if later := summary.get("transients"):
+        values["lifetime"] = [math.inf if x is None else x for x in later["lifetime"]]
+    for key in ("periods", "contact_sets"):
+        own = summary.get(key, {})
+        listed = {name: share(own[name]) if name in own else "0" for name in _listed(key, together)}
+        values[f"listed_{key}"] = listed
+    return values
 
 
-def _where(most: dict) -> str:
-    """Write where the largest value of a measure is."""
-    if "record" in most:
-        part = f"{most['part']}, " if most["part"] else ""
-        return f"{part}{most['record']}, scale {most['scale']:.6g}"
-    return f"A = {most['amplitude']:.6g}, Omega = {most['omega']:.6g}"
-
-
-def _record_rows(summary: dict) -> Rows:
-    yield "scaled by", summary["measure"]
-    yield "below first contact", _share(summary["below_contact"])
-    yield "of equal ratio", _share(summary["equal_ratio"])
-    yield "with contact", _share(summary["with_contact"])
-
-
-def _motion_rows(summary: dict, together: list[dict]) -> Rows:
-    """Write the shares of kinds of motion, periods and contact sets."""
+def _by_direction(summary: dict, name: str) -> str:
+    """Write the shares of a class of motions of each direction, where there are several."""
     directions = summary.get("by_direction", {})
-    for name, entry in summary["classes"].items():
-        parts = [f"{d} {_percent(kinds[name]['share'])}" for d, kinds in directions.items()]
-        each = f": {', '.join(parts)}" * (len(parts) > 1 and entry["runs"] > 0)
-        yield name, _share(entry) + each
-    if summary["classes"] and not summary["tells_chaos"]:
-        yield "chaotic", "not told: the file holds neither motion nor lyapunov"
-    if (later := summary.get("transients")) and later["share"] is not None:
-        yield (
-            "chaos that lasts",
-            f"{_percent(later['share'])} of chaotic runs outlive {later['periods']} more periods "
-            f"({later['outlive']} of {later['samples']} drawn, {later['undecided']} undecided; "
-            f"95 %: {_percent(later['low'])} to {_percent(later['high'])})",
-        )
-        mean, low, high = (math.inf if x is None else x for x in later["lifetime"])
-        yield "lifetime of chaos", f"{mean:.4g} periods (95 %: {low:.4g} to {high:.4g})"
-    window = summary.get("window_test")
-    if window and window["runs"]:
-        yield (
-            "window test",
-            f"of {window['runs']} windows it claims {window['wrong']} wrong periods and misses "
-            f"{window['missed']}",
-        )
-    for key, label in (("periods", "P{}"), ("contact_sets", "contact {}")):
-        for name in _listed(key, together):
-            entry = summary[key].get(name)
-            yield label.format(name), _share(entry) if entry else "0"
+    parts = [f"{d} {percent(kinds[name]['share'])}" for d, kinds in directions.items()]
+    told = len(parts) > 1 and summary["classes"][name]["runs"] > 0
+    return f": {', '.join(parts)}" if told else ""
 
 
-def _noun(summary: dict) -> str:
-    """Return the noun for a run of a study."""
-    if "basins" in summary and "audit" in summary:
-        return "start"
-    for key, noun in (("basins", "row"), ("branches", "line"), ("attractors", "point")):
-        if key in summary:
-            return noun
-    return "run"
-
-
-def _grid(summary: dict) -> str:
-    """Format the frames and amplitudes of the runs, or the point of a slice."""
-    if "basins" in summary or "branches" in summary:
-        return ""
-    if "measure" in summary:
-        return f" ({count(summary['records'], 'record')} x {count(summary['scales'], 'scale')})"
-    frames = count(summary["frames"], "frame")
-    amplitudes = count(summary["amplitudes"], "amplitude")
-    return f" ({frames} x {amplitudes}, {' and '.join(summary['directions'])})"
-
-
-def _history_rows(summary: dict) -> Rows:
-    if summary["runs_done"]:
-        window = summary["periods_per_run_window"]
-        yield "periods per run", f"{summary['periods_per_run']:.4g} integrated, of {window}"
-    for name, entry in summary["skip_rules"].items():
-        if name != "none":
-            yield f"skip rule {name}", _share(entry)
-
-
-def _attractor_rows(summary: dict) -> Rows:
-    if not summary["runs_done"]:
-        return
-    noun = _noun(summary)
-    yield (
-        f"periods per {noun}",
-        f"{summary['periods_per_run']:.4g} integrated, {summary['periods_per_start']:.4g} a start",
-    )
-    for number, entry in summary["numbers"].items():
-        yield f"points with {count(number, 'attractor')}", _share(entry)
-    if noun != "start":
-        yield "starts", str(summary["starts"])
-    for name in ("undecided", "failed", "elsewhere"):
-        yield f"starts {name}", _share(summary[f"starts_{name}"])
-    yield "attractors", str(summary["attractors"])
-    for number, entry in summary.get("basins", {}).items():
-        yield f"starts to {number}, {entry['name']}", _share(entry)
-
-
-def _branch_rows(summary: dict) -> Rows:
-    yield "parameter", summary["parameter"]
-    yield "branches", str(summary["branches"])
-    for name, entry in summary["sources"].items():
-        yield f"branches by {name}", _share(entry)
-    yield "points", str(summary["points"])
-    yield "points stable", _share(summary["points_stable"])
-    for name, n in summary["special_points"].items():
-        yield f"points of {name}", str(n)
-    if told := summary.get("curves"):
-        yield "curves", f"{told['curves']}, {told['points']} points"
-        yield "special points on a curve", _share(told["followed"])
-        yield "meetings", _counts(told["meetings"])
-    unsteady = summary["motions_not_periodic"]
-    yield "seeds", f"{summary['seeds']}, and {unsteady} motions not periodic"
-    yield "seeds on a branch", _share(summary["seeds_covered"])
-    missed = summary["seeds_missed"]
-    for k, one in enumerate(missed[:MAX_ROWS], 1):
-        place = f"{one['line']}, {summary['parameter']} = {one['value']:.8g}"
-        yield f"seed {k} on none", f"{place}, P{one['period']}: {one['reason']}"
-    if len(missed) > MAX_ROWS:
-        yield "more seeds on none", str(len(missed) - MAX_ROWS)
-
-
-def _cost_rows(summary: dict) -> Rows:
-    cost, runs = summary["cost"], f"{_noun(summary)}s"
-    if cost is None:
-        yield "cost", "not known: no journal beside the file"
-        return
-    ranks = f"{' or '.join(map(str, cost['ranks']))} rank{'s' * (cost['ranks'] != [1])}"
-    pieces = f" in {cost['sessions']} sessions" if cost["sessions"] > 1 else ""
-    yield "wall time", f"{cost['wall_seconds']:.4g} s{pieces} on {ranks}"
-    yield "core seconds", f"{cost['core_seconds']:.4g} s"
-    for unit in ("second", "core_second"):
-        if cost[f"runs_per_{unit}"] is not None:
-            yield f"{runs} per {unit.replace('_', ' ')}", f"{cost[f'runs_per_{unit}']:.4g}"
+def _placed(most: dict) -> dict[str, str]:
+    """Write the unit of the largest value of a measure, and where it is."""
+    unit = "" if most["units"] == "1" else f" {most['units']}"
+    where = "A = {amplitude:.6g}, Omega = {omega:.6g}"
+    if "record" in most:
+        where = "{part}, " * bool(most["part"]) + "{record}, scale {scale:.6g}"
+    return {"unit": unit, "where": where.format_map(most)}
 
 
 def _listed(key: str, together: list[dict]) -> list:
     """Return the most frequent names of all summaries: periods in order, sets by frequency."""
     total: Counter = Counter()
     for summary in together:
-        total.update({name: entry["runs"] for name, entry in summary[key].items()})
+        total.update({name: one["runs"] for name, one in summary.get(key, {}).items()})
     chosen = [name for name, _ in total.most_common(MAX_ROWS)]
     return sorted(chosen) if key == "periods" else chosen
 
 
-def _values(values: list) -> str:
+def _ends(values: list) -> str:
     """Format the values of a key; only the ends of many."""
     words = [f"{one:.6g}" if isinstance(one, int | float) else one for one in values]
     if len(words) <= 3:
         return ", ".join(words)
     return f"{words[0]} to {words[-1]} ({len(words)} values)"
-
-
-def _counts(numbers: dict[str, int]) -> str:
-    """Format the counts that are not 0."""
-    return ", ".join(f"{name} {n}" for name, n in numbers.items() if n) or "0"
-
-
-def _share(entry: dict) -> str:
-    return f"{entry['runs']} ({_percent(entry['share'])})"
-
-
-def _percent(share: float | None) -> str:
-    return "–" if share is None else f"{100 * share:.3g} %"

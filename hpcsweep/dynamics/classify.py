@@ -24,7 +24,6 @@ from itertools import groupby
 import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
-from hpcsweep.model.arguments import count, number, real, refused, rows, words
 from hpcsweep.solvers.outcome import Outcome
 
 CHAOS_GROWTH = 5.0
@@ -111,16 +110,7 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
     -------
     ndarray of int8, shape (direction, frame, amplitude)
         `MotionClass` of each run.
-
-    Raises
-    ------
-    ValueError
-        If the results are not a dataset of a campaign, or the settings not those of its runs.
     """
-    if "outcome" not in getattr(results, "variables", ()) or not hasattr(results, "sizes"):
-        raise refused("results", "a dataset of open_results", results)
-    if not hasattr(settings, "sampling_cycles"):
-        raise refused("settings", "the settings of a job's runs", settings)
     outcome = results["outcome"].values
     if MOTION in results:
         return _with_failures(results[MOTION].values, outcome)
@@ -169,8 +159,6 @@ def classify_points(points: np.ndarray, growth: float, tolerance: float) -> Moti
     tolerance : float
         Points closer than this count as equal.
     """
-    points, growth = rows("points", points), real("growth", growth)
-    tolerance = number("tolerance", tolerance)
     if len(points) < 2:
         return MotionClass.UNDECIDED
     if orbit_period(points, len(points) // 2, tolerance):
@@ -193,7 +181,6 @@ def on_closed_curve(points: np.ndarray) -> bool:
     points : ndarray, shape (N, 2n)
         Consecutive stroboscopic points.
     """
-    points = rows("points", points)
     return any(
         len(points) // m >= MIN_ON_CURVE and all(_one_curve(points[k::m]) for k in range(m))
         for m in CURVES
@@ -278,12 +265,8 @@ def contact_name(contact: int, labels: int | Sequence[str], room: int | None = N
     room : int, optional
         Most letters of the name: a longer one ends in ",...".
     """
-    contact = count("contact", contact, 0, 2**64 - 1)
-    if isinstance(labels, list | tuple):
-        labels = words("labels", labels)
-    else:
-        n_floors = count("labels", labels, 0, 64)
-        labels = [str(k + 1) for k in range(n_floors)]
+    if isinstance(labels, int):
+        labels = [str(k + 1) for k in range(labels)]
     members = [label for k, label in enumerate(labels) if label and contact >> k & 1]
     if not members:
         return "none"

@@ -21,8 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import count, number, rows
-
 FLOOR = 1e-12
 """Distance below which points differ by rounding."""
 KEPT = 0.5
@@ -57,8 +55,6 @@ def orbit_period(points: np.ndarray, max_period: int, tolerance: float) -> int:
     int
         p, or 0 if there is none (chaotic, quasi-periodic, longer, or still transient).
     """
-    points, max_period = rows("points", points), count("max_period", max_period, 1)
-    tolerance = number("tolerance", tolerance)
     returns = _returns(points[-2 * max_period :], max_period, tolerance)
     return next((p for p, apart in returns if apart.max() <= tolerance), 0)
 

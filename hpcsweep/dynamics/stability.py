@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import count, rows
 from hpcsweep.solvers.branch_rule import MAX_PRODUCT
 
 BATCHES = 10
@@ -33,12 +32,9 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
 
     Raises
     ------
-    ValueError
-        If the matrix is not square, or not finite.
+    numpy.linalg.LinAlgError
+        If the matrix is not finite.
     """
-    matrix = rows("matrix", matrix)
-    if matrix.shape[0] != matrix.shape[1] or not np.all(np.isfinite(matrix)):
-        raise ValueError(f"matrix must be square and finite, has shape {matrix.shape}")
     multipliers = np.linalg.eigvals(matrix)
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
 
@@ -142,7 +138,6 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
     ArithmeticError
         If the solver fails.
     """
-    period = count("period", period, 1)
     _, matrix = solver.monodromy(state, amplitude, period)
     time = solver.structure.forcing.period(solver.omega, period)
     return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)

@@ -172,6 +172,11 @@ def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
     confidence : float
         As of `fragility`.
 
+    Returns
+    -------
+    Fragility
+        Its median is in the intensity measure of the scales.
+
     Raises
     ------
     ValueError
@@ -275,6 +280,11 @@ def cloud(intensity: Any, response: Any) -> Cloud:
     ----------
     intensity, response : array_like, shape (n,)
         Of each unscaled record, finite and above 0; at least 3, at 2 intensities.
+
+    Returns
+    -------
+    Cloud
+        Intercept, slope and scatter of ln(response) over ln(intensity), each number a float.
 
     Raises
     ------

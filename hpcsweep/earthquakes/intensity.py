@@ -50,6 +50,11 @@ def intensity(record: Record, gravity: float = STANDARD_GRAVITY) -> Intensity:
     gravity : float
         One g in the record's units, for the Arias intensity.
 
+    Returns
+    -------
+    Intensity
+        In the units of the record, numbers each.
+
     Raises
     ------
     ValueError

@@ -75,7 +75,8 @@ def spectrum(
     Returns
     -------
     Spectrum
-        Displacement, pseudo-velocity and pseudo-acceleration, each of shape (p,).
+        Displacement, pseudo-velocity and pseudo-acceleration, each of shape (p,), in the units of
+        the record.
 
     Raises
     ------

@@ -1,8 +1,7 @@
-"""All figures (pictures, the film and the explorer) and their options.
+"""All figures of `hpcsweep plot`, and options of figures, the film and the explorer.
 
 A figure is a module with a name, the results it draws, its help and its options (`Figure`), listed
-in `FIGURES`. Every command that makes one takes its options from it. Nothing here is slow to
-import.
+in `FIGURES`. Nothing here is slow to import.
 """
 
 import argparse
@@ -32,12 +31,9 @@ FIGURES = (
     "diagrams.hysteresis",
     "diagrams.branches",
     "diagrams.basins",
-    "film.figure",
-    "explorer.figure",
 )
 """Modules of `hpcsweep.figures`, each a `diagrams.figure.Figure`; the first one that draws what a
 file holds is the default."""
-PICTURE = (".png",)
 
 
 class Option:
@@ -58,27 +54,22 @@ class Option:
         self.flag, self.help, self.arguments = flag, help, arguments
         self.keyword = arguments.setdefault("dest", flag.removeprefix("--").replace("-", "_"))
 
-
-def figures(writes: tuple[str, ...] = PICTURE) -> dict[str, Any]:
-    """Return the figures that write files of these endings, by name."""
-    modules = [import_module(f"hpcsweep.figures.{name}") for name in FIGURES]
-    return {
-        module.NAME: module for module in modules if getattr(module, "WRITES", PICTURE) == writes
-    }
+    def add(self, parser: argparse.ArgumentParser, more: str = "") -> None:
+        """Add the option to a parser, and `more` to its help."""
+        parser.add_argument(self.flag, help=self.help + more, **self.arguments)
 
 
-def add_options(parser: argparse.ArgumentParser, known: Iterable[Any], named: bool = False) -> None:
-    """Add the options of figures to a parser, each once; `named`: their help names the figures."""
+def figures() -> dict[str, Any]:
+    """Return the figures by their names."""
+    modules = (import_module(f"hpcsweep.figures.{name}") for name in FIGURES)
+    return {module.NAME: module for module in modules}
+
+
+def options_of(known: Iterable[Any]) -> dict[Option, str]:
+    """Return the options of figures, and the names of the figures that know each."""
     known = list(known)
-    for option in options_of(known):
-        kinds = ", ".join(figure.NAME for figure in known if option in figure.OPTIONS)
-        words = f"{option.help}; {kinds}" if named else option.help
-        parser.add_argument(option.flag, help=words, **option.arguments)
-
-
-def options_of(known: Iterable[Any]) -> list[Option]:
-    """Return the options of figures, each once."""
-    return list(dict.fromkeys(option for figure in known for option in figure.OPTIONS))
+    every = dict.fromkeys(option for figure in known for option in figure.OPTIONS)
+    return {o: ", ".join(f.NAME for f in known if o in f.OPTIONS) for o in every}
 
 
 def whole_number(least: int, most: int | None = None):

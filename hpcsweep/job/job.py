@@ -5,6 +5,7 @@ from functools import cached_property
 
 from hpcsweep.job.fingerprint import fingerprint
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.refine.growth import MapGrowth, growth_of
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Study
 
@@ -43,6 +44,11 @@ class Job:
     def settings(self) -> SweepSettings:
         """Settings of the study's runs."""
         return self.study.settings
+
+    @cached_property
+    def growth(self) -> MapGrowth | None:
+        """How the study grows by what its runs are found to be; None if all are computed."""
+        return growth_of(self.study)
 
     @cached_property
     def fingerprint(self) -> str:

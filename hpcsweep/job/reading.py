@@ -26,7 +26,6 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
-from hpcsweep.studies.refine.growth import growth_of
 from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT, SweepSettings
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
@@ -49,6 +48,11 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
         The file; the files that it extends are read too.
     settings : sequence of str
         ``TABLE.KEY=VALUE`` each, the value in TOML: replace the values of the files.
+
+    Returns
+    -------
+    Job
+        Its `study` has the structure, the settings of the runs and their grid.
 
     Raises
     ------
@@ -113,9 +117,6 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     JobError
         If it is not a valid job.
     """
-    arguments.instance("text", text, str)
-    arguments.instance("source", source, str)
-    arguments.instance("default_name", default_name, str)
     try:
         tree = parse_toml(text, source)
     except TreeError as error:
@@ -129,10 +130,10 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     values = Values(source, tree)
     study = read_varied(values, tree, read_study)
     _check_extent(values, study)
-    growth = growth_of(study)
-    if growth is not None and (reason := growth.problem()):
+    job = Job(name=_name(values, default_name), text=text, study=study, notes=unused(values, tree))
+    if job.growth is not None and (reason := job.growth.problem()):
         raise JobError(f"{source}: {reason}")
-    return Job(name=_name(values, default_name), text=text, study=study, notes=unused(values, tree))
+    return job
 
 
 def read_study(source: str, tree: Mapping):

@@ -1,1 +1,4 @@
 """Structures, their contact law and their equations of motion."""
+
+KERNELS = ("contact.py", "elements.py", "equations.py", "kernel_contacts.py", "kernel_model.py")
+"""Files that define kernels and the constants in them (`hpcsweep.kernels.compile.cache`)."""

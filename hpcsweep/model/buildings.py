@@ -128,7 +128,8 @@ def adjacent(
 ) -> Structure:
     """Return the structure of buildings that pound each other, from left to right.
 
-    Floors of equal height, or number without `storey_height`, touch.
+    Floors of equal height, or number without `storey_height`, touch. Units are those of the
+    buildings.
 
     Parameters
     ----------
@@ -154,6 +155,10 @@ def adjacent(
     ------
     ValueError
         If a value is outside its range, or a floor faces a column.
+
+    References
+    ----------
+    Anagnostopoulos, Earthquake Engineering & Structural Dynamics 16 (1988) 443, of `restitution`.
 
     Examples
     --------

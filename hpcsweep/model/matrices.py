@@ -90,6 +90,8 @@ def _listed(given: Any) -> list | None:
 class Contact:
     """A stop behind which a spring lies: it pushes with kappa S(rho x) x, x = d . u - g.
 
+    Units are those of the structure that it belongs to.
+
     Parameters
     ----------
     direction : sequence of n floats
@@ -108,6 +110,10 @@ class Contact:
     ------
     ValueError
         If a value is of the wrong kind or outside its range; the message names it.
+
+    References
+    ----------
+    Anagnostopoulos, Earthquake Engineering & Structural Dynamics 16 (1988) 443, of the dashpot.
 
     Examples
     --------
@@ -169,7 +175,7 @@ class Slider:
     F stays. Rest is p = 0. Beside an elastic spring of stiffness alpha k0 a slider with k =
     (1 - alpha) k0 and F = (1 - alpha) f_y makes a bilinear spring of initial stiffness k0 that
     yields at the force f_y, with kinematic hardening; several in parallel, any backbone. See
-    `hpcsweep.model.elements`.
+    `hpcsweep.model.elements`. Units are those of the structure that it belongs to.
 
     Parameters
     ----------
@@ -185,6 +191,10 @@ class Slider:
     ------
     ValueError
         If a value is of the wrong kind or outside its range; the message names it.
+
+    References
+    ----------
+    Iwan, Journal of Applied Mechanics 33 (1966) 893, of several in parallel.
 
     Examples
     --------

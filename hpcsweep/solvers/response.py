@@ -165,14 +165,23 @@ def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0)
     """Return the scale of a record below which no contact closes and no slider slips, from rest.
 
     min over contacts of gap / max_t(d . u), from one motion without contacts, and over sliders of
-    F / (k max_t |b . u|); 0 if a contact is
-    pressed, gap < 0, and closed at rest; inf if nothing moves towards a contact. Stops are taken as
-    sharp.
+    F / (k max_t |b . u|); 0 if a contact is pressed, gap < 0, and closed at rest; inf if nothing
+    moves towards a contact. Stops are taken as sharp.
 
     Parameters
     ----------
     structure, record, tail
         Of `response`.
+
+    Returns
+    -------
+    float
+        Factor of the record's acceleration.
+
+    Raises
+    ------
+    ValueError, ArithmeticError
+        As `response`.
 
     Examples
     --------
@@ -255,6 +264,12 @@ def history(
         Of `response`.
     poll : callable, optional
         Called before each instant; may raise to leave.
+
+    Returns
+    -------
+    History
+        Times, shape (p,); displacements and velocities, each of shape (p, n); forces of contacts
+        and of sliders, a column each; in the units of structure and record.
 
     Raises
     ------

@@ -8,41 +8,25 @@ copies them from earlier files, `inputs` reads motions and curves of others, `pa
 `lock` keeps a second campaign out, `journal` keeps the history beside it.
 """
 
-from hpcsweep.store.commit import Campaign, open_campaign
-from hpcsweep.store.create import create
-from hpcsweep.store.frame_grid import Grid
-from hpcsweep.store.frames import Frames
-from hpcsweep.store.inputs import with_inputs
-from hpcsweep.store.journal import Journal, read_history
-from hpcsweep.store.layout import DamagedError, Layout, StoreError, WriteError
-from hpcsweep.store.lock import Lock
-from hpcsweep.store.offsets import is_packed
-from hpcsweep.store.opening import layout_problems, open_layout, read_layout
-from hpcsweep.store.packing import pack
-from hpcsweep.store.reader import job_of, meanings, open_results
-from hpcsweep.store.reuse import Reuse
-
-__all__ = [
-    "Campaign",
-    "DamagedError",
-    "Frames",
-    "Grid",
-    "Journal",
-    "Layout",
-    "Lock",
-    "Reuse",
-    "StoreError",
-    "WriteError",
-    "create",
-    "is_packed",
-    "job_of",
-    "layout_problems",
-    "meanings",
-    "open_campaign",
-    "open_layout",
-    "open_results",
-    "pack",
-    "read_history",
-    "read_layout",
-    "with_inputs",
-]
+from hpcsweep.store.commit import Campaign as Campaign
+from hpcsweep.store.commit import open_campaign as open_campaign
+from hpcsweep.store.create import create as create
+from hpcsweep.store.frame_grid import Grid as Grid
+from hpcsweep.store.frames import Frames as Frames
+from hpcsweep.store.inputs import with_inputs as with_inputs
+from hpcsweep.store.journal import Journal as Journal
+from hpcsweep.store.journal import read_history as read_history
+from hpcsweep.store.layout import DamagedError as DamagedError
+from hpcsweep.store.layout import Layout as Layout
+from hpcsweep.store.layout import StoreError as StoreError
+from hpcsweep.store.layout import WriteError as WriteError
+from hpcsweep.store.lock import Lock as Lock
+from hpcsweep.store.offsets import is_packed as is_packed
+from hpcsweep.store.opening import layout_problems as layout_problems
+from hpcsweep.store.opening import open_layout as open_layout
+from hpcsweep.store.opening import read_layout as read_layout
+from hpcsweep.store.packing import pack as pack
+from hpcsweep.store.reader import job_of as job_of
+from hpcsweep.store.reader import meanings as meanings
+from hpcsweep.store.reader import open_results as open_results
+from hpcsweep.store.reuse import Reuse as Reuse

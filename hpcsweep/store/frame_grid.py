@@ -28,35 +28,17 @@ class Grid:
     def __init__(self, frames: Frames):
         self._study = study = as_kind(frames.study, RunGrid)
         self._frames = frames
-        self._amplitudes = [study.amplitudes_of(frame) for frame in range(study.omega.size)]
         self.omega = np.unique(study.omega)
-        self.amplitude = np.unique(np.concatenate(self._amplitudes))
+        each = [study.amplitudes_of(frame) for frame in range(study.omega.size)]
+        self.amplitude = np.unique(np.concatenate(each))
 
     def dataset(self, row: int):
         """Read one row as `Frames.dataset` reads a frame."""
-        import xarray
-
         found = np.flatnonzero(self._study.omega == self.omega[row]).tolist()
-        if len(found) == 1 and self._amplitudes[found[0]].size == self.amplitude.size:
-            return self._frames.dataset(found[0])
         parts = [self._frames.dataset(frame) for frame in found]
-        places = [np.searchsorted(self.amplitude, self._amplitudes[frame]) for frame in found]
-        arrays = {}
-        for variable in self._frames.variables:
-            first = parts[0][variable.name]
-            shape = (*first.shape[:2], self.amplitude.size, *first.shape[3:])
-            values = np.full(shape, variable.missing, first.dtype)
-            for part, at in zip(parts, places, strict=True):
-                values[:, :, at] = part[variable.name].values
-            arrays[variable.name] = (variable.dims, values)
-        own = parts[0]
-        return xarray.Dataset(
-            arrays,
-            coords={
-                "direction": own["direction"],
-                "omega": own["omega"],
-                "amplitude": self.amplitude,
-                "state": own["state"],
-            },
-            attrs=own.attrs,
-        )
+        missing = {variable.name: variable.missing for variable in self._frames.variables}
+        whole = parts[0].reindex(amplitude=self.amplitude, fill_value=missing)
+        for part in parts[1:]:
+            for name in missing:
+                whole[name].loc[{"amplitude": part["amplitude"]}] = part[name]
+        return whole

@@ -276,18 +276,19 @@ class Frames:
             )
             chosen = slice(place, place + 1)
         arrays: dict[str, np.ndarray] = {}
+        axis = self._axis
         for place, frame in enumerate(frames):
-            one = self.dataset(frame)
-            found = {v.name: one[v.name].values for v in kept}
-            found |= {name: function(one) for name, function in (derive or {}).items()}
-            axis = self._axis
+            found = self.read(frame, tuple(v.name for v in kept))
+            if derive:
+                one = self.dataset(frame)
+                found |= {n: np.take(function(one), 0, axis) for n, function in derive.items()}
             for name, values in found.items():
                 values = values[chosen] if axis else values
                 if name not in arrays:
-                    shape = (*values.shape[:axis], len(frames), *values.shape[axis + 1 :])
-                    arrays[name] = np.empty(shape, values.dtype)
-                np.moveaxis(arrays[name], axis, 0)[place] = np.moveaxis(values, axis, 0)[0]
-        return self._dataset(frames, {n: (axes[n], values) for n, values in arrays.items()}, chosen)
+                    arrays[name] = np.empty((len(frames), *values.shape), values.dtype)
+                arrays[name][place] = values
+        moved = {n: (axes[n], np.moveaxis(values, 0, axis)) for n, values in arrays.items()}
+        return self._dataset(frames, moved, chosen)
 
 
 def _place_of(path: Path, axes: Sequence[Axis], at: Mapping[str, float | str]) -> Place:

@@ -1,6 +1,6 @@
 """Inferred values of a refined map, and when they are valid.
 
-The variables are those of `hpcsweep.studies.refine.variables`. They follow from the committed runs,
+The variables are those of `hpcsweep.studies.refine.growth`. They follow from the committed runs,
 and are written when no run is left to do: all of them first, then, after they have reached the
 disk, ``inferred``: a checksum for each frame, of the job's fingerprint, the frame's place, all its
 bytes and the audit. A map is complete where all frames have one; then what has no checksum of its
@@ -66,15 +66,15 @@ class Inferred:
             See `hpcsweep.studies.refinement.Refinement.labels`.
         """
         blocks = self._blocks
-        refinement = blocks.study.refine
-        assert refinement is not None
+        growth = blocks.layout.growth
+        assert growth is not None
         first = int(np.ravel_multi_index((*place, 0), (*self._shape, self._n)))
         points, labels = [], []
         for at in np.flatnonzero(blocks.read_rows("commit", (*place, 0), self._n)).tolist():
             rows = blocks.believed(blocks.study.block((*place, at)))
             if rows is not None:
                 points.append(first + at)
-                labels.append(refinement.labels(rows))
+                labels.append(growth.labels(rows))
         found = np.concatenate(labels) if labels else np.zeros((0, 2), np.uint64)
         return np.array(points, int), found
 
@@ -134,7 +134,7 @@ def write_inferred(campaign: Campaign, values: dict[str, np.ndarray]) -> None:
     campaign : Campaign
         All of whose runs are committed.
     values : dict of str to ndarray
-        Of `hpcsweep.studies.refine.variables.derived_values`.
+        Of `hpcsweep.studies.refine.growth.MapGrowth.values`.
     """
     inferred = Inferred(campaign.blocks)
     frames = {

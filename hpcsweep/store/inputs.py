@@ -17,10 +17,9 @@ from hpcsweep.job import Job
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store.check import CURVES
 from hpcsweep.store.frames import Frames
-from hpcsweep.store.layout import StoreError
+from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.refine.crossing import KnownCurve
-from hpcsweep.studies.refine.growth import growth_of
 from hpcsweep.studies.seeds import Seed, Seeds, Where
 from hpcsweep.studies.study import Study, as_kind
 
@@ -30,7 +29,11 @@ NAMES = ("outcome", "curve_of_step", "curve_omega", "curve_amplitude")
 
 
 class Inputs:
-    """Results files that a study reads; most read none.
+    """Results files that the study of a file reads; most read none.
+
+    Parameters
+    ----------
+    layout : Layout
 
     Attributes
     ----------
@@ -44,11 +47,10 @@ class Inputs:
         If a file cannot be read, is not complete, or holds no curves of the structure.
     """
 
-    def __init__(self, study: Study):
-        self._study = study
-        self.growth = growth_of(study)
-        self.paths = study.refine.curves if study.refine else ()
-        self.curves = [curve for path in self.paths for curve in _curves_of(Path(path), study)]
+    def __init__(self, layout: Layout):
+        self._study, self.growth = layout.study, layout.growth
+        self.paths = self.growth.curves if self.growth else ()
+        self.curves = [one for path in self.paths for one in _curves_of(Path(path), self._study)]
 
     @property
     def attributes(self) -> dict[str, str | int]:

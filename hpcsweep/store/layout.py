@@ -29,8 +29,6 @@ from hpcsweep.job import Job
 from hpcsweep.model import description
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.refine.growth import growth_of
-from hpcsweep.studies.refine.variables import derived_coordinates, derived_variables
 from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
@@ -84,7 +82,7 @@ class Layout:
         Of a study that grows, see `hpcsweep.store.inferred`.
     commit : Variable
     growth : MapGrowth or None
-        How a study with a refined map grows.
+        How a study grows that does not compute all of its runs.
     """
 
     def __init__(self, job: Job):
@@ -92,11 +90,11 @@ class Layout:
         self.study = job.study
         self.name, self.text, self.fingerprint = job.name, job.text, job.fingerprint
         study, structure = job.study, job.study.structure
-        self.growth = growth_of(study)
+        self.growth = job.growth
         self.variables = [_named(variable, structure) for variable in study.variables]
-        further = derived_coordinates() if study.refine else {}
+        further = self.growth.coordinates if self.growth else {}
         coordinates = study.coordinates | further
-        self.derived = derived_variables(study, study.refine) if study.refine else []
+        self.derived = self.growth.variables if self.growth else []
         self.sizes = {name: one.values.size for name, one in further.items()}
         self.sizes |= study.dimensions
         self.coordinates = {

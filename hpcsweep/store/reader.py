@@ -36,8 +36,9 @@ def open_results(path: str | Path):
     -------
     xarray.Dataset
         Variables and dimensions as in the file. Runs without valid commit have outcome 0
-        (``Outcome.NOT_COMPUTED``), zero counts and NaN elsewhere. The attributes are those of the
-        file, without the checksum of its metadata.
+        (``Outcome.NOT_COMPUTED``), zero counts and NaN elsewhere. Each has its unit in the
+        attribute ``units``. The attributes are those of the file, without the checksum of its
+        metadata.
 
     Raises
     ------

@@ -14,27 +14,16 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies import variables
 from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
 from hpcsweep.studies.report import MAX_FRAMES, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
-from hpcsweep.studies.study import RunAgain, StudyTally
+from hpcsweep.studies.study import Lines, RunAgain, StudyTally
 from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variable import Coordinate, Variable
-from hpcsweep.studies.variables import (
-    AMPLITUDE,
-    COMMIT,
-    OMEGA,
-    RUN,
-    measure_coordinates,
-    named,
-    numbered,
-    run_variables,
-    states,
-    storey_heights,
-)
 
 UP, DOWN = "up", "down"
 
@@ -72,8 +61,8 @@ class RunGrid(Part):
     """Long name of the first dimension."""
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     frame_dim: ClassVar[str] = "omega"  # dimension of the frames
-    run_dims: ClassVar[tuple[str, ...]] = RUN
-    commit: ClassVar[Variable] = COMMIT
+    run_dims: ClassVar[tuple[str, ...]] = variables.RUN
+    commit: ClassVar[Variable] = variables.COMMIT
     always: ClassVar[frozenset[str]] = frozenset()  # metrics that its runs compute unasked
     holds: ClassVar[str] = "motions"
     point_dim: ClassVar[str] = "point"
@@ -118,26 +107,28 @@ class RunGrid(Part):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
-        return run_variables(self.settings)
+        return variables.run_variables(self.settings)
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         return {
-            **measure_coordinates(self.structure, self.settings),
-            "direction": named(self.directions, self.direction_name),
-            "omega": Coordinate(self.omega.astype("<f8"), *OMEGA),
-            "amplitude": Coordinate(self.amplitude.astype("<f8"), *AMPLITUDE),
-            self.point_dim: numbered(self.settings.stored_points, "stroboscopic point"),
-            "state": states(self.structure),
-            "mode": numbered(self.structure.n_floors, "mode of the free structure", first=1),
-            "block": numbered(self.n_blocks, "block of amplitudes"),
+            **variables.measure_coordinates(self.structure, self.settings),
+            "direction": variables.named(self.directions, self.direction_name),
+            "omega": Coordinate(self.omega.astype("<f8"), *variables.OMEGA),
+            "amplitude": Coordinate(self.amplitude.astype("<f8"), *variables.AMPLITUDE),
+            self.point_dim: variables.numbered(self.settings.stored_points, "stroboscopic point"),
+            "state": variables.states(self.structure),
+            "mode": variables.numbered(
+                self.structure.n_floors, "mode of the free structure", first=1
+            ),
+            "block": variables.numbered(self.n_blocks, "block of amplitudes"),
         }
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known in advance, with their values."""
-        return storey_heights(self.structure) if "storey" in self.coordinates else []
+        return variables.storey_heights(self.structure) if "storey" in self.coordinates else []
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return the state from which the run after one of the rows starts."""
@@ -182,11 +173,10 @@ class RunGrid(Part):
         frames = range(min(self.n_frames, MAX_FRAMES))
         return self.omega, np.unique(np.concatenate([self.amplitudes_of(k) for k in frames]))
 
-    def lines(self) -> Iterator[str]:
-        """List the ranges of frequency and amplitude, of first contact, and of the starts."""
+    def lines(self) -> Lines:
+        """Tell the ranges of frequency and amplitude, of first contact, and of the starts."""
         yield from ranges(self.structure, *self.covered)
-        for line in starting_range(self):
-            yield f"starts:     {line}"
+        yield from (("starts", text) for text in starting_range(self))
 
     def warnings(self) -> Iterator[str]:
         """Return one line for each thing that looks like a mistake in what drives the structure."""

@@ -8,7 +8,7 @@ periodic run (period p)
     and modal norms must be those of the orbit; otherwise they must not exceed the stored ones.
 aperiodic run
     From a few stored points, one forcing period each: the result must be the next stored point,
-    with contact and drift within the stored ones. A longer comparison would measure chaos, not
+    with contacts and peaks within the stored ones. A longer comparison would measure chaos, not
     errors.
 
 The allowed difference is that of the two tolerances, times the growth of the tangent map on the
@@ -24,11 +24,15 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.records import Observation, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
 from hpcsweep.studies.blocks import Block, Rows
 from hpcsweep.studies.run_names import run_name
+from hpcsweep.studies.settings import MEASURES
 from hpcsweep.studies.study import RunAgain, Study
+from hpcsweep.studies.variable import CONTACT_SET
+from hpcsweep.studies.variables import DRIFT, RUN_VARIABLES, empty_results, store_measures
 
 STEPS = 3
 """Forcing periods of an aperiodic run that are computed again."""
@@ -128,13 +132,6 @@ def _apart(study: Study, found: np.ndarray, stored: np.ndarray) -> float:
     return float((np.abs(found - stored) / study.structure.state_units).max())
 
 
-def _observe(solver, z, amplitude: float, n_periods: int, name: str):
-    seen = solver.observe(z, amplitude, n_periods, True)
-    if seen.outcome is not Outcome.COMPLETE:
-        raise ArithmeticError(f"{name}: {seen.outcome.name}")
-    return seen
-
-
 def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
     """Integrate once around an orbit, or from a few points of an aperiodic run to the next ones."""
     period, units = again.orbit_period, study.structure.state_units
@@ -154,7 +151,10 @@ def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -
         again.compared = f"{len(ways)} points, each carried to the next"
     on_orbit = bool(period) and (int(run["skip_rule"]) != SkipRule.NONE or off_path)
     for z, stored in ways:
-        seen = _observe(solver, z, again.amplitude, period or 1, again.solver)
+        measures = study.settings.measures
+        seen = solver.observe(z, again.amplitude, period or 1, True, measures=measures)
+        if seen.outcome is not Outcome.COMPLETE:
+            raise ArithmeticError(f"{again.solver}: {seen.outcome.name}")
         growth, product = 1.0, np.eye(z.size)
         for _ in range(period or 1):
             z, step = tangent.monodromy(z, again.amplitude, 1)
@@ -175,33 +175,44 @@ def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -
         )
 
 
-def _judge_metrics(study: Study, again: RunAgain, seen, run: dict, equal: bool) -> None:
-    """Compare contact set, drift and modal norms with those of a part of the stored window."""
+def _judge_metrics(study: Study, again: RunAgain, seen: Observation, run: dict, equal: bool):
+    """Compare what a variable of the run declares to be comparable with a part of its window.
+
+    Sets of contacts, peaks that are lengths, and means over the modes; they are those of the run
+    where they are to be `equal`, else no more than these.
+    """
     if again.problem:
         return
-    if "contact" in run:
-        contact = int(run["contact"])
-        if seen.contact != contact if equal else seen.contact & ~contact:
-            again.problem = f"{again.solver} finds contact set {seen.contact}, stored is {contact}"
-    allowed = again.allowed if again.allowed is not None else MIN_ALLOWED
-    if "drift" in run and again.amplitude:
-        drift = float(run["drift"]) * again.amplitude / again.omega**2
-        excess = (seen.peak_drift - drift) / study.structure.length_unit
-        if (abs(excess) if equal else excess) > 2 * allowed:
+    structure, place = study.structure, (again.amplitude, again.omega)
+    found: dict[str, Any] = {"contact": seen.contact, "modal_norm": seen.modal_norm}
+    found["drift"] = normalised_drift(seen.peak_drift, *place)
+    peaks = [v for v in RUN_VARIABLES if v.name in run and v.name in MEASURES]
+    rows = empty_results(peaks, structure, 1)
+    if peaks:
+        store_measures(rows, structure, seen.measures[None])
+    found |= {name: values[0] for name, values in rows.items()}
+    lengths = {"length": 1.0, DRIFT.units: again.amplitude / again.omega**2}
+    allowed = 2 * (MIN_ALLOWED if again.allowed is None else again.allowed) * structure.length_unit
+    for v in RUN_VARIABLES:
+        if v.name not in run or v.name not in found:
+            continue
+        own, stored, wrong = found[v.name], run[v.name], np.array(False)
+        if v.flags == CONTACT_SET:
+            wrong = own != stored if equal else np.array(own & ~int(stored))
+        elif v.units in lengths and again.amplitude:
+            excess = (own - stored) * lengths[v.units]
+            wrong = (abs(excess) if equal else excess) > allowed
+        elif v.dims[-1] == "mode" and equal and again.amplitude:
+            wrong = ~np.isclose(own, stored, rtol=0, atol=MODAL_ALLOWED, equal_nan=True)
+        if wrong.any():
             again.problem = (
-                f"{again.solver} finds a peak drift of {seen.peak_drift:.9g}, stored is {drift:.9g}"
+                f"{again.solver} finds {v.name} {_short(own)}, stored is {_short(stored)}"
             )
-    if "modal_norm" in run and equal and again.amplitude:
-        norms = run["modal_norm"]
-        if not np.allclose(seen.modal_norm, norms, rtol=0, atol=MODAL_ALLOWED, equal_nan=True):
-            again.problem = (
-                f"{again.solver} finds modal norms {_short(seen.modal_norm)}, stored are "
-                f"{_short(norms)}"
-            )
+            return
 
 
-def _short(values: np.ndarray) -> str:
-    return " ".join(f"{value:.4g}" for value in values)
+def _short(values: np.ndarray | float) -> str:
+    return " ".join(f"{value:.9g}" for value in np.ravel(values))
 
 
 def _compare_whole(

@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.model.description import few
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import known_unit, unit_of
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import Lines, Study
 
 FAR = 3.0
 """Least ratio of every frequency to every natural one that counts as far from resonance."""
@@ -39,23 +39,23 @@ def starting_range(study: Study) -> list[str]:
     ]
 
 
-def ranges(structure: Structure, omega: np.ndarray, amplitude: np.ndarray) -> Iterator[str]:
-    """List the ranges of frequency and amplitude, and of first contact, for users."""
+def ranges(structure: Structure, omega: np.ndarray, amplitude: np.ndarray) -> Lines:
+    """Tell the ranges of frequency and amplitude, and of first contact."""
     unit = known_unit(structure, "acceleration")
     named = structure.unit_names.time
     cycles = unit_of(structure, "cycles") if named else "cycles per unit of time"
     turns = f"{_range(omega / (2 * np.pi))} {cycles}"
-    yield f"frequency:  {_range(omega)}{known_unit(structure, 'frequency')} = {turns}"
-    yield f"amplitude:  {_range(amplitude)}{unit}"
+    yield "frequency", f"{_range(omega)}{known_unit(structure, 'frequency')} = {turns}"
+    yield "amplitude", f"{_range(amplitude)}{unit}"
     omegas, grazes = _grazing_amplitudes(structure, omega)
     if np.isfinite(grazes).any():
         least = int(grazes.argmin())
         most = int(np.where(np.isfinite(grazes), grazes, 0).argmax())
         ends = dict.fromkeys((least, most))
         text = " to ".join(f"{grazes[k]:.6g}{unit} (Omega = {omegas[k]:.6g})" for k in ends)
-        yield f"grazing:    the free motion first touches at A = {text}"
+        yield "grazing", f"the free motion first touches at A = {text}"
     else:
-        yield "grazing:    there is no contact"
+        yield "grazing", "there is no contact"
 
 
 def doubts(

@@ -9,7 +9,7 @@ tasks to ranks, `checks` has its runs recomputed; none of them knows which study
 is a module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -21,6 +21,9 @@ from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate, Variable
+
+Lines = Iterator[tuple[str, str]]
+"""What users are told: names and texts."""
 
 
 @dataclass(frozen=True)
@@ -288,8 +291,8 @@ class Study(Protocol):
     def status_variables(self) -> tuple[str, ...]:
         """Variables of `count`."""
 
-    def lines(self) -> Iterable[str]:
-        """List, before anything is computed, what drives the structure."""
+    def lines(self) -> Lines:
+        """Tell, before anything is computed, what drives the structure."""
 
     def warnings(self) -> Iterable[str]:
         """Return one line for each thing there that looks like a mistake."""

@@ -16,7 +16,6 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
-from hpcsweep.dynamics import classify, orbit, stability
 from hpcsweep.figures.diagrams import orbit_diagram
 from hpcsweep.job import load_job, parse_job
 from hpcsweep.parallel.mpi import Serial
@@ -122,32 +121,6 @@ CALLS = {
     ),
     **solver_calls(FlowMap),
     **solver_calls(BdfMap),
-    "orbit_period": Call(
-        orbit.orbit_period,
-        {"points": POINTS, "max_period": 4, "tolerance": 1e-6},
-        {"points": NO_POINTS, "max_period": {**NO_COUNT, "zero": 0}, "tolerance": NO_NUMBER},
-    ),
-    "floquet_multipliers": Call(
-        stability.floquet_multipliers,
-        {"matrix": np.eye(4)},
-        {"matrix": {**NO_POINTS, "oblong": np.ones((2, 3)), "nan": np.full((2, 2), math.nan)}},
-    ),
-    "orbit_exponent": Call(
-        lambda **given: stability.orbit_exponent(FlowMap(PAIR, 0.6), **given),
-        {"state": STATE, "amplitude": 0.02, "period": 1},
-        {"state": NO_STATE, "amplitude": NO_NUMBER, "period": {**NO_COUNT, "zero": 0}},
-    ),
-    "classify_points": Call(
-        classify.classify_points,
-        {"points": POINTS, "growth": 0.0, "tolerance": 1e-6},
-        {"points": NO_POINTS, "growth": NO_NUMBER, "tolerance": NO_NUMBER},
-    ),
-    "on_closed_curve": Call(classify.on_closed_curve, {"points": POINTS}, {"points": NO_POINTS}),
-    "contact_name": Call(
-        classify.contact_name,
-        {"contact": 3, "labels": 2},
-        {"contact": NO_COUNT, "labels": NO_LABELS},
-    ),
 }
 
 
@@ -204,12 +177,6 @@ RIGHT = {
     "observe": lambda found: np.allclose(found.points, AFTER, atol=1e-4),
     "settle": lambda found: np.allclose(found.state, AFTER[1], atol=1e-4),
     "made": lambda found: found.structure is PAIR and found.omega == 0.6,
-    "orbit_period": lambda found: found == 2,
-    "floquet_multipliers": lambda found: np.array_equal(found, np.ones(4)),
-    "orbit_exponent": lambda found: math.isclose(found, -0.05 * 2 * math.sin(math.pi / 10)),
-    "classify_points": lambda found: found == classify.MotionClass.LONG_PERIOD,
-    "on_closed_curve": lambda found: not found,
-    "contact_name": lambda found: found == "C12",
 }
 """By the name of a call, whether it returned what it must, from the matrices or by hand."""
 
@@ -276,13 +243,8 @@ def test_odd_names_and_texts_are_refused(results, tmp_path):
         refused(lambda: frames.gather(["drift"], direction=1), "direction")
     finally:
         frames.close()
-    refused(lambda: parse_job(b"", "job", "job"), "text")
-    refused(lambda: parse_job(SMALL, b"job", "job"), "source")
-    refused(lambda: parse_job(SMALL, "job", b"job"), "default_name")
     refused(lambda: load_job(tmp_path / "job.toml", "a.b=1"), "settings")
     opened = hpcsweep.open_results(results)
-    refused(lambda: classify.classify({}, job_of(results).settings), "results")
-    refused(lambda: classify.classify(opened, {}), "settings")
     refused(lambda: orbit_diagram.draw(opened, omega="0.6"), "omega")
 
 

@@ -3,6 +3,7 @@
 import doctest
 import inspect
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -38,3 +39,15 @@ def test_the_example_of_a_public_name_runs(study, name, monkeypatch):
     told: list[str] = []
     doctest.DocTestRunner(verbose=False).run(examples, out=told.append)
     assert not told, "".join(told)
+
+
+FUNCTIONS = [name for name in NAMES if inspect.isfunction(getattr(hpcsweep, name))]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_public_function_tells_its_arguments_results_and_errors(name):
+    function = getattr(hpcsweep, name)
+    headings = re.findall(r"^(\w+)\n-+$", inspect.getdoc(function), re.MULTILINE)
+    returns = inspect.signature(function).return_annotation is not None
+    told = {"Parameters", "Raises", "Examples"} | ({"Returns"} if returns else set())
+    assert told <= set(headings)

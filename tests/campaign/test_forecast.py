@@ -115,7 +115,7 @@ def test_dry_run_prints_the_lines_that_fit(tmp_path, small_job):
     asked = dict(line.removeprefix("#SBATCH --").split("=") for line in lines)
     assert list(asked) == ["ntasks", "cpus-per-task", "time", "mem-per-cpu"]
     # four frames, that take less than a second
-    assert 1 <= int(re.search(r"^ranks: +(\d+) at most", reported, re.MULTILINE)[1]) <= 4
+    assert 1 <= int(re.search(r"^  ranks +(\d+) at most", reported, re.MULTILINE)[1]) <= 4
     assert (asked["ntasks"], asked["time"]) == ("1", "00:15:00")
     low, high = map(float, re.search(r"\((\S+) to (\S+) s\)", reported).groups())
     assert 0 < LOAD * low <= 1.1 * high
@@ -127,5 +127,5 @@ def test_dry_run_prints_the_lines_that_fit(tmp_path, small_job):
 def test_a_task_of_several_points_is_told_as_that(tmp_path):
     (tmp_path / "job.toml").write_text(GRID.replace("[output]", "[output]\nblock = 11"))
     reported = hpcsweep(0, "run", "job.toml", "--dry-run", cwd=tmp_path).stdout
-    assert re.search(r"longest: +11 runs .*, Omega = 0\.\d, A = 0\.02 to 0\.3$", reported, re.M)
+    assert re.search(r"longest +11 runs .*, Omega = 0\.\d, A = 0\.02 to 0\.3$", reported, re.M)
     assert "cannot be cut" not in reported

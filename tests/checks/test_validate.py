@@ -321,21 +321,24 @@ def test_results_of_another_structure_are_found_out_by_the_other_solver(tmp_path
 @pytest.mark.parametrize(
     ("name", "change", "finding"),
     [
-        ("drift", lambda v: v * 1.001, "peak drift"),
+        ("drift", lambda v: v * 1.001, "finds drift"),
+        ("storey_drift", lambda v: v * 0.999, "finds storey_drift"),
         *(
             pytest.param(*one, marks=pytest.mark.slow)
             for one in (
-                ("contact", lambda v: v ^ np.uint64(2), "contact"),
-                ("modal_norm", lambda v: v * 0.9, "modal norms"),
+                ("contact", lambda v: v ^ np.uint64(2), "finds contact"),
+                ("modal_norm", lambda v: v * 0.9, "finds modal_norm"),
+                ("displacement", lambda v: v * 0.999, "finds displacement"),
             )
         ),
     ],
 )
 def test_wrong_metrics_are_found_out_by_the_other_solver(tmp_path, name, change, finding):
     path = tmp_path / "altered.h5"
-    make(path, study=altered(**{name: change}))
-    report = validate(path, samples=5)
-    assert any(finding in problem for problem in report.problems), report.problems
+    measured = f"{JOB}storey_drift = true\ndisplacement = true\n"
+    make(path, measured, altered(**{name: change}))
+    sample = validate(path, samples=5).sample
+    assert any(finding in again.problem for again in sample), sample
 
 
 @pytest.mark.slow

@@ -56,12 +56,19 @@ def test_the_key_covers_every_module_that_kernels_and_their_constants_come_from(
                 assert source in covered, f"{own.name} draws on {source}"
 
 
-def test_a_file_that_is_not_there_is_an_error(tmp_path):
-    with pytest.raises(FileNotFoundError, match="moved"):
-        jit.kernel_files(names=("moved.py",))
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(FileNotFoundError, match="empty"):
-        jit.kernel_files(tmp_path, ("empty",))
+def test_rooms_declare_their_kernels_and_a_file_that_is_not_there_is_an_error(tmp_path):
+    room, other = tmp_path / "room", tmp_path / "other"
+    for folder in (room, room / "inner", other):
+        folder.mkdir()
+        (folder / "__init__.py").write_text("")
+    (other / "one.py").write_text("")
+    assert jit.kernel_files(tmp_path) == []
+    (room / "__init__.py").write_text('"""A room."""\n\nKERNELS = (\n    "inner/*.py",\n)\n')
+    (other / "__init__.py").write_text('KERNELS = ("one.py",)\n')
+    assert jit.kernel_files(tmp_path) == [other / "one.py", room / "inner" / "__init__.py"]
+    (room / "__init__.py").write_text('KERNELS = ("moved.py",)\n')
+    with pytest.raises(FileNotFoundError, match=r"room/moved\.py"):
+        jit.kernel_files(tmp_path)
 
 
 CODE = """

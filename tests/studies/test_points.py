@@ -113,6 +113,7 @@ def test_a_list_lies_on_the_grid_of_its_frequencies_and_amplitudes(tmp_path):
         own = frames.dataset(2)["final_state"].values[0, 0, 0]
         assert np.array_equal(middle["final_state"].values[0, 0, 2], own)
         assert np.isnan(middle["drift"].values[0, 0, 0])
+        assert middle.coords.keys() == frames.dataset(2).coords.keys()
     finally:
         frames.close()
 

@@ -329,7 +329,7 @@ def test_a_dry_run_says_what_is_computed_at_least(refined, tmp_path):
     job = tmp_path / "job.toml"
     job.write_text(REFINED)
     said = hpcsweep(0, "run", job, "--dry-run", cwd=tmp_path).stdout
-    (line,) = (line for line in said.splitlines() if line.startswith("refined:"))
+    (line,) = (line for line in said.splitlines() if line.startswith("  refined "))
     least = int(re.search(r"(\d+) points", line)[1])
     assert least == 5 * 4 + 4 * 3 + n_drawn(0.2, 1, RUNS)
     assert least < status(refined)["runs_done"]

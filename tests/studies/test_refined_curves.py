@@ -208,7 +208,7 @@ def test_curves_of_one_part_cut_the_cells_on_both_sides_of_it(folder):
 
 def test_a_dry_run_counts_the_cells_that_curves_cross(folder):
     said = hpcsweep(0, "run", "map.toml", "--dry-run", cwd=folder).stdout
-    (line,) = (line for line in said.splitlines() if line.startswith("refined:"))
+    (line,) = (line for line in said.splitlines() if line.startswith("  refined "))
     assert "cells, those that curves cross and the first draw" in line
     crossed = open_results(folder / "map.h5")["crossed"].values[0] != 0
     least = int(re.search(r"(\d+) points", line)[1])

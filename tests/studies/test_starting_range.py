@@ -4,8 +4,7 @@ import pytest
 
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
-from hpcsweep.campaign.describe import describe
-from hpcsweep.campaign.forecast import study_text
+from hpcsweep.campaign.describe import describe, study_text
 from hpcsweep.campaign.status import status
 from hpcsweep.commands.cli import main
 from hpcsweep.figures.diagrams.attractor_diagram import starts_words
@@ -57,9 +56,7 @@ def study(text: str):
 def test_file_and_description_tell_the_starts(text, told, tmp_path):
     job = study(text)
     assert starting_range(job.study) == told
-    assert [line for line in describe(job) if line.startswith("starts:")] == [
-        f"starts:     {line}" for line in told
-    ]
+    assert [text for name, text in describe(job) if name == "starts"] == told
     path = tmp_path / "starts.h5"
     assert campaign.run(job, path, Serial()) == 0
     assert open_results(path).attrs["starts"] == "; ".join(told)
@@ -79,7 +76,7 @@ def test_a_study_without_starts_tells_none(small_job, tmp_path):
 def test_parts_with_boxes_of_their_own_say_which_part_is_told(tmp_path):
     job = study(ATTRACTORS + '[vary]\n"structure.contact[0].gap" = [0.03, 0.06]\n')
     assert starting_range(job.study) == BOX
-    assert "below:      contact_0_gap = 0.03 m, the first part" in describe(job)
+    assert ("below", "contact_0_gap = 0.03 m, the first part") in describe(job)
     assert starting_range(job.study.part((1,))) == [
         "displacement from -0.06 to 0.06 m",
         "velocity from -1.2 to 1.2 m/s",

@@ -80,12 +80,22 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     period : int
         Forcing periods after which the orbit closes; its minimal period is a divisor of it.
 
+    Returns
+    -------
+    Orbit
+        Its points, shape (p, 2n), in the units of the structure; multipliers, residual, signature.
+
     Raises
     ------
     ValueError
         If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If there is no orbit of that period near, or a solver fails.
+
+    References
+    ----------
+    Kuznetsov, *Elements of Applied Bifurcation Theory*, 10.1; Hairer, Norsett and Wanner, *Solving
+    Ordinary Differential Equations I*, II.5.
 
     Examples
     --------

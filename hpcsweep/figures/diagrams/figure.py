@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from hpcsweep.figures import style
-from hpcsweep.figures.options import PICTURE, Option
+from hpcsweep.figures.options import Option
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
@@ -33,16 +33,12 @@ class Figure(Protocol):
         What it shows: one or more lines of the command's help.
     OPTIONS : tuple of Option
         Options of the figure.
-    WRITES : tuple of str
-        Endings of the files that it writes; by default a picture (`PICTURE`), made by `load` and
-        `draw`. The film and the explorer have commands of their own.
     """
 
     NAME: str
     DRAWS: str
     HELP: str
     OPTIONS: tuple[Option, ...]
-    WRITES: tuple[str, ...] = PICTURE
 
     def load(self, frames: "Frames", **options):
         """Read what to draw from a file that may be larger than the memory.

@@ -3,10 +3,10 @@
 numba's own cache checks only the file of the compiled function, not those of the functions inlined
 into it, so an edited kernel could keep running in its old form; and it loads all of numba's
 registries, which only compilation needs, 0.42 s of every start. A folder is named after the sources
-of the kernels: the program text of every file in `KERNEL_FILES` (without comments, docstrings and
-line numbers), and the versions of numba and of numpy, which computes the constants frozen into
-them. A file is named after the hash of the signature, the processor's name and its features, so
-that nodes of different types keep their kernels side by side.
+of the kernels: the program text of every file that a room declares in its `KERNELS` (without
+comments, docstrings and line numbers), and the versions of numba and of numpy, which computes the
+constants frozen into them. A file is named after the hash of the signature, the processor's name
+and its features, so that nodes of different types keep their kernels side by side.
 
 It lies under ``$NUMBA_CACHE_DIR`` where that is set, else under ``$XDG_CACHE_HOME/hpcsweep`` or
 ``~/.cache/hpcsweep``, whatever environment or path the package is installed in. Where that cannot
@@ -26,6 +26,7 @@ import functools
 import hashlib
 import os
 import pickle
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -48,21 +49,8 @@ from hpcsweep.kernels.folders import (
 )
 
 PACKAGE = Path(__file__).resolve().parents[2]
-KERNEL_FILES = (
-    "kernels",
-    "model/contact.py",
-    "model/elements.py",
-    "model/equations.py",
-    "model/kernel_contacts.py",
-    "model/kernel_model.py",
-    "solvers/branch_rule.py",
-    "solvers/flow",
-    "solvers/free.py",
-    "solvers/measures.py",
-    "solvers/outcome.py",
-    "solvers/skip_rule.py",
-)
-"""Files and folders of the package that define kernels and the constants in them."""
+DECLARED = re.compile(rb"^KERNELS = (\([^)]*\))", re.MULTILINE)
+"""Patterns of the files of a room that define kernels and the constants in them."""
 SUFFIX = ".kernel"
 HASH_LENGTH = 16
 COUNTS_REFERENCES = b"NRT_"
@@ -72,21 +60,25 @@ numba's runtime for that is compiled at its first use, which takes 28 ms of a st
 """
 
 
-def kernel_files(package: Path = PACKAGE, names: tuple[str, ...] = KERNEL_FILES) -> list[Path]:
-    """Return the source files of the kernels.
+def kernel_files(package: Path = PACKAGE) -> list[Path]:
+    """Return the source files of the kernels, which the rooms of a package declare in `KERNELS`.
+
+    The declarations are read, not imported: which rooms are loaded must not matter.
 
     Raises
     ------
     FileNotFoundError
-        If a listed file does not exist: a moved file would keep running in its old form.
+        If a declared file does not exist: a moved file would keep running in its old form.
     """
     found: list[Path] = []
-    for name in names:
-        path = package / name
-        inside = sorted(path.rglob("*.py")) if path.is_dir() else [path]
-        if not inside or not inside[0].is_file():
-            raise FileNotFoundError(f"kernels are made of {path}, which is not there")
-        found += inside
+    for room in sorted(package.glob("*/__init__.py")):
+        declared = DECLARED.search(room.read_bytes())
+        for pattern in ast.literal_eval(declared[1].decode()) if declared else ():
+            files = sorted(room.parent.glob(pattern))
+            if not files:
+                path = room.parent / pattern
+                raise FileNotFoundError(f"kernels are made of {path}, which is not there")
+            found += files
     return found
 
 

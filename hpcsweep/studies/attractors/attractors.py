@@ -20,14 +20,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.attractors.search import (
-    KEYS,
-    UNSTORED,
-    SearchLimits,
-    attractors_as_runs,
-    count_starts,
-    read_search,
-)
+from hpcsweep.studies.attractors import search
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import SLOTS, attractor_variables
 from hpcsweep.studies.blocks import Block, Poll, Rows
@@ -41,7 +34,7 @@ from hpcsweep.studies.variables import numbered
 
 
 @dataclass(frozen=True, eq=False)
-class AttractorGrid(SearchLimits, RunGrid):
+class AttractorGrid(search.SearchLimits, RunGrid):
     """Attractors of the points of a grid; see `RunGrid`."""
 
     kind: ClassVar[str] = "attractors"
@@ -52,7 +45,7 @@ class AttractorGrid(SearchLimits, RunGrid):
     words: ClassVar[dict[str, str]] = {UP: "continued up"}
     direction_name: ClassVar[str] = "direction in which attractors are continued"
     keys: ClassVar[Tables] = {
-        "study": (*KEYS, REFINE),
+        "study": (*search.KEYS, REFINE),
         "sweep": OMEGA,
     }
     default_block: ClassVar[int] = 1
@@ -73,7 +66,7 @@ class AttractorGrid(SearchLimits, RunGrid):
         structure, settings = common["structure"], common["settings"]
         if values.get("output.poincare", True) is not True:
             raise values.error("output.poincare", False, "must be true: attractors are continued")
-        limits = read_search(values, structure)
+        limits = search.read_search(values, structure)
         metrics = frozenset(settings.metrics) | {"poincare", "lyapunov"}
         common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
         refine = read_refinement(values, common["settings"], common["block_size"], ("number",))
@@ -135,7 +128,7 @@ class AttractorGrid(SearchLimits, RunGrid):
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractors of a point as motions in which runs ended."""
-        return attractors_as_runs(self.variables, run)
+        return search.attractors_as_runs(self.variables, run)
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count attractors, and the starts that reached no stored one."""
@@ -145,10 +138,10 @@ class AttractorGrid(SearchLimits, RunGrid):
             "attractors_per_point": float(number.mean()) if number.size else None,
             "points_with_several": int((number > 1).sum()),
             "most_attractors": int(number.max(initial=0)),
-            **count_starts(
+            **search.count_starts(
                 int(done.sum()) * self.starts,
                 runs["cycles"][done].sum(),
-                (runs[f"n_{name}"][done].sum() for name in UNSTORED),
+                (runs[f"n_{name}"][done].sum() for name in search.UNSTORED),
             ),
         }
 

@@ -138,17 +138,14 @@ class AttractorRuns:
             known = {"attractor_id": number, "point": own[-1], "n_points": len(own)}
             store_attractor(result, (index, slot), self._solver.structure, one, **known)
             result["poincare"][index, slot, : len(own)] = own
-        hits = sum(one.hits for one in kept)
-        result["n_attractors"][index] = len(found.attractors)
-        result["n_undecided"][index] = found.n_undecided
-        result["n_failed"][index] = found.n_failed
-        result["n_transient"][index] = found.n_transient
+        for name in ("n_undecided", "n_failed", "n_transient", "outcome"):
+            result[name][index] = getattr(found, name)
         for name, value in zip(LIFETIME, found.lifetime, strict=True):
             result[name][index] = value
+        result["n_attractors"][index], result["last_id"][index] = len(found.attractors), last_id
+        hits = sum(one.hits for one in kept)
         result["n_elsewhere"][index] = (found.labels >= 0).sum() - hits
-        result["last_id"][index] = last_id
         result["cycles"][index] = min(found.cycles, np.iinfo(np.int32).max)
-        result["outcome"][index] = found.outcome
         seeds = np.array([own[-1] for own in points]).reshape(-1, before.seeds.shape[1])
         return Carried(seeds, tuple(ids), points, last_id)
 

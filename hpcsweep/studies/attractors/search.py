@@ -15,8 +15,8 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.keys import Key
 from hpcsweep.studies.settings import MEASURES
-from hpcsweep.studies.sweep.rows import store_measures
 from hpcsweep.studies.variable import Variable
+from hpcsweep.studies.variables import store_measures
 
 STARTS = Key(
     "starts",

@@ -18,18 +18,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import UNSTORED, attractors_as_runs, count_starts
 from hpcsweep.studies.attractors.tally import BasinTally, StartTally
 from hpcsweep.studies.attractors.variables import SLOTS
+from hpcsweep.studies.basins import variables
 from hpcsweep.studies.basins.slice import SliceGrid, read_slice
-from hpcsweep.studies.basins.variables import (
-    COMMIT,
-    ROW_AMPLITUDE,
-    RUN,
-    START_COMMIT,
-    START_RUN,
-    START_VARIABLES,
-    basin_variables,
-    is_of_attractors,
-    listed_variables,
-)
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.refinement import Refinement, read_refinement
@@ -54,8 +44,8 @@ class Basins(SliceGrid):
     """Basins on a slice, a row a run; see `SliceGrid`."""
 
     run_noun: ClassVar[str] = "row"
-    run_dims: ClassVar[tuple[str, ...]] = RUN
-    commit: ClassVar[Variable] = COMMIT
+    run_dims: ClassVar[tuple[str, ...]] = variables.RUN
+    commit: ClassVar[Variable] = variables.COMMIT
     slots: ClassVar[Mapping[str, str]] = SLOTS
     status_variables: ClassVar[tuple[str, ...]] = ("n_undecided", "n_failed", "n_elsewhere")
 
@@ -80,7 +70,7 @@ class Basins(SliceGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the rows, in the order of the file."""
-        return basin_variables(self.settings)
+        return variables.basin_variables(self.settings)
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach."""
@@ -132,8 +122,8 @@ class RefinedBasins(SliceGrid):
     refine: Refinement | None = None
 
     run_noun: ClassVar[str] = "start"
-    run_dims: ClassVar[tuple[str, ...]] = START_RUN
-    commit: ClassVar[Variable] = START_COMMIT
+    run_dims: ClassVar[tuple[str, ...]] = variables.START_RUN
+    commit: ClassVar[Variable] = variables.START_COMMIT
     status_variables: ClassVar[tuple[str, ...]] = ("label",)
 
     @property
@@ -149,12 +139,12 @@ class RefinedBasins(SliceGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the starts, in the order of the file."""
-        return list(START_VARIABLES)
+        return list(variables.START_VARIABLES)
 
     @property
     def listed_variables(self) -> list[Variable]:
         """Variables of the attractors, which a complete map lists for each row."""
-        return listed_variables(self.settings)
+        return variables.listed_variables(self.settings)
 
     def listed_values(self) -> Rows:
         """Return the values of `listed_variables` for a row, first axis the attractors."""
@@ -172,7 +162,7 @@ class RefinedBasins(SliceGrid):
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known in advance, with their values."""
         amplitude = np.full(self.vertical.size, self.amplitude[0])
-        return [*super().given, (ROW_AMPLITUDE, amplitude)]
+        return [*super().given, (variables.ROW_AMPLITUDE, amplitude)]
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> dict:
         """Classify starts of a row, each on its own."""
@@ -185,8 +175,10 @@ class RefinedBasins(SliceGrid):
         if label <= 0:
             return []
         known = {name: values[0] for name, values in runs_of(self).attractors().items()}
-        variables = [v for v in basin_variables(self.settings) if is_of_attractors(v)]
-        return attractors_as_runs(variables, known)[label - 1 : label]
+        listed = [
+            v for v in variables.basin_variables(self.settings) if variables.is_of_attractors(v)
+        ]
+        return attractors_as_runs(listed, known)[label - 1 : label]
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the computed starts, and those that reached none of the listed attractors."""

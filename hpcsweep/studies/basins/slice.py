@@ -14,14 +14,7 @@ import numpy as np
 
 from hpcsweep.dynamics.starts import usual_reach
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.attractors.search import (
-    MAX_ATTRACTORS,
-    MAX_CYCLES,
-    SEARCH,
-    SEED,
-    STARTS,
-    read_limits,
-)
+from hpcsweep.studies.attractors import search
 from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
@@ -71,10 +64,10 @@ class SliceGrid(RunGrid):
     components: tuple[int, int]
     horizontal: np.ndarray
     vertical: np.ndarray
-    starts: int = STARTS.default
-    seed: int = SEED.default
-    max_attractors: int = MAX_ATTRACTORS.default
-    max_cycles: int = MAX_CYCLES.default
+    starts: int = search.STARTS.default
+    seed: int = search.SEED.default
+    max_attractors: int = search.MAX_ATTRACTORS.default
+    max_cycles: int = search.MAX_CYCLES.default
 
     kind: ClassVar[str] = "basins"
     summary: ClassVar[str] = (
@@ -83,7 +76,7 @@ class SliceGrid(RunGrid):
     words: ClassVar[dict[str, str]] = {START: "each start on its own"}
     direction_name: ClassVar[str] = "where starts lie"
     keys: ClassVar[Tables] = {
-        "study": (COMPONENTS, HORIZONTAL, VERTICAL, *SEARCH, REFINE),
+        "study": (COMPONENTS, HORIZONTAL, VERTICAL, *search.SEARCH, REFINE),
         "sweep": OMEGA,
     }
     default_block: ClassVar[int] = 1
@@ -150,7 +143,7 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
         Fields of the study.
     """
     structure, settings = common["structure"], common["settings"]
-    limits = read_limits(values, "basins")
+    limits = search.read_limits(values, "basins")
     point = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
     for key, found in zip(("sweep.omega", "sweep.amplitude"), point, strict=True):
         if found.size != 1:

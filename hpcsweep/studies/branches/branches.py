@@ -10,7 +10,7 @@ leave these, and, if the job has starts, those of orbits that a search finds
 files and the job alone.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -20,22 +20,14 @@ import numpy as np
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
+from hpcsweep.studies.branches import variables
 from hpcsweep.studies.branches.invariants import broken_relations
 from hpcsweep.studies.branches.keys import KEYS, BranchGrid, read_lines
 from hpcsweep.studies.branches.tally import BranchTally
-from hpcsweep.studies.branches.variables import (
-    COMMIT,
-    CURVE_VARIABLES,
-    LINE_AMPLITUDE,
-    LINE_OMEGA,
-    RUN,
-    SLOTS,
-    VARIABLES,
-)
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.seeds import Reader, Seeds, Where
-from hpcsweep.studies.study import StudyTally
+from hpcsweep.studies.study import Lines, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -71,14 +63,14 @@ class Branches(BranchGrid):
     }
     default_block: ClassVar[int] = 1
     frame_dim: ClassVar[str] = "line"
-    run_dims: ClassVar[tuple[str, ...]] = RUN
-    commit: ClassVar[Variable] = COMMIT
+    run_dims: ClassVar[tuple[str, ...]] = variables.RUN
+    commit: ClassVar[Variable] = variables.COMMIT
     always: ClassVar[frozenset[str]] = frozenset(["impacts"])
     """An orbit's signature counts them."""
     carried: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[str] = "branches"
     point_dim: ClassVar[str] = "step"
-    slots: ClassVar[Mapping[str, str]] = SLOTS
+    slots: ClassVar[Mapping[str, str]] = variables.SLOTS
     status_variables: ClassVar[tuple[str, ...]] = ("n_branches", "n_seeds", "n_covered")
 
     @classmethod
@@ -101,14 +93,12 @@ class Branches(BranchGrid):
         along = {self.parameter: np.array(self.span)}
         return along.get("omega", omega), along.get("amplitude", amplitude)
 
-    def lines(self) -> Iterator[str]:
-        """List the ranges, and what is followed from where."""
+    def lines(self) -> Lines:
+        """Tell the ranges, and what is followed from where."""
         yield from super().lines()
         low, high = self.span
-        yield (
-            f"branches:   along {self.parameter} from {low:.6g} to {high:.6g}, through the "
-            f"periodic motions of {', '.join(self.seeds)}"
-        )
+        through = f"through the periodic motions of {', '.join(self.seeds)}"
+        yield "branches", f"along {self.parameter} from {low:.6g} to {high:.6g}, {through}"
 
     def where(self, line: int) -> Where:
         """Return of which motions of the files the seeds of a line are."""
@@ -151,7 +141,7 @@ class Branches(BranchGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the lines, in the order of the file."""
-        return [*VARIABLES, *(CURVE_VARIABLES if self.curves else ())]
+        return [*variables.VARIABLES, *(variables.CURVE_VARIABLES if self.curves else ())]
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -161,7 +151,7 @@ class Branches(BranchGrid):
         )
         coordinates = super().coordinates | {
             "line": numbered(self.omega.size, "line along the parameter"),
-            "amplitude": Coordinate(np.array([np.nan]), LINE_AMPLITUDE.units, "see the line's"),
+            "amplitude": Coordinate(np.array([np.nan]), "acceleration", "see the line's"),
             "branch": numbered(self.max_branches, "branch, in the order found"),
             "step": numbered(self.max_points, "point of a branch, branch after branch"),
             "special": numbered(n_special, "special point, branch after branch"),
@@ -183,10 +173,11 @@ class Branches(BranchGrid):
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Frequency and amplitude of each line, NaN where it is the parameter."""
-        told = {"omega": (LINE_OMEGA, self.omega), "amplitude": (LINE_AMPLITUDE, self.amplitude)}
+        lines = variables.LINE_OMEGA, variables.LINE_AMPLITUDE
+        told = zip(FORCING_PARAMETERS[::-1], lines, (self.omega, self.amplitude), strict=True)
         return [
             (variable, np.full_like(values, np.nan) if name == self.parameter else values)
-            for name, (variable, values) in told.items()
+            for name, variable, values in told
         ]
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:

@@ -9,7 +9,7 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.variables import PEAKS
-from hpcsweep.studies.study import Study, as_kind
+from hpcsweep.studies.study import Lines, Study, as_kind
 from hpcsweep.studies.tally import BaseTally, share
 
 MOST = 60
@@ -21,8 +21,8 @@ FAR = 0.3
 """Peak ground displacement in PGV x duration beyond which a baseline drifts."""
 
 
-def lines(study: RecordGrid) -> Iterator[str]:
-    """List scales and records, a line each, warnings last."""
+def lines(study: RecordGrid) -> Lines:
+    """Tell the scales and the records."""
     structure, measure, scale = study.structure, study.measure, study.scale
 
     def named(quantity: str) -> str:
@@ -31,25 +31,27 @@ def lines(study: RecordGrid) -> Iterator[str]:
     unit = "" if measure.quantity == "1" else f" {named(measure.quantity)}"
     low, high = study.factor.min(), study.factor.max()
     yield (
-        f"scales:     {scale.size} of {measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records "
-        f"are multiplied by {low:.4g} to {high:.4g}"
+        "scales",
+        f"{scale.size} of {measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records are "
+        f"multiplied by {low:.4g} to {high:.4g}",
     )
     period = 2.0 * math.pi / float(structure.frequencies[0])
     yield (
-        f"records:    PGA in g of {study.gravity:g} {named('acceleration')}, PGV in "
-        f"{named('velocity')}, PGD in {named('length')}, significant duration in {named('time')}, "
-        f"Sa({period:.4g}; 5 %) in g"
+        "records",
+        f"PGA in g of {study.gravity:g} {named('acceleration')}, PGV in {named('velocity')}, "
+        f"PGD in {named('length')}, significant duration in {named('time')}, "
+        f"Sa({period:.4g}; 5 %) in g",
     )
     width = max(len(one.name) for one in study.suite)
     for i, one in enumerate(study.suite[:MOST]):
-        spectral = _spectral(study, i, period)
         yield (
-            f"  {one.name:{width}}  PGA {one.pga / study.gravity:7.4f}  PGV {one.pgv:9.4g}  PGD "
-            f"{one.pgd:9.4g}  duration {one.duration:7.3g}  Sa {spectral}  "
-            f"{one.samples} samples of {one.dt:g}"
+            "",
+            f"{one.name:{width}}  PGA {one.pga / study.gravity:7.4f}  PGV {one.pgv:9.4g}  PGD "
+            f"{one.pgd:9.4g}  duration {one.duration:7.3g}  Sa {_spectral(study, i, period)}  "
+            f"{one.samples} samples of {one.dt:g}",
         )
     if len(study.suite) > MOST:
-        yield f"  and {len(study.suite) - MOST} more"
+        yield "", f"and {len(study.suite) - MOST} more"
 
 
 def _spectral(study: RecordGrid, i: int, period: float) -> str:

@@ -30,7 +30,7 @@ from hpcsweep.studies.ground_motion.variables import (
 )
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
-from hpcsweep.studies.study import RunAgain, StudyTally
+from hpcsweep.studies.study import Lines, RunAgain, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
@@ -199,8 +199,8 @@ class Records(RecordGrid):
         del n_ranks
         load(record_kernels(), say)
 
-    def lines(self) -> Iterator[str]:
-        """List the records, a line each, in order."""
+    def lines(self) -> Lines:
+        """Tell the scales and the records, in order."""
         return describe.lines(self)
 
     def warnings(self) -> Iterator[str]:

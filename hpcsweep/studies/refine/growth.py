@@ -1,22 +1,33 @@
-"""How a refined map grows: what a campaign, which knows no maps, asks of one.
+"""How a refined map grows: what campaigns and files, which know no maps, ask of one.
 
-The points of a map are counted through ``commit``, where each is a block.
+The points of a map are counted through ``commit``, where each is a block. Besides its runs it has
+variables of its own: the source of each point's value, inferred values, the audit.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.part import Part
+from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
-from hpcsweep.studies.refine.variables import derived_values, map_shape
-from hpcsweep.studies.refinement import Refinement
+from hpcsweep.studies.refine.variables import (
+    AUDIT,
+    CELL,
+    CROSSED,
+    INFERRED,
+    SOURCE,
+    inferred_name,
+)
+from hpcsweep.studies.refinement import Refinement, Source
 from hpcsweep.studies.study import Study, as_kind
+from hpcsweep.studies.variable import Coordinate, Variable, code
+from hpcsweep.studies.variables import named, numbered
 
 AT_ONCE = 64
 """Points of a task, at most; where a point takes long one is."""
@@ -51,6 +62,52 @@ class MapGrowth:
         return ""
 
     @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of points of every axis: varied keys, frames, runs of a frame."""
+        sizes = self.study.dimensions
+        return tuple(sizes[dim] for dim in self.study.run_dims if dim != "direction")
+
+    @property
+    def curves(self) -> tuple[str, ...]:
+        """Results files whose curves the map must not miss."""
+        return self.refinement.curves
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Dimensions of refined maps alone."""
+        return {
+            "look": numbered(MAX_LOOKS, "look of the audit", first=1),
+            "quantity": named(Look._fields, "what a look tells"),
+        }
+
+    @property
+    def variables(self) -> list[Variable]:
+        """Variables besides those of the runs, checksums last."""
+        runs, study = self.study.run_dims, self.study
+        told = "1 computed, 2 inferred from its cell, 3 computed for the audit, 0 not known yet"
+        level = "level of the cell from which it is inferred, negative if its points differ, "
+        crossed = "1 where a known curve crosses the box of the grid that begins at the point"
+        own = [
+            code(SOURCE, runs, Source, told),
+            Variable(CELL, runs, "<i1", "1", level + "0 of computed points"),
+        ]
+        if self.curves:
+            own.append(Variable(CROSSED, runs, "<i1", "1", crossed))
+        known = {variable.name: variable for variable in study.variables}
+        for name in self.refinement.variables:
+            words = f"{name} of inferred points, 0 of others"
+            label = replace(known[name], name=inferred_name(name), dims=runs, long_name=words)
+            own.append(label)
+        return [
+            *own,
+            *getattr(study, "listed_variables", []),
+            Variable(
+                AUDIT, ("look", "quantity"), "<f8", "1", "looks of the audit, the last counts"
+            ),
+            Variable(INFERRED, runs[:-1], "<u8", "1", "checksum of what is inferred of a frame"),
+        ]
+
+    @property
     def at_once(self) -> int:
         """Most runs of a task."""
         solver = SOLVERS[self.study.settings.solver]
@@ -64,26 +121,52 @@ class MapGrowth:
         found = part.runs_at(frame, places, state, poll)
         return [{name: rows[k : k + 1] for name, rows in found.items()} for k in range(len(blocks))]
 
+    def labels(self, rows: Rows) -> np.ndarray:
+        """Return the labels of runs; see `Refinement.labels`."""
+        return self.refinement.labels(rows)
+
     def crossed(self, curves: Iterable[KnownCurve]) -> np.ndarray:
         """Return which boxes of the map curves cross; see `crossed_boxes`."""
-        return crossed_boxes(map_shape(self.study), [*self.study.map_axes.values()], curves)
+        return crossed_boxes(self.shape, [*self.study.map_axes.values()], curves)
 
     def begin(self, crossed: np.ndarray | None) -> RefinementRounds:
         """Return the rounds of a map whose boxes `crossed` known curves cross."""
-        labels = Labels(self.study.n_runs)
-        return RefinementRounds(map_shape(self.study), self.refinement, labels, crossed)
+        return RefinementRounds(self.shape, self.refinement, Labels(self.study.n_runs), crossed)
 
-    def derived(self, rounds: RefinementRounds) -> Rows:
-        """Return the variables that follow from a complete map; see `derived_values`."""
-        return derived_values(self.study, rounds)
+    def values(self, rounds: RefinementRounds) -> Rows:
+        """Return the `variables` of a complete map, without the checksums.
 
-    def describe(self, crossed: np.ndarray | None) -> tuple[int, str]:
-        """Return how many points of the map are computed at least, and that in words."""
-        least = n_least(map_shape(self.study), self.refinement, crossed)
-        curves = ", those that curves cross" if self.refinement.curves else ""
+        Returns
+        -------
+        dict of str to ndarray
+            Of shape (n_points,), the audit as in the file; what the study lists for each frame, the
+            same for all of them, of shape (n_frames, ...).
+        """
+        level, code = rounds.inferred()
+        labels = rounds.labels
+        values = {SOURCE: np.where(level != 0, np.int8(Source.INFERRED), rounds.source)}
+        values[CELL] = level
+        codes = np.zeros((len(labels.codes) + 1, 1 + len(self.refinement.variables)), np.uint64)
+        codes[1:] = labels.codes
+        for column, name in enumerate(self.refinement.variables, 1):
+            values[inferred_name(name)] = codes[code, column]
+        if rounds.crossed is not None:
+            values[CROSSED] = np.pad(rounds.crossed, [(0, 1)] * rounds.crossed.ndim).ravel()
+        audit = np.full((MAX_LOOKS, len(Look._fields)), np.nan)
+        audit[: len(rounds.looks)] = rounds.looks
+        listed: Rows = getattr(self.study, "listed_values", dict)()
+        n = self.study.n_frames
+        values |= {name: np.broadcast_to(v, (n, *v.shape)) for name, v in listed.items()}
+        return {**values, AUDIT: audit}
+
+    def describe(self, crossed: np.ndarray | None) -> tuple[int, tuple[str, str]]:
+        """Return how many points of the map are computed at least, and a row that tells it."""
+        least = n_least(self.shape, self.refinement, crossed)
+        curves = ", those that curves cross" if self.curves else ""
         return least, (
-            f"refined:    the coarsest cells{curves} and the first draw of the audit are {least} "
-            f"points ({100 * least / self.study.n_runs:.2g} %), the least; all points are the most"
+            "refined",
+            f"the coarsest cells{curves} and the first draw of the audit are {least} points "
+            f"({100 * least / self.study.n_runs:.2g} %), the least; all points are the most",
         )
 
 

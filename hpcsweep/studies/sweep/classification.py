@@ -13,17 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hpcsweep.dynamics import stability
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
 from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
-from hpcsweep.dynamics.stability import (
-    UNKNOWN,
-    MeanInterval,
-    aligned,
-    growth_interval,
-    orbit_exponent,
-)
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.studies.blocks import Poll
@@ -54,7 +48,7 @@ class Classification:
 
     seen: Observation
     orbit_period: int
-    exponent: MeanInterval
+    exponent: stability.MeanInterval
     motion: MotionClass = MotionClass.UNDECIDED
     window_period: int = NOT_TESTED
     window_class: MotionClass = MotionClass.NOT_COMPUTED
@@ -107,15 +101,15 @@ def classify_window(
         kind = _kind(MotionClass.UNDECIDED, seen)
         return Classification(seen, 0, motion.interval, kind, window, shown, motion.cycles)
     period = window if settings.classify_cycles is None else closed_period(points, longest, same)
-    exponent = UNKNOWN
+    exponent = stability.UNKNOWN
     if "lyapunov" in settings.metrics:
         if period:
-            exponent = MeanInterval.exact(
+            exponent = stability.MeanInterval.exact(
                 exponent_of_orbit(solver, seen.points[-1], amplitude, period)
             )
         else:
             time = solver.structure.forcing.period(solver.omega)
-            within = growth_interval(aligned(seen.logarithms)).times(1.0 / time)
+            within = stability.growth_interval(stability.aligned(seen.logarithms)).times(1.0 / time)
             exponent = within._replace(mean=seen.growth / (len(seen.points) * time))
     return Classification(seen, period, exponent, window_period=window)
 
@@ -172,6 +166,6 @@ def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
 def exponent_of_orbit(solver, z: np.ndarray, amplitude: float, period: int) -> float:
     """Return the largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
     try:
-        return orbit_exponent(solver, z, amplitude, period)
+        return stability.orbit_exponent(solver, z, amplitude, period)
     except (ArithmeticError, np.linalg.LinAlgError):
         return math.nan

@@ -10,8 +10,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.blocks import Rows
-from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES, SweepSettings
-from hpcsweep.studies.variables import empty_results, run_variables
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.variables import empty_results, run_variables, store_measures
 
 NOT_TESTED = -1
 """Window period of a run without a window of its own."""
@@ -73,25 +73,3 @@ def store_failure(rows: Rows, end: np.ndarray, cycles: int, outcome: Outcome) ->
     rows["final_state"][:] = end
     if "motion" in rows:
         rows["motion"][:] = MotionClass.FAILED
-
-
-def store_measures(rows: Rows, structure: Structure, measures: np.ndarray) -> None:
-    """Store measures, shape (k, D + 2 n + 5 m) as in an `Observation`, in rows of results.
-
-    The force of a contact is largest where its floors are farthest past it. That of a dashpot comes
-    as the distance at which the spring alone exerts it. Contacts that no motion reaches exert none.
-    """
-    n_drifts, n, m = len(structure.drift_rows), structure.n_floors, len(structure.contacts)
-    ends = np.cumsum((n_drifts, n, n, *4 * (m,)))
-    parts = dict(zip(MEASURES, np.split(measures, ends, axis=1), strict=True))
-    past = parts["contact_force"]
-    parts["contact_force"] = structure.switched(structure.force_per_length * past, past)
-    parts["impulse"] = structure.force_per_length * parts["impulse"]
-    numbers = structure.all_contact_numbers
-    places = [numbers.index(number) for number in structure.contact_numbers]
-    for name in rows.keys() & parts.keys():
-        if name not in CONTACT_MEASURES:
-            rows[name][:] = parts[name]
-        else:
-            rows[name][:] = 0.0
-            rows[name][:, places] = parts[name]

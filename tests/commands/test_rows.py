@@ -1,0 +1,38 @@
+"""Rows of tables are declared once, and shown as far as their values are there."""
+
+from hpcsweep.commands import table
+from hpcsweep.commands.rows import rows_of
+
+DECLARED = """\
+{noun}s | {done:n run} of {all} | , {left:.2f} s left
+master | {master[messages]} messages
+sources: by {key} | {value:share}
+outcomes | {outcomes:counts}
+at | {place:run}
+"""
+
+
+def test_a_row_is_shown_where_its_values_are_there_and_what_is_added_where_that_is():
+    values = {"noun": "point", "done": 1, "all": 3, "left": None, "master": None}
+    assert [*rows_of(DECLARED, values)] == [("points", "1 run of 3")]
+    values |= {"left": 1.234, "master": {"messages": 7}}
+    told = dict(rows_of(DECLARED, values))
+    assert told == {"points": "1 run of 3, 1.23 s left", "master": "7 messages"}
+
+
+def test_mappings_have_a_row_for_each_entry_and_formats_of_their_own():
+    sources = {"seed": {"runs": 1, "share": 0.25}, "search": {"runs": 0, "share": None}}
+    place = {"omega": 0.5, "amplitude": 0.1, "direction": "up"}
+    values = {"sources": sources, "outcomes": {"STEP_LIMIT": 0, "NON_FINITE": 2}, "place": place}
+    assert [*rows_of(DECLARED, values)] == [
+        ("by seed", "1 (25 %)"),
+        ("by search", "0 (–)"),
+        ("outcomes", "NON_FINITE 2"),
+        ("at", "Omega = 0.5, A = 0.1, up"),
+    ]
+
+
+def test_a_long_name_does_not_widen_the_column_of_names():
+    rows = [("a", "1"), ("four", "2"), ("a name of very many letters", "3")]
+    told = table("title", rows).splitlines()
+    assert told == ["title", "  a     1", "  four  2", "  a name of very many letters  3"]

@@ -17,9 +17,11 @@ from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
 from hpcsweep.model.buildings import Building, adjacent
 from hpcsweep.model.forcing import ONE_HARMONIC
+from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
+from hpcsweep.studies.ground_motion.keys import read_gravity
 
 Harmonics = tuple[tuple[int, float, float], ...]
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
@@ -27,6 +29,7 @@ MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
 CONTACT = ("direction", "gap", "stiffness", "damping", "tension")
 SLIDER = ("direction", "stiffness", "strength", "name")
 BUILDING = tuple(field.name for field in fields(Building))
+ISOLATION = tuple(field.name for field in fields(Isolation) if field.name != "gravity")
 HARMONIC = ("order", "amplitude", "phase")
 WITH_MATRICES = ("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh")
 """Keys of the structure that go with its matrices; all others are those of a building."""
@@ -39,7 +42,7 @@ MAX_LABEL = 100
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 SIZED = re.compile(
     r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact|pounding)\.damping|strength|"
-    r"yield_(force|drift))$"
+    r"yield_(force|drift)|isolation\.(period|radius|friction))$"
 )
 """Ends of the keys whose values, where they are not 0, are of such a size."""
 
@@ -164,7 +167,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         key, value = next(iter(values.table("pounding").items()))
         raise values.error(f"pounding.{key}", value, "goes with [[building]]")
     if not isinstance(tables, list):
-        raise values.error("building", tables, "must be tables, [[building]], two or more")
+        raise values.error("building", tables, "must be tables, [[building]]")
     for key in given:
         raise values.error(f"structure.{key}", given[key], "does not go with [[building]]")
     for table in tables:
@@ -175,14 +178,29 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
             limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"
             raise values.error("building.name", name, limit)
+    tables = [_with_isolation(values, table) for table in tables]
+    buildings = [_building(number, table) for number, table in enumerate(tables)]
     pounding = dict(values.table("pounding"))
+    if len(buildings) == 1:
+        for key, value in pounding.items():
+            raise values.error(f"pounding.{key}", value, "goes with two [[building]] or more")
+        return replace(buildings[0].structure, harmonics=harmonics)
     for key in ("gap", "stiffness"):
         if key not in pounding:
             raise JobError(f"{values.source}: pounding.{key} is missing")
-    buildings = [_building(number, table) for number, table in enumerate(tables)]
     sharpness = values.number("pounding.sharpness", pounding.pop("sharpness", math.inf))
     gap, stiffness = pounding.pop("gap"), pounding.pop("stiffness")
     return adjacent(buildings, gap, stiffness, sharpness=sharpness, harmonics=harmonics, **pounding)
+
+
+def _with_isolation(values: Values, table: Mapping) -> Mapping:
+    """Return the table of a building, with g for its isolation where that needs it."""
+    given = table.get("isolation")
+    if given is None:
+        return table
+    _check_table(values, "building.isolation", given, ISOLATION, ("slab_mass",))
+    by_weight = {"gravity": read_gravity(values)} if {"radius", "friction"} & set(given) else {}
+    return {**table, "isolation": {**given, **by_weight}}
 
 
 def read_forcing(values: Values) -> Harmonics:

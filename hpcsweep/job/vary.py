@@ -32,9 +32,13 @@ NEVER = {
 }
 SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
-UNITS = dict.fromkeys(
-    ("structure.gap", "structure.gap_left", "structure.contact.gap", "pounding.gap"), "length"
-)
+UNITS = {
+    **dict.fromkeys(
+        ("structure.gap", "structure.gap_left", "structure.contact.gap", "pounding.gap"), "length"
+    ),
+    **dict.fromkeys(("building.isolation.gap", "building.yield_drift"), "length"),
+    **dict.fromkeys(("building.isolation.strength", "structure.slider.strength"), "force"),
+}
 
 
 @dataclass(frozen=True)
@@ -155,7 +159,7 @@ def _axis(values: Values, key: str, given: object) -> Axis:
     indexed = INDEXED.fullmatch(key)
     if indexed:
         table = indexed[1] or indexed[2]
-        name = f"{indexed[2]}_{indexed[3]}_{indexed[4]}"
+        name = f"{indexed[2]}_{indexed[3]}_{indexed[4].replace('.', '_')}"
     is_building = indexed is not None and key.startswith("building[")
     if not (table in TABLES or is_building) or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"

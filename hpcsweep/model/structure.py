@@ -273,10 +273,14 @@ class Structure(MeasuredDynamics):
         return f"Structure({', '.join(shown)})"
 
     def named(
-        self, floors: Sequence[str], contacts: Sequence[str], storey_heights: Sequence[float] = ()
+        self,
+        floors: Sequence[str],
+        contacts: Sequence[str],
+        storey_heights: Sequence[float] = (),
+        storeys: Sequence[str] = (),
     ) -> "Structure":
-        """Return the same structure with names of its floors and contacts, and storey heights."""
-        names = Names(tuple(floors), tuple(contacts), tuple(storey_heights))
+        """Return the same structure with names of floors, contacts and storeys, and heights."""
+        names = Names(tuple(floors), tuple(contacts), tuple(storey_heights), tuple(storeys))
         return replace(self, names=names)
 
     def without_contacts(self) -> "Structure":

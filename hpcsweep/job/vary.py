@@ -32,13 +32,10 @@ NEVER = {
 }
 SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
-UNITS = {
-    **dict.fromkeys(
-        ("structure.gap", "structure.gap_left", "structure.contact.gap", "pounding.gap"), "length"
-    ),
-    **dict.fromkeys(("building.isolation.gap", "building.yield_drift"), "length"),
-    **dict.fromkeys(("building.isolation.strength", "structure.slider.strength"), "force"),
-}
+LENGTHS = (
+    *("structure.gap", "structure.gap_left", "structure.contact.gap", "pounding.gap"),
+    "building.isolation.gap",
+)
 
 
 @dataclass(frozen=True)
@@ -170,7 +167,7 @@ def _axis(values: Values, key: str, given: object) -> Axis:
     labels = _labels(listed)
     if len(set(labels)) < len(labels):
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    units = UNITS.get(re.sub(r"\[\d+\]", "", key), "1")
+    units = "length" if re.sub(r"\[\d+\]", "", key) in LENGTHS else "1"
     return Axis(name, key, labels, units, listed)
 
 

@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from operator import attrgetter
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import number, plain
+from hpcsweep.model.arguments import instance, number, plain
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import Isolation
@@ -91,8 +91,11 @@ class Building:
             del self.__dict__["on_fixed_base"]  # of the stiffness as it is given
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
-        if self.isolation is not None:
-            object.__setattr__(self, "isolation", Isolation.read(self.isolation))
+        bearings: Any = self.isolation
+        if isinstance(bearings, Mapping):
+            object.__setattr__(self, "isolation", Isolation(**bearings))
+        elif bearings is not None:
+            instance("building.isolation", bearings, Isolation)
 
     @property
     def n_floors(self) -> int:

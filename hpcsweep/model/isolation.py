@@ -7,13 +7,11 @@ and friction mu has k = W / R and Q = mu W, W the weight of the slab and all flo
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import not_negative, number, positive, shown
+from hpcsweep.model.arguments import not_negative, number, positive
 from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.structure import Structure
 
@@ -86,18 +84,6 @@ class Isolation:
         object.__setattr__(self, "gap", gap)
         if not self.wall_stiffness and gap < math.inf:
             raise ValueError(f"{_key('wall_stiffness')} must be given with gap, and above 0")
-
-    @classmethod
-    def read(cls, given: Any) -> "Isolation":
-        """Return an isolation, from one or from its attributes by name."""
-        if isinstance(given, Mapping) and "slab_mass" in given:
-            return cls(**given)
-        if not isinstance(given, cls):
-            raise ValueError(
-                f"building.isolation must be an Isolation, or its attributes with slab_mass, "
-                f"is {shown(given)}"
-            )
-        return given
 
     def _one_of(self, names: tuple[str, ...]) -> tuple[str, float]:
         """Return which attribute of several is given, and its value."""

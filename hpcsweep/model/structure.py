@@ -272,16 +272,9 @@ class Structure(MeasuredDynamics):
         ]
         return f"Structure({', '.join(shown)})"
 
-    def named(
-        self,
-        floors: Sequence[str],
-        contacts: Sequence[str],
-        storey_heights: Sequence[float] = (),
-        storeys: Sequence[str] = (),
-    ) -> "Structure":
-        """Return the same structure with names of floors, contacts and storeys, and heights."""
-        names = Names(tuple(floors), tuple(contacts), tuple(storey_heights), tuple(storeys))
-        return replace(self, names=names)
+    def named(self, *names: Sequence[Any]) -> "Structure":
+        """Return the same structure with names, see `Names`, from those of floors on."""
+        return replace(self, names=Names(*(tuple(listed) for listed in names)))
 
     def without_contacts(self) -> "Structure":
         """Return the same structure without contacts."""

@@ -120,6 +120,6 @@ def test_wrong_bearings_are_refused(wrong, message):
 
 
 def test_what_is_no_isolation_is_refused():
-    for wrong in ({}, 3, "soft"):
-        with pytest.raises(ValueError, match=r"building\.isolation must be an Isolation"):
+    for wrong in (3, "soft"):
+        with pytest.raises(ValueError, match=r"building\.isolation must be a Isolation"):
             hpcsweep.Building(1.0, 1.0, isolation=wrong)

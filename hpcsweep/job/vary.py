@@ -32,10 +32,6 @@ NEVER = {
 }
 SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
-LENGTHS = (
-    *("structure.gap", "structure.gap_left", "structure.contact.gap", "pounding.gap"),
-    "building.isolation.gap",
-)
 
 
 @dataclass(frozen=True)
@@ -167,7 +163,7 @@ def _axis(values: Values, key: str, given: object) -> Axis:
     labels = _labels(listed)
     if len(set(labels)) < len(labels):
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    units = "length" if re.sub(r"\[\d+\]", "", key) in LENGTHS else "1"
+    units = "length" if name.endswith(("gap", "gap_left")) else "1"
     return Axis(name, key, labels, units, listed)
 
 

@@ -140,7 +140,7 @@ def _building(number: int, table: Mapping) -> Building:
         given = {key: _tuples(value) for key, value in table.items()}
         return _made(_Table(repr(given), given))
     except ValueError as error:
-        text = str(error).removeprefix("building.")
+        text = str(error).removeprefix("building.").replace("matrices.", "isolation: with it ")
         raise ValueError(f"building[{number}].{text}") from None
 
 

@@ -5,8 +5,7 @@ its own: it is validated like any other, and has a text from which it can be run
 """
 
 import itertools
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,20 +59,22 @@ class Parts:
 
     def tree_at(self, place: Place) -> dict:
         """Return the job of a part."""
+        return self._with(zip(self.axes, place, strict=True))
+
+    def tree_as_given(self) -> dict:
+        """Return the job with its own values of the keys that are varied, the first of others."""
+        return self._with((axis, 0) for axis in self.axes if not _is_given(self.tree, axis.key))
+
+    def _with(self, chosen: Iterable[tuple[Axis, int]]) -> dict:
+        """Return the job with values of some keys."""
         tree = dict(self.tree)
-        for axis, at in zip(self.axes, place, strict=True):
+        for axis, at in chosen:
             if INDEXED.fullmatch(axis.key):
                 tree = with_indexed(tree, axis.key, axis.given[at], self.source)
             else:
                 table, _, key = axis.key.partition(".")
                 tree[table] = {**tree.get(table, {}), key: axis.given[at]}
         return tree
-
-    def tree_as_given(self) -> dict:
-        """Return the job with its own values of the keys that are varied, the first of others."""
-        tree = self.tree_at((0,) * len(self.axes))
-        given = {table: own for table, own in self.tree.items() if isinstance(own, Mapping)}
-        return tree | {table: {**tree[table], **own} for table, own in given.items()}
 
 
 def read_varied(
@@ -117,20 +118,25 @@ def read_varied(
 
 
 def _table(tree: Mapping, owner: str) -> Mapping:
-    """Return the table of a key, or one of several as in ``building[0]``."""
-    indexed = re.fullmatch(r"(\w+)\[(\d+)\]", owner)
-    return tree[indexed[1]][int(indexed[2])] if indexed else tree.get(owner, {})
+    """Return the table of a key, empty if absent, or one of several as in ``building[0]``."""
+    for part in owner.split("."):
+        name, _, place = part.rstrip("]").partition("[")
+        tree = tree.get(name, {})
+        tree = tree[int(place)] if place else tree
+    return tree
+
+
+def _is_given(tree: Mapping, key: str) -> bool:
+    """Return whether a job has a value of its own of a varied key."""
+    owner, _, name = key.rpartition(".")
+    return name in _table(tree, owner)
 
 
 def unused(values: Values, tree: Mapping) -> tuple[str, ...]:
     """Return a message for each key that is given beside ``vary``."""
     given = _flat(values, tree["vary"]) if "vary" in tree else ()
-    parted = [key.partition(".") for key in given]
-    return tuple(
-        f"not used: {table}.{key} ([vary] gives its values)"
-        for table, _, key in parted
-        if key in tree.get(table, {})
-    )
+    used = "[vary] gives its values"
+    return tuple(f"not used: {key} ({used})" for key in given if _is_given(tree, key))
 
 
 def _flat(values: Values, table: object) -> dict[str, object]:

@@ -622,11 +622,17 @@ def test_a_key_of_an_isolation_is_set_from_the_command_line(tmp_path):
     job = load_job(tmp_path / "job.toml", ["building[0].isolation.gap = 0.3"])
     assert {one.gap for one in job.structure.contacts} == {0.3}
     assert job.structure.sliders == parse_job(ISOLATED, "job", "job").structure.sliders
+    varied = '[vary]\n"building[0].isolation.gap" = [0.2, 0.3]\n'
+    told = "not used: building[0].isolation.gap ([vary] gives its values)"
+    assert parse_job(ISOLATED + varied, "job", "job").notes == (told,)
+    with pytest.raises(JobError, match=r"isolation\.gap must be at least 0"):
+        parse_job(ISOLATED.replace("gap = 0.1", "gap = -0.1") + varied, "job", "job")
 
 
 WRONG_ISOLATION = [
     ("slab_mass = 2e5\n", "", "building.isolation.slab_mass is missing"),
     ("radius = 2.0", "radius = -2.0", "building[0].isolation.radius must be finite and positive"),
+    ("radius = 2.0", "radius = 1e30", "building[0].isolation: with it stiffness must be positive"),
     ("radius = 2.0", "curvature = 2.0", "unknown key 'building.isolation.curvature'"),
     ("radius = 2.0", "gravity = 9.8", "unknown key 'building.isolation.gravity'"),
     ("friction = 0.05", 'friction = "low"', "building[0].isolation.friction must be a number"),

@@ -62,6 +62,7 @@ def read_structure(values: Values) -> Structure:
         if key in given and matrices is None:
             raise values.error(f"structure.{key}", given[key], "goes with structure.matrices")
     side_by_side = values.top("building", None) is not None
+    _check_sizes(values)
     try:
         if side_by_side or values.table("pounding"):
             structure = _of_buildings(values, given, harmonics)
@@ -79,7 +80,7 @@ def read_structure(values: Values) -> Structure:
     if structure.rayleigh is not None and "damping_ratio" in given:
         shown = values.get("structure.rayleigh")
         raise values.error("structure.rayleigh", shown, "is given beside damping_ratio")
-    _check_sizes(values, structure)
+    _check_limits(values, structure)
     return replace(structure, unit_names=_unit_names(values, structure))
 
 
@@ -140,8 +141,9 @@ def _building(number: int, table: Mapping) -> Building:
         given = {key: _tuples(value) for key, value in table.items()}
         return _made(_Table(repr(given), given))
     except ValueError as error:
-        text = str(error).removeprefix("building.").replace("matrices.", "isolation: with it ")
-        raise ValueError(f"building[{number}].{text}") from None
+        text = str(error).removeprefix("building.")
+        place = "" if text.startswith("matrices.") else f"building[{number}]."
+        raise ValueError(f"{place}{text}") from None
 
 
 @dataclass(frozen=True)
@@ -178,8 +180,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
             limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"
             raise values.error("building.name", name, limit)
-    tables = [_with_isolation(values, table) for table in tables]
-    buildings = [_building(number, table) for number, table in enumerate(tables)]
+    buildings = [_building(k, _with_isolation(values, table)) for k, table in enumerate(tables)]
     pounding = dict(values.table("pounding"))
     if len(buildings) == 1:
         for key, value in pounding.items():
@@ -246,7 +247,17 @@ def _tuples(value):
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
 
 
-def _check_sizes(values: Values, structure: Structure) -> None:
+def _check_sizes(values: Values) -> None:
+    """Refuse values that no structure can be made of."""
+    for name in ("structure", "forcing", "building", "pounding"):
+        for key, value in _numbers(name, values.top(name, {})):
+            is_size = SIZED.search(key) and 0 < abs(value) < math.inf
+            if is_size and not MIN_SIZE <= abs(value) <= MAX_SIZE:
+                limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
+                raise values.error(key, value, limit)
+
+
+def _check_limits(values: Values, structure: Structure) -> None:
     """Refuse values that no solver can start from."""
     table = "structure" if values.top("building", None) is None else "pounding"
 
@@ -257,12 +268,6 @@ def _check_sizes(values: Values, structure: Structure) -> None:
     ratio: Any = structure.stiffness_ratio
     at_most(MAX_STIFFNESS, "structure.stiffness_ratio", float(np.max(ratio)))
     at_most(MAX_SHARPNESS, f"{table}.sharpness", structure.sharpness)
-    for name in ("structure", "forcing", "building", "pounding"):
-        for key, value in _numbers(name, values.top(name, {})):
-            is_size = SIZED.search(key) and 0 < abs(value) < math.inf
-            if is_size and not MIN_SIZE <= abs(value) <= MAX_SIZE:
-                limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
-                raise values.error(key, value, limit)
     at_most(MAX_DAMPING, _damping(structure, table), float(structure.damping_ratios.max()))
 
 
@@ -276,12 +281,12 @@ def _damping(structure: Structure, table: str) -> str:
 
 
 def _numbers(key: str, given: Any) -> Iterator[tuple[str, Any]]:
-    """Iterate over the values in a table, or in several, with the keys of each."""
+    """Iterate over the numbers in a table, or in several, with the keys of each."""
     if isinstance(given, Mapping):
         for name, value in given.items():
             yield from _numbers(f"{key}.{name}", value)
     elif isinstance(given, list):
         for value in given:
             yield from _numbers(key, value)
-    else:
+    elif isinstance(given, int | float):
         yield key, given

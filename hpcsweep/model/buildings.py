@@ -13,13 +13,10 @@ import numpy as np
 from hpcsweep.model.arguments import instance, number, plain
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.isolation import Isolation
+from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
 from hpcsweep.model.matrices import Contact, each, vector
 from hpcsweep.model.structure import Structure
 
-RANGE = 1e-12, 1e12
-PERIODS = "finite and positive, from {:g} to {:g}".format(*RANGE)
-"""Periods of a building, in whatever unit of time."""
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
 
@@ -86,7 +83,7 @@ class Building:
             object.__setattr__(self, "storey_height", heights)
         stiffness = each("building.storey_stiffness", self.storey_stiffness, self.n_floors, "mass")
         if self.period is not None:
-            wanted = number("building.period", self.period, PERIODS, *RANGE)
+            wanted = number("building.period", self.period, POSITIVE, *RANGE)
             found = 2.0 * math.pi / float(self.on_fixed_base.frequencies[0])
             del self.__dict__["on_fixed_base"]  # of the stiffness as it is given
             factor = (found / wanted) ** 2

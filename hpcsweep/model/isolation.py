@@ -11,10 +11,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hpcsweep.model.arguments import not_negative, number, positive
+from hpcsweep.model.arguments import number
 from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.structure import Structure
 
+RANGE = 1e-12, 1e12
+POSITIVE = "finite and positive, from {:g} to {:g}".format(*RANGE)
+"""Of quantities in whatever units."""
+LIMITS: dict[str, tuple[str, float, float]] = {
+    "damping_ratio": ("from 0 to 100", 0.0, 100.0),
+    "gap": ("at least 0 (inf: no walls)", 0.0, math.inf),
+    "wall_stiffness": ("from 0 to 1e+12", 0.0, 1e12),
+}
 SLAB = "isolation"
 """Name of the slab among the floors, and of the bearings among the sliders."""
 WALLS = "wall right", "wall left"
@@ -75,14 +83,12 @@ class Isolation:
     def __post_init__(self) -> None:
         for name in ("slab_mass", *STIFFNESS, *STRENGTH, "initial_stiffness", "gravity"):
             if (value := getattr(self, name)) is not None:
-                object.__setattr__(self, name, positive(_key(name), value))
+                object.__setattr__(self, name, number(_key(name), value, POSITIVE, *RANGE))
         for names in (STIFFNESS, STRENGTH):
             self._one_of(names)
-        for name in ("damping_ratio", "wall_stiffness"):
-            object.__setattr__(self, name, not_negative(_key(name), getattr(self, name)))
-        gap = number(_key("gap"), self.gap, "at least 0 (inf: no walls)", 0.0)
-        object.__setattr__(self, "gap", gap)
-        if not self.wall_stiffness and gap < math.inf:
+        for name, limits in LIMITS.items():
+            object.__setattr__(self, name, number(_key(name), getattr(self, name), *limits))
+        if not self.wall_stiffness and self.gap < math.inf:
             raise ValueError(f"{_key('wall_stiffness')} must be given with gap, and above 0")
 
     def _one_of(self, names: tuple[str, ...]) -> tuple[str, float]:
@@ -120,10 +126,7 @@ class Isolation:
         def on_slab(matrix: np.ndarray, of_bearings: float) -> np.ndarray:
             return relative.T @ matrix @ relative + of_bearings * np.outer(slab, slab)
 
-        storeys = [
-            replace(one, direction=tuple(np.dot(one.direction, relative).tolist()))
-            for one in fixed.sliders
-        ]
+        storeys = [replace(s, direction=np.dot(s.direction, relative)) for s in fixed.sliders]
         signs = (1.0, -1.0) if self.gap < math.inf else ()
         made = Structure.from_matrices(
             mass,

@@ -66,6 +66,5 @@ def draw(results, record: str | None = None, scale: float | None = None, place: 
     moving.set_ylabel("displacement" + labels.unit(structure, "length"), fontsize=8)
     moving.legend(frameon=False, fontsize=7, ncols=4, loc="upper right")
     axes[-1].set(xlabel="time" + labels.unit(structure, "time"), xlim=(0, seen.time[-1]))
-    elastic = elastic_words(elastic_drift(results.isel(record=[i], scale=[at]), structure))
-    head = f"{samples.name},  {responses.at_scale(study, at)}"
-    return style.head(figure, head, elastic, fontsize=9)
+    note = elastic_words(elastic_drift(results.isel(record=[i], scale=[at]), structure))
+    return style.head(figure, f"{samples.name},  {responses.at_scale(study, at)}", note, fontsize=9)

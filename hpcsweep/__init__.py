@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.job import load_job as load_job
     from hpcsweep.model.buildings import Building as Building
     from hpcsweep.model.buildings import adjacent as adjacent
+    from hpcsweep.model.isolation import Isolation as Isolation
     from hpcsweep.model.matrices import Contact as Contact
     from hpcsweep.model.matrices import Slider as Slider
     from hpcsweep.model.record import Record as Record
@@ -52,6 +53,7 @@ _NAMES = {
     "earthquakes.synthetic": "synthetic_records",
     "job": "load_job",
     "model.buildings": "Building adjacent",
+    "model.isolation": "Isolation",
     "model.matrices": "Contact Slider",
     "model.record": "Record",
     "model.structure": "Structure",

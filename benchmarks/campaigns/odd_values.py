@@ -81,6 +81,23 @@ gap_left = 1.0
 restitution = 0.8
 tension = true
 """
+ISOLATED = """
+[[building]]
+mass = [1.0, 1.0]
+storey_stiffness = [900.0, 800.0]
+yield_drift = 0.02
+hardening = 0.05
+[building.isolation]
+slab_mass = 1.0
+radius = 2.0
+friction = 0.05
+damping_ratio = 0.02
+gap = 0.1
+wall_stiffness = 1e4
+[units]
+length = "m"
+"""
+SYNTHETIC = "[records.synthetic]\ncount = 1\nduration = 2.0\n"
 HARMONIC = """
 [forcing]
 harmonics = [{order = 1, amplitude = 1.0, phase = 0.5}]
@@ -98,8 +115,9 @@ JOBS = {
     "branches": '[study]\nkind = "branches"\n[branches]\nseeds = "a.h5"\n' + MATRICES + HARMONIC,
     "records": '[study]\nkind = "records"\n'
     + BUILDINGS
-    + '[records.synthetic]\ncount = 1\nduration = 2.0\n[records.scale]\nby = "sa"\nperiod = 0.5\n'
-    + "from = 0.5\nto = 1.0\ncount = 3\n",
+    + SYNTHETIC
+    + '[records.scale]\nby = "sa"\nperiod = 0.5\nfrom = 0.5\nto = 1.0\ncount = 3\n',
+    "records of a building on bearings": '[study]\nkind = "records"\n' + ISOLATED + SYNTHETIC,
     "records of files": '[study]\nkind = "records"\n'
     + STOREYS
     + '[records]\nfiles = "a.txt"\ndt = 0.01\nunit = "structure"\n',
@@ -110,7 +128,11 @@ INNER = {
     "structure.contact[0]": ("direction", "gap", "stiffness", "damping", "tension"),
     "building[0]": (
         *("mass", "storey_stiffness", "storey_height", "damping_ratio", "rayleigh", "name"),
-        "period",
+        *("period", "yield_force", "yield_drift", "hardening", "isolation"),
+    ),
+    "building[0].isolation": (
+        *("slab_mass", "period", "stiffness", "radius", "strength", "yield_drift", "friction"),
+        *("initial_stiffness", "damping_ratio", "gap", "wall_stiffness"),
     ),
     "forcing.harmonics[0]": ("order", "amplitude", "phase"),
     "records.synthetic": ("count", "seed", "dt", "duration", "rms", "soil"),

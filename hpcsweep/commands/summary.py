@@ -70,6 +70,7 @@ scaled by | {measure}
 below first contact | {below_contact:share}
 of equal ratio | {equal_ratio:share}
 with contact | {with_contact:share}
+storeys | {elastic_storeys}
 periods per run | {periods_per_run:.4g} integrated, of {periods_per_run_window}
 rules: skip rule {key} | {value:share}
 periods per {run_noun} | {periods_per_run:.4g} integrated, {periods_per_start:.4g} a start
@@ -139,6 +140,7 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
     values: dict[str, Any] = {
         "first": " (the first)" if vary else None,
         "varied": "; ".join(vary) or None,
+        "elastic_storeys": summary.get("elastic") or None,
         "sizes": " x ".join(count(n, dim) for dim, n in summary["dimensions"].items()),
         "of": "all of these" if "basins" in summary else "runs",
         "no_cost": None if summary["cost"] else "not known: no journal beside the file",

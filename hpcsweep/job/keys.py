@@ -121,11 +121,12 @@ KEYS: Tables = {
         *(Key(table, "") for table in ("output", "units")),
         Key(
             "building",
-            "tables `[[building]]`, two or more from left to right: `mass` of each floor, "
+            "tables `[[building]]`, one, or several from left to right: `mass` of each floor, "
             "`storey_stiffness` (or `period`, the longest natural period of the building alone, "
             "with stiffnesses in proportion), `storey_height`, `damping_ratio` of its own modes or "
             "`rayleigh`, `name` ([how](structures.md#buildings-that-pound-each-other)), "
-            "`yield_drift` or `yield_force`, and `hardening` ([storeys that yield](yielding.md))",
+            "`yield_drift` or `yield_force`, and `hardening` ([storeys that yield](yielding.md)), "
+            "and a table `[building.isolation]` ([base isolation](yielding.md#base-isolation))",
         ),
         *(Key(table, "") for table in ("pounding", "records")),
         Key(

@@ -17,9 +17,11 @@ from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
 from hpcsweep.model.buildings import Building, adjacent
 from hpcsweep.model.forcing import ONE_HARMONIC
+from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
+from hpcsweep.studies.ground_motion.keys import read_gravity
 
 Harmonics = tuple[tuple[int, float, float], ...]
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
@@ -27,6 +29,7 @@ MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
 CONTACT = ("direction", "gap", "stiffness", "damping", "tension")
 SLIDER = ("direction", "stiffness", "strength", "name")
 BUILDING = tuple(field.name for field in fields(Building))
+ISOLATION = tuple(field.name for field in fields(Isolation) if field.name != "gravity")
 HARMONIC = ("order", "amplitude", "phase")
 WITH_MATRICES = ("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh")
 """Keys of the structure that go with its matrices; all others are those of a building."""
@@ -39,7 +42,7 @@ MAX_LABEL = 100
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 SIZED = re.compile(
     r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact|pounding)\.damping|strength|"
-    r"yield_(force|drift))$"
+    r"yield_(force|drift)|isolation\.(period|radius|friction))$"
 )
 """Ends of the keys whose values, where they are not 0, are of such a size."""
 
@@ -59,6 +62,7 @@ def read_structure(values: Values) -> Structure:
         if key in given and matrices is None:
             raise values.error(f"structure.{key}", given[key], "goes with structure.matrices")
     side_by_side = values.top("building", None) is not None
+    _check_sizes(values)
     try:
         if side_by_side or values.table("pounding"):
             structure = _of_buildings(values, given, harmonics)
@@ -76,7 +80,7 @@ def read_structure(values: Values) -> Structure:
     if structure.rayleigh is not None and "damping_ratio" in given:
         shown = values.get("structure.rayleigh")
         raise values.error("structure.rayleigh", shown, "is given beside damping_ratio")
-    _check_sizes(values, structure)
+    _check_limits(values, structure)
     return replace(structure, unit_names=_unit_names(values, structure))
 
 
@@ -138,7 +142,8 @@ def _building(number: int, table: Mapping) -> Building:
         return _made(_Table(repr(given), given))
     except ValueError as error:
         text = str(error).removeprefix("building.")
-        raise ValueError(f"building[{number}].{text}") from None
+        place = "" if text.startswith("matrices.") else f"building[{number}]."
+        raise ValueError(f"{place}{text}") from None
 
 
 @dataclass(frozen=True)
@@ -164,7 +169,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         key, value = next(iter(values.table("pounding").items()))
         raise values.error(f"pounding.{key}", value, "goes with [[building]]")
     if not isinstance(tables, list):
-        raise values.error("building", tables, "must be tables, [[building]], two or more")
+        raise values.error("building", tables, "must be tables, [[building]]")
     for key in given:
         raise values.error(f"structure.{key}", given[key], "does not go with [[building]]")
     for table in tables:
@@ -175,14 +180,28 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
             limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"
             raise values.error("building.name", name, limit)
+    buildings = [_building(k, _with_isolation(values, table)) for k, table in enumerate(tables)]
     pounding = dict(values.table("pounding"))
+    if len(buildings) == 1:
+        for key, value in pounding.items():
+            raise values.error(f"pounding.{key}", value, "goes with two [[building]] or more")
+        return replace(buildings[0].structure, harmonics=harmonics)
     for key in ("gap", "stiffness"):
         if key not in pounding:
             raise JobError(f"{values.source}: pounding.{key} is missing")
-    buildings = [_building(number, table) for number, table in enumerate(tables)]
     sharpness = values.number("pounding.sharpness", pounding.pop("sharpness", math.inf))
     gap, stiffness = pounding.pop("gap"), pounding.pop("stiffness")
     return adjacent(buildings, gap, stiffness, sharpness=sharpness, harmonics=harmonics, **pounding)
+
+
+def _with_isolation(values: Values, table: Mapping) -> Mapping:
+    """Return the table of a building, with g for its isolation where that needs it."""
+    given = table.get("isolation")
+    if given is None:
+        return table
+    _check_table(values, "building.isolation", given, ISOLATION, ("slab_mass",))
+    by_weight = {"gravity": read_gravity(values)} if {"radius", "friction"} & set(given) else {}
+    return {**table, "isolation": {**given, **by_weight}}
 
 
 def read_forcing(values: Values) -> Harmonics:
@@ -228,7 +247,17 @@ def _tuples(value):
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
 
 
-def _check_sizes(values: Values, structure: Structure) -> None:
+def _check_sizes(values: Values) -> None:
+    """Refuse values that no structure can be made of."""
+    for name in ("structure", "forcing", "building", "pounding"):
+        for key, value in _numbers(name, values.top(name, {})):
+            is_size = SIZED.search(key) and 0 < abs(value) < math.inf
+            if is_size and not MIN_SIZE <= abs(value) <= MAX_SIZE:
+                limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
+                raise values.error(key, value, limit)
+
+
+def _check_limits(values: Values, structure: Structure) -> None:
     """Refuse values that no solver can start from."""
     table = "structure" if values.top("building", None) is None else "pounding"
 
@@ -239,12 +268,6 @@ def _check_sizes(values: Values, structure: Structure) -> None:
     ratio: Any = structure.stiffness_ratio
     at_most(MAX_STIFFNESS, "structure.stiffness_ratio", float(np.max(ratio)))
     at_most(MAX_SHARPNESS, f"{table}.sharpness", structure.sharpness)
-    for name in ("structure", "forcing", "building", "pounding"):
-        for key, value in _numbers(name, values.top(name, {})):
-            is_size = SIZED.search(key) and 0 < abs(value) < math.inf
-            if is_size and not MIN_SIZE <= abs(value) <= MAX_SIZE:
-                limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
-                raise values.error(key, value, limit)
     at_most(MAX_DAMPING, _damping(structure, table), float(structure.damping_ratios.max()))
 
 
@@ -258,12 +281,12 @@ def _damping(structure: Structure, table: str) -> str:
 
 
 def _numbers(key: str, given: Any) -> Iterator[tuple[str, Any]]:
-    """Iterate over the values in a table, or in several, with the keys of each."""
+    """Iterate over the numbers in a table, or in several, with the keys of each."""
     if isinstance(given, Mapping):
         for name, value in given.items():
             yield from _numbers(f"{key}.{name}", value)
     elif isinstance(given, list):
         for value in given:
             yield from _numbers(key, value)
-    else:
+    elif isinstance(given, int | float):
         yield key, given

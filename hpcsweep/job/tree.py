@@ -20,8 +20,8 @@ from typing import Any
 EXTENDS = "extends"
 UNSET = "unset"
 """Value that takes an inherited key away."""
-INDEXED = re.compile(r"(?:(\w+)\.)?(\w+)\[(\d+)\]\.(\w+)")
-"""A key of one of several tables: structure.contact[0].gap."""
+INDEXED = re.compile(r"(?:(\w+)\.)?(\w+)\[(\d+)\]\.(\w+(?:\.\w+)?)")
+"""A key of one of several tables, or of a table within: structure.contact[0].gap."""
 MAX_BASES = 8
 """Files that one job may be built on; the shipped jobs need at most four."""
 MAX_TEXT = 2**24
@@ -147,7 +147,9 @@ def with_indexed(whole: Mapping, key: str, value: object, said: str) -> dict:
         there = "is 1 table" if count == 1 else f"are {count} tables"
         raise TreeError(f"{said}: there {there} {key.split('[')[0]}, counted from 0")
     changed = [dict(one) for one in tables]
-    changed[int(place)][inner] = value
+    outer, _, last = inner.rpartition(".")
+    own = changed[int(place)]
+    changed[int(place)] = merge(own, {outer: {last: value}} if outer else {last: value})
     return merge(whole, {table: {name: changed}} if table else {name: changed})
 
 

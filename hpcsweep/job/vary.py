@@ -5,8 +5,7 @@ its own: it is validated like any other, and has a text from which it can be run
 """
 
 import itertools
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,9 +31,6 @@ NEVER = {
 }
 SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
-UNITS = dict.fromkeys(
-    ("structure.gap", "structure.gap_left", "structure.contact.gap", "pounding.gap"), "length"
-)
 
 
 @dataclass(frozen=True)
@@ -63,20 +59,22 @@ class Parts:
 
     def tree_at(self, place: Place) -> dict:
         """Return the job of a part."""
+        return self._with(zip(self.axes, place, strict=True))
+
+    def tree_as_given(self) -> dict:
+        """Return the job with its own values of the keys that are varied, the first of others."""
+        return self._with((axis, 0) for axis in self.axes if not _is_given(self.tree, axis.key))
+
+    def _with(self, chosen: Iterable[tuple[Axis, int]]) -> dict:
+        """Return the job with values of some keys."""
         tree = dict(self.tree)
-        for axis, at in zip(self.axes, place, strict=True):
+        for axis, at in chosen:
             if INDEXED.fullmatch(axis.key):
                 tree = with_indexed(tree, axis.key, axis.given[at], self.source)
             else:
                 table, _, key = axis.key.partition(".")
                 tree[table] = {**tree.get(table, {}), key: axis.given[at]}
         return tree
-
-    def tree_as_given(self) -> dict:
-        """Return the job with its own values of the keys that are varied, the first of others."""
-        tree = self.tree_at((0,) * len(self.axes))
-        given = {table: own for table, own in self.tree.items() if isinstance(own, Mapping)}
-        return tree | {table: {**tree[table], **own} for table, own in given.items()}
 
 
 def read_varied(
@@ -120,20 +118,25 @@ def read_varied(
 
 
 def _table(tree: Mapping, owner: str) -> Mapping:
-    """Return the table of a key, or one of several as in ``building[0]``."""
-    indexed = re.fullmatch(r"(\w+)\[(\d+)\]", owner)
-    return tree[indexed[1]][int(indexed[2])] if indexed else tree.get(owner, {})
+    """Return the table of a key, empty if absent, or one of several as in ``building[0]``."""
+    for part in owner.split("."):
+        name, _, place = part.rstrip("]").partition("[")
+        tree = tree.get(name, {})
+        tree = tree[int(place)] if place else tree
+    return tree
+
+
+def _is_given(tree: Mapping, key: str) -> bool:
+    """Return whether a job has a value of its own of a varied key."""
+    owner, _, name = key.rpartition(".")
+    return name in _table(tree, owner)
 
 
 def unused(values: Values, tree: Mapping) -> tuple[str, ...]:
     """Return a message for each key that is given beside ``vary``."""
     given = _flat(values, tree["vary"]) if "vary" in tree else ()
-    parted = [key.partition(".") for key in given]
-    return tuple(
-        f"not used: {table}.{key} ([vary] gives its values)"
-        for table, _, key in parted
-        if key in tree.get(table, {})
-    )
+    used = "[vary] gives its values"
+    return tuple(f"not used: {key} ({used})" for key in given if _is_given(tree, key))
 
 
 def _flat(values: Values, table: object) -> dict[str, object]:
@@ -155,7 +158,7 @@ def _axis(values: Values, key: str, given: object) -> Axis:
     indexed = INDEXED.fullmatch(key)
     if indexed:
         table = indexed[1] or indexed[2]
-        name = f"{indexed[2]}_{indexed[3]}_{indexed[4]}"
+        name = f"{indexed[2]}_{indexed[3]}_{indexed[4].replace('.', '_')}"
     is_building = indexed is not None and key.startswith("building[")
     if not (table in TABLES or is_building) or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"
@@ -166,7 +169,7 @@ def _axis(values: Values, key: str, given: object) -> Axis:
     labels = _labels(listed)
     if len(set(labels)) < len(labels):
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    units = UNITS.get(re.sub(r"\[\d+\]", "", key), "1")
+    units = "length" if name.endswith(("gap", "gap_left")) else "1"
     return Axis(name, key, labels, units, listed)
 
 

@@ -2,20 +2,21 @@
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import number, plain
+from hpcsweep.model.arguments import instance, number, plain
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
+from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
 from hpcsweep.model.matrices import Contact, each, vector
 from hpcsweep.model.structure import Structure
 
-RANGE = 1e-12, 1e12
-PERIODS = "finite and positive, from {:g} to {:g}".format(*RANGE)
-"""Periods of a building, in whatever unit of time."""
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
 
@@ -44,6 +45,8 @@ class Building:
         One of the two.
     hardening : float or sequence of n floats
         Stiffness of a storey that yields over that before, from 0 to below 1.
+    isolation : Isolation or dict, optional
+        Bearings and slab beneath it; `period` and damping remain those on a fixed base.
 
     Examples
     --------
@@ -65,6 +68,7 @@ class Building:
     yield_force: float | Sequence[float] | None = None
     yield_drift: float | Sequence[float] | None = None
     hardening: float | Sequence[float] = 0.0
+    isolation: Isolation | None = None
 
     def __post_init__(self) -> None:
         given = plain(self.mass)
@@ -79,20 +83,33 @@ class Building:
             object.__setattr__(self, "storey_height", heights)
         stiffness = each("building.storey_stiffness", self.storey_stiffness, self.n_floors, "mass")
         if self.period is not None:
-            wanted = number("building.period", self.period, PERIODS, *RANGE)
-            found = 2.0 * math.pi / float(self.structure.frequencies[0])
-            del self.__dict__["structure"]  # of the stiffness as it is given
+            wanted = number("building.period", self.period, POSITIVE, *RANGE)
+            found = 2.0 * math.pi / float(self.on_fixed_base.frequencies[0])
+            del self.__dict__["on_fixed_base"]  # of the stiffness as it is given
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
+        bearings: Any = self.isolation
+        if isinstance(bearings, Mapping):
+            object.__setattr__(self, "isolation", Isolation(**bearings))
+        elif bearings is not None:
+            instance("building.isolation", bearings, Isolation)
 
     @property
     def n_floors(self) -> int:
-        """Number n of floors."""
+        """Number n of floors, without a slab on bearings."""
         return int(np.size(self.mass))
 
     @functools.cached_property
     def structure(self) -> Structure:
-        """Structure of the building alone, without stops."""
+        """Structure of the building alone, on its bearings if it has some."""
+        fixed = self.on_fixed_base
+        made = fixed if self.isolation is None else self.isolation.beneath(fixed)
+        heights = () if self.storey_height is None else self.storey_height
+        return made.named(*made.names[:2], np.ravel(heights).tolist(), fixed.floor_names)
+
+    @functools.cached_property
+    def on_fixed_base(self) -> Structure:
+        """Structure of its storeys on the ground, without stops."""
         return Structure(
             n_floors=self.n_floors,
             stiffness_ratio=0.0,
@@ -176,7 +193,9 @@ def adjacent(
 
     names = _names(buildings)
     alone = [one.structure for one in buildings]
-    first = np.cumsum([0, *(one.n_floors for one in alone)])
+    of = functools.partial(_labels, alone, names)
+    first = np.cumsum([0, *(one.n_floors for one in alone)]).tolist()
+    lowest = [end - one.n_floors for end, one in zip(first[1:], buildings, strict=True)]
     unit = np.eye(first[-1])
     if restitution is not None and damping is not None:
         raise ValueError("pounding.restitution and pounding.damping must not be given both")
@@ -192,45 +211,52 @@ def adjacent(
         pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
         levels = (each(name, given, len(pairs), "level") for name, given in of_levels)
         for (i, j), own_gap, kappa, e, c in zip(pairs, *levels, strict=True):
-            direction = unit[first[k] + i] - unit[first[k + 1] + j]
-            stop = tuple(direction.tolist()), own_gap, kappa
-            if restitution is None:
-                contact = Contact(*stop, c, tension)
-            else:
-                read_restitution("pounding.restitution", e)
-                contact = Contact.from_restitution(*stop, e, masses, tension)
-            contacts.append(contact)
+            direction = unit[lowest[k] + i] - unit[lowest[k + 1] + j]
+            contact = Contact(direction, own_gap, kappa, c, tension)
+            contacts.append(contact if restitution is None else _rebounding(contact, e, masses))
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
-    sliders, springs = _sliders(alone, names)
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
+    sliders = _beside([one.sliders for one in alone], first)
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
-        block_diag(*(one.stiffness_matrix for one in alone)) - springs,
-        contacts,
+        block_diag(*(one.elastic_stiffness for one in alone)),
+        contacts + _beside([one.contacts for one in alone], first),
         damping=block_diag(*(one.damping_matrix for one in alone)),
         drift=block_diag(*(one.drift_rows for one in alone)),
         sharpness=sharpness,
         harmonics=harmonics,
-        sliders=sliders,
+        sliders=[replace(s, name=n) for s, n in zip(sliders, of("slider_names"), strict=True)],
     )
-    floors = [name + i for name, one in zip(names, alone, strict=True) for i in one.floor_names]
-    heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
-    return made.named(floors, labels, np.concatenate([[], *heights]).tolist())
+    heights = [height for one in alone for height in one.names.storey_heights]
+    labels += of("names.contacts")
+    return made.named(of("floor_names"), labels, heights, of("storey_names"))
 
 
-def _sliders(alone: Sequence[Structure], names: Sequence[str]):
-    """Return the sliders of buildings side by side, and the matrix of their springs."""
-    n = sum(one.n_floors for one in alone)
-    found, springs, first = [], np.zeros((n, n)), 0
-    for one, name in zip(alone, names, strict=True):
-        for slider in one.sliders:
-            row = np.zeros(n)
-            row[first : first + one.n_floors] = slider.direction
-            named = f"{name}{slider.name}"
-            found.append(replace(slider, direction=tuple(row.tolist()), name=named))
-            springs += slider.stiffness * np.outer(row, row)
-        first += one.n_floors
-    return found, springs
+def _rebounding(contact: Contact, e: float, masses: np.ndarray) -> Contact:
+    """Return a contact with the dashpot of a coefficient of restitution."""
+    read_restitution("pounding.restitution", e)
+    stop = contact.direction, contact.gap, contact.stiffness
+    return Contact.from_restitution(*stop, e, masses, contact.tension)
+
+
+def _labels(alone: Sequence[Structure], names: Sequence[str], what: str) -> list[str]:
+    """Return the labels of the floors, say, of buildings with the names of the buildings."""
+    pairs = zip(names, map(attrgetter(what), alone), strict=True)
+    return [
+        f"{name}{label}" if label.isdigit() else f"{name} {label}"
+        for name, labels in pairs
+        for label in labels
+    ]
+
+
+def _beside(elements: Sequence[Sequence[Any]], first: Sequence[int]) -> list[Any]:
+    """Return contacts or sliders of buildings, the coordinates of each from a first one on."""
+    n = first[-1]
+    return [
+        replace(one, direction=(0.0,) * before + one.direction + (0.0,) * (n - after))
+        for own, (before, after) in zip(elements, pairwise(first), strict=True)
+        for one in own
+    ]
 
 
 def _names(buildings: Sequence[Building]) -> list[str]:

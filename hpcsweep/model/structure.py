@@ -272,12 +272,9 @@ class Structure(MeasuredDynamics):
         ]
         return f"Structure({', '.join(shown)})"
 
-    def named(
-        self, floors: Sequence[str], contacts: Sequence[str], storey_heights: Sequence[float] = ()
-    ) -> "Structure":
-        """Return the same structure with names of its floors and contacts, and storey heights."""
-        names = Names(tuple(floors), tuple(contacts), tuple(storey_heights))
-        return replace(self, names=names)
+    def named(self, *names: Sequence[Any]) -> "Structure":
+        """Return the same structure with names, see `Names`, from those of floors on."""
+        return replace(self, names=Names(*(tuple(listed) for listed in names)))
 
     def without_contacts(self) -> "Structure":
         """Return the same structure without contacts."""

@@ -175,6 +175,13 @@ class System:
         """Name of each floor: as given, e.g. A3, or its number."""
         return self.names.floors or tuple(map(str, range(1, self.n_floors + 1)))
 
+    @property
+    def storey_names(self) -> tuple[str, ...]:
+        """Name of each drift: as given, that of the floor where all have one, or its number."""
+        n_drifts = len(self.drift_rows)
+        numbers = tuple(map(str, range(1, n_drifts + 1)))
+        return self.names.storeys or (self.floor_names if n_drifts == self.n_floors else numbers)
+
     def contact_bits(self, key: int) -> int:
         """Return the contact set as in files, bit k - 1 for contact number k, from a key."""
         if self.contact_numbers == tuple(range(1, len(self.contact_numbers) + 1)):

@@ -30,6 +30,8 @@ class Names(NamedTuple):
     contacts: tuple[str, ...] = ()
     storey_heights: tuple[float, ...] = ()
     """Height of each storey, of each drift; empty where unknown."""
+    storeys: tuple[str, ...] = ()
+    """Names of the drifts; empty where they are those of the floors, or numbers."""
 
 
 class UnitNames(NamedTuple):

@@ -216,14 +216,11 @@ def states(structure: Structure) -> Coordinate:
 
 def measure_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:
     """Return the dimensions of the requested measures: storeys, floors, contacts."""
-    floors = structure.floor_names
-    n_drifts = len(structure.drift_rows)
-    storeys = floors if n_drifts == len(floors) else tuple(map(str, range(1, n_drifts + 1)))
     made = {}
     if "storey_drift" in settings.metrics:
-        made["storey"] = named(storeys, "storey")
+        made["storey"] = named(structure.storey_names, "storey")
     if not settings.metrics.isdisjoint(FLOOR_MEASURES):
-        made["floor"] = named(floors, "floor")
+        made["floor"] = named(structure.floor_names, "floor")
     if not settings.metrics.isdisjoint(CONTACT_MEASURES):
         made["stop"] = named(tuple(structure.contact_names.values()), "contact")
     return made

@@ -35,6 +35,7 @@ LEFT = {
     "results.md": ["ci.png"],
     "earthquakes.md": ["pair.png"],
     "examples.md": ["pounding.png", "bilinear.png"],
+    "yielding.md": ["frame-loops.png", "frame-ida.png", "frame-profile.png", "frame-fragility.png"],
 }
 """Pages whose command lines run, and what they leave."""
 MINUTES = re.compile(r"five-storeys")

@@ -8,6 +8,7 @@ import pytest
 from tools import RECORDS, hpcsweep
 
 from hpcsweep import open_results, response, synthetic_records
+from hpcsweep.figures.diagrams.responses import buildings
 from hpcsweep.figures.options import figures
 from hpcsweep.job import parse_job
 from hpcsweep.solvers.response import history
@@ -152,3 +153,29 @@ def test_history_passes_through_the_peaks_of_the_response():
     largest = np.abs(seen.displacement).max(axis=0)
     assert (largest <= found.displacement * (1 + 1e-12)).all()
     np.testing.assert_allclose(largest, found.displacement, rtol=0.05)
+
+
+def test_drifts_at_which_frames_yield_are_told_of_storeys_that_stay_elastic(folder):
+    """0.5 % of 3.2 m are 16 mm: told of all storeys in one file, of B's in the other."""
+    for name, places in (("job.h5", "AB"), ("hysteresis.h5", "B")):
+        results = open_results(folder / name)
+        chosen = [storey for storey in results.storey.values if storey[0] in places]
+        most = 100 * float(results.storey_drift.sel(storey=chosen).max()) / 3.2
+        assert most > 0.5
+        words = f"elastic: drifts of up to {most:.2g} %; frames yield from some 0.5 % on"
+        assert words in hpcsweep(0, "summary", name, cwd=folder).stdout
+        title = figures()["ida"].draw(results)._suptitle.get_text()
+        assert words in title.replace("\n", " ")
+    whole = open_results(folder / "job.h5")
+    own = 100 * float(whole.storey_drift[0, 10].max()) / 3.2
+    drawn = figures()["history"].draw(whole, scale=float(whole.scale[10]))
+    assert f"elastic: drifts of up to {own:.2g} %" in drawn._suptitle.get_text()
+    low = results.isel(scale=[0]) * 1e-3
+    low.attrs = results.attrs
+    assert "elastic" not in figures()["ida"].draw(low)._suptitle.get_text()
+
+
+def test_the_slab_on_bearings_belongs_to_its_building():
+    names = ["A isolation", "A1", "A2", "B1"]
+    assert buildings(names) == {"A": [0, 1, 2], "B": [3]}
+    assert buildings(["isolation", "1", "2"]) == {"": [0, 1, 2]}

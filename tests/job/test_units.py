@@ -71,7 +71,10 @@ def test_frequencies_are_given_in_hertz():
         (TWO.replace("storey_height = 3.0\n", ""), "must be given of all buildings or of none"),
         (TWO.replace("[0.02, 0.05]", "[0.02]"), "pounding.gap must have 2 numbers, one per level"),
         (TWO.replace('"B"', '"A"'), "building.name must be of one building each"),
-        (TWO.split('[[building]]\nname = "B"')[0] + "[pounding]\ngap=1\nstiffness=1\n", "twice"),
+        (
+            TWO.split('[[building]]\nname = "B"')[0] + "[pounding]\ngap=1\nstiffness=1\n",
+            "goes with two",
+        ),
         (TWO.replace("gap =", "gapp ="), "unknown key 'pounding.gapp'; did you mean 'gap'?"),
         (TWO + "[structure]\ngap = 1.0\n", "structure.gap = 1.0: does not go with [[building]]"),
         (TWO.replace("mass = [2.5e5", "masses = [2.5e5"), "'building.masses'; did you mean 'mass'"),

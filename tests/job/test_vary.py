@@ -290,3 +290,14 @@ def test_lengths_are_in_gaps_only_where_all_gaps_are_one(table, unit):
     amplitude = layout.coordinates["amplitude"].units
     assert amplitude == f"{unit} omega_0^2"
     assert unit in {v.name: v for v in layout.variables}["poincare"].units
+
+
+def test_a_value_beside_vary_is_told_and_has_to_be_right_in_one_of_several_tables_too():
+    table = '[vary]\n"building[0].damping_ratio" = [0.02, 0.05]\n'
+    bare = PAIR.replace("rayleigh = [1.0, 0.002]\n", "")
+    assert parse_job(bare + table, "job", "job").notes == ()
+    own, wrong = (bare.replace("period", f"damping_ratio = {x}\nperiod", 1) for x in (0.1, -0.1))
+    job = parse_job(own + table, "job", "job")
+    assert job.notes == ("not used: building[0].damping_ratio ([vary] gives its values)",)
+    with pytest.raises(JobError, match=r"building\[0\]\.damping_ratio must be finite"):
+        parse_job(wrong + table, "job", "job")

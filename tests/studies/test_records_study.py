@@ -574,3 +574,83 @@ def test_sliders_of_matrices_and_what_they_do_not_go_with():
     sweep = "[sweep]\nomega = 1.0\namplitude = {from = 0.1, to = 0.2, count = 2}\n"
     with pytest.raises(JobError, match="must be 'records' where springs yield"):
         parse_job(matrices + sweep, "job", "job")
+
+
+ISOLATION = "slab_mass = 2e5\nradius = 2.0\nfriction = 0.05\ngap = 0.1\nwall_stiffness = 1e9\n"
+ALONE = """
+[study]
+kind = "records"
+[[building]]
+mass = [2.5e5, 2.5e5]
+storey_stiffness = 3e8
+storey_height = 3.2
+[building.isolation]
+{}[units]
+length = "mm"
+mass = "t"
+time = "s"
+[records]
+synthetic = {{count = 2, seed = 3, dt = 0.02, duration = 10.0, rms = 2000.0}}
+"""
+ISOLATED = ALONE.format(ISOLATION)
+
+
+def test_an_isolated_building_alone_is_a_job(tmp_path):
+    """One g is 9806.65 mm/s^2, so that the mass cancels: mu W / (99 W / R) = mu R / 99."""
+    text = ISOLATED + '[vary]\n"building[0].isolation.friction" = [0.03, 0.06]\n'
+    text = text.replace("radius = 2.0", "radius = 2000.0").replace("gap = 0.1", "gap = 100.0")
+    study = parse_job(text, "job", "job").study
+    assert study.dimensions["building_0_isolation_friction"] == 2
+    for place, friction in (((0,), 0.03), ((1,), 0.06)):
+        structure = study.part(place).structure
+        (slider,) = structure.sliders
+        assert slider.limit == pytest.approx(friction * 2000.0 / 99.0, rel=1e-14)
+        assert slider.strength == pytest.approx(friction * 7e5 * 9806.65, rel=1e-14)
+        assert [one.gap for one in structure.contacts] == [100.0, 100.0]
+    _, path, results = computed(text, tmp_path)
+    assert results["floor"].values.tolist() == ["isolation", "1", "2"]
+    assert results["storey"].values.tolist() == ["1", "2"]
+    assert results["storey_height"].values.tolist() == [3.2, 3.2]
+    assert results["slider"].values.tolist() == ["isolation"]
+    assert results["stop"].values.tolist() == ["wall right", "wall left"]
+    assert results["excursions"].values.min() > 0
+    assert validate(path, 2).sound
+
+
+def test_a_key_of_an_isolation_is_set_from_the_command_line(tmp_path):
+    (tmp_path / "job.toml").write_text(ISOLATED)
+    job = load_job(tmp_path / "job.toml", ["building[0].isolation.gap = 0.3"])
+    assert {one.gap for one in job.structure.contacts} == {0.3}
+    assert job.structure.sliders == parse_job(ISOLATED, "job", "job").structure.sliders
+    varied = '[vary]\n"building[0].isolation.gap" = [0.2, 0.3]\n'
+    told = "not used: building[0].isolation.gap ([vary] gives its values)"
+    assert parse_job(ISOLATED + varied, "job", "job").notes == (told,)
+    with pytest.raises(JobError, match=r"isolation\.gap must be at least 0"):
+        parse_job(ISOLATED.replace("gap = 0.1", "gap = -0.1") + varied, "job", "job")
+
+
+WRONG_ISOLATION = [
+    ("slab_mass = 2e5\n", "", "building.isolation.slab_mass is missing"),
+    ("radius = 2.0", "radius = -2.0", "building[0].isolation.radius must be finite and positive"),
+    ("radius = 2.0", "radius = 1e30", "building[0].isolation.radius must be finite and pos"),
+    ("radius = 2.0", "curvature = 2.0", "unknown key 'building.isolation.curvature'"),
+    ("radius = 2.0", "gravity = 9.8", "unknown key 'building.isolation.gravity'"),
+    ("friction = 0.05", 'friction = "low"', "building[0].isolation.friction must be a number"),
+    ("friction = 0.05", "friction = 1e-40", "building.isolation.friction = 1e-40: must be 0 or"),
+    ("gap = 0.1", "gap = -0.1", "building[0].isolation.gap must be at least 0 (inf: no walls)"),
+    (ISOLATION, "", "building.isolation.slab_mass is missing"),
+    (f"[building.isolation]\n{ISOLATION}", "isolation = 3\n", "building.isolation = 3: must be a"),
+    ("[units]", "[pounding]\ngap = 1.0\n[units]", "pounding.gap = 1.0: goes with two [[building]]"),
+    ('length = "mm"', 'length = "pt"', "units.length = 'pt': must be a known unit of length"),
+    ('"records"', '"points"', "study.kind = "),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), WRONG_ISOLATION)
+def test_what_is_wrong_with_an_isolation_is_one_line(old, new, message):
+    assert old in ISOLATED
+    with pytest.raises(JobError) as caught:
+        parse_job(ISOLATED.replace(old, new, 1), "job.toml", "job")
+    assert str(caught.value).startswith("job.toml: ")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -44,16 +44,14 @@ def draw(
     fine = np.linspace(stripes.intensity[0] / 10, stripes.intensity[-1], POINTS)
     low, high = found.band(fine)
     axis.fill_between(fine, low, high, color=colour, alpha=0.2, linewidth=0)
-    name = "with contacts  " if touches else ""
-    label = rf"{name}median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}"
+    label = rf"median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}"
     axis.plot(fine, found.probability(fine), color=colour, label=label)
     _count(axis, own, fine[-1], color=colour, linewidth=0.6)
     if touches:
         free = capacities(stripes, threshold, alone=True)
         (median,) = fractiles(free.scale, (0.5,))
-        _count(
-            axis, free, fine[-1], color=palette.STOP, label=f"without, counted  median {median:.4g}"
-        )
+        name = f"{responses.alone(results)}, counted  median {median:.4g}"
+        _count(axis, free, fine[-1], color=palette.STOP, label=name)
     reach = f"share of records that reach {threshold:g} {stripes.unit}".rstrip()
     axis.set(xlabel=stripes.measure, ylabel=reach)
     axis.set(xlim=(0, stripes.intensity[-1]), ylim=(0, 1.02))

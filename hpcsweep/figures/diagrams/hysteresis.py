@@ -43,7 +43,7 @@ def draw(results, record: str | None = None, scale: float | None = None, place: 
     for axis, j in zip(axes, shown, strict=True):
         ductility = np.abs(elongation[:, j]).max() / structure.sliders[j].limit
         axis.plot(elongation[:, j], seen.slider_force[:, j], color=palette.series_colour(0), lw=0.7)
-        axis.set_title(f"{names[j]}, ductility {ductility:.2g}", fontsize=9)
+        axis.set_title(f"{names[j]}, ductility {ductility:.1f}", fontsize=9)
         axis.grid(True, color="0.92", linewidth=0.6)
     for axis in axes[::IN_A_ROW]:
         axis.set_ylabel("force" + labels.unit(structure, "force"), fontsize=8)

@@ -5,6 +5,7 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.model.isolation import SLAB
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import stripes_of
 
@@ -29,7 +30,7 @@ def draw(results, response: str = "drift", scale: float | None = None):
     figure, axes = style.new_grid(1, len(found), (1.2 + 2.6 * len(found), 4.2), sharex=True)
     for axis, (building, places) in zip(axes[0], found.items(), strict=True):
         each = [stripes_of(results, study, response, names[i]) for i in places]
-        level = np.arange(1, len(places) + 1)
+        level = np.arange(len(places)) + (not names[places[0]].endswith(SLAB))
         low, median, high = fractiles(np.array([one.values[:, at] for one in each]), PARTS, axis=1)
         axis.fill_betweenx(level, low, high, color=palette.series_colour(0), alpha=0.2, linewidth=0)
         axis.plot(median, level, "o-", color=palette.series_colour(0), markersize=3, label="median")
@@ -42,9 +43,9 @@ def draw(results, response: str = "drift", scale: float | None = None):
         axis.set_yticks(level)
         axis.grid(True, color="0.92", linewidth=0.6)
         axis.set_xlabel(whole.label, fontsize=8)
-    tallest = max(map(len, found.values()))
+    ends = [tick for axis in axes[0] for tick in axis.get_yticks()]
     for axis in axes[0]:
-        axis.set_ylim(0.5, tallest + 0.5)
+        axis.set_ylim(min(ends) - 0.5, max(ends) + 0.5)
     axes[0, 0].set(xlim=(0, None), ylabel=dim)
     responses.legend(axes[0, 0])
     where = responses.at_scale(study, at)

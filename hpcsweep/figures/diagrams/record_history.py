@@ -7,6 +7,7 @@ import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "history"
@@ -19,7 +20,7 @@ OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE)
 
 def load(frames, **_options):
     """Read the facts about the records of one structure, and the forces."""
-    return frames.gather(["outcome", "contact_force"])
+    return frames.gather(["outcome", "contact_force", "storey_drift"])
 
 
 def draw(results, record: str | None = None, scale: float | None = None, place: str | None = None):
@@ -65,4 +66,5 @@ def draw(results, record: str | None = None, scale: float | None = None, place: 
     moving.set_ylabel("displacement" + labels.unit(structure, "length"), fontsize=8)
     moving.legend(frameon=False, fontsize=7, ncols=4, loc="upper right")
     axes[-1].set(xlabel="time" + labels.unit(structure, "time"), xlim=(0, seen.time[-1]))
-    return style.head(figure, f"{samples.name},  {responses.at_scale(study, at)}", fontsize=9)
+    note = elastic_words(elastic_drift(results.isel(record=[i], scale=[at]), structure))
+    return style.head(figure, f"{samples.name},  {responses.at_scale(study, at)}", note, fontsize=9)

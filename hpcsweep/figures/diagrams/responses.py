@@ -8,6 +8,8 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import Option
+from hpcsweep.model.isolation import SLAB
+from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
 
@@ -71,9 +73,10 @@ def legend(axis, title: str | None = None, **looks) -> None:
 
 
 def title(results) -> str:
-    """Write the name of the job, and the part that is drawn."""
-    part = results.attrs.get("part")
-    return f"{results.attrs['name']}:  {part}" if part else str(results.attrs["name"])
+    """Write the name of the job, the part that is drawn, and whether it is elastic too long."""
+    part, name = results.attrs.get("part"), str(results.attrs["name"])
+    elastic = elastic_words(elastic_drift(results, style.structure_of(results)))
+    return (f"{name}:  {part}" if part else name) + f"\n{elastic}" * bool(elastic)
 
 
 def alone(results) -> str:
@@ -126,10 +129,10 @@ def samples_of(study: Records, i: int):
 
 
 def buildings(names) -> dict[str, list[int]]:
-    """Return the places of each building's storeys or floors: names that end with a number."""
+    """Return the places of each building's storeys or floors: numbers, and the slab on bearings."""
     found: dict[str, list[int]] = {}
     for i, name in enumerate(map(str, names)):
-        found.setdefault(name.rstrip("0123456789"), []).append(i)
+        found.setdefault(name.removesuffix(SLAB).rstrip(" 0123456789"), []).append(i)
     return found
 
 

@@ -4,19 +4,25 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from hpcsweep.earthquakes.intensity import spectral_acceleration
+from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.variables import PEAKS
 from hpcsweep.studies.study import Lines, Study, as_kind
 from hpcsweep.studies.tally import BaseTally, share
+from hpcsweep.studies.variables import percent_of_height
 
 MOST = 60
 """Records that are listed."""
 STRONG, WEAK = 3.0, 1e-3
 """Peak accelerations in g beyond which a record's unit looks wrong: the strongest that was ever
 recorded is 4 g."""
+YIELDS = 0.5
+"""Drift ratio in percent from which on frames of reinforced concrete begin to yield."""
 FAR = 0.3
 """Peak ground displacement in PGV x duration beyond which a baseline drifts."""
 
@@ -72,15 +78,35 @@ def warnings(study: RecordGrid) -> Iterator[str]:
             yield f"{one.name}: the ground is displaced by {one.pgd:.3g}: its baseline drifts"
 
 
+def elastic_drift(results, structure: Structure) -> float:
+    """Return the largest drift ratio of storeys without a slider, in percent; 0: not known."""
+    percent = percent_of_height(results)
+    if percent is None or "storey_drift" not in results:
+        return 0.0
+    yields = [one.direction for one in structure.sliders]
+    is_elastic = [tuple(row) not in yields for row in structure.drift_rows.tolist()]
+    drift = (results["storey_drift"].values * percent)[..., is_elastic]
+    return float(np.nanmax(drift, initial=0.0))
+
+
+def elastic_words(drift: float) -> str:
+    """Return what is said where storeys that stay elastic drift so far; nothing if they may."""
+    if drift <= YIELDS:
+        return ""
+    return f"elastic: drifts of up to {drift:.2g} %; frames yield from some {YIELDS:g} % on"
+
+
 class ResponseTally(BaseTally):
     """Tally of runs, record by record."""
 
     measures = (*(peak.variable.name for peak in PEAKS[:7]), "ductility", "excursions")
     placed_by = ("record", "scale", "part")
+    elastic = 0.0
 
     def add(self, frame, study: Study) -> None:
         """Count the runs of one record; see `BaseTally.add`."""
         super().add(frame, study)
+        self.elastic = max(self.elastic, elastic_drift(frame, study.structure))
         outcome, rule = frame["outcome"].values[0], frame["skip_rule"].values[0]
         linear = (outcome > 0) & (rule == SkipRule.LINEAR)
         self.counts["all"]["linear"] += int(linear.sum())
@@ -107,4 +133,5 @@ class ResponseTally(BaseTally):
             "below_contact": share(linear, done),
             "equal_ratio": share(done - linear - different, done),
             "with_contact": share(touching, done),
+            "elastic": elastic_words(self.elastic),
         }

@@ -13,7 +13,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.blocks import Block, Rows
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.responses import respond
-from hpcsweep.studies.ground_motion.variables import pack, peaks_of
+from hpcsweep.studies.ground_motion.variables import Peak, pack, peaks_of
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import RunAgain
 
@@ -23,6 +23,9 @@ ROUNDING = 1e-12
 """Relative difference of two ways where the conditioning is 1."""
 COMPARED = ("length", "acceleration", "force", "impulse")
 """Quantities of the peaks that are compared."""
+TOGETHER = {"residual_drift": "storey_drift"}
+"""Peaks that are compared with the size of another: where a storey does not yield they are 0, to
+rounding of that."""
 
 
 def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunAgain:
@@ -47,15 +50,19 @@ def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunA
         return again
     structure, tail = study.structure, study.tail
     own, _ = peaks_of(structure, study.settings)
-    peaks = [peak for peak in own if peak.variable.units in COMPARED]
+    kinds: dict[str, list[Peak]] = {}
+    for peak in own:
+        if peak.variable.units in COMPARED:
+            name = peak.variable.name
+            kinds.setdefault(TOGETHER.get(name, name), []).append(peak)
     found = []
     for scale in (factor, factor * (1.0 + NUDGE)):
         response = respond(structure, samples, scale, tail, study.settings)
         if response.outcome is not Outcome.COMPLETE:
             again.problem = f"computed again it ends with {response.outcome.name}"
             return again
-        found.append([pack(response, np.empty(0), [peak]) for peak in peaks])
-    stored = [run[peak.variable.name] for peak in peaks]
+        found.append([pack(response, np.empty(0), kind) for kind in kinds.values()])
+    stored = [np.concatenate([run[p.variable.name] for p in kind]) for kind in kinds.values()]
     again.compared = "peaks, computed plainly"
     again.difference = _apart(stored, found[0])
     again.allowed = ROUNDING * max(_apart(*found) / NUDGE, 1.0)

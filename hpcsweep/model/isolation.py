@@ -1,0 +1,143 @@
+"""Base isolation: a slab on bearings beneath a building, between the walls of a moat.
+
+The bearings are a bilinear spring between the ground and the slab: their stiffness after yielding k
+is an elastic spring, beside which a slider of the strength Q has the rest of their initial
+stiffness. Of lead-rubber bearings Q is the strength of the lead; a friction pendulum of radius R
+and friction mu has k = W / R and Q = mu W, W the weight of the slab and all floors.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hpcsweep.model.arguments import number
+from hpcsweep.model.matrices import Contact, Slider
+from hpcsweep.model.structure import Structure
+
+RANGE = 1e-12, 1e12
+POSITIVE = "finite and positive, from {:g} to {:g}".format(*RANGE)
+"""Of quantities in whatever units."""
+LIMITS: dict[str, tuple[str, float, float]] = {
+    "damping_ratio": ("from 0 to 100", 0.0, 100.0),
+    "gap": ("at least 0 (inf: no walls)", 0.0, math.inf),
+    "wall_stiffness": ("from 0 to 1e+12", 0.0, 1e12),
+}
+SLAB = "isolation"
+"""Name of the slab among the floors, and of the bearings among the sliders."""
+WALLS = "wall right", "wall left"
+STIFFNESS = ("period", "stiffness", "radius")
+STRENGTH = ("strength", "yield_drift", "friction")
+INITIAL, OF_FRICTION = 10.0, 100.0
+"""Initial stiffness over that after yielding by default: of lead-rubber bearings, which have 5 to
+15, and of those that slide, which are rigid until then."""
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """Bearings beneath the slab of a `Building`, and the moat walls beside it.
+
+    Attributes
+    ----------
+    slab_mass : float
+        Of the floor on the bearings, above 0.
+    period, stiffness, radius : float, optional
+        One of the three gives the stiffness of all bearings after yielding, k: itself, the period
+        2 pi sqrt(m / k) of the whole mass m on it, or the radius of a friction pendulum, m g / k.
+    strength, yield_drift, friction : float, optional
+        One of the three gives the force Q of all bearings at which their slider slips: itself, the
+        displacement at which they yield, or the coefficient of friction, Q / (m g).
+    initial_stiffness : float, optional
+        Of all bearings before they yield, above k. Default: 10 k, with `friction` 100 k.
+    damping_ratio : float
+        Of a dashpot beside the bearings, 2 zeta sqrt(k m).
+    gap : float
+        Distance of the slab at rest from the walls on both sides, at least 0; inf: none.
+    wall_stiffness : float
+        Of each wall, above 0 where there is a gap.
+    gravity : float
+        g in the units of the building, for `radius` and `friction`.
+
+    Examples
+    --------
+    Sliding bearings of radius 2 m beneath 400 t, and the force at which they slide:
+
+    >>> isolation = hpcsweep.Isolation(slab_mass=1e5, radius=2.0, friction=0.05)
+    >>> round(isolation.bearings(mass=4e5)[2])
+    196133
+    """
+
+    slab_mass: float
+    period: float | None = None
+    stiffness: float | None = None
+    radius: float | None = None
+    strength: float | None = None
+    yield_drift: float | None = None
+    friction: float | None = None
+    initial_stiffness: float | None = None
+    damping_ratio: float = 0.0
+    gap: float = math.inf
+    wall_stiffness: float = 0.0
+    gravity: float = 9.80665
+
+    def __post_init__(self) -> None:
+        for name in ("slab_mass", *STIFFNESS, *STRENGTH, "initial_stiffness", "gravity"):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, number(_key(name), value, POSITIVE, *RANGE))
+        for names in (STIFFNESS, STRENGTH):
+            self._one_of(names)
+        for name, limits in LIMITS.items():
+            object.__setattr__(self, name, number(_key(name), getattr(self, name), *limits))
+        if not self.wall_stiffness and self.gap < math.inf:
+            raise ValueError(f"{_key('wall_stiffness')} must be given with gap, and above 0")
+
+    def _one_of(self, names: tuple[str, ...]) -> tuple[str, float]:
+        """Return which attribute of several is given, and its value."""
+        given = [(name, value) for name in names if (value := getattr(self, name)) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{_key(given[0][0])} and {given[1][0]} must not be given both")
+        if not given:
+            raise ValueError(f"{_key(names[0])}, {names[1]} or {names[2]} must be given")
+        return given[0]
+
+    def bearings(self, mass: float) -> tuple[float, float, float]:
+        """Return k, the initial stiffness and Q beneath a whole mass."""
+        weight = mass * self.gravity
+        by, value = self._one_of(STIFFNESS)
+        of_period = mass * (2.0 * math.pi / value) ** 2
+        after = {"period": of_period, "stiffness": value, "radius": weight / value}[by]
+        by, value = self._one_of(STRENGTH)
+        initial = self.initial_stiffness or after * (OF_FRICTION if by == "friction" else INITIAL)
+        if initial <= after:
+            limit = f"above that after yielding, {after:g}, is {initial:g}"
+            raise ValueError(f"{_key('initial_stiffness')} must be {limit}")
+        of_drift = value * (initial - after)
+        force = {"strength": value, "yield_drift": of_drift, "friction": value * weight}[by]
+        return after, initial, force
+
+    def beneath(self, fixed: Structure) -> Structure:
+        """Return the structure on the slab on its bearings, from that on a fixed base."""
+        slab = np.eye(1, fixed.n_floors + 1)[0]
+        relative = np.hstack((np.full((fixed.n_floors, 1), -1.0), np.eye(fixed.n_floors)))
+        mass = np.append(self.slab_mass, np.diag(fixed.mass_matrix))
+        after, initial, strength = self.bearings(float(mass.sum()))
+        drag = 2.0 * self.damping_ratio * math.sqrt(after * mass.sum())
+
+        def on_slab(matrix: np.ndarray, of_bearings: float) -> np.ndarray:
+            return relative.T @ matrix @ relative + of_bearings * np.outer(slab, slab)
+
+        storeys = [replace(s, direction=np.dot(s.direction, relative)) for s in fixed.sliders]
+        signs = (1.0, -1.0) if self.gap < math.inf else ()
+        made = Structure.from_matrices(
+            mass,
+            on_slab(fixed.elastic_stiffness, after),
+            [Contact(sign * slab, self.gap, self.wall_stiffness) for sign in signs],
+            damping=on_slab(fixed.damping_matrix, drag),
+            drift=fixed.drift_rows @ relative,
+            sliders=[Slider(slab, initial - after, strength, SLAB), *storeys],
+        )
+        return made.named((SLAB, *fixed.floor_names), WALLS[: len(signs)])
+
+
+def _key(name: str) -> str:
+    return f"building.isolation.{name}"

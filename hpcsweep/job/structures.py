@@ -20,6 +20,7 @@ from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
+from hpcsweep.studies.ground_motion.keys import read_gravity
 
 Harmonics = tuple[tuple[int, float, float], ...]
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
@@ -28,7 +29,10 @@ CONTACT = ("direction", "gap", "stiffness", "damping", "tension")
 SLIDER = ("direction", "stiffness", "strength", "name")
 BUILDING = tuple(field.name for field in fields(Building))
 HARMONIC = ("order", "amplitude", "phase")
-WITH_MATRICES = ("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh")
+WITH_MATRICES = (
+    *("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh"),
+    "collapse_drift",
+)
 """Keys of the structure that go with its matrices; all others are those of a building."""
 MAX_STIFFNESS = 1e12
 MAX_SHARPNESS = 1e300
@@ -39,7 +43,7 @@ MAX_LABEL = 100
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 SIZED = re.compile(
     r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact|pounding)\.damping|strength|"
-    r"yield_(force|drift))$"
+    r"yield_(force|drift)|weight|storey_height|collapse_drift)$"
 )
 """Ends of the keys whose values, where they are not 0, are of such a size."""
 
@@ -63,7 +67,7 @@ def read_structure(values: Values) -> Structure:
         if side_by_side or values.table("pounding"):
             structure = _of_buildings(values, given, harmonics)
         elif matrices is None:
-            given = {key: _tuples(value) for key, value in given.items()}
+            given = {key: _tuples(value) for key, value in _weighed(values, given).items()}
             structure = Structure(**given, harmonics=harmonics)
         else:
             structure = _of_matrices(values, given, matrices, contacts, harmonics)
@@ -131,6 +135,17 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
     )
 
 
+def _weighed(values: Values, table: dict) -> dict:
+    """Return a table with the weights that p_delta needs: masses times g, unless they are given."""
+    mass = table.get("mass")
+    each = mass if isinstance(mass, list) else [mass]
+    is_known = all(isinstance(one, int | float) for one in each)
+    if table.get("p_delta") is not True or "weight" in table or not is_known:
+        return table
+    gravity = read_gravity(values)
+    return {**table, "weight": [gravity * one for one in each] if mass is each else gravity * mass}
+
+
 def _building(number: int, table: Mapping) -> Building:
     """Make one of several buildings; an error names its table, counted from 0."""
     try:
@@ -179,7 +194,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     for key in ("gap", "stiffness"):
         if key not in pounding:
             raise JobError(f"{values.source}: pounding.{key} is missing")
-    buildings = [_building(number, table) for number, table in enumerate(tables)]
+    buildings = [_building(k, _weighed(values, table)) for k, table in enumerate(tables)]
     sharpness = values.number("pounding.sharpness", pounding.pop("sharpness", math.inf))
     gap, stiffness = pounding.pop("gap"), pounding.pop("stiffness")
     return adjacent(buildings, gap, stiffness, sharpness=sharpness, harmonics=harmonics, **pounding)

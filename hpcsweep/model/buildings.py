@@ -43,7 +43,15 @@ class Building:
         Force, or drift, at which each storey yields, above 0; ``math.inf`` for one that does not.
         One of the two.
     hardening : float or sequence of n floats
-        Stiffness of a storey that yields over that before, from 0 to below 1.
+        Stiffness of a storey that yields over that before, from -0.1 to below 1.
+    p_delta : bool
+        Whether the weight above each storey over its height is taken from its stiffness, see
+        `hpcsweep.model.yielding`. A `period` is that without.
+    weight : float or sequence of n floats, optional
+        Of each floor: what p_delta needs beside `storey_height`.
+    collapse_drift : float or sequence of n floats, optional
+        Drift of each storey beyond which a motion has collapsed and ends, see
+        `hpcsweep.model.structure.Structure`.
 
     Examples
     --------
@@ -65,6 +73,9 @@ class Building:
     yield_force: float | Sequence[float] | None = None
     yield_drift: float | Sequence[float] | None = None
     hardening: float | Sequence[float] = 0.0
+    p_delta: bool = False
+    weight: float | Sequence[float] | None = None
+    collapse_drift: float | Sequence[float] | None = None
 
     def __post_init__(self) -> None:
         given = plain(self.mass)
@@ -80,8 +91,9 @@ class Building:
         stiffness = each("building.storey_stiffness", self.storey_stiffness, self.n_floors, "mass")
         if self.period is not None:
             wanted = number("building.period", self.period, PERIODS, *RANGE)
-            found = 2.0 * math.pi / float(self.structure.frequencies[0])
-            del self.__dict__["structure"]  # of the stiffness as it is given
+            bare = {"yield_force": None, "yield_drift": None, "hardening": 0.0}
+            own = replace(self, period=None, p_delta=False, collapse_drift=None, **bare)
+            found = 2.0 * math.pi / float(own.structure.frequencies[0])
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
 
@@ -105,6 +117,10 @@ class Building:
             yield_force=self.yield_force,
             yield_drift=self.yield_drift,
             hardening=self.hardening,
+            p_delta=self.p_delta,
+            weight=self.weight,
+            storey_height=self.storey_height,
+            collapse_drift=self.collapse_drift,
         )
 
     @property
@@ -197,6 +213,7 @@ def adjacent(
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
     sliders, springs = _sliders(alone, names)
+    limits = np.concatenate([one.drift_limits for one in alone])
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
@@ -207,6 +224,7 @@ def adjacent(
         sharpness=sharpness,
         harmonics=harmonics,
         sliders=sliders,
+        collapse_drift=None if np.isinf(limits).all() else limits.tolist(),
     )
     floors = [name + i for name, one in zip(names, alone, strict=True) for i in one.floor_names]
     heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]

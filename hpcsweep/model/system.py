@@ -15,7 +15,7 @@ from hpcsweep.model.dashpot import dashpots_of_floors
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, Matrices, Slider
 from hpcsweep.model.unit_names import Names, UnitNames
-from hpcsweep.model.yielding import storey_sliders
+from hpcsweep.model.yielding import storey_sliders, weight_stiffness
 
 PerFloor = float | tuple[float, ...]
 
@@ -49,6 +49,10 @@ class System:
     yield_force: float | Sequence[float] | None = None
     yield_drift: float | Sequence[float] | None = None
     hardening: float | Sequence[float] = 0.0
+    p_delta: bool = False
+    weight: PerFloor | Sequence[float] | None = None
+    storey_height: PerFloor | Sequence[float] | None = None
+    collapse_drift: float | Sequence[float] | None = None
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
     matrices: Matrices | None = None
     unit_names: UnitNames = field(default=UnitNames(), compare=False)
@@ -65,7 +69,8 @@ class System:
     @cached_property
     def is_uniform(self) -> bool:
         """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
-        return self.matrices is None and self.mass is None and self.storey_stiffness is None
+        given = self.matrices, self.mass, self.storey_stiffness
+        return given == (None, None, None) and not self.p_delta
 
     @cached_property
     def mass_matrix(self) -> np.ndarray:
@@ -95,6 +100,8 @@ class System:
         if self.matrices is not None:
             return frozen(self.elastic_stiffness + self._springs)
         own = np.array(self._floors(self.storey_stiffness))
+        if self.p_delta:
+            own = own - weight_stiffness(own.tolist(), self.weight, self.storey_height)
         above = np.append(own[1:], 0.0)
         return frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
 
@@ -105,6 +112,12 @@ class System:
             return self.matrices.sliders
         stiffness = self._floors(self.storey_stiffness)
         return storey_sliders(stiffness, self.yield_force, self.yield_drift, self.hardening)
+
+    @cached_property
+    def drift_limits(self) -> np.ndarray:
+        """Drift of each of `drift_rows` beyond which a motion has collapsed, inf: none."""
+        given = math.inf if self.collapse_drift is None else self.collapse_drift
+        return frozen(np.array(np.broadcast_to(given, len(self.drift_rows)), float))
 
     @cached_property
     def slider_directions(self) -> np.ndarray:

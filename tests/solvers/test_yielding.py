@@ -256,3 +256,44 @@ def test_structures_refuse_what_sliders_cannot_do():
     structure = hpcsweep.Structure.from_matrices(*given, [], sliders=[slider])
     with pytest.raises(ValueError, match="not yet under a harmonic forcing"):
         FlowMap(structure, 1.0)
+
+
+def frame(**given):
+    """Return a building of two storeys, of stiffnesses 100 and 80 less P / h of 10 and 4."""
+    usual = {"storey_height": [3.0, 2.5], "weight": [20.0, 10.0], "p_delta": True}
+    stiffness = {"storey_stiffness": [100.0, 80.0]}
+    return hpcsweep.Building([2.0, 1.0], **stiffness, **(usual | given)).structure
+
+
+def test_weights_take_their_part_of_the_stiffness():
+    loads = [10.0, 4.0]
+    np.testing.assert_allclose(
+        frame().stiffness_matrix, [[166.0, -76.0], [-76.0, 76.0]], rtol=1e-15
+    )
+    yielding = frame(yield_drift=0.02, hardening=0.05, collapse_drift=0.3)
+    steps = np.array([[1.0, 0.0], [-1.0, 1.0]])
+    own = np.array([5.0, 4.0]) - loads
+    np.testing.assert_allclose(
+        yielding.elastic_stiffness, steps.T @ np.diag(own) @ steps, atol=1e-13
+    )
+    assert [one.limit for one in yielding.sliders] == [0.02, 0.02]
+    assert frame(p_delta=False, period=2.0).frequencies[0] == pytest.approx(math.pi)
+    assert frame(period=2.0).frequencies[0] < 0.97 * math.pi
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"weight": None}, "weight is missing: p_delta needs it"),
+        ({"storey_height": None}, "storey_height is missing: p_delta needs it"),
+        ({"weight": [20.0, 200.0]}, "p_delta: storey 2 does not stand: .* 80, must be below .* 80"),
+        ({"yield_drift": 0.1}, "collapse_drift is missing: the structure softens"),
+        ({"collapse_drift": 0.1}, "collapse_drift goes with storeys that yield"),
+        ({"yield_drift": 0.1, "collapse_drift": 0.0}, r"collapse_drift must be above 0 .* 0\.0"),
+        ({"yield_drift": 0.1, "hardening": -0.2}, r"hardening must be from -0\.1 to below 1"),
+        ({"p_delta": 1}, "p_delta must be true or false, is 1"),
+    ],
+)
+def test_wrong_weights_and_limits_are_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        frame(**given)

@@ -536,7 +536,7 @@ WRONG_YIELD = [
     ('"A"\nyield_drift = 0.0', "building[0].yield_drift must be above 0"),
     ('"A"\nyield_drift = 0.1\nyield_force = 1.0', "must not be given both"),
     ('"A"\nhardening = 0.1', "building[0].hardening goes with yield_force or yield_drift"),
-    ('"A"\nyield_drift = 0.1\nhardening = 1.0', "building[0].hardening must be from 0 to below 1"),
+    ('"A"\nyield_drift = 0.1\nhardening = 1.0', "building[0].hardening must be from -0.1 to below 1"),
     ('"A"\nyield_drift = [0.1]', "building[0].yield_drift must have 2 numbers, one a storey"),
     ('"A"\nyield_drift = "soft"', "building[0].yield_drift"),
 ]

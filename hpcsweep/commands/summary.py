@@ -115,6 +115,8 @@ def _record_rows(summary: dict) -> Rows:
     yield "below first contact", _share(summary["below_contact"])
     yield "of equal ratio", _share(summary["equal_ratio"])
     yield "with contact", _share(summary["with_contact"])
+    if "collapsed" in summary:
+        yield "collapsed", _share(summary["collapsed"])
 
 
 def _motion_rows(summary: dict, together: list[dict]) -> Rows:

@@ -137,7 +137,7 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
 
 def _weighed(values: Values, table: dict) -> dict:
     """Return a table with the weights that p_delta needs: masses times g, unless they are given."""
-    mass = table.get("mass")
+    mass: Any = table.get("mass")
     each = mass if isinstance(mass, list) else [mass]
     is_known = all(isinstance(one, int | float) for one in each)
     if table.get("p_delta") is not True or "weight" in table or not is_known:

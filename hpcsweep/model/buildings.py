@@ -91,9 +91,8 @@ class Building:
         stiffness = each("building.storey_stiffness", self.storey_stiffness, self.n_floors, "mass")
         if self.period is not None:
             wanted = number("building.period", self.period, PERIODS, *RANGE)
-            bare = {"yield_force": None, "yield_drift": None, "hardening": 0.0}
-            own = replace(self, period=None, p_delta=False, collapse_drift=None, **bare)
-            found = 2.0 * math.pi / float(own.structure.frequencies[0])
+            bare = replace(self, period=None, p_delta=False)
+            found = 2.0 * math.pi / float(bare.structure.frequencies[0])
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
 
@@ -212,8 +211,7 @@ def adjacent(
                 contact = Contact.from_restitution(*stop, e, masses, tension)
             contacts.append(contact)
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
-    sliders, springs = _sliders(alone, names)
-    limits = np.concatenate([one.drift_limits for one in alone])
+    sliders, springs, limits = _sliders(alone, names)
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
@@ -224,7 +222,7 @@ def adjacent(
         sharpness=sharpness,
         harmonics=harmonics,
         sliders=sliders,
-        collapse_drift=None if np.isinf(limits).all() else limits.tolist(),
+        collapse_drift=limits,
     )
     floors = [name + i for name, one in zip(names, alone, strict=True) for i in one.floor_names]
     heights = [np.ravel(one.storey_height) for one in buildings if one.storey_height is not None]
@@ -232,7 +230,7 @@ def adjacent(
 
 
 def _sliders(alone: Sequence[Structure], names: Sequence[str]):
-    """Return the sliders of buildings side by side, and the matrix of their springs."""
+    """Return the sliders of buildings side by side, the matrix of their springs, and limits."""
     n = sum(one.n_floors for one in alone)
     found, springs, first = [], np.zeros((n, n)), 0
     for one, name in zip(alone, names, strict=True):
@@ -243,7 +241,8 @@ def _sliders(alone: Sequence[Structure], names: Sequence[str]):
             found.append(replace(slider, direction=tuple(row.tolist()), name=named))
             springs += slider.stiffness * np.outer(row, row)
         first += one.n_floors
-    return found, springs
+    limits = np.concatenate([one.drift_limits for one in alone])
+    return found, springs, limits.tolist() if np.isfinite(limits).any() else None
 
 
 def _names(buildings: Sequence[Building]) -> list[str]:

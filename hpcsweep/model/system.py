@@ -17,6 +17,8 @@ from hpcsweep.model.matrices import Contact, Matrices, Slider
 from hpcsweep.model.unit_names import Names, UnitNames
 from hpcsweep.model.yielding import storey_sliders, weight_stiffness
 
+COUPLED = 1e-12
+"""Entry of a damping matrix, over the largest, that couples two coordinates: less is rounding."""
 PerFloor = float | tuple[float, ...]
 
 
@@ -182,6 +184,35 @@ class System:
         if self.matrices is None:
             return frozen(np.eye(n) - np.eye(n, k=-1))
         return frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))
+
+    @cached_property
+    def buildings(self) -> np.ndarray:
+        """Number, from 0, of the building of each coordinate, shape (n,).
+
+        Buildings are what contacts alone join: the parts that M, K and a given C connect.
+        """
+        linked = (self.mass_matrix != 0.0) | (self.stiffness_matrix != 0.0)
+        if self.matrices is not None and self.matrices.damping is not None:
+            damping = np.abs(self.matrices.damping)
+            linked = linked | (damping > COUPLED * damping.max())
+        for _ in range(self.n_floors.bit_length()):
+            linked = linked @ linked
+        return np.unique(linked.argmax(axis=1), return_inverse=True)[1]
+
+    @cached_property
+    def base_rows(self) -> np.ndarray:
+        """Row over the masses of each building, of its base shear per mass; see `buildings`."""
+        own = self.buildings == np.arange(self.buildings.max() + 1)[:, None]
+        found = own @ self.mass_matrix
+        return frozen(found / found.sum(axis=1, keepdims=True))
+
+    @property
+    def building_names(self) -> tuple[str, ...]:
+        """Name of each building: that of its first floor without the number, or its own number."""
+        first = np.unique(self.buildings, return_index=True)[1].tolist()
+        names = tuple(self.floor_names[i].rstrip("0123456789") for i in first)
+        whole = all(names) and len(set(names)) == len(names)
+        return names if whole else tuple(map(str, range(1, len(first) + 1)))
 
     @property
     def floor_names(self) -> tuple[str, ...]:

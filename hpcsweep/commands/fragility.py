@@ -177,5 +177,7 @@ def _demands(options, results, study: "Records") -> int:
     if not all(np.isfinite(column).all() for column in columns):
         raise CommandError(f"{options.file}: holds no response of some records at {scales[at]:g}")
     write_demands(options.demands, *columns, unit="g")
-    print(f"{options.demands}: {one.sizes['record']} records at {scales[at]:g}")
+    fallen = int(one["collapsed"].sum()) if "collapsed" in one else 0
+    ended = f", {fallen} of them up to their collapse" if fallen else ""
+    print(f"{options.demands}: {one.sizes['record']} records at {scales[at]:g}{ended}")
     return 0

@@ -1,10 +1,12 @@
 """Random structures whose sliders slip under random records, against matrix exponentials.
 
 `bash benchmarks/run.sh random_yielding [--cases N] [--seed S]` draws structures of 1 to 8
-coordinates with up to 6 sliders and 4 contacts. A table in Markdown has the errors of the state at
-the end, of the lasting elongations and of their paths, over the size of the motion and its
-conditioning (the change of the reference's end by a small change of the record); below it are the
-cases in which a slider has slipped another number of times.
+coordinates with up to 6 sliders and 4 contacts; in half of them weights take a part of each storey,
+so that they soften, and all end where a coordinate leaves its limit. A table in Markdown has the
+errors of the state at the end, of the lasting elongations, of their paths and of the time of a
+collapse, over the size of the motion and its conditioning (the change of the reference's end by a
+small change of the record); below it are the numbers of collapses, and of the cases in which a
+slider has slipped another number of times or another structure has collapsed.
 """
 
 import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy is loaded)
@@ -23,6 +25,9 @@ CHANGE = 1e-8
 """Relative, of the record, by which the conditioning is measured."""
 
 
+NAMES = ("state at the end", "lasting elongations", "their paths", "time of collapse")
+
+
 class Case(NamedTuple):
     """A structure by its matrices, and a record."""
 
@@ -32,6 +37,7 @@ class Case(NamedTuple):
     contacts: list[Contact]
     sliders: list[Slider]
     record: Record
+    limit: float
 
 
 def random_case(rng) -> Case:
@@ -55,25 +61,36 @@ def random_case(rng) -> Case:
         if low > -0.02:  # it may soften: a small negative slope once all slip
             elastic -= share * np.outer(row, row)
         sliders.append(Slider(row, spring, spring * float(rng.uniform(0.05, 0.6))))
+    if rng.random() < 0.5:  # weights over heights
+        spent = (steps.T * (springs * rng.uniform(0.0, 0.15, n))) @ steps
+        held = sum(one.stiffness * np.outer(one.direction, one.direction) for one in sliders)
+        if np.linalg.eigvalsh(elastic - spent + held)[0] > 0.01:
+            elastic -= spent
     contacts = []
     for _ in range(int(rng.integers(0, 5))):
         d = np.eye(n)[int(rng.integers(n))] * rng.choice((-1.0, 1.0))
         contacts.append(Contact(d, float(rng.uniform(0.1, 1.0)), float(rng.uniform(5.0, 200.0))))
     samples = rng.standard_normal(int(rng.integers(10, 40))) * rng.uniform(0.5, 6.0)
     damping = rng.uniform(0.0, 0.1) * initial
-    return Case(mass, elastic, damping, contacts, sliders, Record(samples, rng.uniform(0.05, 0.3)))
+    record = Record(samples, rng.uniform(0.05, 0.3))
+    return Case(mass, elastic, damping, contacts, sliders, record, float(rng.uniform(0.5, 5.0)))
 
 
 def reference_of(case: Case, factor: float = 1.0) -> tuple[Yielding, np.ndarray]:
     """Return the reference after its run, and the end."""
-    found = Yielding(case.mass, case.stiffness, case.damping, case.contacts, case.sliders)
+    limits = [(row, case.limit) for row in np.eye(len(case.mass))]
+    found = Yielding(case.mass, case.stiffness, case.damping, case.contacts, case.sliders, limits)
     return found, found.run(factor * np.array(case.record.acceleration), case.record.dt)
 
 
-def errors(case: Case) -> tuple[float, float, float, bool]:
-    """Return the errors of state, lasting elongations and paths, and whether the counts differ."""
-    given = case.mass, case.stiffness, case.contacts
-    structure = Structure.from_matrices(*given, damping=case.damping, sliders=case.sliders)
+def errors(case: Case) -> tuple[float, ...]:
+    """Return the errors of `NAMES`, and whether it collapses, and whether the counts differ."""
+    structure = Structure.from_matrices(
+        *(case.mass, case.stiffness, case.contacts),
+        damping=case.damping,
+        sliders=case.sliders,
+        collapse_drift=case.limit,
+    )
     seen = response(structure, case.record)
     exact, end = reference_of(case)
     _, moved = reference_of(case, 1.0 + CHANGE)
@@ -83,7 +100,9 @@ def errors(case: Case) -> tuple[float, float, float, bool]:
         np.abs(seen.final_state - end).max() / unit,
         np.abs(seen.plastic - exact.plastic).max() / unit,
         np.abs(seen.plastic_path - exact.path).max() / unit,
-        bool((seen.excursions != exact.excursions).any()),
+        0.0 if np.isnan(exact.collapse) else abs(seen.collapse_time - exact.collapse) / unit,
+        seen.collapsed,
+        (seen.excursions != exact.excursions).any() or seen.collapsed == np.isnan(exact.collapse),
     )
 
 
@@ -96,11 +115,10 @@ def main() -> None:
     rng = np.random.default_rng(asked.seed)
     found = np.array([errors(random_case(rng)) for _ in range(asked.cases)])
     print(f"| {asked.cases} cases | half | 99 % | all |\n|---|---:|---:|---:|")
-    names = ("state at the end", "lasting elongations", "their paths")
-    for name, values in zip(names, found.T, strict=False):
+    for name, values in zip(NAMES, found.T, strict=False):
         cells = " | ".join(f"{one:.1e}" for one in np.quantile(values, (0.5, 0.99, 1.0)))
         print(f"| {name} | {cells} |")
-    print(f"\nother numbers of slips: {int(found[:, 3].sum())}")
+    print(f"\ncollapses: {int(found[:, 4].sum())}; other slips or ends: {int(found[:, 5].sum())}")
 
 
 if __name__ == "__main__":

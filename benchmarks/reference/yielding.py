@@ -17,9 +17,12 @@ TOUCH = 1e-11
 
 
 class Yielding:
-    """A structure M u'' + C u' + K u + sliders + contacts = -M r a(t)."""
+    """A structure M u'' + C u' + K u + sliders + contacts = -M r a(t).
 
-    def __init__(self, mass, stiffness, damping, contacts, sliders):
+    Of rows with limits, (row, c), the first with |row . u| > c ends the motion.
+    """
+
+    def __init__(self, mass, stiffness, damping, contacts, sliders, limits=()):
         n = self.n = len(mass)
         self.matrices = np.linalg.inv(mass), stiffness, damping
         self.rows = np.array([s.direction for s in sliders], float).reshape(-1, n)
@@ -31,6 +34,7 @@ class Yielding:
         self.closed = np.zeros(len(contacts), bool)
         self.plastic, self.path = np.zeros(len(sliders)), np.zeros(len(sliders))
         self.excursions = np.zeros(len(sliders), int)
+        self.limits, self.collapse = limits, np.nan
         self.elongation, self.dissipated = np.zeros(len(sliders)), 0.0
 
     def _generator(self, a0, slope):
@@ -67,6 +71,10 @@ class Yielding:
         for k, d in enumerate(self.reach):
             s = -1 if self.closed[k] else 1
             found.append((np.r_[s * d, np.zeros(n), -s * self.law[k][0]], "contact", k, 0))
+        for row, c in self.limits:
+            found += [
+                (np.r_[s * np.array(row) / c, np.zeros(n), -1.0], "end", 0, 0) for s in (1, -1)
+            ]
         return found
 
     def _take(self, j, u):
@@ -79,7 +87,7 @@ class Yielding:
         """Return (u, u') at the end; what sliders have done is in the attributes."""
         n = self.n
         z = np.zeros(2 * n) if state is None else np.array(state, float)
-        for first, second in pairwise(samples):
+        for number, (first, second) in enumerate(pairwise(samples)):
             t, slope = 0.0, (second - first) / dt
             while t < dt:
                 a, guards = self._generator(first + slope * t, slope), self._guards()
@@ -112,10 +120,15 @@ class Yielding:
                     _, what, k, s = guards[place]
                     if what == "slip":
                         self.slip[k] = s
+                    elif what == "end":
+                        self.collapse = number * dt + t
+                        break
                     elif what == "stick":
                         self._take(k, z[:n])
                     else:
                         self.closed[k] = not self.closed[k]
+            if self.collapse >= 0.0:
+                break
         for j in np.flatnonzero(self.slip):
             self._take(j, z[:n])
         return z

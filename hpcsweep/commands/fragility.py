@@ -17,8 +17,10 @@ SUMMARY = "tell capacities and fragility of responses to records"
 HELP = """\
 Tell at which intensities the responses of a study of records reach a threshold: fractiles of the
 records' capacities, interpolated between the stripes, and the lognormal fragility of largest
-likelihood with its 95 % intervals; without contacts, where responses are proportional to the
-intensity, the exact capacities. It says where a median is an extrapolation beyond the stripes.
+likelihood with its 95 % intervals. A motion that has collapsed reaches every threshold; --collapse
+asks for collapse itself, of which a capacity is the middle between two stripes. Without contacts
+and yielding, where responses are proportional to the intensity, the exact capacities. It says where
+a median is an extrapolation beyond the stripes.
 Drifts are ratios in percent where the job gives storey heights, else in its unit of length.
 
 With --demands instead of a threshold: write peak drift ratios and floor accelerations of one
@@ -27,6 +29,7 @@ EXAMPLES = """\
 examples:
   hpcsweep fragility pair.h5 --threshold 1.0 --place A
   hpcsweep fragility pair.h5 --threshold 5.0 --response acceleration
+  hpcsweep fragility frame.h5 --collapse
   hpcsweep fragility pair.h5 --demands demands.csv --place A --scale 4.0
   hpcsweep plot pair.h5 --kind fragility --threshold 1.0"""
 
@@ -36,6 +39,7 @@ def configure(parser) -> None:
     add_file(parser)
     wanted = parser.add_mutually_exclusive_group(required=True)
     wanted.add_argument("--threshold", type=float, help="response that is a failure")
+    wanted.add_argument("--collapse", action="store_true", help="collapse is the failure")
     wanted.add_argument("--demands", type=file_name, metavar="CSV", help="table to be written")
     parser.add_argument(
         "--response",
@@ -66,8 +70,10 @@ def run(options) -> int:
 
 def _threshold(options, results, study: "Records") -> int:
     """Print capacities and fragility."""
-    from hpcsweep.studies.ground_motion.stripes import capacities, fit, stripes_of
+    from hpcsweep.studies.ground_motion.stripes import COLLAPSE, capacities, fit, stripes_of
 
+    if options.collapse:
+        options.response, options.threshold = COLLAPSE, 1.0
     stripes = stripes_of(results, study, options.response, options.place)
     reached = capacities(stripes, options.threshold)
     found = fit(stripes, options.threshold)
@@ -90,7 +96,8 @@ def _threshold(options, results, study: "Records") -> int:
     if options.json:
         print(json.dumps(_finite(sums), indent=1))
         return 0
-    title = f"{stripes.label}: threshold {options.threshold:g}, {sums['records']} records"
+    threshold = "" if options.collapse else f"threshold {options.threshold:g}, "
+    title = f"{stripes.label}: {threshold}{sums['records']} records"
     told = sums | {
         "fractiles": _shown(sums),
         "lost": sums["unknown"] or None,
@@ -171,5 +178,7 @@ def _demands(options, results, study: "Records") -> int:
     if not all(np.isfinite(column).all() for column in columns):
         raise CommandError(f"{options.file}: holds no response of some records at {scales[at]:g}")
     write_demands(options.demands, *columns, unit="g")
-    print(f"{options.demands}: {one.sizes['record']} records at {scales[at]:g}")
+    fallen = int(one["collapsed"].sum()) if "collapsed" in one else 0
+    ended = f", {fallen} of them up to their collapse" if fallen else ""
+    print(f"{options.demands}: {one.sizes['record']} records at {scales[at]:g}{ended}")
     return 0

@@ -70,6 +70,7 @@ scaled by | {measure}
 below first contact | {below_contact:share}
 of equal ratio | {equal_ratio:share}
 with contact | {with_contact:share}
+collapsed | {collapsed:share}
 storeys | {elastic_storeys}
 periods per run | {periods_per_run:.4g} integrated, of {periods_per_run_window}
 rules: skip rule {key} | {value:share}

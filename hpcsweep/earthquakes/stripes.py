@@ -5,8 +5,10 @@ of the part p of n values is the smallest of them that at least p n values do no
 one of the values, and means the same of responses at a scale, and of capacities, some of which are
 infinite. The capacity of a record is the smallest scale whose response reaches a threshold: where
 the line through its responses at the two stripes that bracket the threshold does, the response at
-the scale 0 being 0. A curve of a structure that pounds may fall below the threshold again and rise
-once more: later crossings are counted, so that such a curve is not mistaken for a simple one.
+the scale 0 being 0. Beyond a collapse the response is infinite, and the capacity the middle between
+the stripes before and after. A curve of a structure that pounds may fall below the threshold again
+and rise once more: later crossings are counted, so that such a curve is not mistaken for a simple
+one.
 """
 
 import math
@@ -91,7 +93,7 @@ def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
     scales : array_like, shape (s,)
         Of the stripes, above 0 and increasing, in any intensity measure.
     responses : array_like, shape (..., s)
-        Of each record, NaN where it is not known.
+        Of each record, NaN where it is not known, infinite where the structure has collapsed.
     threshold : float
         Reached by a response that is at least as large.
 
@@ -139,6 +141,7 @@ def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
     below, above = around(np.concatenate([ends, ends + own, ends + math.inf], axis=-1))
     # a response of 0 at the scale 0 may be the threshold itself
     part = np.clip((threshold - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0)
+    part = np.where(np.isinf(high), 0.5, part)
     with np.errstate(invalid="ignore"):
         scale = np.where(any_reached, below + part * (above - below), math.inf)
     scale = np.where(unknown.any(axis=-1), math.nan, scale)

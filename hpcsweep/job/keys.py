@@ -63,8 +63,22 @@ STRUCTURE: Tables = {
         Key("yield_force", "force at which it yields, in place of `yield_drift`"),
         Key(
             "hardening",
-            "stiffness of a storey that yields over that before, from 0 to below 1",
+            "stiffness of a storey that yields over that before, from -0.1 to below 1",
             0.0,
+        ),
+        Key(
+            "p_delta",
+            "whether the weight above each storey over its height is taken from its stiffness "
+            "([how](yielding.md#p-delta-and-collapse))",
+            False,
+        ),
+        Key("weight", "weight of each floor, of p_delta" + OF_STOREYS, told="mass times g"),
+        Key("storey_height", "height of each storey" + OF_STOREYS, told="not known"),
+        Key(
+            "collapse_drift",
+            "drift, of all storeys or of each, beyond which a motion has collapsed and ends, `inf` "
+            "for none; goes with storeys that yield, or sliders",
+            told="none",
         ),
         Key(
             "matrices",
@@ -125,8 +139,9 @@ KEYS: Tables = {
             "`storey_stiffness` (or `period`, the longest natural period of the building alone, "
             "with stiffnesses in proportion), `storey_height`, `damping_ratio` of its own modes or "
             "`rayleigh`, `name` ([how](structures.md#buildings-that-pound-each-other)), "
-            "`yield_drift` or `yield_force`, and `hardening` ([storeys that yield](yielding.md)), "
-            "and a table `[building.isolation]` ([base isolation](yielding.md#base-isolation))",
+            "`yield_drift` or `yield_force`, `hardening`, `p_delta`, `weight` and `collapse_drift` "
+            "([storeys that yield](yielding.md)), and a table `[building.isolation]` "
+            "([base isolation](yielding.md#base-isolation))",
         ),
         *(Key(table, "") for table in ("pounding", "records")),
         Key(

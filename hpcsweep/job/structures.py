@@ -31,7 +31,10 @@ SLIDER = ("direction", "stiffness", "strength", "name")
 BUILDING = tuple(field.name for field in fields(Building))
 ISOLATION = tuple(field.name for field in fields(Isolation) if field.name != "gravity")
 HARMONIC = ("order", "amplitude", "phase")
-WITH_MATRICES = ("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh")
+WITH_MATRICES = (
+    *("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh"),
+    "collapse_drift",
+)
 """Keys of the structure that go with its matrices; all others are those of a building."""
 MAX_STIFFNESS = 1e12
 MAX_SHARPNESS = 1e300
@@ -42,7 +45,8 @@ MAX_LABEL = 100
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 SIZED = re.compile(
     r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact|pounding)\.damping|strength|"
-    r"yield_(force|drift)|isolation\.(period|radius|friction))$"
+    r"yield_(force|drift)|weight|storey_height|collapse_drift|"
+    r"isolation\.(period|radius|friction))$"
 )
 """Ends of the keys whose values, where they are not 0, are of such a size."""
 
@@ -67,7 +71,7 @@ def read_structure(values: Values) -> Structure:
         if side_by_side or values.table("pounding"):
             structure = _of_buildings(values, given, harmonics)
         elif matrices is None:
-            given = {key: _tuples(value) for key, value in given.items()}
+            given = {key: _tuples(value) for key, value in _weighed(values, given).items()}
             structure = Structure(**given, harmonics=harmonics)
         else:
             structure = _of_matrices(values, given, matrices, contacts, harmonics)
@@ -135,6 +139,17 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
     )
 
 
+def _weighed(values: Values, table: dict) -> dict:
+    """Return a table with the weights that p_delta needs: masses times g, unless they are given."""
+    mass: Any = table.get("mass")
+    each = mass if isinstance(mass, list) else [mass]
+    is_known = all(isinstance(one, int | float) for one in each)
+    if table.get("p_delta") is not True or "weight" in table or not is_known:
+        return table
+    gravity = read_gravity(values)
+    return {**table, "weight": [gravity * one for one in each] if mass is each else gravity * mass}
+
+
 def _building(number: int, table: Mapping) -> Building:
     """Make one of several buildings; an error names its table, counted from 0."""
     try:
@@ -180,7 +195,8 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
             limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"
             raise values.error("building.name", name, limit)
-    buildings = [_building(k, _with_isolation(values, table)) for k, table in enumerate(tables)]
+    tables = [_with_isolation(values, _weighed(values, table)) for table in tables]
+    buildings = [_building(k, table) for k, table in enumerate(tables)]
     pounding = dict(values.table("pounding"))
     if len(buildings) == 1:
         for key, value in pounding.items():

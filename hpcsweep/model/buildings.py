@@ -44,7 +44,15 @@ class Building:
         Force, or drift, at which each storey yields, above 0; ``math.inf`` for one that does not.
         One of the two.
     hardening : float or sequence of n floats
-        Stiffness of a storey that yields over that before, from 0 to below 1.
+        Stiffness of a storey that yields over that before, from -0.1 to below 1.
+    p_delta : bool
+        Whether the weight above each storey over its height is taken from its stiffness, see
+        `hpcsweep.model.yielding`. A `period` is that without.
+    weight : float or sequence of n floats, optional
+        Of each floor: what p_delta needs beside `storey_height`.
+    collapse_drift : float or sequence of n floats, optional
+        Drift of each storey beyond which a motion has collapsed and ends, see
+        `hpcsweep.model.structure.Structure`.
     isolation : Isolation or dict, optional
         Bearings and slab beneath it; `period` and damping remain those on a fixed base.
 
@@ -68,6 +76,9 @@ class Building:
     yield_force: float | Sequence[float] | None = None
     yield_drift: float | Sequence[float] | None = None
     hardening: float | Sequence[float] = 0.0
+    p_delta: bool = False
+    weight: float | Sequence[float] | None = None
+    collapse_drift: float | Sequence[float] | None = None
     isolation: Isolation | None = None
 
     def __post_init__(self) -> None:
@@ -84,8 +95,8 @@ class Building:
         stiffness = each("building.storey_stiffness", self.storey_stiffness, self.n_floors, "mass")
         if self.period is not None:
             wanted = number("building.period", self.period, POSITIVE, *RANGE)
-            found = 2.0 * math.pi / float(self.on_fixed_base.frequencies[0])
-            del self.__dict__["on_fixed_base"]  # of the stiffness as it is given
+            bare = replace(self, period=None, p_delta=False, isolation=None)
+            found = 2.0 * math.pi / float(bare.structure.frequencies[0])
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
         bearings: Any = self.isolation
@@ -122,6 +133,10 @@ class Building:
             yield_force=self.yield_force,
             yield_drift=self.yield_drift,
             hardening=self.hardening,
+            p_delta=self.p_delta,
+            weight=self.weight,
+            storey_height=self.storey_height,
+            collapse_drift=self.collapse_drift,
         )
 
     @property
@@ -217,6 +232,8 @@ def adjacent(
             labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     sliders = _beside([one.sliders for one in alone], first)
+    falls = any(one.collapse_drift is not None for one in alone)
+    limits = np.concatenate([one.drift_limits for one in alone]).tolist()
     made = Structure.from_matrices(
         block_diag(*(one.mass_matrix for one in alone)),
         block_diag(*(one.elastic_stiffness for one in alone)),
@@ -226,6 +243,7 @@ def adjacent(
         sharpness=sharpness,
         harmonics=harmonics,
         sliders=[replace(s, name=n) for s, n in zip(sliders, of("slider_names"), strict=True)],
+        collapse_drift=limits if falls else None,
     )
     heights = [height for one in alone for height in one.names.storey_heights]
     labels += of("names.contacts")

@@ -20,7 +20,8 @@ one march (`hpcsweep.solvers.flow.elements`) serves all:
   It slips from where y = p +- delta, and sticks from where y' = 0; p is then y -+ delta. The matrix
   of a structure whose sliders stick has their springs; that of a slider that slips is taken out
   (the bit of its mode), so that the matrix does not depend on which way it slips. The force is
-  -k y + k q, q = p, and while it slips k q alone, q = -+delta.
+  -k y + k q, q = p, and while it slips k q alone, q = -+delta;
+- a limit of a drift, +-c, without a force: its guards, y beyond c and below -c, end the motion.
 
 The force of a slider is continuous, and so is that of a contact but for its dashpot, which jumps
 where the contact closes.
@@ -35,14 +36,15 @@ from hpcsweep.model.kernel_contacts import SPRING as LAW
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
 
-SIGN, SPRING, SPEED, LEVEL, SHARE, TAKES, SHIFT = range(7)
-"""Columns of `Elements.guard`: s, a, b, c, r; 1 where p = y + `SHIFT` is taken."""
+SIGN, SPRING, SPEED, LEVEL, SHARE, TAKES, SHIFT, ENDS = range(8)
+"""Columns of `Elements.guard`: s, a, b, c, r; 1 where p = y + `SHIFT` is taken; 1 where the motion
+ends, and the path of the element is the time."""
 OPEN, PUSHING, LET_GO = range(3)
 """Modes of a contact, in order."""
 
 
 class Elements(NamedTuple):
-    """The E elements, contacts first; none where all contacts are elastic, or have layers."""
+    """The E elements, first contacts that have a dashpot or are beside sliders, then limits."""
 
     rows: np.ndarray
     """(E, 2) int: y = y[first] - y[second], or y[first] where the second is -1."""
@@ -110,7 +112,9 @@ class _Table:
         )
 
 
-def kernel_elements(structure: Structure, contacts, slides, extra: np.ndarray) -> Elements:
+def kernel_elements(
+    structure: Structure, contacts, slides, drifts, extra: np.ndarray, always: bool = False
+) -> Elements:
     """Return the elements of a structure.
 
     Parameters
@@ -119,14 +123,24 @@ def kernel_elements(structure: Structure, contacts, slides, extra: np.ndarray) -
     contacts : Contacts
     slides : list of (int, int, float)
         Two rows of each slider, see `Elements.rows`, and the sign of their difference.
+    drifts : list of (int, int)
+        Two rows of each drift.
     extra : ndarray, shape (R - n, n)
         Rows beyond n.
+    always : bool
+        Whether elastic contacts, or without any a row on which nothing acts, are elements, too.
     """
     table, sliders = _Table(), structure.sliders
-    if np.isinf(structure.sharpness) and (sliders or not contacts.is_elastic):
+    if np.isinf(structure.sharpness) and (always or sliders or not contacts.is_elastic):
         for k in range(len(contacts.row)):
             table.add((int(contacts.row[k]), -1), *_contact(k, contacts))
     length, rate = structure.length_unit, structure.frequency_unit
+    for row, limit in zip(drifts, (structure.drift_limits / length).tolist(), strict=False):
+        if limit < np.inf:
+            guards = [(0, s, 1.0, 0.0, s * limit, 0.0, 0.0, 0.0, 1.0) for s in (1.0, -1.0)]
+            table.add(row, ((0, 0, 0.0, 0.0), guards))
+    if always and not table.rows:
+        table.add((0, -1), ((0, 0, 0.0, 0.0), []))
     directions = structure.slider_directions.copy()
     softness = np.array([b @ per_mass(structure.mass_matrix, b) for b in directions])
     for j, (slider, (i, below, sign)) in enumerate(zip(sliders, slides, strict=True)):

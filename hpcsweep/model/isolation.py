@@ -135,6 +135,7 @@ class Isolation:
             damping=on_slab(fixed.damping_matrix, drag),
             drift=fixed.drift_rows @ relative,
             sliders=[Slider(slab, initial - after, strength, SLAB), *storeys],
+            collapse_drift=fixed.collapse_drift,
         )
         return made.named((SLAB, *fixed.floor_names), WALLS[: len(signs)])
 

@@ -56,14 +56,19 @@ class Contacts(NamedTuple):
 
 
 def kernel_contacts(
-    structure: Structure, places, extra: np.ndarray, matrices, layer: float
+    structure: Structure, places, extra: np.ndarray, matrices, layer: float, n_bases: int
 ) -> Contacts:
-    """Return the contacts, from their rows and signs and all rows beyond n."""
+    """Return the contacts, from their rows and signs and all rows beyond n, first those of bases.
+
+    The reaction of a base is what structure and ground exert on each other: contacts do not push
+    its row.
+    """
     mass, softness, reach = structure.mass_matrix, structure.contact_softness, structure.directions
     stiffness, damping = matrices
     kick = per_mass(mass, reach.T).T / softness[:, None]
     damped = kick @ damping.T
     pushed = wide(kick, extra)
+    pushed[:, len(mass) : len(mass) + n_bases] = 0.0
     entries = [np.flatnonzero(e) for e in pushed]
     first = np.cumsum([0, *(entry.size for entry in entries)]).astype(np.int64)
     push_row = np.concatenate([np.zeros(0, np.int64), *entries]).astype(np.int64)

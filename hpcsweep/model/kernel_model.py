@@ -12,7 +12,9 @@ mean the same for all and no digit is lost (1 for the building of the paper).
 Every contact and every drift refers to one row of a list of displacements. Its first n rows are u.
 A direction that is not a coordinate gets a row of its own, y = E u, with the accelerations E u'':
 the state of the kernels has R >= n rows of displacements and as many velocities, and the rows
-beyond n enter no force but that of their contact.
+beyond n enter no force but that of their contact. The first of them are the bases of the buildings,
+where they are asked for, y = 1 . M u / (1 . M 1) over the coordinates of each: the absolute
+acceleration of such a row, on which contacts do not act, is the reaction of the base over the mass.
 """
 
 from collections.abc import Sequence
@@ -41,7 +43,8 @@ class Energy(NamedTuple):
     kappa: np.ndarray
     """(m,)"""
     drag: float
-    """Largest eigenvalue of M^-1 C."""
+    """Largest eigenvalue of M^-1 C; the largest rate at which a motion grows whose sliders slip if
+    that is greater."""
 
 
 class Model(NamedTuple):
@@ -54,8 +57,8 @@ class Model(NamedTuple):
     forcing: np.ndarray
     """(R,): f."""
     ground: np.ndarray
-    """(n,): what the absolute acceleration u'' + ground G has of the forcing: -f where a base
-    shakes; 0 where forces act on a structure whose base rests."""
+    """(n,), with bases these behind: what the absolute acceleration u'' + ground G has
+    of the forcing: -f where a base shakes; 0 where forces act on a structure whose base rests."""
     harmonics: np.ndarray
     """(H, 3): order, amplitude and phase."""
     ramp: np.ndarray
@@ -105,25 +108,28 @@ def model_at_frequency(model: Model, structure: Structure, omega: float) -> Mode
 
 
 @lru_cache(maxsize=64)
-def _at_any_frequency(structure: Structure) -> Model:
-    """Return the model but for the forcing frequency."""
+def _at_any_frequency(structure: Structure, bases: bool = False, always: bool = False) -> Model:
+    """Return the model but for the forcing frequency; see `record_model`."""
     length, rate = structure.length_unit, structure.frequency_unit
     mass = structure.mass_matrix
     n = structure.n_floors
     stiffness = per_mass(mass, structure.stiffness_matrix) / rate**2
     damping = per_mass(mass, structure.damping_matrix) / rate
-    rows = _Rows(n)
+    own = structure.base_rows if bases else np.zeros((0, n))
+    rows = _Rows(n, len(own))
     places = [rows.of(direction) for direction in structure.directions]
     slides = [rows.slide(slider.direction) for slider in structure.sliders]
     drifts = [rows.difference(row) for row in structure.drift_rows]
+    limited = drifts.copy()
     drifts += [(i, below) for i, below, _ in slides if (i, below) not in drifts]
     drift_rows = np.array(drifts, np.int64)
-    extra = np.array(rows.extra).reshape(-1, n)
+    extra = np.vstack((own, np.array(rows.extra).reshape(-1, n)))
     layer = float(structure.layer_half_width / length)
     energy = _energy(structure)
     masses = np.diag(mass)
     forcing = wide(per_mass(mass, structure.forcing_vector), extra)
-    contacts = kernel_contacts(structure, places, extra, (stiffness, damping), layer)
+    contacts = kernel_contacts(structure, places, extra, (stiffness, damping), layer, len(own))
+    growth = _growth(structure, energy.drag)
     model = Model(
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
@@ -133,13 +139,13 @@ def _at_any_frequency(structure: Structure) -> Model:
         ramp=np.zeros((0, 3)),
         rows=extra,
         contacts=contacts,
-        elements=kernel_elements(structure, contacts, slides, extra),
+        elements=kernel_elements(structure, contacts, slides, limited, extra, always),
         drift_rows=drift_rows.reshape(-1, 2),
-        watched=_watched(drift_rows.reshape(-1, 2), n, places),
+        watched=_watched(drift_rows.reshape(-1, 2), n + len(own), places),
         modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
         balance=np.sqrt(masses.max() / masses),
-        energy=energy,
-        stiffness_bound=float(structure.stiffness_bound / rate**2),
+        energy=energy._replace(drag=max(energy.drag, growth)),
+        stiffness_bound=max(float(structure.stiffness_bound / rate**2), growth**2),
         hardest=_hardest(energy),
         bandwidth=_bandwidth(stiffness) if not len(extra) else n + len(extra) - 1,
         damping_bandwidth=_bandwidth(damping) if not len(extra) else n + len(extra) - 1,
@@ -156,14 +162,18 @@ def forcing_size(model: Model) -> int:
     return 2 * (len(model.harmonics) + len(model.ramp))
 
 
-def record_model(structure: Structure, dt: float) -> Model:
+def record_model(
+    structure: Structure, dt: float, bases: bool = False, always: bool = False
+) -> Model:
     """Return the kernels' model of a structure under a record: its period is a sample interval.
 
-    Along an interval G is linear, as held by ``ramp``, which the caller writes.
+    Along an interval G is linear, as held by ``ramp``, which the caller writes. With `bases` the
+    first rows beyond n are those of the buildings; `always` is that of `kernel_elements`.
     """
-    model = kernel_model(structure, 1.0)
+    model = _at_any_frequency(structure, bases, always)
+    n_rows = structure.n_floors + (len(structure.base_rows) if bases else 0)
     return model._replace(
-        ground=-model.forcing[: structure.n_floors],
+        ground=-model.forcing[:n_rows],
         harmonics=np.zeros((0, 3)),
         ramp=np.zeros((1, 3)),
         omega=0.0,
@@ -197,8 +207,8 @@ def _of_one_kind(value):
 class _Rows:
     """Rows of displacements to which contacts and drifts refer."""
 
-    def __init__(self, n: int):
-        self._n = n
+    def __init__(self, n: int, n_bases: int):
+        self._n = n + n_bases
         self.extra: list[np.ndarray] = []
 
     def of(self, direction: np.ndarray) -> tuple[int, float]:
@@ -253,6 +263,20 @@ def _energy(structure: Structure) -> Energy:
         kappa=structure.contact_stiffness / scale**2,
         drag=float(np.linalg.eigvalsh(drag)[-1]),
     )
+
+
+def _growth(structure: Structure, drag: float) -> float:
+    """Bound the rate at which a motion grows whose sliders slip: 0 if their stiffness is definite.
+
+    With the least eigenvalue -k of M^-1 K without sliders lambda^2 + d lambda = k, d <= `drag`, so
+    that |lambda| is at most the larger root of lambda^2 - d lambda = k.
+    """
+    if not structure.sliders:
+        return 0.0
+    root = np.linalg.cholesky(structure.mass_matrix)
+    half = np.linalg.solve(root, structure.elastic_stiffness) / structure.frequency_unit**2
+    least = float(np.linalg.eigvalsh(np.linalg.solve(root, half.T).T)[0])
+    return 0.5 * (drag + float(np.sqrt(drag**2 - 4.0 * least))) if least < 0.0 else 0.0
 
 
 def _hardest(energy: Energy) -> float:

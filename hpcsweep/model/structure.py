@@ -39,11 +39,19 @@ from hpcsweep.model.unit_names import Names
 
 FOREIGN = (
     *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh"),
-    *("stiffness_ratio", "harmonics", "restitution", "yield_force", "yield_drift"),
+    *("stiffness_ratio", "harmonics", "restitution", "yield_force", "yield_drift", "p_delta"),
 )
 """Parameters that the building of the paper leaves at their defaults."""
 AT_LEAST_0 = "finite and at least 0", 0.0, LARGEST
 ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
+
+
+ROUNDED = 1e-12
+"""Negative eigenvalue of a stiffness, over its trace, that is rounding."""
+
+
+def _above_0(name: str, value: Any) -> float:
+    return number(name, value, "above 0 (inf: none)", math.ulp(0.0))
 
 
 def _gap(name: str, value: Any) -> float:
@@ -57,7 +65,8 @@ def _gap(name: str, value: Any) -> float:
 PER_FLOOR: dict[str, Callable[[str, Any], float]] = {
     "stiffness_ratio": lambda name, value: number(name, value, *AT_LEAST_0),
     **dict.fromkeys(
-        ("mass", "storey_stiffness"), lambda name, value: number(name, value, *ABOVE_0)
+        ("mass", "storey_stiffness", "weight", "storey_height"),
+        lambda name, value: number(name, value, *ABOVE_0),
     ),
     **dict.fromkeys(("gap", "gap_left"), _gap),
     "restitution": number,
@@ -104,7 +113,16 @@ class Structure(MeasuredDynamics):
         Force, or drift, at which each storey yields, above 0; ``math.inf`` for one that does not.
         One of the two.
     hardening : float or sequence of n floats
-        Stiffness of a storey that yields over that before, from 0 to below 1.
+        Stiffness of a storey that yields over that before, from -0.1 to below 1.
+    p_delta : bool
+        Whether the weight above each storey over its height is taken from its stiffness, see
+        `hpcsweep.model.yielding`. Modes and damping are those of the rest.
+    weight, storey_height : float or sequence of n floats, optional
+        Of each floor, and of each storey from the lowest on.
+    collapse_drift : float or sequence of floats, optional
+        Drift, of all storeys or of each, beyond which a motion has collapsed and ends; ``math.inf``
+        for one without. Goes with sliders, and is needed where those that slip leave a stiffness
+        that is negative.
     harmonics : sequence of (order, amplitude, phase)
         Of the forcing: A sum_h a_h sin(h Omega tau + phi_h). Default: A sin(Omega tau).
     matrices, motion_length, unreached
@@ -145,6 +163,9 @@ class Structure(MeasuredDynamics):
                 self._set(name, vector(name, given, n, "numbers, one per floor", read=read))
             elif given is not None or getattr(type(self), name) is not None:
                 self._set(name, read(name, given))
+        if self.storey_height is not None and not self.names.storey_heights:
+            heights = np.broadcast_to(self.storey_height, n).tolist()
+            self._set("names", self.names._replace(storey_heights=tuple(heights)))
         self._set("harmonics", read_harmonics(self.harmonics))
         if self.rayleigh is not None:
             pair = vector("rayleigh", self.rayleigh, 2, "numbers: alpha, beta", read=not_negative)
@@ -152,7 +173,8 @@ class Structure(MeasuredDynamics):
         self._set("tension", flag("tension", self.tension))
         told = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth(self._all_contacts, self.sharpness, told)
-        for name in ("yield_force", "yield_drift", "hardening"):
+        self._set("p_delta", flag("p_delta", self.p_delta))
+        for name in ("yield_force", "yield_drift", "hardening", "collapse_drift"):
             given = plain(getattr(self, name))
             if hasattr(given, "__len__") and not isinstance(given, str | bytes):
                 self._set(name, tuple(given))
@@ -170,6 +192,7 @@ class Structure(MeasuredDynamics):
             check_definite("mass" if self.matrices is None else "matrices.mass", self.mass_matrix)
             name = "storey_stiffness" if self.matrices is None else "matrices.stiffness"
             check_definite(name, self.stiffness_matrix)
+        self._check_collapse()
 
     @classmethod
     def from_matrices(
@@ -186,6 +209,7 @@ class Structure(MeasuredDynamics):
         drift: Any = None,
         rayleigh: tuple[float, float] | None = None,
         sliders: Any = (),
+        collapse_drift: Any = None,
     ) -> "Structure":
         """Return a structure from its matrices, contacts and sliders.
 
@@ -214,6 +238,8 @@ class Structure(MeasuredDynamics):
         sliders : sequence of Slider, optional
             They need sharpness = inf. Modes and damping ratios are those of the structure whose
             sliders stick.
+        collapse_drift : float or sequence of floats, optional
+            Of the rows of `drift`, see `Structure`.
 
         Raises
         ------
@@ -234,7 +260,26 @@ class Structure(MeasuredDynamics):
             rayleigh=rayleigh,
             harmonics=harmonics,
             matrices=read,
+            collapse_drift=collapse_drift,
         )
+
+    def _check_collapse(self) -> None:
+        """Check `collapse_drift`, which is needed where sliders that slip leave K indefinite."""
+        given = self.collapse_drift
+        if given is not None:
+            if not self.sliders:
+                raise ValueError("collapse_drift goes with storeys that yield, or sliders")
+            n = len(self.drift_rows)
+            listed = given if hasattr(given, "__len__") else (given,)
+            size = n if hasattr(given, "__len__") else 1
+            vector("collapse_drift", listed, size, "numbers, one per storey", read=_above_0)
+        elif self.sliders:
+            values = np.linalg.eigvalsh(self.elastic_stiffness)
+            if values[0] < -ROUNDED * np.trace(self.stiffness_matrix):
+                raise ValueError(
+                    "collapse_drift is missing: the structure softens once all sliders slip, its "
+                    f"stiffness then has the eigenvalue {values[0]:.4g}"
+                )
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)

@@ -15,8 +15,10 @@ from hpcsweep.model.dashpot import dashpots_of_floors
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, Matrices, Slider
 from hpcsweep.model.unit_names import Names, UnitNames
-from hpcsweep.model.yielding import storey_sliders
+from hpcsweep.model.yielding import storey_sliders, weight_stiffness
 
+COUPLED = 1e-12
+"""Entry of a damping matrix, over the largest, that couples two coordinates: less is rounding."""
 PerFloor = float | tuple[float, ...]
 
 
@@ -49,6 +51,10 @@ class System:
     yield_force: float | Sequence[float] | None = None
     yield_drift: float | Sequence[float] | None = None
     hardening: float | Sequence[float] = 0.0
+    p_delta: bool = False
+    weight: PerFloor | Sequence[float] | None = None
+    storey_height: PerFloor | Sequence[float] | None = None
+    collapse_drift: float | Sequence[float] | None = None
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
     matrices: Matrices | None = None
     unit_names: UnitNames = field(default=UnitNames(), compare=False)
@@ -65,7 +71,8 @@ class System:
     @cached_property
     def is_uniform(self) -> bool:
         """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
-        return self.matrices is None and self.mass is None and self.storey_stiffness is None
+        given = self.matrices, self.mass, self.storey_stiffness
+        return given == (None, None, None) and not self.p_delta
 
     @cached_property
     def mass_matrix(self) -> np.ndarray:
@@ -95,6 +102,8 @@ class System:
         if self.matrices is not None:
             return frozen(self.elastic_stiffness + self._springs)
         own = np.array(self._floors(self.storey_stiffness))
+        if self.p_delta:
+            own = own - weight_stiffness(own.tolist(), self.weight, self.storey_height)
         above = np.append(own[1:], 0.0)
         return frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
 
@@ -105,6 +114,12 @@ class System:
             return self.matrices.sliders
         stiffness = self._floors(self.storey_stiffness)
         return storey_sliders(stiffness, self.yield_force, self.yield_drift, self.hardening)
+
+    @cached_property
+    def drift_limits(self) -> np.ndarray:
+        """Drift of each of `drift_rows` beyond which a motion has collapsed, inf: none."""
+        given = math.inf if self.collapse_drift is None else self.collapse_drift
+        return frozen(np.array(np.broadcast_to(given, len(self.drift_rows)), float))
 
     @cached_property
     def slider_directions(self) -> np.ndarray:
@@ -169,6 +184,35 @@ class System:
         if self.matrices is None:
             return frozen(np.eye(n) - np.eye(n, k=-1))
         return frozen(np.eye(n) if self.matrices.drift is None else np.array(self.matrices.drift))
+
+    @cached_property
+    def buildings(self) -> np.ndarray:
+        """Number, from 0, of the building of each coordinate, shape (n,).
+
+        Buildings are what contacts alone join: the parts that M, K and a given C connect.
+        """
+        linked = (self.mass_matrix != 0.0) | (self.stiffness_matrix != 0.0)
+        if self.matrices is not None and self.matrices.damping is not None:
+            damping = np.abs(self.matrices.damping)
+            linked = linked | (damping > COUPLED * damping.max())
+        for _ in range(self.n_floors.bit_length()):
+            linked = linked @ linked
+        return np.unique(linked.argmax(axis=1), return_inverse=True)[1]
+
+    @cached_property
+    def base_rows(self) -> np.ndarray:
+        """Row over the masses of each building, of its base shear per mass; see `buildings`."""
+        own = self.buildings == np.arange(self.buildings.max() + 1)[:, None]
+        found = own @ self.mass_matrix
+        return frozen(found / found.sum(axis=1, keepdims=True))
+
+    @property
+    def building_names(self) -> tuple[str, ...]:
+        """Name of each building: that of its first floor without the number, or its own number."""
+        first = np.unique(self.buildings, return_index=True)[1].tolist()
+        names = tuple(self.floor_names[i].rstrip("0123456789") for i in first)
+        whole = all(names) and len(set(names)) == len(names)
+        return names if whole else tuple(map(str, range(1, len(first) + 1)))
 
     @property
     def floor_names(self) -> tuple[str, ...]:

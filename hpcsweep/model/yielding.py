@@ -1,4 +1,15 @@
-"""Storeys that yield: bilinear springs as an elastic spring and a slider (`matrices.Slider`)."""
+r"""Storeys that yield, bilinear springs as an elastic spring and a slider, and their P-Delta.
+
+A storey of height h carries the weight P of its floor and of all above. Where it drifts by d these
+stand beside its foot: about that the moment P d acts, which a couple of horizontal forces P d / h,
+h apart, replaces. So of the shear k d of the storey P d / h is spent on the weight, and
+
+    K = sum_i (k_i - P_i / h_i) b_i b_i^T,      b_i . u = d_i,
+
+of which the second term is the geometric stiffness of the storeys. It is linear in u and belongs to
+the elastic spring: a storey yields at the drift at which it would without weights, and goes on with
+alpha k - P / h, which may be negative.
+"""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +21,7 @@ from hpcsweep.model.arguments import number, plain
 from hpcsweep.model.matrices import Slider, vector
 
 YIELDS = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
-HARDENS = "from 0 to below 1", 0.0, math.nextafter(1.0, 0.0)
+HARDENS = "from -0.1 to below 1", -0.1, math.nextafter(1.0, 0.0)
 
 
 def storey_sliders(
@@ -51,6 +62,35 @@ def storey_sliders(
             row = tuple(steps[i].tolist())
             found.append(Slider(row, (1.0 - share) * k, (1.0 - share) * force, str(i + 1)))
     return tuple(found)
+
+
+def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np.ndarray:
+    """Return P / h of each storey, see above, shape (n,).
+
+    Parameters
+    ----------
+    stiffness : sequence of n floats
+        Of the storeys without weights, from the lowest on.
+    weight, height : float or sequence of n floats
+        Of each floor and of each storey.
+
+    Raises
+    ------
+    ValueError
+        If one is missing, or a storey cannot carry what is above it.
+    """
+    n = len(stiffness)
+    for name, given in (("weight", weight), ("storey_height", height)):
+        if given is None:
+            raise ValueError(f"{name} is missing: p_delta needs it, g not being known here")
+    loads = np.broadcast_to(weight, n)[::-1].cumsum()[::-1] / np.broadcast_to(height, n)
+    for i, (k, load) in enumerate(zip(stiffness, loads.tolist(), strict=True), 1):
+        if load >= k:
+            raise ValueError(
+                f"p_delta: storey {i} does not stand: the weight above it over its height, "
+                f"{load:.4g}, must be below its stiffness, {k:.4g}"
+            )
+    return loads
 
 
 def _of_storeys(name: str, given: Any, n: int, limits: tuple[str, float, float]) -> list[float]:

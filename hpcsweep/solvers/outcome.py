@@ -23,6 +23,8 @@ NON_FINITE = int(Outcome.NON_FINITE)
 STEP_LIMIT = int(Outcome.STEP_LIMIT)
 SOLVER_FAILED = int(Outcome.SOLVER_FAILED)
 """The same as the kernels return them."""
+COLLAPSED = -1
+"""A motion has left the limits of a drift: it is complete, and ends there. Not stored."""
 
 REMEDIES = {
     Outcome.NON_FINITE: "the motion left double precision: check structure and amplitude",

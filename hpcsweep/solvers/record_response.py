@@ -1,6 +1,7 @@
 """Peaks of the response of a structure to a ground-motion record."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,42 @@ class Slid(NamedTuple):
 
 
 NONE_SLID = Slid(*(np.zeros(0),) * 4, np.zeros(0, int))
+
+
+class Ended(NamedTuple):
+    """How a motion has ended."""
+
+    state: np.ndarray
+    """(2n,), in units of the structure."""
+    duration: float
+    """Likewise."""
+    outcome: Outcome
+    collapsed: bool
+
+
+class Energy(NamedTuple):
+    """Energies of a motion at its end, relative to the ground, in the unit of force times length.
+
+    Kinetic and strain energy are less those at the start, and that of springs is less the work of
+    the weights of P-Delta.
+    """
+
+    input: float
+    """Work of the ground, the integral of b . u' a(t)."""
+    kinetic: float
+    strain: float
+    """Of springs, those of sliders and contacts included."""
+    viscous: float
+    """Taken by the damping matrix ..."""
+    contacts: float
+    """... by the dashpots of contacts ..."""
+    sliders: float
+    """... and by sliders."""
+
+    @property
+    def balance(self) -> float:
+        """Input less all others over the largest of them: rounding."""
+        return (self.input - sum(self[1:])) / (max(map(abs, self)) or 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +116,19 @@ class Response:
         Force of each slider at the end.
     slider_energy : ndarray, shape (L,)
         Energy that it has dissipated, F times the plastic path.
+    base_shear : ndarray, shape (B,)
+        Largest reaction of the base of each building (`Structure.buildings`), the sum of its forces
+        of inertia and of its contacts, if it is wanted; else empty.
+    collapsed : bool
+        Whether a drift has left its limit (`collapse_drift`). The motion ends there, and all the
+        above is of the motion until then.
+    collapse_time : float
+        When; NaN if it has not.
     duration : float
         Time that was integrated; that up to the failure if one occurred.
     outcome : Outcome
+    energy : Energy or None
+        Energies at the end, if they are wanted.
 
     Examples
     --------
@@ -119,43 +166,48 @@ class Response:
     slider_energy: np.ndarray
     residual_displacement: np.ndarray
     residual_drift: np.ndarray
+    base_shear: np.ndarray
+    collapsed: bool
+    collapse_time: float
     duration: float
     outcome: Outcome
+    energy: Energy | None = None
 
 
 def response_of(
     structure: Structure,
+    n_rows: int,
     peaks: np.ndarray,
     times: np.ndarray,
     impacts: np.ndarray,
     slid: Slid,
-    state: np.ndarray,
-    duration: float,
-    outcome: Outcome,
+    ended: Ended,
 ) -> Response:
     """Make a response from what has been gathered in the kernels' units.
 
     Parameters
     ----------
     structure : Structure
+    n_rows : int
+        Floors, and the bases behind them.
     peaks, times : ndarray, shape (P,)
-        Of drifts, with elongations of sliders behind them, floors, absolute accelerations, and
-        forces of contacts over their units.
+        Of drifts, with elongations of sliders behind them, floors and bases, absolute accelerations
+        of these, and forces of contacts over their units.
     impacts : ndarray, shape (N_IMPACTS, k)
         See `measures`.
     slid : Slid
-    state : ndarray, shape (2n,)
-        At the end, in units of the structure.
-    duration : float
-        Likewise.
-    outcome : Outcome
+    ended : Ended
     """
     n, n_drifts = structure.n_floors, len(structure.drift_rows)
     length, rate = structure.length_unit, structure.frequency_unit
     n_contacts = len(structure.contacts)
-    ends = np.cumsum([len(peaks) - 2 * n - n_contacts, n, n])
+    ends = np.cumsum([len(peaks) - 2 * n_rows - n_contacts, n_rows, n_rows])
+    state = ended.state
     size: list[Any] = np.split(peaks * length, ends)
     when = np.split(times / rate, ends)
+    shear = size[2][n:] * rate**2
+    if shear.size:
+        shear *= np.bincount(structure.buildings, structure.mass_matrix.sum(axis=1))
     unit = structure.force_per_length
     spring = np.array([slider.stiffness for slider in structure.sliders])
     strength = np.array([slider.strength for slider in structure.sliders])
@@ -167,9 +219,9 @@ def response_of(
 
         lasting = static_equilibrium(structure, plastic) - structure.rest[:n]
     return Response(
-        displacement=size[1],
+        displacement=size[1][:n],
         drift=size[0][:n_drifts],
-        floor_acceleration=size[2] * rate**2,
+        floor_acceleration=size[2][:n] * rate**2,
         force=size[3] * unit,
         impacts=impacts[CLOSINGS].astype(int),
         impact_velocity=impacts[SPEED] * (length * rate),
@@ -178,9 +230,9 @@ def response_of(
         dissipated=impacts[DISSIPATED] * unit * length**2,
         residual=np.abs(state[:n] - structure.rest[:n]),
         final_state=state,
-        displacement_time=when[1],
+        displacement_time=when[1][:n],
         drift_time=when[0][:n_drifts],
-        acceleration_time=when[2],
+        acceleration_time=when[2][:n],
         force_time=when[3],
         ductility=elongation * spring / strength,
         slider_force=np.where(slid.excursions, strength, spring * elongation),
@@ -191,9 +243,51 @@ def response_of(
         slider_energy=strength * path,
         residual_displacement=lasting,
         residual_drift=structure.drift_rows @ lasting,
-        duration=duration,
-        outcome=outcome,
+        base_shear=shear,
+        collapsed=ended.collapsed,
+        collapse_time=ended.duration if ended.collapsed else math.nan,
+        duration=ended.duration,
+        outcome=ended.outcome,
     )
+
+
+def energy_of(
+    structure: Structure, found: Response, start: np.ndarray, integrals: np.ndarray
+) -> Response:
+    """Return a response with its energies.
+
+    Parameters
+    ----------
+    structure : Structure
+    found : Response
+    start : ndarray, shape (2n,)
+        (u, u') at the start.
+    integrals : ndarray, shape (n + 1, n)
+        Of u_i' u_j', and of G u_i', in the kernels' units.
+    """
+    n, length, rate = structure.n_floors, structure.length_unit, structure.frequency_unit
+    spring = np.array([slider.stiffness for slider in structure.sliders])
+    first = structure.slider_directions @ start[:n] * spring
+
+    def held(state: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return kinetic and strain energy."""
+        u, v = np.split(state, 2)
+        past = structure.directions @ u - [contact.gap for contact in structure.contacts]
+        pressed = structure.contact_stiffness @ np.maximum(past, 0.0) ** 2
+        strain = u @ structure.elastic_stiffness @ u + force @ (force / spring) + pressed
+        return 0.5 * np.array([v @ structure.mass_matrix @ v, strain])
+
+    kinetic, strain = held(found.final_state, found.final_slider_force) - held(start, first)
+    work = length**2 * rate * integrals
+    energy = Energy(
+        input=float(rate * work[n] @ structure.forcing_vector),
+        kinetic=float(kinetic),
+        strain=float(strain),
+        viscous=float((structure.damping_matrix * work[:n]).sum()),
+        contacts=float(found.dissipated.sum()),
+        sliders=float(found.slider_energy.sum()),
+    )
+    return replace(found, energy=energy)
 
 
 def intervals(n_samples: int, dt: float, tail: float) -> tuple[int, float]:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, finite_vector, instance, number, positive
+from hpcsweep.model.arguments import finite, finite_vector, flag, instance, number, positive
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
@@ -43,6 +43,8 @@ def response(
     state: Any = None,
     rtol: float = 1e-9,
     at_samples: bool = False,
+    base_shear: bool = False,
+    energy: bool = False,
 ) -> Response:
     """Return the response of a structure to a ground-motion record.
 
@@ -63,6 +65,10 @@ def response(
         Relative error asked of the motion inside contact layers, see `FlowMap`.
     at_samples : bool
         Take peaks at the samples alone, as published response spectra do.
+    base_shear : bool
+        Tell the base shear of each building, `Response.base_shear`.
+    energy : bool
+        Tell the energies at the end, `Response.energy`, of sharp contacts; not with `at_samples`.
 
     Returns
     -------
@@ -94,29 +100,33 @@ def response(
         state = finite_vector("state", state, 2 * structure.n_floors)
     from hpcsweep.solvers.flow.record_map import RecordMap  # reading results needs no kernels
 
-    solver = RecordMap(structure, record.dt, rtol)
+    if energy and at_samples:
+        raise ValueError("energy and at_samples must not be asked for both")
+    wanted = {"base_shear": flag("base_shear", base_shear), "energy": flag("energy", energy)}
+    solver = RecordMap(structure, record.dt, rtol, **wanted)
     return _complete(solver.respond(record.acceleration, scale, tail, state, at_samples=at_samples))
 
 
 def linear_response(
-    structure: Structure, record: Record, tail: float = 0.0
+    structure: Structure, record: Record, tail: float = 0.0, base_shear: bool = False
 ) -> tuple[Response, np.ndarray]:
-    """Return the response without contacts and slips, and how far it reaches towards each of them.
+    """Return the response without contacts, slips and collapse, and how far it reaches to each.
 
     From u = 0; times s it is the response at any scale s up to that of `first_contact_scale`. What
     it reaches is the gap that a contact needs if it is not to close.
 
     Parameters
     ----------
-    structure, record, tail
+    structure, record, tail, base_shear
         Of `response`.
 
     Returns
     -------
     Response
         At scale 1; forces, impacts and impulses are 0.
-    ndarray, shape (k + L,)
-        max_t d_k . u of each contact, at least 0; then max_t |b_j . u| of each slider.
+    ndarray, shape (k + L + D,)
+        max_t d_k . u of each contact, at least 0; then max_t |b_j . u| of each slider, and each
+        drift that has a limit.
     """
     structure, record, tail = _arguments(structure, record, tail)
     from hpcsweep.solvers.flow.record_map import RecordMap
@@ -131,16 +141,16 @@ def linear_response(
         forcing=structure.forcing_vector,
         drift=np.vstack((structure.drift_rows, slides, structure.directions)),
     )
-    found = RecordMap(free, record.dt, one_sided=n_contacts).respond(record.acceleration, 1.0, tail)
-    _complete(found)
+    solver = RecordMap(free, record.dt, one_sided=n_contacts, base_shear=base_shear)
+    found = _complete(solver.respond(record.acceleration, 1.0, tail))
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
-    reach = np.roll(found.drift[n_drifts:], n_contacts)
+    drifts, slid, past = np.split(found.drift, [n_drifts, n_drifts + len(slides)])
     sliders = [(one.stiffness, one.strength) for one in structure.sliders]
     spring, strength = np.array(sliders).reshape(-1, 2).T
-    force = spring * reach[n_contacts:]
+    force = spring * slid
     linear = replace(
         found,
-        drift=found.drift[:n_drifts],
+        drift=drifts,
         drift_time=found.drift_time[:n_drifts],
         force=nothing,
         impacts=nothing.astype(int),
@@ -158,15 +168,15 @@ def linear_response(
         slider_energy=none,
         residual_drift=np.zeros(n_drifts),
     )
-    return linear, reach
+    return linear, np.concatenate((past, slid, drifts[structure.drift_limits < math.inf]))
 
 
 def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0) -> float:
-    """Return the scale of a record below which no contact closes and no slider slips, from rest.
+    """Return the scale of a record below which nothing closes, slips or collapses, from rest.
 
     min over contacts of gap / max_t(d . u), from one motion without contacts, and over sliders of
-    F / (k max_t |b . u|); 0 if a contact is pressed, gap < 0, and closed at rest; inf if nothing
-    moves towards a contact. Stops are taken as sharp.
+    F / (k max_t |b . u|), and likewise over the limits of drifts; 0 if a contact is pressed,
+    gap < 0, and closed at rest; inf if nothing moves towards a contact. Stops are taken as sharp.
 
     Parameters
     ----------
@@ -200,6 +210,7 @@ def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
     """Return the scale of `first_contact_scale`, from what `linear_response` reaches."""
     gaps = [contact.gap for contact in structure.contacts]
     gaps += [slider.limit for slider in structure.sliders]
+    gaps += structure.drift_limits[structure.drift_limits < math.inf].tolist()
     scales = [
         max(gap, 0.0) / way if way > 0.0 else 0.0 if gap < 0.0 else math.inf
         for gap, way in zip(gaps, reach.tolist(), strict=True)
@@ -251,8 +262,8 @@ def history(
 ) -> History:
     """Return the motion of a structure under a record from rest, at instants a step apart.
 
-    Exact at the instants, however far apart they are; contacts may push between them alone, which
-    `History.peak_force` tells.
+    Exact at the instants, however far apart they are, up to a collapse; contacts may push between
+    them alone, which `History.peak_force` tells.
 
     Parameters
     ----------
@@ -312,16 +323,19 @@ def history(
         found = _complete(own.respond(pushed, scale, free, states[j - 1], resume=j > 1))
         states[j], peaks[j] = found.final_state, found.force
         slider_force[j] = found.final_slider_force
+        if found.collapsed:
+            states, peaks, slider_force = states[:j], peaks[:j], slider_force[:j]
+            break
     u, v, force = states[:, :n], states[:, n:], structure.contact_forces(states)
     peaks[0] = np.maximum(force[0], 0.0)
     push = -u @ structure.elastic_stiffness - v @ structure.damping_matrix
     push -= force @ structure.directions
     push -= slider_force @ structure.slider_directions
     if not structure.shakes:
-        given = ground[: n_all + 1 : samples]
+        given = ground[: n_all + 1 : samples][: len(push)]
         push[: given.size] += scale * np.outer(given, structure.forcing_vector)
     acceleration = per_mass(structure.mass_matrix, push.T).T
-    time = dt * samples * np.arange(count)
+    time = dt * samples * np.arange(len(states))
     return History(time, u, v, force, acceleration, peaks, slider_force)
 
 

@@ -227,7 +227,7 @@ class Frames:
                 "state": self._own.coordinates["state"].values.astype(str),
                 **{
                     name: self._own.coordinates[name].values.astype(str)
-                    for name in ("storey", "floor", "stop", "slider")
+                    for name in ("storey", "floor", "stop", "slider", "building")
                     if name in self._own.coordinates
                 },
             },

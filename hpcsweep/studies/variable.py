@@ -14,6 +14,7 @@ COUNT, POSITIVE = (0, np.inf), (1, np.inf)
 SHARE = (0.0, 1.0 + 1e-9)
 """A mean of shares exceeds 1 by rounding."""
 BELOW_INFINITY = (-np.inf, LARGEST)
+EITHER = (0, 1)
 RULES = {
     FINITE: "is finite",
     SIZE: "is finite and not negative",
@@ -21,6 +22,7 @@ RULES = {
     POSITIVE: "is at least 1",
     SHARE: "lies between 0 and 1",
     BELOW_INFINITY: "is not +inf",
+    EITHER: "is 0 or 1",
 }
 """Limits in words."""
 MISSING, VALID, ANY = "missing", "valid", "any"

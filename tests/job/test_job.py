@@ -128,6 +128,10 @@ OTHER = {
     "yield_force": math.inf,
     "yield_drift": math.inf,
     "hardening": 0.1,
+    "p_delta": True,
+    "weight": 2.0,
+    "storey_height": 3.0,
+    "collapse_drift": 0.5,
     "harmonics": ((1, 1.0, 0.0), (3, 0.2, 0.0)),
     "matrices": Structure.from_matrices([1, 1, 1], np.eye(3), []).matrices,
     "transient_cycles": 7,
@@ -151,7 +155,11 @@ OTHER = {
     "refine": Refinement(),
 }
 """Another value than that of the job below, for every field that has a meaning."""
-ALONG = {"hardening": {"yield_drift": math.inf}}
+ALONG = {
+    "hardening": {"yield_drift": math.inf},
+    "p_delta": {"weight": 0.01, "storey_height": 1.0},
+    "collapse_drift": {"yield_drift": 0.1, "sharpness": math.inf},
+}
 """Fields without which another one must not be given."""
 
 

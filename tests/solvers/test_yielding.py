@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from yielding import Yielding
 
 import hpcsweep
@@ -256,3 +257,200 @@ def test_structures_refuse_what_sliders_cannot_do():
     structure = hpcsweep.Structure.from_matrices(*given, [], sliders=[slider])
     with pytest.raises(ValueError, match="not yet under a harmonic forcing"):
         FlowMap(structure, 1.0)
+
+
+def frame(**given):
+    """Return a building of two storeys, of stiffnesses 100 and 80 less P / h of 10 and 4."""
+    usual = {"storey_height": [3.0, 2.5], "weight": [20.0, 10.0], "p_delta": True}
+    stiffness = {"storey_stiffness": [100.0, 80.0]}
+    return hpcsweep.Building([2.0, 1.0], **stiffness, **(usual | given)).structure
+
+
+def test_weights_take_their_part_of_the_stiffness():
+    loads = [10.0, 4.0]
+    np.testing.assert_allclose(
+        frame().stiffness_matrix, [[166.0, -76.0], [-76.0, 76.0]], rtol=1e-15
+    )
+    yielding = frame(yield_drift=0.02, hardening=0.05, collapse_drift=0.3)
+    steps = np.array([[1.0, 0.0], [-1.0, 1.0]])
+    own = np.array([5.0, 4.0]) - loads
+    np.testing.assert_allclose(
+        yielding.elastic_stiffness, steps.T @ np.diag(own) @ steps, atol=1e-13
+    )
+    assert [one.limit for one in yielding.sliders] == [0.02, 0.02]
+    assert frame(p_delta=False, period=2.0).frequencies[0] == pytest.approx(math.pi)
+    assert frame(period=2.0).frequencies[0] < 0.97 * math.pi
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"weight": None}, "weight is missing: p_delta needs it"),
+        ({"storey_height": None}, "storey_height is missing: p_delta needs it"),
+        ({"weight": [20.0, 200.0]}, "p_delta: storey 2 does not stand: .* 80, must be below .* 80"),
+        ({"yield_drift": 0.1}, "collapse_drift is missing: the structure softens"),
+        ({"collapse_drift": 0.1}, "collapse_drift goes with storeys that yield"),
+        ({"yield_drift": 0.1, "collapse_drift": 0.0}, r"collapse_drift must be above 0 .* 0\.0"),
+        ({"yield_drift": 0.1, "hardening": -0.2}, r"hardening must be from -0\.1 to below 1"),
+        ({"p_delta": 1}, "p_delta must be true or false, is 1"),
+    ],
+)
+def test_wrong_weights_and_limits_are_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        frame(**given)
+
+
+def test_a_softening_oscillator_collapses_when_its_closed_form_does():
+    """From u = f at t1, as above, u'' = w^2 u + e with w^2 = -alpha, e = q - (1 - alpha) f."""
+    q, f, alpha, limit = 0.9, 0.8, -0.05, 6.0
+    slider = hpcsweep.Slider((1.0,), 1.0 - alpha, (1.0 - alpha) * f)
+    structure = hpcsweep.Structure.from_matrices(
+        [1.0], [[alpha]], [], sliders=[slider], collapse_drift=limit
+    )
+    t1, w, e = math.acos(1.0 - f / q), math.sqrt(-alpha), q - (1.0 - alpha) * f
+    a, b = f + e / w**2, q * math.sin(t1) / w
+    after = brentq(
+        lambda t: a * math.cosh(w * t) + b * math.sinh(w * t) - e / w**2 - limit, 0.0, 9.0,
+        xtol=1e-15,
+    )  # fmt: skip
+    record = hpcsweep.Record([-q] * 201, dt=0.1)
+    found = hpcsweep.response(structure, record, tail=5.0, base_shear=True)
+    plain = hpcsweep.response(structure, record, tail=5.0)
+    assert plain.base_shear.size == 0
+    assert plain.collapse_time == pytest.approx(found.collapse_time, rel=1e-14)
+    assert found.collapsed
+    assert found.collapse_time == found.duration == pytest.approx(t1 + after, rel=1e-14)
+    assert found.final_state[0] == found.drift[0] == pytest.approx(limit, rel=1e-15)
+    v2 = w**2 * (limit + e / w**2) ** 2 - w**2 * (a**2 - b**2)
+    assert found.final_state[1] == pytest.approx(math.sqrt(v2), rel=1e-13)
+    # the drift at yielding has the largest reaction, from then on it falls
+    assert found.base_shear[0] == pytest.approx(f, rel=1e-14)
+    standing = hpcsweep.response(structure, hpcsweep.Record([-0.3] * 201, dt=0.1))
+    assert not standing.collapsed
+    assert math.isnan(standing.collapse_time)
+    assert standing.duration == 20.0
+
+
+def test_an_elastoplastic_oscillator_collapses_while_the_ground_pushes_on():
+    """Beyond yielding u = f + v t + (q - f) t^2 / 2 runs away for f < q."""
+    q, f, limit = 1.0, 0.6, 4.0
+    t1 = math.acos(1.0 - f / q)
+    v, a = q * math.sin(t1), q - f
+    after = (math.sqrt(v * v + 2.0 * a * (limit - f)) - v) / a
+    slider = hpcsweep.Slider((1.0,), 1.0, f)
+    given = {"sliders": [slider], "collapse_drift": [limit]}
+    structure = hpcsweep.Structure.from_matrices([1.0], [[0.0]], [], **given)
+    # one sample interval, several, and one whose end is the collapse
+    for dt in (50.0, (t1 + after) / 7.0, 0.37):
+        record = hpcsweep.Record([-q] * (2 + int(50.0 / dt)), dt=dt)
+        found = hpcsweep.response(structure, record)
+        assert found.collapse_time == pytest.approx(t1 + after, rel=1e-13)
+        assert found.plastic[0] == pytest.approx(limit - f, rel=1e-14)
+    motion = hpcsweep.history(structure, record)
+    assert len(motion.time) == len(motion.acceleration) == 1 + int((t1 + after) / 0.37)
+    free = hpcsweep.response(structure, hpcsweep.Record([-q, -q], dt=0.9 * (t1 + after)))
+    assert not free.collapsed
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_frames_with_weights_collapse_as_the_reference(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    stop = hpcsweep.Contact([0.0] * (n - 1) + [1.0], 0.5, 50.0)
+    kept, _ = bilinear_storeys(n, rng, 0.02)
+    steps = np.eye(n) - np.eye(n, k=-1)
+    spent = 0.1 * np.array([one.stiffness for one in kept.sliders])
+    stiffness = kept.elastic_stiffness - (steps.T * spent) @ steps
+    given = kept.mass_matrix, stiffness
+    contacts, damping = [stop] * (seed % 2), kept.damping_matrix
+    structure = hpcsweep.Structure.from_matrices(
+        *given, contacts, damping=damping, sliders=kept.sliders, drift=steps, collapse_drift=1.5
+    )
+    limits = [(row, 1.5) for row in steps]
+    collapses = 0
+    for size in (2.0, 6.0, 20.0):
+        reference = Yielding(*given, damping, contacts, kept.sliders, limits)
+        record = hpcsweep.Record(rng.standard_normal(25) * size, dt=0.1)
+        end = reference.run(record.acceleration, record.dt)
+        found = hpcsweep.response(structure, record, energy=True)
+        same(found, reference, end)
+        np.testing.assert_allclose(found.collapse_time, reference.collapse, rtol=1e-12)
+        assert abs(found.energy.balance) < 1e-12
+        collapses += found.collapsed
+    assert collapses > 0
+
+
+def test_energies_of_a_pounding_pair_balance():
+    """Two buildings with Rayleigh damping that yield and touch, with dashpots and without."""
+    rng = np.random.default_rng(9)
+    pair = [
+        hpcsweep.Building(
+            mass=[2.0, 1.5], storey_stiffness=90.0, rayleigh=(0.2, 0.004), yield_drift=0.2
+        ),
+        hpcsweep.Building(mass=[1.0, 1.0, 1.0], storey_stiffness=50.0, damping_ratio=0.03),
+    ]
+    record = hpcsweep.Record(rng.standard_normal(80) * 6.0, dt=0.05)
+    for restitution in (None, 0.6):
+        given = {"gap": [0.05, 0.08], "stiffness": 400.0, "restitution": restitution}
+        structure = hpcsweep.adjacent(pair, **given)
+        found = hpcsweep.response(structure, record, tail=0.7, base_shear=True, energy=True)
+        plain = hpcsweep.response(structure, record, tail=0.7, base_shear=True)
+        np.testing.assert_allclose(found.final_state, plain.final_state, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.base_shear, plain.base_shear, rtol=1e-12)
+        assert plain.energy is None
+        energy = found.energy
+        assert found.impacts.sum() > 2
+        assert min(energy.kinetic, energy.strain, energy.viscous, energy.sliders) > 0
+        assert (energy.contacts > 0) == (restitution is not None)
+        assert abs(energy.balance) < 1e-12
+        # a third of the work or more is not the same thing counted twice
+        assert energy.input > 1.5 * energy.sliders
+
+
+def test_the_energy_of_free_vibration_is_lost_to_the_dampers():
+    structure = oscillator(5.0, damping=0.1)
+    record = hpcsweep.Record([0.0, 0.0], dt=4.0)
+    found = hpcsweep.response(structure, record, state=[0.5, -1.0], energy=True)
+    assert found.energy.input == 0.0
+    assert found.energy.viscous == pytest.approx(-found.energy.kinetic - found.energy.strain)
+    assert 0.1 < found.energy.viscous < 0.625
+    with pytest.raises(ValueError, match="energy and at_samples must not be asked for both"):
+        hpcsweep.response(structure, record, energy=True, at_samples=True)
+    with pytest.raises(ValueError, match="energy: sharpness must be inf"):
+        hpcsweep.response(hpcsweep.Structure(1), record, energy=True)
+
+
+def test_the_base_of_a_rigid_building_feels_mass_times_ground_acceleration():
+    mass = [3.0, 2.0, 1.0]
+    rigid = hpcsweep.Building(mass, storey_stiffness=1e9, damping_ratio=0.5).structure
+    samples = np.sin(0.05 * np.arange(60.0))
+    found = hpcsweep.response(rigid, hpcsweep.Record(samples, dt=0.1), base_shear=True)
+    assert found.base_shear == pytest.approx(6.0 * samples.max(), rel=1e-4)
+
+
+def test_base_shears_are_the_largest_reactions_between_all_instants():
+    """Of each of two buildings, contact or not, the forces of storey 1 and of the dampers."""
+    rng = np.random.default_rng(11)
+    pair = [
+        hpcsweep.Building([2.0, 1.0], storey_stiffness=90.0, yield_drift=0.1, hardening=0.1),
+        hpcsweep.Building([1.0, 1.0, 1.0], storey_stiffness=70.0, damping_ratio=0.02),
+    ]
+    structure = hpcsweep.adjacent(pair, gap=0.05, stiffness=800.0)
+    assert structure.buildings.tolist() == [0, 0, 1, 1, 1]
+    assert structure.building_names == ("A", "B")
+    record = hpcsweep.Record(rng.standard_normal(40) * 6.0, dt=0.1)
+    found = hpcsweep.response(structure, record, base_shear=True)
+    assert found.impacts.sum() > 2
+    assert found.excursions.sum() > 2
+    seen = hpcsweep.history(structure, record, step=0.1 / 250)
+    forces = seen.displacement @ structure.elastic_stiffness
+    forces += seen.velocity @ structure.damping_matrix
+    forces += seen.slider_force @ structure.slider_directions
+    shear = np.stack([forces[:, :2].sum(axis=1), forces[:, 2:].sum(axis=1)])
+    largest = np.abs(shear).max(axis=1)
+    assert (largest <= found.base_shear * (1.0 + 1e-12)).all()
+    np.testing.assert_allclose(largest, found.base_shear, rtol=2e-5)
+    sampled = hpcsweep.response(structure, record, at_samples=True, base_shear=True)
+    np.testing.assert_allclose(
+        sampled.base_shear, np.abs(shear[:, 250::250]).max(axis=1), rtol=1e-10
+    )

@@ -24,6 +24,7 @@ from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion import responses
+from hpcsweep.studies.ground_motion.stripes import capacities, stripes_of
 
 SUITE = synthetic_records(4, seed=3, dt=0.02, duration=10.0)
 GAPS = '[vary]\n"pounding.gap" = [0.01, 0.02, 0.04]\n'
@@ -536,7 +537,10 @@ WRONG_YIELD = [
     ('"A"\nyield_drift = 0.0', "building[0].yield_drift must be above 0"),
     ('"A"\nyield_drift = 0.1\nyield_force = 1.0', "must not be given both"),
     ('"A"\nhardening = 0.1', "building[0].hardening goes with yield_force or yield_drift"),
-    ('"A"\nyield_drift = 0.1\nhardening = 1.0', "building[0].hardening must be from 0 to below 1"),
+    (
+        '"A"\nyield_drift = 0.1\nhardening = 1.0',
+        "building[0].hardening must be from -0.1 to below 1",
+    ),
     ('"A"\nyield_drift = [0.1]', "building[0].yield_drift must have 2 numbers, one a storey"),
     ('"A"\nyield_drift = "soft"', "building[0].yield_drift"),
 ]
@@ -654,3 +658,98 @@ def test_what_is_wrong_with_an_isolation_is_one_line(old, new, message):
     assert str(caught.value).startswith("job.toml: ")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+FALLS = """
+[study]
+kind = "records"
+[structure]
+n_floors = 2
+mass = 2.5e5
+storey_stiffness = [1e8, 8e7]
+storey_height = [3.5, 3.0]
+gap = inf
+sharpness = inf
+yield_drift = 0.006
+hardening = -0.03
+p_delta = true
+collapse_drift = [0.15, 0.2]
+[records]
+synthetic = {count = 4, seed = 3, dt = 0.02, duration = 10.0}
+tail = 2.0
+scale = {values = [0.25, 1.0, 2.0, 4.0, 8.0]}
+[output]
+block = 2
+base_shear = true
+"""
+FALLEN = ("collapsed", "collapse_time", "base_shear", "ductility", "storey_drift", "plastic")
+
+
+def test_collapses_are_computed_as_plainly_and_told(tmp_path):
+    job, path, results = computed(FALLS, tmp_path)
+    structure = job.study.structure
+    # 9.80665 m/s^2, units of jobs being m and s
+    first = 1e8 - 2 * 2.5e5 * 9.80665 / 3.5
+    assert structure.stiffness_matrix[0].sum() == pytest.approx(first)
+    fallen = results["collapsed"].values
+    assert fallen.dtype == np.int32
+    assert 2 < fallen.sum() < 16
+    assert (np.isfinite(results["collapse_time"].values) == (fallen == 1)).all()
+    assert results["base_shear"].dims == ("record", "scale", "building")
+    for place in np.ndindex(4, 5):
+        scale = float(results["scale"][place[1]])
+        plain = response(structure, SUITE[place[0]], scale, tail=2.0, base_shear=True)
+        names = dict(zip(FALLEN, FALLEN, strict=True)) | {"storey_drift": "drift"}
+        for name, field in names.items():
+            own, other = results[name].values[place], np.asarray(getattr(plain, field), float)
+            np.testing.assert_allclose(own, other, rtol=1e-8, atol=1e-9, err_msg=name)
+    assert validate(path, 4).sound
+    told = summarize(path)
+    assert told["collapsed"]["runs"] == fallen.sum()
+    _, _, plain = computed(FALLS + '[solver]\nskip = "none"\n', tmp_path, "plain")
+    assert (results["skip_rule"] == SkipRule.LINEAR).any()
+    for name in FALLEN:
+        np.testing.assert_allclose(results[name], plain[name], rtol=1e-8, atol=1e-10)
+
+
+def test_an_elastic_storey_that_collapses_is_not_linear(tmp_path):
+    """Storey 2 does not yield: its limit alone bounds the rule."""
+    text = FALLS.replace("yield_drift = 0.006", "yield_drift = [9.0, inf]")
+    text = text.replace("[0.15, 0.2]", "[inf, 0.01]").replace("hardening = -0.03\n", "")
+    _, path, results = computed(text, tmp_path)
+    drift, fallen = results["storey_drift"].values[..., 1], results["collapsed"].values
+    linear = results["skip_rule"].values == SkipRule.LINEAR
+    assert ((drift < 0.01 * (1 - 1e-12)) == (fallen == 0)).all()
+    assert (linear == (fallen == 0)).all()
+    assert 0 < fallen.sum() < fallen.size
+    assert validate(path, 2).sound
+
+
+def test_curves_end_flat_where_structures_collapse(tmp_path):
+    job, _, results = computed(FALLS, tmp_path, "falls")
+    fallen = results["collapsed"].values > 0
+    scale = results["scale"].values
+    stripes = stripes_of(results, job.study)
+    assert (np.isinf(stripes.values) == fallen).all()
+    reached = capacities(stripes_of(results, job.study, "collapse"), 1.0)
+    for capacity, record in zip(reached.scale, fallen, strict=True):
+        at = int(record.argmax())
+        before = scale[at - 1] if at else 0.0
+        assert capacity == (0.5 * (before + scale[at]) if record.any() else np.inf)
+    done = hpcsweep(0, "fragility", "falls.h5", "--collapse", "--json", cwd=tmp_path)
+    told = json.loads(done.stdout)
+    assert told["response"] == "collapse"
+    assert told["never"] == 4 - fallen.any(axis=1).sum()
+    assert told["capacity"]["0.5"] == np.sort(reached.scale)[1]
+    # beyond the drift at which it collapses it has collapsed, at any threshold
+    drift = ("--threshold", "1000", "--json")
+    beyond = hpcsweep(0, "fragility", "falls.h5", *drift, cwd=tmp_path)
+    assert json.loads(beyond.stdout)["capacity"] == told["capacity"]
+    for options in (("--kind", "ida"), ("--kind", "fragility", "--collapse")):
+        done = hpcsweep(0, "plot", "falls.h5", *options, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert "collapsed" in hpcsweep(0, "summary", "falls.h5", cwd=tmp_path).stdout
+    computed(RECORDS, tmp_path, "stands")
+    done = hpcsweep(0, "fragility", "stands.h5", "--collapse", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "hold no collapsed: the structure has no collapse_drift" in done.stderr

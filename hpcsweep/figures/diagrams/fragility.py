@@ -5,7 +5,7 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import Capacity, fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
-from hpcsweep.studies.ground_motion.stripes import StripesError, capacities, fit
+from hpcsweep.studies.ground_motion.stripes import COLLAPSE, StripesError, capacities, fit
 
 NAME = "fragility"
 DRAWS = "responses"
@@ -13,13 +13,17 @@ HELP = """\
 share of records whose response reaches a threshold, against the intensity, counted by their
 capacities, with the lognormal curve of largest likelihood and its 95 % band; without contacts
 the counted curve, which is exact"""
-OPTIONS = (responses.THRESHOLD, responses.RESPONSE, responses.PLACE)
+OPTIONS = (responses.THRESHOLD, responses.COLLAPSES, responses.RESPONSE, responses.PLACE)
 POINTS = 400
 load = responses.load
 
 
 def draw(
-    results, threshold: float | None = None, response: str = "drift", place: str | None = None
+    results,
+    threshold: float | None = None,
+    response: str = "drift",
+    place: str | None = None,
+    collapse: bool = False,
 ):
     """Draw shares and curves.
 
@@ -28,6 +32,8 @@ def draw(
     PlotError
         If there is no threshold, or none that some stripes reach and others do not.
     """
+    if collapse:
+        threshold, response = 1.0, COLLAPSE
     if threshold is None:
         raise style.PlotError("--threshold is missing: the response that is a failure")
     stripes = responses.opened(results, response, place)
@@ -38,7 +44,7 @@ def draw(
     figure, (axis,) = style.new_figure(1, 4.2)
     touches = responses.touches(stripes)
     colour = palette.series_colour(0)
-    known = np.isfinite(stripes.values).sum(axis=0)
+    known = (~np.isnan(stripes.values)).sum(axis=0)
     shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(known, 1)
     axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
     fine = np.linspace(stripes.intensity[0] / 10, stripes.intensity[-1], POINTS)
@@ -53,6 +59,7 @@ def draw(
         name = f"{responses.alone(results)}, counted  median {median:.4g}"
         _count(axis, free, fine[-1], color=palette.STOP, label=name)
     reach = f"share of records that reach {threshold:g} {stripes.unit}".rstrip()
+    reach = "share of records that collapse" if collapse else reach
     axis.set(xlabel=stripes.measure, ylabel=reach)
     axis.set(xlim=(0, stripes.intensity[-1]), ylim=(0, 1.02))
     responses.legend(axis, stripes.label)

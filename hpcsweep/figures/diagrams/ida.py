@@ -1,5 +1,7 @@
 """Incremental dynamic analysis: the response of each record at each intensity, and fractiles."""
 
+from typing import Any
+
 import numpy as np
 
 from hpcsweep.earthquakes.stripes import fractiles
@@ -10,7 +12,9 @@ NAME = "ida"
 DRAWS = "responses"
 HELP = """\
 response of each record against the intensity, with the 16, 50 and 84 % fractiles,
-and the median without contacts"""
+and the median without contacts; flat lines to the edge where a structure collapses"""
+EDGE = 1.2
+"""Of the axis, over the largest response, where lines are flat."""
 OPTIONS = (responses.RESPONSE, responses.PLACE)
 load = responses.load
 
@@ -20,15 +24,24 @@ def draw(results, response: str = "drift", place: str | None = None):
     stripes = responses.opened(results, response, place)
     figure, (axis,) = style.new_figure(1, 5.0)
     intensity = np.append(0.0, stripes.intensity)
+    collapses = np.isinf(stripes.values)
+    edge: Any = (
+        EDGE * stripes.values[np.isfinite(stripes.values)].max() if collapses.any() else None
+    )
 
     def curve(values, *dashes, **looks) -> None:
-        axis.plot(np.append(0.0, values), intensity, *dashes, **looks)
+        x, y = np.append(0.0, values), intensity
+        if np.isinf(values).any():
+            at = int(np.isinf(x).argmax())
+            x = np.insert(x, at, (x[at - 1], edge))
+            y = np.insert(y, at, (0.5 * (y[at - 1] + y[at]),) * 2)
+        axis.plot(x, y, *dashes, **looks)
 
     responses.draw_suite(curve, stripes.values)
     if responses.touches(stripes):
         (median,) = fractiles(stripes.alone, (0.5,))
         label = f"50 %, {responses.alone(results)}"
         curve(median, ":", color=palette.STOP, linewidth=2.0, label=label)
-    axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, None), ylim=(0, intensity[-1]))
+    axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, edge), ylim=(0, intensity[-1]))
     responses.legend(axis, f"{len(stripes.records)} records", handlelength=3.5)
     return style.head(figure, responses.title(results), fontsize=9)

@@ -24,6 +24,7 @@ RECORD = Option("--record", "record drawn, by name (default: the first)")
 THRESHOLD = Option(
     "--threshold", "response that is a failure, in the unit of the figure; needed", type=float
 )
+COLLAPSES = Option("--collapse", "collapse is the failure", action="store_true", default=None)
 MAX_GREY = 200
 """Records that are drawn one by one."""
 MIN_LENGTH = 1e-12
@@ -46,7 +47,7 @@ def opened(results, response: str, place: str | None) -> Stripes:
         found = stripes_of(results, style.study_of(results, Records), response, place)
     except StripesError as error:
         raise style.PlotError(str(error)) from None
-    if not np.isfinite(found.values).any():
+    if np.isnan(found.values).all():
         raise style.PlotError("no run is complete yet")
     return found
 
@@ -88,8 +89,9 @@ def touches(stripes: Stripes) -> bool:
     """Return whether contacts change any of the responses, as far as the file shows."""
     if stripes.alone is None:
         return False
-    apart = np.nan_to_num(np.abs(stripes.values - stripes.alone)).max()
-    return bool(apart > MIN_LENGTH * np.nanmax(stripes.values))
+    known = np.isfinite(stripes.values)
+    apart = np.nan_to_num(np.abs(stripes.values - stripes.alone))[known].max(initial=0.0)
+    return bool(apart > MIN_LENGTH * stripes.values[known].max(initial=0.0))
 
 
 def scale_index(results, scale: float | None) -> int:

@@ -17,14 +17,23 @@ from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.period.record import (
     ALL_PEAKS,
     PEAKS_AT_SAMPLES,
+    WITH_ENERGY,
     Intervals,
     march_record,
 )
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 from hpcsweep.solvers.measures import ROUNDING
-from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.outcome import COLLAPSED, Outcome
 from hpcsweep.solvers.polling import Polling
-from hpcsweep.solvers.record_response import NONE_SLID, Response, Slid, intervals, response_of
+from hpcsweep.solvers.record_response import (
+    NONE_SLID,
+    Ended,
+    Response,
+    Slid,
+    energy_of,
+    intervals,
+    response_of,
+)
 
 KERNELS = with_called(march_record, measure_layer_step)
 """All that responses to records call."""
@@ -42,11 +51,27 @@ class RecordMap:
         As of `FlowMap`.
     one_sided : int
         So many of the last drifts are of row . u in place of |row . u|.
+    base_shear, energy : bool
+        Whether the responses have these.
     """
 
-    def __init__(self, structure: Structure, dt: float, rtol: float = 1e-9, *, one_sided: int = 0):
+    def __init__(
+        self,
+        structure: Structure,
+        dt: float,
+        rtol: float = 1e-9,
+        *,
+        one_sided: int = 0,
+        base_shear: bool = False,
+        energy: bool = False,
+    ):
         self.structure, self.dt, self.rtol = solver_arguments(structure, dt, rtol, yields=True)
-        model = record_model(structure, self.dt)
+        if energy and structure.contacts and structure.sharpness != np.inf:
+            raise ValueError(
+                f"energy: sharpness must be inf, that of sharp stops, is {structure.sharpness:g}"
+            )
+        self._energy = energy
+        model = record_model(structure, self.dt, base_shear, energy)
         self._units = Units(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         last = len(model.drift_rows)
@@ -78,22 +103,23 @@ class RecordMap:
             self._shared.modes.mode[:] = self._shared.model.elements.first
         z = self._units.into(self.structure.rest if state is None else state)
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
-        wanted = PEAKS_AT_SAMPLES if at_samples else ALL_PEAKS
-        done, outcome = self._advance(z, samples, scale, tail, poll, wanted)
+        start = self._units.out_of(z).copy()
+        wanted = PEAKS_AT_SAMPLES if at_samples else WITH_ENERGY if self._energy else ALL_PEAKS
+        done, outcome, collapsed = self._advance(z, samples, scale, tail, poll, wanted)
         tally, structure = self._shared.tally, self.structure
         peaks = tally.peaks[self._told]
         force = peaks[len(peaks) - len(structure.contacts) :]
         force[:] = structure.switched(force, force * structure.length_unit)
-        return response_of(
+        found = response_of(
             structure,
+            len(self._shared.model.ground),
             peaks,
             tally.times[self._told],
             tally.impacts,
             self._slid(z),
-            self._units.out_of(z).copy(),
-            done,
-            outcome,
+            Ended(self._units.out_of(z).copy(), done, outcome, collapsed),
         )
+        return energy_of(structure, found, start, tally.energy) if self._energy else found
 
     def _slid(self, z: np.ndarray) -> Slid:
         """Return what the sliders have done, up to the state z at the end."""
@@ -101,7 +127,7 @@ class RecordMap:
         sliders = structure.sliders
         if not sliders:
             return NONE_SLID
-        elements, own = model.elements, slice(len(model.contacts.row), None)
+        elements, own = model.elements, slice(-len(sliders), None)
         rows = elements.rows[own].tolist()
         y = np.array([z[i] - (z[below] if below >= 0 else 0.0) for i, below in rows])
         mode = modes.mode[own]
@@ -131,8 +157,11 @@ class RecordMap:
             excursions=modes.taken[own] + slips,
         )
 
-    def _advance(self, z, samples, scale, tail, poll, wanted) -> tuple[float, Outcome]:
-        """Advance z over a record and its tail, in place; return the time reached."""
+    def _advance(self, z, samples, scale, tail, poll, wanted) -> tuple[float, Outcome, bool]:
+        """Advance z over a record and its tail, in place.
+
+        Return the time reached, and whether the motion has collapsed there.
+        """
         amplitude = scale / self._units.amplitude_unit
         period = self._shared.model.period
         whole, rest = intervals(len(samples), self.dt, tail)
@@ -140,13 +169,22 @@ class RecordMap:
             part = Intervals(first, last, period)
             done, outcome = self._march(z, samples, amplitude, part, wanted)
             if outcome != Outcome.COMPLETE:
-                return (first + done) * self.dt, Outcome(outcome)
+                return self._end(outcome, (first + done) * self.dt)
         if rest > 0.0:
             part = Intervals(whole, whole + 1, rest * self.structure.frequency_unit)
             done, outcome = self._march(z, samples, amplitude, part, wanted)
             if outcome != Outcome.COMPLETE:
-                return whole * self.dt, Outcome(outcome)
-        return whole * self.dt + rest, Outcome.COMPLETE
+                return self._end(outcome, whole * self.dt)
+        return whole * self.dt + rest, Outcome.COMPLETE, False
+
+    def _end(self, outcome: int, reached: float) -> tuple[float, Outcome, bool]:
+        """Return the end of a motion that has collapsed, or failed after the time `reached`."""
+        if outcome != COLLAPSED:
+            return reached, Outcome(outcome), False
+        model = self._shared.model
+        limits = slice(len(model.contacts.row), -len(self.structure.sliders))
+        time = float(self._shared.modes.path[limits].max())
+        return time / self.structure.frequency_unit, Outcome.COMPLETE, True
 
     def _march(self, z, samples, amplitude, part, wanted):
         points = self._shared.no_points

@@ -99,7 +99,7 @@ def elastic_words(drift: float) -> str:
 class ResponseTally(BaseTally):
     """Tally of runs, record by record."""
 
-    measures = (*(peak.variable.name for peak in PEAKS[:7]), "ductility", "excursions")
+    measures = (*(one.variable.name for one in PEAKS[:7]), "ductility", "excursions", "base_shear")
     placed_by = ("record", "scale", "part")
     elastic = 0.0
 
@@ -114,6 +114,8 @@ class ResponseTally(BaseTally):
             self.counts["all"]["touching"] += int(
                 (frame["impacts"].values[0] > 0).any(axis=-1).sum()
             )
+        if "collapsed" in frame:
+            self.counts["all"]["collapsed"] += int(frame["collapsed"].values[0].sum())
         name = str(frame["record"].values[0])
         responses = as_kind(study, RecordGrid).responses
         own = hash(responses.computed)
@@ -126,6 +128,8 @@ class ResponseTally(BaseTally):
         linear, touching = (self.counts["all"][name] for name in ("linear", "touching"))
         different, counts = len(self.counts["ratios"]), super().summary()
         del counts["periods_per_run"]
+        if (collapsed := self.counts["all"].get("collapsed")) is not None:
+            counts["collapsed"] = share(collapsed, done)
         return counts | {
             "records": sizes["record"],
             "scales": sizes["scale"],

@@ -66,7 +66,8 @@ class Records(RecordGrid):
             structure = common["structure"] = structure.without_contacts()
         if settings.solver != "flow":
             raise values.error("solver.method", settings.solver, "must be 'flow' for records")
-        given = {name: values.get(f"output.{name}", True) for name in GROUPS}
+        groups = [key for key in keys.OUTPUT if key.name in GROUPS]
+        given = {key.name: values.get(f"output.{key.name}", key.default) for key in groups}
         wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
         common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)
@@ -144,10 +145,13 @@ class Records(RecordGrid):
         end = np.abs(rows["final_state"][:, : rows["displacement"].shape[1]])
         within = (end <= rows["displacement"] * ROUNDING).all(axis=1)
         touched = (rows["impacts"] > 0).any(axis=1) if "impacts" in rows else np.array(False)
+        fallen = np.isfinite(rows.get("collapse_time", np.full(linear.shape, np.nan)))
         return {
             "skip_rule is none or linear": ~np.isin(skip_rule, (SkipRule.NONE, SkipRule.LINEAR)),
             "a linear run is complete": linear & ~complete,
             "a linear run has no impacts": linear & touched,
+            "a run has a time of its collapse": fallen != (rows.get("collapsed", fallen) > 0),
+            "a linear run has not collapsed": linear & fallen,
             "the last displacement is at most the largest": complete & ~within,
         }
 

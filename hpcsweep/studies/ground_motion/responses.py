@@ -3,8 +3,8 @@ r"""Compute responses of a structure to a record at many scales, with two rules 
 From rest, with sharp contacts (dashpots too), the equations are homogeneous in lengths: with u(t)
 the response of gaps g at scale s, L u(t) is that of gaps L g at scale L s, forces and velocities
 grow with L, energies with its square, times and counts stay. Sliders scale likewise, with the
-elongation at which they slip beside the gaps. So is the static equilibrium of
-pressed contacts from which it starts, gaps below 0.
+elongation at which they slip, and limits of drifts, beside the gaps. So is the static equilibrium
+of pressed contacts from which it starts, gaps below 0.
 
 ratio
     So only s / |g| matters, |g| being the largest gap and the proportions of the others given. A
@@ -16,7 +16,8 @@ ratio
 linear
     Without contacts and sliders the motion is proportional to s at all scales, and it is the motion
     up to the scale at which its reach, max_t d_k . u, comes to a gap, or max_t |b_j . u| to where a
-    slider slips (`first_contact_scale`): at none where a contact is pressed.
+    slider slips, or a drift to its limit (`first_contact_scale`): at none where a contact is
+    pressed.
 
 Neither holds for a smooth stop, which pushes at any distance and whose sharpness is a length: there
 every run is computed as it is.
@@ -40,7 +41,7 @@ from hpcsweep.solvers.response import (
 )
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
-from hpcsweep.studies.ground_motion.variables import HISTORY, pack, peaks_of
+from hpcsweep.studies.ground_motion.variables import HISTORY, RUN, pack, peaks_of
 from hpcsweep.studies.settings import SweepSettings
 
 SKIP_RULES = ("linear", "ratio")
@@ -165,10 +166,12 @@ class RecordResponses:
         kept = KEPT.get(key)
         if kept is None:
             try:
-                linear, reach = linear_response(self.computed, record, self._tail)
+                wanted = "base_shear" in self._settings.metrics
+                linear, reach = linear_response(self.computed, record, self._tail, wanted)
             except ArithmeticError:
                 size = int(np.sum(self._sizes)) + len(self.structure.contacts)
                 size += len(self.structure.sliders)
+                size += int((self.structure.drift_limits < math.inf).sum())
                 kept = np.full(size, math.nan), Outcome.NON_FINITE
             else:
                 gaps = reach[: len(self.structure.contacts)]
@@ -204,6 +207,8 @@ class RecordResponses:
             "storey": len(self.structure.drift_rows),
             "stop": len(self.structure.contacts),
             "slider": len(self.structure.sliders),
+            "building": len(self.structure.base_rows),
+            RUN[-1]: 1,
         }
         return [sizes[peak.variable.dims[-1]] for peak in (*self._own, *self._alone)]
 
@@ -219,7 +224,7 @@ class RecordResponses:
         return {
             one.name: np.ascontiguousarray(
                 values if one.dtype == "<f8" else np.nan_to_num(values), one.dtype
-            )
+            ).reshape(len(rows), *values.shape[1 : len(one.dims) - 1])
             for one, values in named
         }
 
@@ -233,7 +238,7 @@ def respond(
     poll: Poll = None,
 ) -> Response:
     """Return the response of a structure, unscaled, to a record at a scale."""
-    solver = _map(structure, record.dt, settings.rtol)
+    solver = _map(structure, record.dt, settings.rtol, "base_shear" in settings.metrics)
     return solver.respond(record.acceleration, scale, tail, poll=poll)
 
 
@@ -248,14 +253,17 @@ def with_lengths_in(structure: Structure, unit: float) -> Structure:
         drift=structure.drift_rows,
         sharpness=structure.sharpness,
         sliders=[replace(one, strength=one.strength / unit) for one in structure.sliders],
+        collapse_drift=None
+        if structure.collapse_drift is None
+        else (structure.drift_limits / unit).tolist(),
     )
 
 
 @lru_cache(maxsize=8)
-def _map(structure: Structure, dt: float, rtol: float):
+def _map(structure: Structure, dt: float, rtol: float, base_shear: bool):
     from hpcsweep.solvers.flow.record_map import RecordMap
 
-    return RecordMap(structure, dt, rtol)
+    return RecordMap(structure, dt, rtol, base_shear=base_shear)
 
 
 class _Kept:

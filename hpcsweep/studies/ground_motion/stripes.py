@@ -1,7 +1,8 @@
 """The stripes of a file of responses to records: one response of each record at each scale.
 
 A response is the largest of some places: of all storeys, say, of those of one building, or of one.
-Drifts are ratios of the storeys' heights where the job gives these.
+Drifts are ratios of the storeys' heights where the job gives these. A response is infinite where
+the motion has collapsed, whatever its peak until then.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 
 from hpcsweep.earthquakes.stripes import Capacity, capacity, linear_capacity
 from hpcsweep.model.unit_names import unit_of
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.variables import DRIFT_RATIO, percent_of_height
 
@@ -24,6 +26,8 @@ RESPONSES = {
     "impacts": ("impacts", "impacts", "1"),
 }
 """Variables of the file, their labels and their quantities, by the names of responses."""
+COLLAPSE = "collapse"
+"""A response that is 0, or infinite."""
 
 
 class StripesError(ValueError):
@@ -60,7 +64,7 @@ def stripes_of(
     study : Records
         That part.
     response : str
-        One of `RESPONSES`.
+        One of `RESPONSES`, or `COLLAPSE`.
     place : str, optional
         A storey, floor or contact by its name, or a building, whose storeys or floors are its name
         with a number. Default: all.
@@ -70,13 +74,19 @@ def stripes_of(
     StripesError
         If the file has no such response, or no such place.
     """
-    if response not in RESPONSES:
+    if response == COLLAPSE:
+        name, label, quantity = "collapsed", COLLAPSE, "1"
+    elif response in RESPONSES:
+        name, label, quantity = RESPONSES[response]
+    else:
         raise StripesError(f"response {response!r}: must be one of {', '.join(RESPONSES)}")
-    name, label, quantity = RESPONSES[response]
     structure, measure = study.structure, study.measure
     if name not in results:
-        raise StripesError(f"the results hold no {name}: the structure has no contacts")
+        lacks = "collapse_drift" if response == COLLAPSE else "contacts"
+        raise StripesError(f"the results hold no {name}: the structure has no {lacks}")
     array = results[name]
+    if response == COLLAPSE:
+        array = array.expand_dims(structure=["all"], axis=-1)
     dim = str(array.dims[-1])
     names = [str(one) for one in array[dim].values]
     chosen = places_of(names, place)
@@ -88,11 +98,14 @@ def stripes_of(
     if place is not None:
         label += f" of {place}"
     values = (array.values[..., chosen] * factor).max(axis=-1).astype(float)
+    values[results["outcome"].values != Outcome.COMPLETE] = np.nan
+    if "collapsed" in results:
+        values[results["collapsed"].values > 0] = np.inf
     alone = f"{name}_alone"
     if alone in results:
         free = (results[alone].values[..., chosen] * factor).max(axis=-1)
     else:
-        free = None if structure.contacts else values
+        free = None if structure.contacts or structure.sliders else values
     return Stripes(
         intensity=results["scale"].values,
         measure=measure.named(structure.unit_names.time)

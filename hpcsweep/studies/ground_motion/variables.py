@@ -9,7 +9,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.record_response import Response
 from hpcsweep.studies import variables
 from hpcsweep.studies.settings import MEASURES, SweepSettings
-from hpcsweep.studies.variable import ANY, FINITE, SIZE, Coordinate, Variable, count, real
+from hpcsweep.studies.variable import ANY, EITHER, FINITE, SIZE, Coordinate, Variable, count, real
 from hpcsweep.studies.variables import STATES, measure_coordinates, named
 
 RUN = ("record", "scale")
@@ -35,9 +35,9 @@ class Peak(NamedTuple):
 def _peak(
     name: str, dim: str, units: str, power: int, long_name: str, limits=SIZE, field="", **rules
 ) -> Peak:
-    made = count if name in ("impacts", "excursions") else real
+    made = count if name in ("impacts", "excursions", "collapsed") else real
     rules |= {"units": units, "long_name": long_name, "limits": limits}
-    return Peak(made(name, (*RUN, dim), **rules), field or name, power)
+    return Peak(made(name, (*RUN, *dim.split()), **rules), field or name, power)
 
 
 def _time(name: str, dim: str, field: str, long_name: str) -> Peak:
@@ -62,6 +62,8 @@ PEAKS = (
     _peak("plastic_path", "slider", "length", 1, "sum of its changes"),
     _peak("excursions", "slider", "1", 0, "how often each slider has slipped"),
     _peak("slider_energy", "slider", "energy", 2, "energy that each slider has dissipated"),
+    _peak("collapsed", "", "1", 0, "1 if the motion has collapsed and ended", EITHER),
+    _peak("collapse_time", "", "time", 0, "when it has collapsed, NaN: not", optional=True),
     _peak("residual_drift", "storey", "length", 1, "lasting drift of each storey", FINITE),
     _peak("residual", "floor", "length", 1, "displacement left at the end"),
     _peak("final_state", "state", STATES, 1, "state at the end of the tail", FINITE),
@@ -88,6 +90,7 @@ ALONE = (
     ),
 )
 """Of the motion without contacts."""
+BASES = (_peak("base_shear", "building", "force", 1, "peak reaction of the base of each building"),)
 OUTCOME = replace(variables.OUTCOME, dims=RUN)
 SKIP_RULE = replace(
     variables.SKIP_RULE,
@@ -104,8 +107,8 @@ HISTORY = tuple(
     )
 )
 """The motion itself, where ``output.history`` gives a step; NaN past the end of a record."""
-GROUPS = {"times": TIMES, "alone": ALONE}
-"""Peaks that a job may leave out, by the keys of its table ``output``."""
+GROUPS = {"times": TIMES, "alone": ALONE, "base_shear": BASES}
+"""Peaks that a job may leave out, or wants, by the keys of its table ``output``."""
 
 FACTS = (
     real("pga", ("record",), "acceleration", "peak ground acceleration", None),
@@ -123,6 +126,8 @@ FACTOR = real("factor", RUN, "1", "by which the acceleration is multiplied")
 def _absent(structure: Structure) -> set[str]:
     """Return the dimensions that a structure does not have, and variables of what it has not."""
     absent = set() if structure.contacts else {"stop"}
+    if structure.collapse_drift is None:
+        absent |= {"collapsed", "collapse_time"}
     return absent | (set() if structure.sliders else {"slider", "residual_drift"})
 
 
@@ -134,7 +139,8 @@ def peaks_of(structure: Structure, settings: SweepSettings) -> tuple[list[Peak],
         return [p for p in peaks if absent.isdisjoint((p.variable.dims[-1], p.variable.name))]
 
     groups = {name: held(peaks) for name, peaks in GROUPS.items() if name in settings.metrics}
-    return held(PEAKS) + groups.get("times", []), groups.get("alone", [])
+    own = [peak for name in ("base_shear", "times") for peak in groups.get(name, [])]
+    return held(PEAKS) + own, groups.get("alone", [])
 
 
 def response_variables(
@@ -151,10 +157,12 @@ def place_coordinates(structure: Structure, settings: SweepSettings) -> dict[str
     """Return the dimensions storey, floor and, where there are contacts, stop."""
     made = measure_coordinates(structure, replace(settings, metrics=frozenset(MEASURES)))
     made["slider"] = named(structure.slider_names, "slider")
+    if "base_shear" in settings.metrics:
+        made["building"] = named(structure.building_names, "building")
     return {name: one for name, one in made.items() if one.values.size}
 
 
 def pack(response: Response, reach: np.ndarray, peaks: list[Peak]) -> np.ndarray:
     """Return the numbers of a response in one row, peak by peak."""
     fields = [reach if p.field == "reach" else getattr(response, p.field) for p in peaks]
-    return np.concatenate([np.empty(0), *(np.asarray(values, float) for values in fields)])
+    return np.concatenate([np.empty(0), *(np.ravel(values).astype(float) for values in fields)])

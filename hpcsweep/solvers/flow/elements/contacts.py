@@ -141,10 +141,11 @@ def _accelerations(key, z, model, work):
                 a[contacts.push_row[p]] -= contacts.push[p] * force
     elements, m = model.elements, contacts.row.shape[0]
     n_loads = elements.stiffness.shape[0]
+    own = elements.rows.shape[0] - n_loads
     for j in range(n_loads):
         along = work.forcing[work.forcing.shape[0] - n_loads + j]
         if key & contact_bit(m + j):
-            i, below = elements.rows[m + j]
+            i, below = elements.rows[own + j]
             along += z[i] - (z[below] if below >= 0 else 0.0)
         for i in range(n):
             a[i] += elements.stiffness[j] * elements.kick[j, i] * along

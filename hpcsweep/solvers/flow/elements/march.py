@@ -11,6 +11,7 @@ from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
+from hpcsweep.model.elements import ENDS
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import CONTACT, DRIFT
 from hpcsweep.solvers.flow.elements.contacts import (
@@ -28,7 +29,12 @@ from hpcsweep.solvers.flow.elements.guards import (
     write_row,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import evaluate, integral, value_and_slope
+from hpcsweep.solvers.flow.linear.polynomials import (
+    evaluate,
+    expand_rows,
+    integral,
+    value_and_slope,
+)
 from hpcsweep.solvers.flow.linear.propagators import table_of
 from hpcsweep.solvers.flow.observe.dense_output import expand
 from hpcsweep.solvers.flow.observe.drift import (
@@ -46,6 +52,7 @@ from hpcsweep.solvers.flow.passage.tangent import coasted_tangent, linear_tangen
 from hpcsweep.solvers.flow.search.events import coast, take_step
 from hpcsweep.solvers.flow.search.search import UNDECIDED
 from hpcsweep.solvers.flow.state.shared import (
+    ENERGY,
     IMPACTS,
     LINEAR_STEPS,
     NO_TALLY,
@@ -70,7 +77,7 @@ from hpcsweep.solvers.flow.state.state import (
 )
 from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
 from hpcsweep.solvers.measures import DISSIPATED, FORCE, TIME
-from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
+from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 
 @inlined
@@ -156,6 +163,23 @@ def _square(coefficients, h, span):
     return 0.5 * span * found
 
 
+@kernel
+def energies_on_segment(segment, span, model, tables, work, tally):
+    """Add the integrals of u_i' u_j' and of G u_i' over the first `span` of a step, exactly."""
+    v, size, n = work.a_end, work.z_end.shape[0], tally.energy.shape[1]
+    expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, size)
+    for node in range(N_MODAL):
+        s = 0.5 * span * (MODAL_NODES[node] + 1.0)
+        weight = 0.5 * span * MODAL_WEIGHTS[node]
+        ground = fma(s, work.x[size + 1], work.x[size])
+        for i in range(n):
+            v[i] = evaluate(work.rows[size // 2 + i], fma(s, 2.0 / segment.h, -1.0))
+            tally.energy[n, i] += weight * ground * v[i]
+        for i in range(n):
+            for j in range(n):
+                tally.energy[i, j] += weight * v[i] * v[j]
+
+
 @inlined
 def record_passing(passing, past, model, tally, z):
     """Record the contacts that pass their stops in a state; `past` is as it was before."""
@@ -219,7 +243,8 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
     ----------
     stretch : Stretch
     wanted : int
-        Flags of what to gather, see `tally`; of a record only `PEAKS` and `IMPACTS`, together.
+        Flags of what to gather, see `tally`; of a record only `PEAKS` and `IMPACTS`, together, and
+        `ENERGY`.
     tangent : ndarray, shape (2R, m), or None
         Multiplied by the tangent map of a period. None, in compiling, is a record: steps are taken
         one by one.
@@ -257,6 +282,8 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
             if wanted != NO_TALLY:
                 peaks_with_dashpots(segment, span, amplitude, PEAKS, shared)
                 impacts_with_dashpots(segment, past, span, model, tables, shared.tally, work)
+            if wanted & ENERGY:
+                energies_on_segment(segment, span, model, tables, work, shared.tally)
         else:
             if tangent.shape[1] > 0:
                 linear_tangent(tables, index, span, tangent, work.tangent)
@@ -266,6 +293,10 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
             counts[PASSAGES] += 1
             before = past
             change(place, segment, span, work.z_end, modes, elements, work)
+            if elements.guard[place, ENDS] > 0.0:
+                modes.path[elements.owner[place]] = time_of(segment.tau + span, model)
+                copy_state(work.z_end, z)
+                return COLLAPSED
             past, key = sets_of(modes, elements)
             write_loads(modes, elements, work.forcing)
             now = segment.tau + span

@@ -37,7 +37,14 @@ from hpcsweep.solvers.flow.observe.outputs import fill_outputs
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
-from hpcsweep.solvers.flow.state.shared import IMPACTS, LINEAR_STEPS, NO_TALLY, PEAKS, read_shared
+from hpcsweep.solvers.flow.state.shared import (
+    ENERGY,
+    IMPACTS,
+    LINEAR_STEPS,
+    NO_TALLY,
+    PEAKS,
+    read_shared,
+)
 from hpcsweep.solvers.flow.state.state import (
     OVERFLOW,
     Segment,
@@ -54,8 +61,9 @@ from hpcsweep.solvers.flow.state.state import (
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE
 
-PEAKS_AT_SAMPLES, ALL_PEAKS = 1, 2
-"""What is gathered: peaks at the samples, or over continuous time, and impacts; 0: nothing."""
+PEAKS_AT_SAMPLES, ALL_PEAKS, WITH_ENERGY = 1, 2, 3
+"""What is gathered: peaks at the samples, or over continuous time, and impacts, and the integrals
+of the energy, which need elements; 0: nothing."""
 
 
 class Intervals(NamedTuple):
@@ -69,7 +77,7 @@ class Intervals(NamedTuple):
 
 @entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, type_of(Intervals(0, 0, 0.0)), INT, MATRIX)
 def march_record(shared, z, samples, amplitude, intervals, wanted, points):
-    """Advance z over intervals of a record, in place.
+    """Advance z over intervals of a record, in place, or to a collapse.
 
     Parameters
     ----------
@@ -110,7 +118,9 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
         if model.rows.shape[0] > 0:
             # at every one, so that nothing depends on where a call begins
             renew_rows(z, common.no_tangent, model)
-        if index == NO_TABLE and with_elements:
+        if wanted == WITH_ENERGY:
+            index = NO_TABLE
+        elif index == NO_TABLE and with_elements:
             if past_stops(0.0, z, amplitude, model, work) == np.uint64(0):
                 set_contacts(np.uint64(0), np.uint64(0), modes, model.contacts)
                 _, key = sets_of(modes, elements)
@@ -127,7 +137,8 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
-            flags = PEAKS | IMPACTS if wanted == ALL_PEAKS else NO_TALLY
+            flags = PEAKS | IMPACTS if wanted >= ALL_PEAKS else NO_TALLY
+            flags |= ENERGY if wanted == WITH_ENERGY else NO_TALLY
             if with_elements:
                 rest = Stretch(tau, length)
                 outcome = march_elements(shared, rest, z, amplitude, common, flags, None)

@@ -37,8 +37,10 @@ from hpcsweep.solvers.measures import IMPACT_FLAG, N_IMPACTS
 NO_TALLY, MAXIMA, NORMS = range(3)
 PEAKS, IMPACTS = sum(PEAK_FLAGS), IMPACT_FLAG
 ANY_MEASURE = PEAKS | IMPACTS
+ENERGY = 128
 """What to gather: nothing; contact set and drift; these and the modal norms. To the latter two
-`PEAK_FLAGS` may be added, for the peaks of watched rows, and `IMPACT_FLAG`, for impacts."""
+`PEAK_FLAGS` may be added, for the peaks of watched rows, and `IMPACT_FLAG`, for impacts; of motions
+of elements under a record `ENERGY`, for its integrals."""
 
 
 LINEAR_STEPS, PASSAGES, LAYER_STEPS, VISITS, TABLES = range(5)
@@ -68,6 +70,8 @@ class Tally(NamedTuple):
     """Those that have not come apart since they have last been closed ..."""
     size: np.ndarray = zeros(1)
     """... by the rounding of this largest displacement or speed, see `measures.ROUNDING`."""
+    energy: np.ndarray = zeros("n+1", "n")
+    """Integrals of u_i' u_j', and below of G u_i'."""
 
 
 class Modes(NamedTuple):
@@ -77,7 +81,7 @@ class Modes(NamedTuple):
     state: np.ndarray = zeros("E")
     """p, 0 at rest ..."""
     path: np.ndarray = zeros("E")
-    """... the sum of its changes ..."""
+    """... the sum of its changes; of a limit the time at which the motion has left it ..."""
     taken: np.ndarray = zeros("E", dtype=int)
     """... and how often it has changed by more than rounding."""
 

@@ -90,8 +90,9 @@ def padded(n: int) -> int:
 def sizes_of(model: Model) -> dict[str, int]:
     """Return the lengths of the arrays of a structure, by their names in `places.zeros`.
 
-    n floors and modes, R rows of displacements, H pairs of the forcing, m contacts, E elements, L
-    loads; N of the augmented state, B of that without rows beyond n; T tables; W watched rows.
+    n floors and modes, F rows with accelerations, R rows of displacements, H pairs of the forcing,
+    m contacts, E elements, L loads; N of the augmented state, B of that without rows beyond n; T
+    tables; W watched rows.
     """
     n, rows, forcing = len(model.modal_transform), model.stiffness.shape[0], forcing_size(model)
     m, n_loads = model.contacts.row.size, model.elements.stiffness.size
@@ -99,10 +100,10 @@ def sizes_of(model: Model) -> dict[str, int]:
     sizes = {"n": n, "2n": 2 * n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
     sizes |= {"N": 2 * rows + constant + 1, "B": 2 * n + constant + 1, "2H+L": constant}
     sizes |= {"T": min(2 ** (m + n_loads), MAX_TABLES), "W": len(model.watched)}
-    sizes |= {"E": model.elements.first.size}
+    sizes |= {"E": model.elements.first.size, "n+1": n + 1, "F": len(model.ground)}
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
-    sizes["2 padded n"] = 2 * sizes["padded n"]
+    sizes["2 padded F"] = 2 * sizes["padded F"]
     return sizes
 
 
@@ -193,7 +194,7 @@ def forget(responses):
 
 
 class Outputs(NamedTuple):
-    """Tables of the n floors, see `observe.peaks`, and workspace."""
+    """Tables of the n floors, and of the bases behind them, see `observe.peaks`, and workspace."""
 
     first_floor: int
     """Place of the floors in `Model.watched`, ..."""
@@ -207,18 +208,18 @@ class Outputs(NamedTuple):
     """Contact set of each table ..."""
     filled: np.ndarray = zeros("T", dtype=bool)
     """... and which are filled."""
-    pair: np.ndarray = zeros("T", "N", "2 padded n")
+    pair: np.ndarray = zeros("T", "N", "2 padded F")
     """Column k of values and slopes per x_k, `LANES` of each in turns."""
-    poly: np.ndarray = zeros("T", "n", "N", N_COEFFICIENTS)
+    poly: np.ndarray = zeros("T", "F", "N", N_COEFFICIENTS)
     """Polynomials on a step per x_k."""
-    bound4: np.ndarray = zeros("T", "N", "padded n")
+    bound4: np.ndarray = zeros("T", "N", "padded F")
     """Column k bounds |q''''| per |x_k|."""
-    start: np.ndarray = zeros("2 padded n")
+    start: np.ndarray = zeros("2 padded F")
     """Values and slopes at the start of a step ..."""
-    end: np.ndarray = zeros("2 padded n")
+    end: np.ndarray = zeros("2 padded F")
     """... and at its end."""
-    bounds: np.ndarray = zeros("padded n")
-    rows: np.ndarray = zeros("n", N_COEFFICIENTS)
+    bounds: np.ndarray = zeros("padded F")
+    rows: np.ndarray = zeros("F", N_COEFFICIENTS)
     x_end: np.ndarray = zeros("N")
     pairs: np.ndarray = zeros("2H")
     accelerations: np.ndarray = zeros("R", "N")

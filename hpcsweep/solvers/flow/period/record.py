@@ -103,10 +103,9 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
     model, tables, work = common.model, common.tables, common.work
     first, last, length = intervals
     key, index = np.uint64(0), NO_TABLE
-    elements, modes = model.elements, common.modes
     with_elements = by_elements(model)
     if with_elements:
-        write_loads(modes, elements, work.forcing)
+        write_loads(common.modes, model.elements, work.forcing)
     for j in range(first, last):
         model.ramp[0, 0] = model.ramp[0, 1] = 0.0
         model.ramp[0, 2] = j * model.period
@@ -120,14 +119,8 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
             renew_rows(z, common.no_tangent, model)
         if wanted == WITH_ENERGY:
             index = NO_TABLE
-        elif index == NO_TABLE and with_elements:
-            if past_stops(0.0, z, amplitude, model, work) == np.uint64(0):
-                set_contacts(np.uint64(0), np.uint64(0), modes, model.contacts)
-                _, key = sets_of(modes, elements)
-                index = table_of(key, tables, shared)
-        elif index == NO_TABLE and not inside_layer(z, model):
-            key = contact_key(0.0, z, amplitude, model, work)
-            index = table_of(key, tables, shared)
+        elif index == NO_TABLE:
+            key, index = _table_at_start(z, amplitude, shared, common)
         tau = 0.0
         if index != NO_TABLE:
             forcing_at(0.0, amplitude, model, work.forcing, 0)
@@ -153,6 +146,25 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
         if points.shape[0] > 0:
             copy_state(z, points[j - first])
     return last - first, COMPLETE
+
+
+@inlined
+def _table_at_start(z, amplitude, packed, shared):
+    """Return the set of an interval's start and its table; `NO_TABLE` where steps are none of it.
+
+    That is inside a layer, and where contacts that are elements are past their stops.
+    """
+    model, work, key, nothing = shared.model, shared.work, np.uint64(0), np.uint64(0)
+    if by_elements(model):
+        if past_stops(0.0, z, amplitude, model, work) != nothing:
+            return key, NO_TABLE
+        set_contacts(nothing, nothing, shared.modes, model.contacts)
+        _, key = sets_of(shared.modes, model.elements)
+    elif inside_layer(z, model):
+        return key, NO_TABLE
+    else:
+        key = contact_key(0.0, z, amplitude, model, work)
+    return key, table_of(key, shared.tables, packed)
 
 
 @inlined

@@ -1,5 +1,6 @@
 """The walls between the rooms stand, and fall over when somebody breaks through one."""
 
+import ast
 import re
 import shutil
 import subprocess
@@ -73,7 +74,6 @@ def test_a_room_without_a_floor_is_refused(house):
 
 def test_files_and_functions_stay_small():
     """Without a module's derivation, references and examples. Longer ones have a reason."""
-    import ast
     import re
 
     examples = re.compile(r"\n\n *(References|Examples)\n *-+\n.*?(?=\n *\"{3})", re.DOTALL)
@@ -89,6 +89,23 @@ def test_files_and_functions_stay_small():
                 long_functions.add(f"{name}:{node.name}")
     assert long_files == set(REASONS_FOR_FILES)
     assert long_functions == set(REASONS_FOR_FUNCTIONS)
+
+
+def test_kernels_stay_small():
+    """Eight arguments, and fifteen branches and loops, at most."""
+    n_kernels, large = 0, []
+    for path in (ROOT / "hpcsweep").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            makers = {ast.unparse(one).split("(")[0] for one in node.decorator_list}
+            branches = sum(isinstance(one, ast.If | ast.For | ast.While) for one in ast.walk(node))
+            if makers & {"kernel", "inlined", "entry_point"}:
+                n_kernels += 1
+                if len(node.args.args) > 8 or branches > 15:
+                    large.append(f"{path.name}:{node.name}")
+    assert n_kernels > 200
+    assert large == []
 
 
 REASONS_FOR_FILES: dict[str, str] = {}

@@ -163,10 +163,10 @@ class Structure(MeasuredDynamics):
                 self._set(name, vector(name, given, n, "numbers, one per floor", read=read))
             elif given is not None or getattr(type(self), name) is not None:
                 self._set(name, read(name, given))
+        self._set("harmonics", read_harmonics(self.harmonics))
         if self.storey_height is not None and not self.names.storey_heights:
             heights = np.broadcast_to(self.storey_height, n).tolist()
             self._set("names", self.names._replace(storey_heights=tuple(heights)))
-        self._set("harmonics", read_harmonics(self.harmonics))
         if self.rayleigh is not None:
             pair = vector("rayleigh", self.rayleigh, 2, "numbers: alpha, beta", read=not_negative)
             self._set("rayleigh", pair)

@@ -273,7 +273,7 @@ class Structure(MeasuredDynamics):
             listed = given if hasattr(given, "__len__") else (given,)
             size = n if hasattr(given, "__len__") else 1
             vector("collapse_drift", listed, size, "numbers, one per storey", read=_above_0)
-        elif self.sliders:
+        if self.sliders and np.isinf(self.drift_limits).all():
             values = np.linalg.eigvalsh(self.elastic_stiffness)
             if values[0] < -ROUNDED * np.trace(self.stiffness_matrix):
                 raise ValueError(

@@ -163,10 +163,10 @@ class Structure(MeasuredDynamics):
                 self._set(name, vector(name, given, n, "numbers, one per floor", read=read))
             elif given is not None or getattr(type(self), name) is not None:
                 self._set(name, read(name, given))
+        self._set("harmonics", read_harmonics(self.harmonics))
         if self.storey_height is not None and not self.names.storey_heights:
             heights = np.broadcast_to(self.storey_height, n).tolist()
             self._set("names", self.names._replace(storey_heights=tuple(heights)))
-        self._set("harmonics", read_harmonics(self.harmonics))
         if self.rayleigh is not None:
             pair = vector("rayleigh", self.rayleigh, 2, "numbers: alpha, beta", read=not_negative)
             self._set("rayleigh", pair)
@@ -273,7 +273,7 @@ class Structure(MeasuredDynamics):
             listed = given if hasattr(given, "__len__") else (given,)
             size = n if hasattr(given, "__len__") else 1
             vector("collapse_drift", listed, size, "numbers, one per storey", read=_above_0)
-        elif self.sliders:
+        if self.sliders and np.isinf(self.drift_limits).all():
             values = np.linalg.eigvalsh(self.elastic_stiffness)
             if values[0] < -ROUNDED * np.trace(self.stiffness_matrix):
                 raise ValueError(

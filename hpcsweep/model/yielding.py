@@ -82,7 +82,7 @@ def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np
     n = len(stiffness)
     for name, given in (("weight", weight), ("storey_height", height)):
         if given is None:
-            raise ValueError(f"{name} is missing: p_delta needs it, g not being known here")
+            raise ValueError(f"{name} is missing: p_delta needs it")
     loads = np.broadcast_to(weight, n)[::-1].cumsum()[::-1] / np.broadcast_to(height, n)
     for i, (k, load) in enumerate(zip(stiffness, loads.tolist(), strict=True), 1):
         if load >= k:

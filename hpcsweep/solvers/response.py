@@ -108,7 +108,11 @@ def response(
 
 
 def linear_response(
-    structure: Structure, record: Record, tail: float = 0.0, base_shear: bool = False
+    structure: Structure,
+    record: Record,
+    tail: float = 0.0,
+    base_shear: bool = False,
+    energy: bool = False,
 ) -> tuple[Response, np.ndarray]:
     """Return the response without contacts, slips and collapse, and how far it reaches to each.
 
@@ -117,7 +121,7 @@ def linear_response(
 
     Parameters
     ----------
-    structure, record, tail, base_shear
+    structure, record, tail, base_shear, energy
         Of `response`.
 
     Returns
@@ -141,7 +145,8 @@ def linear_response(
         forcing=structure.forcing_vector,
         drift=np.vstack((structure.drift_rows, slides, structure.directions)),
     )
-    solver = RecordMap(free, record.dt, one_sided=n_contacts, base_shear=base_shear)
+    more = {"base_shear": base_shear, "energy": energy}
+    solver = RecordMap(free, record.dt, one_sided=n_contacts, **more)
     found = _complete(solver.respond(record.acceleration, 1.0, tail))
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
     drifts, slid, past = np.split(found.drift, [n_drifts, n_drifts + len(slides)])

@@ -227,7 +227,7 @@ class Frames:
                 "state": self._own.coordinates["state"].values.astype(str),
                 **{
                     name: self._own.coordinates[name].values.astype(str)
-                    for name in ("storey", "floor", "stop", "slider", "building")
+                    for name in ("storey", "floor", "stop", "slider", "building", "energy")
                     if name in self._own.coordinates
                 },
             },

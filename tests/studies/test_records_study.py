@@ -681,8 +681,12 @@ scale = {values = [0.25, 1.0, 2.0, 4.0, 8.0]}
 [output]
 block = 2
 base_shear = true
+energy = true
 """
-FALLEN = ("collapsed", "collapse_time", "base_shear", "ductility", "storey_drift", "plastic")
+FALLEN = (
+    *("collapsed", "collapse_time", "base_shear", "ductility", "storey_drift", "plastic"),
+    "energies",
+)
 
 
 def test_collapses_are_computed_as_plainly_and_told(tmp_path):
@@ -698,18 +702,33 @@ def test_collapses_are_computed_as_plainly_and_told(tmp_path):
     assert results["base_shear"].dims == ("record", "scale", "building")
     for place in np.ndindex(4, 5):
         scale = float(results["scale"][place[1]])
-        plain = response(structure, SUITE[place[0]], scale, tail=2.0, base_shear=True)
-        names = dict(zip(FALLEN, FALLEN, strict=True)) | {"storey_drift": "drift"}
+        asked = {"base_shear": True, "energy": True}
+        plain = response(structure, SUITE[place[0]], scale, tail=2.0, **asked)
+        names = dict(zip(FALLEN, FALLEN, strict=True)) | {
+            "storey_drift": "drift",
+            "energies": "energy",
+        }
         for name, field in names.items():
             own, other = results[name].values[place], np.asarray(getattr(plain, field), float)
-            np.testing.assert_allclose(own, other, rtol=1e-8, atol=1e-9, err_msg=name)
+            small = 1e-9 * max(1.0, np.abs(other).max())
+            np.testing.assert_allclose(own, other, rtol=1e-8, atol=small, err_msg=name)
+    energies = results["energies"]
+    assert energies["energy"].values[0] == "input"
+    spent = energies.values[..., 1:].sum(axis=-1)
+    np.testing.assert_allclose(spent, energies.values[..., 0], rtol=1e-11)
     assert validate(path, 4).sound
     told = summarize(path)
     assert told["collapsed"]["runs"] == fallen.sum()
     _, _, plain = computed(FALLS + '[solver]\nskip = "none"\n', tmp_path, "plain")
     assert (results["skip_rule"] == SkipRule.LINEAR).any()
     for name in FALLEN:
-        np.testing.assert_allclose(results[name], plain[name], rtol=1e-8, atol=1e-10)
+        size = 1e-10 * max(1.0, float(np.abs(plain[name]).max()))
+        np.testing.assert_allclose(results[name], plain[name], rtol=1e-8, atol=size)
+    smooth = RECORDS.replace("gap = 0.02", "gap = 0.02\nsharpness = 1e5").replace(
+        "[output]", "[output]\nenergy = true"
+    )
+    with pytest.raises(JobError, match=r"output\.energy = True: goes with sharp contacts"):
+        parse_job(smooth, "job", "job")
 
 
 def test_an_elastic_storey_that_collapses_is_not_linear(tmp_path):

@@ -71,6 +71,7 @@ OUTPUT = (
     Key("times", "times of the peaks", True),
     Key("alone", "peaks without contacts, and the gaps that would not have closed", True),
     Key("base_shear", "peak reaction of the base of each building", False),
+    Key("energy", "energies at the end ([which](yielding.md#results)), of sharp contacts", False),
     Key(
         "history",
         "step in time at which the motion itself is stored, of every run: a whole multiple or a "

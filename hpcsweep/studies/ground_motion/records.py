@@ -69,6 +69,8 @@ class Records(RecordGrid):
         groups = [key for key in keys.OUTPUT if key.name in GROUPS]
         given = {key.name: values.get(f"output.{key.name}", key.default) for key in groups}
         wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
+        if "energy" in wanted and structure.contacts and structure.sharpness != np.inf:
+            raise values.error("output.energy", True, "goes with sharp contacts, sharpness = inf")
         common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)
         suite, paths = keys.read_found(values)

@@ -33,6 +33,7 @@ import numpy as np
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.record_response import Energy
 from hpcsweep.solvers.response import (
     Response,
     history,
@@ -166,8 +167,8 @@ class RecordResponses:
         kept = KEPT.get(key)
         if kept is None:
             try:
-                wanted = "base_shear" in self._settings.metrics
-                linear, reach = linear_response(self.computed, record, self._tail, wanted)
+                more = wanted(self._settings)
+                linear, reach = linear_response(self.computed, record, self._tail, *more)
             except ArithmeticError:
                 size = int(np.sum(self._sizes)) + len(self.structure.contacts)
                 size += len(self.structure.sliders)
@@ -208,6 +209,7 @@ class RecordResponses:
             "stop": len(self.structure.contacts),
             "slider": len(self.structure.sliders),
             "building": len(self.structure.base_rows),
+            "energy": len(Energy._fields),
             RUN[-1]: 1,
         }
         return [sizes[peak.variable.dims[-1]] for peak in (*self._own, *self._alone)]
@@ -229,6 +231,11 @@ class RecordResponses:
         }
 
 
+def wanted(settings: SweepSettings) -> tuple[bool, bool]:
+    """Return whether base shears and energies are."""
+    return "base_shear" in settings.metrics, "energy" in settings.metrics
+
+
 def respond(
     structure: Structure,
     record: Record,
@@ -238,7 +245,7 @@ def respond(
     poll: Poll = None,
 ) -> Response:
     """Return the response of a structure, unscaled, to a record at a scale."""
-    solver = _map(structure, record.dt, settings.rtol, "base_shear" in settings.metrics)
+    solver = _map(structure, record.dt, settings.rtol, *wanted(settings))
     return solver.respond(record.acceleration, scale, tail, poll=poll)
 
 
@@ -260,10 +267,10 @@ def with_lengths_in(structure: Structure, unit: float) -> Structure:
 
 
 @lru_cache(maxsize=8)
-def _map(structure: Structure, dt: float, rtol: float, base_shear: bool):
+def _map(structure: Structure, dt: float, rtol: float, base_shear: bool, energy: bool):
     from hpcsweep.solvers.flow.record_map import RecordMap
 
-    return RecordMap(structure, dt, rtol, base_shear=base_shear)
+    return RecordMap(structure, dt, rtol, base_shear=base_shear, energy=energy)
 
 
 class _Kept:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.record_response import Response
+from hpcsweep.solvers.record_response import Energy, Response
 from hpcsweep.studies import variables
 from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.variable import ANY, EITHER, FINITE, SIZE, Coordinate, Variable, count, real
@@ -91,6 +91,9 @@ ALONE = (
 )
 """Of the motion without contacts."""
 BASES = (_peak("base_shear", "building", "force", 1, "peak reaction of the base of each building"),)
+ENERGIES = (
+    _peak("energies", "energy", "energy", 2, "energies at the end", FINITE, field="energy"),
+)
 OUTCOME = replace(variables.OUTCOME, dims=RUN)
 SKIP_RULE = replace(
     variables.SKIP_RULE,
@@ -107,7 +110,7 @@ HISTORY = tuple(
     )
 )
 """The motion itself, where ``output.history`` gives a step; NaN past the end of a record."""
-GROUPS = {"times": TIMES, "alone": ALONE, "base_shear": BASES}
+GROUPS = {"times": TIMES, "alone": ALONE, "base_shear": BASES, "energy": ENERGIES}
 """Peaks that a job may leave out, or wants, by the keys of its table ``output``."""
 
 FACTS = (
@@ -139,7 +142,7 @@ def peaks_of(structure: Structure, settings: SweepSettings) -> tuple[list[Peak],
         return [p for p in peaks if absent.isdisjoint((p.variable.dims[-1], p.variable.name))]
 
     groups = {name: held(peaks) for name, peaks in GROUPS.items() if name in settings.metrics}
-    own = [peak for name in ("base_shear", "times") for peak in groups.get(name, [])]
+    own = [peak for name in ("base_shear", "energy", "times") for peak in groups.get(name, [])]
     return held(PEAKS) + own, groups.get("alone", [])
 
 
@@ -159,6 +162,8 @@ def place_coordinates(structure: Structure, settings: SweepSettings) -> dict[str
     made["slider"] = named(structure.slider_names, "slider")
     if "base_shear" in settings.metrics:
         made["building"] = named(structure.building_names, "building")
+    if "energy" in settings.metrics:
+        made["energy"] = named(Energy._fields, "kind of energy, see hpcsweep.response")
     return {name: one for name, one in made.items() if one.values.size}
 
 

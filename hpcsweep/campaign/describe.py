@@ -24,6 +24,9 @@ def describe(job: Job) -> list[str]:
     lines += _modes(structure)
     lines += [f"contact:    {line}" for line in _contacts(structure)]
     lines += [f"slider:     {line}" for line in _sliders(structure)]
+    if structure.collapse_drift is not None:
+        limits, unit = few(structure.drift_limits.tolist()), known_unit(structure, "length")
+        lines.append(f"collapse:   beyond a drift of {limits}{unit}")
     lines += [f"at rest:    {line}" for line in _at_rest(structure, study)]
     lines += study.lines()
     return lines + [f"warning:    {text}" for text in warnings(job)]

@@ -39,6 +39,9 @@ def describe(job: Job) -> Lines:
     yield from _modes(structure)
     yield from (("contact", text) for text in _contacts(structure))
     yield from (("slider", text) for text in _sliders(structure))
+    if structure.collapse_drift is not None:
+        limits, unit = few(structure.drift_limits.tolist()), known_unit(structure, "length")
+        yield "collapse", f"beyond a drift of {limits}{unit}"
     yield from (("at rest", text) for text in _at_rest(structure, study))
     yield from study.lines()
     yield from (("warning", text) for text in warnings(job))

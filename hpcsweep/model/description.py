@@ -90,6 +90,8 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
         )
         words += [(symbol, few(value)) for symbol, value, usual in parameters if value != usual]
     words.append(("rho", f"{structure.sharpness:g}"))
+    if structure.p_delta:
+        words.append(("", "P-Delta"))
     if structure.restitution is not None:
         words.append(("e", few(structure.restitution)))
     elif np.any(structure.contact_damping):

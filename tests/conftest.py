@@ -4,6 +4,7 @@ import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy 
 import gc
 import os
 import shutil
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,6 +16,14 @@ def pytest_collection_finish():
     """Leave the libraries, which stay, out of every look for garbage, here and in forks."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(autouse=True)
+def _closed_figures():
+    """Close the figures that a test has opened."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.fixture

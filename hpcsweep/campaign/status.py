@@ -107,7 +107,7 @@ def _runs(
         "name": layout.name,
         "study": study.kind,
         "run_noun": study.run_noun,
-        "frame_noun": FRAMES.get(study.frame_dim, study.frame_dim),
+        "frame_noun": FRAMES.get(study.run_dims[-2], study.run_dims[-2]),
         "solver": study.settings.solver,
         "runs_done": n_done,
         "runs_total": study.n_runs,

@@ -59,7 +59,7 @@ def run(options) -> int:
 ROWS = """\
 structure | {structure} | {first}
 varied | {varied}
-{run_noun}s | {runs_done} of {runs_total} ({sizes})
+{run_noun}s | {runs_done} of {runs_total} | {grid}
 inferred | {share_inferred:percent} of the map, {inferred}; all shares below are of {of}
 cost | {no_cost}
 wall time | {cost[wall_seconds]:.4g} s{sessions} on {ranks}
@@ -137,12 +137,13 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
     """Return what rows show besides the values of a summary; None where it is not shown."""
     vary = [f"{key} {_ends(values)}" for key, values in summary["vary"].items()]
     classes = summary.get("classes", {})
+    sizes = [count(n, dim) for dim, n in summary["dimensions"].items() if n > 1]
     missed, window = summary.get("seeds_missed", []), summary.get("window_test")
     values: dict[str, Any] = {
         "first": " (the first)" if vary else None,
         "varied": "; ".join(vary) or None,
         "elastic_storeys": summary.get("elastic") or None,
-        "sizes": " x ".join(count(n, dim) for dim, n in summary["dimensions"].items()),
+        "grid": f" ({' x '.join(sizes)})" if len(sizes) > 1 else None,
         "of": "all of these" if "basins" in summary else "runs",
         "no_cost": None if summary["cost"] else "not known: no journal beside the file",
         "rules": {k: one for k, one in summary.get("skip_rules", {}).items() if k != "none"},

@@ -188,7 +188,7 @@ class Frames:
     @property
     def _axis(self) -> int:
         """Axis of the frames in a run's variables."""
-        return self.study.run_dims.index(self.study.frame_dim)
+        return len(self.study.run_dims) - 2
 
     def dataset(self, frame: int):
         """Read one frame as an xarray.Dataset.
@@ -205,14 +205,14 @@ class Frames:
         import xarray
 
         study = self.study
+        frame_dim, last = study.run_dims[-2:]
         given = {
             variable.name: (
                 variable.dims,
-                values[list(frames)] if variable.dims[0] == study.frame_dim else values,
+                values[list(frames)] if variable.dims[0] == frame_dim else values,
             )
             for variable, values in self._own.given
         }
-        last = study.run_dims[-1]
         along = self._own.coordinates[last].values
         if last == "amplitude" and len(frames) == 1:
             # the amplitudes of one frame are its own even where frames share none
@@ -222,7 +222,7 @@ class Frames:
             {**given, **arrays},
             coords={
                 **names,
-                study.frame_dim: self._own.coordinates[study.frame_dim].values[list(frames)],
+                frame_dim: self._own.coordinates[frame_dim].values[list(frames)],
                 last: along,
                 "state": self._own.coordinates["state"].values.astype(str),
                 **{

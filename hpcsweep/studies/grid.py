@@ -60,9 +60,7 @@ class RunGrid(Part):
     direction_name: ClassVar[str]
     """Long name of the first dimension."""
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
-    frame_dim: ClassVar[str] = "omega"  # dimension of the frames
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
-    commit: ClassVar[Variable] = variables.COMMIT
     always: ClassVar[frozenset[str]] = frozenset()  # metrics that its runs compute unasked
     holds: ClassVar[str] = "motions"
     point_dim: ClassVar[str] = "point"
@@ -83,11 +81,6 @@ class RunGrid(Part):
     def starting_states(self) -> np.ndarray:
         """States at least as far out as those from which runs start, shape (m, 2n)."""
         return self.initial_state[None]
-
-    @property
-    def is_list(self) -> bool:
-        """Whether every frame has one amplitude of its own."""
-        return False
 
     @property
     def n_frames(self) -> int:

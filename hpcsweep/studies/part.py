@@ -36,7 +36,11 @@ class Part(ABC):
     keys: ClassVar[Tables]
     """Keys of job files, by table, of this study alone."""
     without: ClassVar[tuple[str, ...]] = ()  # tables of which it knows its own keys alone
-    default_block: ClassVar[int]
+    default_block: ClassVar[int] = 1
+    run_dims: ClassVar[tuple[str, ...]]
+    checksum: ClassVar[str] = "checksum of a block"
+    """Long name of `commit`."""
+    is_list: ClassVar[bool] = False
     grid_fields: ClassVar[tuple[str, ...]] = ()
     axes: ClassVar[tuple[Axis, ...]] = ()
     starts_at_rest: ClassVar[bool] = False
@@ -45,6 +49,11 @@ class Part(ABC):
     """See `hpcsweep.studies.invariants.of_each`."""
     refine: Refinement | None = None
     """Which points of its map are computed; None: all."""
+
+    @property
+    def commit(self) -> Variable:
+        """Checksums of the blocks, which cut the last of the dimensions of a run."""
+        return Variable("commit", (*self.run_dims[:-1], "block"), "<u8", "1", self.checksum)
 
     @property
     def map_axes(self) -> dict[str, np.ndarray]:

@@ -47,7 +47,6 @@ class Points(RunGrid):
     words: ClassVar[dict[str, str]] = {START: "each from the initial state"}
     direction_name: ClassVar[str] = "where each run starts"
     keys: ClassVar[Tables] = {"study": (POINTS, REFINE), "sweep": OMEGA}
-    default_block: ClassVar[int] = 1
     grid_fields: ClassVar[tuple[str, ...]] = (
         "omega",
         "amplitude",
@@ -88,7 +87,7 @@ class Points(RunGrid):
         return cls(omega=omega.copy(), amplitude=amplitude.copy(), listed=True, **common)
 
     @property
-    def is_list(self) -> bool:
+    def is_list(self) -> bool:  # type: ignore[override]
         """Whether every frame has one amplitude of its own."""
         return self.listed
 

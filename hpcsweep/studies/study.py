@@ -216,15 +216,11 @@ class Study(Protocol):
 
     @property
     def run_dims(self) -> tuple[str, ...]:
-        """Dimensions of a run."""
+        """Dimensions of a run: ..., the frames, and the runs of a frame."""
 
     @property
     def is_list(self) -> bool:
         """Whether each frame has one amplitude of its own."""
-
-    @property
-    def frame_dim(self) -> str:
-        """Dimension of the frames, one of `run_dims`."""
 
     @property
     def directions(self) -> tuple[str, ...]:

@@ -99,7 +99,6 @@ RUN_VARIABLES = (
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")
 STOREY_HEIGHT = real("storey_height", ("storey",), "length", "height of each storey")
-COMMIT = Variable("commit", ("direction", "omega", "block"), "<u8", "1", "checksum of a block")
 DRIFT_RATIO = "peak storey drift ratio"
 AMPLITUDE = ("acceleration", "forcing amplitude A")
 OMEGA = ("frequency", "forcing frequency Omega")

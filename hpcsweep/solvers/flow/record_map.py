@@ -18,7 +18,6 @@ from hpcsweep.solvers.flow.period.record import (
     ALL_PEAKS,
     PEAKS_AT_SAMPLES,
     WITH_ENERGY,
-    Intervals,
     march_record,
 )
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
@@ -166,12 +165,12 @@ class RecordMap:
         period = self._shared.model.period
         whole, rest = intervals(len(samples), self.dt, tail)
         for first, last in self._polling.cut(whole, poll):
-            part = Intervals(first, last, period)
+            part = (first, last, period)
             done, outcome = self._march(z, samples, amplitude, part, wanted)
             if outcome != Outcome.COMPLETE:
                 return self._end(outcome, (first + done) * self.dt)
         if rest > 0.0:
-            part = Intervals(whole, whole + 1, rest * self.structure.frequency_unit)
+            part = (whole, whole + 1, rest * self.structure.frequency_unit)
             done, outcome = self._march(z, samples, amplitude, part, wanted)
             if outcome != Outcome.COMPLETE:
                 return self._end(outcome, whole * self.dt)

@@ -48,7 +48,6 @@ class AttractorGrid(search.SearchLimits, RunGrid):
         "study": (*search.KEYS, REFINE),
         "sweep": OMEGA,
     }
-    default_block: ClassVar[int] = 1
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
     holds: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"

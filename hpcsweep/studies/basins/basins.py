@@ -45,7 +45,6 @@ class Basins(SliceGrid):
 
     run_noun: ClassVar[str] = "row"
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
-    commit: ClassVar[Variable] = variables.COMMIT
     slots: ClassVar[Mapping[str, str]] = SLOTS
     status_variables: ClassVar[tuple[str, ...]] = ("n_undecided", "n_failed", "n_elsewhere")
 
@@ -123,7 +122,7 @@ class RefinedBasins(SliceGrid):
 
     run_noun: ClassVar[str] = "start"
     run_dims: ClassVar[tuple[str, ...]] = variables.START_RUN
-    commit: ClassVar[Variable] = variables.START_COMMIT
+    checksum: ClassVar[str] = "checksum of a start"
     status_variables: ClassVar[tuple[str, ...]] = ("label",)
 
     @property

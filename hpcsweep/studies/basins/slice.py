@@ -79,8 +79,6 @@ class SliceGrid(RunGrid):
         "study": (COMPONENTS, HORIZONTAL, VERTICAL, *search.SEARCH, REFINE),
         "sweep": OMEGA,
     }
-    default_block: ClassVar[int] = 1
-    frame_dim: ClassVar[str] = "row"
     carried: ClassVar[tuple[str, ...]] = ()
     holds: ClassVar[str] = "basins"
     point_dim: ClassVar[str] = "column"

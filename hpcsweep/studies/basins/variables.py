@@ -18,7 +18,6 @@ OF_LABEL = (
 )
 ROW_AMPLITUDE = Variable("forcing_amplitude", ("row",), "<f8", *AMPLITUDE)
 ROW_OMEGA = Variable("omega", ("row",), "<f8", *OMEGA)
-COMMIT = Variable("commit", ("direction", "row", "block"), "<u8", "1", "checksum of a block")
 ORDINATE = real("ordinate", ("row",), STATES, "second component of a row's starts")
 OWN = {
     "attractor_id": "number of the attractor, 0 for none",
@@ -40,7 +39,6 @@ VARIABLES = (
     replace(CYCLES, dims=RUN),
     replace(OUTCOME, dims=RUN),
 )
-START_COMMIT = replace(COMMIT, long_name="checksum of a start")
 START_VARIABLES = tuple(replace(each, dims=START_RUN) for each in (LABEL, CYCLES, OUTCOME))
 
 

@@ -61,10 +61,7 @@ class Branches(BranchGrid):
         "branches": KEYS,
         "sweep": OMEGA,
     }
-    default_block: ClassVar[int] = 1
-    frame_dim: ClassVar[str] = "line"
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
-    commit: ClassVar[Variable] = variables.COMMIT
     always: ClassVar[frozenset[str]] = frozenset(["impacts"])
     """An orbit's signature counts them."""
     carried: ClassVar[tuple[str, ...]] = ()

@@ -67,7 +67,6 @@ RUN = ("direction", "line", "amplitude")
 """Dimensions of a line."""
 BRANCH, STEP = (*RUN, "branch"), (*RUN, "step")
 SPECIAL, SEED = (*RUN, "special"), (*RUN, "seed")
-COMMIT = Variable("commit", ("direction", "line", "block"), "<u8", "1", "checksum of a block")
 SLOTS = {
     "branch": "branch_id",
     "step": "step_branch",

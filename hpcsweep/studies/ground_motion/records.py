@@ -20,7 +20,6 @@ from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.recompute import response_again
 from hpcsweep.studies.ground_motion.responses import SKIP_RULES
 from hpcsweep.studies.ground_motion.variables import (
-    COMMIT,
     FACTOR,
     FACTS,
     GROUPS,
@@ -47,13 +46,10 @@ class Records(RecordGrid):
     without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int] = 25
-    frame_dim: ClassVar[str] = "record"
     run_dims: ClassVar[tuple[str, ...]] = RUN
-    commit: ClassVar[Variable] = COMMIT
     carried: ClassVar[tuple[str, ...]] = ()
     directions: ClassVar[tuple[str, ...]] = ()  # type: ignore[misc]
     holds: ClassVar[str] = "responses"
-    is_list: ClassVar[bool] = False
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     starts_at_rest: ClassVar[bool] = True
     kernels: ClassVar[tuple] = ()

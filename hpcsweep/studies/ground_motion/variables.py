@@ -14,7 +14,6 @@ from hpcsweep.studies.variables import STATES, measure_coordinates, named
 
 RUN = ("record", "scale")
 """Dimensions of a run."""
-COMMIT = Variable("commit", ("record", "block"), "<u8", "1", "checksum of a block")
 
 
 class Peak(NamedTuple):

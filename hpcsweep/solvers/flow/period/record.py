@@ -7,8 +7,6 @@ change (proved, `events.is_clear`) is a product or a few. From the first step on
 rest of the interval is taken as a period is (`period`).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from hpcsweep.kernels.arena import as_long_as
@@ -66,16 +64,7 @@ PEAKS_AT_SAMPLES, ALL_PEAKS, WITH_ENERGY = 1, 2, 3
 of the energy, which need elements; 0: nothing."""
 
 
-class Intervals(NamedTuple):
-    """The intervals `first`, .., `last` - 1 of a record."""
-
-    first: int
-    last: int
-    length: float
-    """Of each: that of a sample, or a part of it."""
-
-
-@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, type_of(Intervals(0, 0, 0.0)), INT, MATRIX)
+@entry_point((INT, INT), BYTES, VECTOR, VECTOR, FLOAT, type_of((0, 0, 0.0)), INT, MATRIX)
 def march_record(shared, z, samples, amplitude, intervals, wanted, points):
     """Advance z over intervals of a record, in place, or to a collapse.
 
@@ -88,7 +77,9 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
         Of the ground; from the last one on there is none.
     amplitude : float
         By which they are multiplied.
-    intervals : Intervals
+    intervals : tuple of int, int and float
+        `first` and `last` of the intervals `first`, .., `last` - 1, and the length of each: that of
+        a sample, or a part of it.
     wanted : int
     points : ndarray, shape (last - first, 2R) or (0, 2R)
         Receives the states at the ends of the intervals; not written if empty.

@@ -19,6 +19,7 @@ from hpcsweep.solvers.flow.linear.polynomials import (
     value_and_slope,
 )
 from hpcsweep.solvers.flow.search.search import (
+    SAME_INSTANT,
     UNDECIDED,
     Bracket,
     Curve,
@@ -32,9 +33,6 @@ from hpcsweep.solvers.flow.search.search import (
 )
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.measures import ROUNDING
-
-SAME_INSTANT = 2.0**-40
-"""Part of a step within which guards are passed at one instant, see `period`."""
 
 
 @inlined

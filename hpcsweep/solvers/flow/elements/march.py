@@ -89,15 +89,15 @@ def observe_segment(segment, past, span, amplitude, wanted, shared):
     if wanted & DRIFT == 0:
         drift_on_segment(segment, span, model, tables, tally, work)
     if wanted & PEAKS:
-        peaks_with_dashpots(segment, span, amplitude, wanted & PEAKS, shared)
+        peaks_of_elements(segment, span, amplitude, wanted & PEAKS, shared)
     if wanted & IMPACTS:
-        impacts_with_dashpots(segment, past, span, model, tables, tally, work)
+        impacts_of_elements(segment, past, span, model, tables, tally, work)
     if wants_norms(wanted) and past == np.uint64(0):
         modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
 
 
 @inlined
-def peaks_with_dashpots(segment, span, amplitude, wanted, shared):
+def peaks_of_elements(segment, span, amplitude, wanted, shared):
     """Raise the peaks that are wanted over a segment; see `peaks.peaks_on_segment`."""
     peaks_on_segment(segment, span, amplitude, wanted & ~CONTACT, shared)
     if wanted & CONTACT:
@@ -130,7 +130,7 @@ def _force_peaks(segment, span, shared):
 
 
 @kernel
-def impacts_with_dashpots(segment, past, span, model, tables, tally, work):
+def impacts_of_elements(segment, past, span, model, tables, tally, work):
     """Add force, time and energy of the contacts past their stops on the first `span` of a step."""
     contacts, h, n = model.contacts, segment.h, work.z_end.shape[0] // 2
     note_closed(segment, past, span, model, tables, tally, work)
@@ -280,8 +280,8 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
             return NON_FINITE
         if tangent is None:
             if wanted != NO_TALLY:
-                peaks_with_dashpots(segment, span, amplitude, PEAKS, shared)
-                impacts_with_dashpots(segment, past, span, model, tables, shared.tally, work)
+                peaks_of_elements(segment, span, amplitude, PEAKS, shared)
+                impacts_of_elements(segment, past, span, model, tables, shared.tally, work)
             if wanted & ENERGY:
                 energies_on_segment(segment, span, model, tables, work, shared.tally)
         else:

@@ -46,7 +46,14 @@ from hpcsweep.solvers.flow.search.events import (
     layer_edge,
     take_step,
 )
-from hpcsweep.solvers.flow.search.search import UNDECIDED, Bracket, Curve, Level, rising_root
+from hpcsweep.solvers.flow.search.search import (
+    SAME_INSTANT,
+    UNDECIDED,
+    Bracket,
+    Curve,
+    Level,
+    rising_root,
+)
 from hpcsweep.solvers.flow.state.shared import (
     LAYER_STEPS,
     LINEAR_STEPS,
@@ -72,8 +79,6 @@ NO_TABLE, AT_EDGE = -1, -2
 layer, possibly just outside it by rounding."""
 SHORTEST = 0.01
 """Fraction of a step after which a contact that reaches its stop beyond the step is tried again."""
-SAME_INSTANT = 2.0**-40
-"""Fraction of a step within which contacts of infinite sharpness reach their stops at once."""
 
 
 @inlined

@@ -66,6 +66,8 @@ a floor rests at the level and the rounding of all others moves it."""
 MAX_TOUCH = 4.0**5 * TOUCH
 MAX_PARTS = 20 * PATIENCE
 """Most parts tested in one search. The rounding of states beyond 1e4 may take more."""
+SAME_INSTANT = 2.0**-40
+"""Part of a step within which what happens does so at one instant."""
 UNDECIDED = -2
 NEGATIVE, AT_ROOT, NO_ROOT = range(3)
 ENDS = np.arange(1.0, LANES + 1.0) / LANES

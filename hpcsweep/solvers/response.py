@@ -43,7 +43,7 @@ def response(
     state: Any = None,
     rtol: float = 1e-9,
     at_samples: bool = False,
-    base_shear: bool = False,
+    base_shear: bool | None = None,
     energy: bool = False,
 ) -> Response:
     """Return the response of a structure to a ground-motion record.
@@ -65,8 +65,9 @@ def response(
         Relative error asked of the motion inside contact layers, see `FlowMap`.
     at_samples : bool
         Take peaks at the samples alone, as published response spectra do.
-    base_shear : bool
-        Tell the base shear of each building, `Response.base_shear`.
+    base_shear : bool, optional
+        Tell the base shear of each building, `Response.base_shear`. Default: of structures that
+        yield; elastic ones take 8 to 30 % longer with it.
     energy : bool
         Tell the energies at the end, `Response.energy`, of sharp contacts; not with `at_samples`.
 
@@ -102,7 +103,8 @@ def response(
 
     if energy and at_samples:
         raise ValueError("energy and at_samples must not be asked for both")
-    wanted = {"base_shear": flag("base_shear", base_shear), "energy": flag("energy", energy)}
+    shear = bool(structure.sliders) if base_shear is None else flag("base_shear", base_shear)
+    wanted = {"base_shear": shear, "energy": flag("energy", energy)}
     solver = RecordMap(structure, record.dt, rtol, **wanted)
     return _complete(solver.respond(record.acceleration, scale, tail, state, at_samples=at_samples))
 

@@ -70,7 +70,11 @@ KEYS = (
 OUTPUT = (
     Key("times", "times of the peaks", True),
     Key("alone", "peaks without contacts, and the gaps that would not have closed", True),
-    Key("base_shear", "peak reaction of the base of each building", False),
+    Key(
+        "base_shear",
+        "peak reaction of the base of each building",
+        told="true where the structure yields",
+    ),
     Key("energy", "energies at the end ([which](yielding.md#results)), of sharp contacts", False),
     Key(
         "history",

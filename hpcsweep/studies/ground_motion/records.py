@@ -64,6 +64,8 @@ class Records(RecordGrid):
             raise values.error("solver.method", settings.solver, "must be 'flow' for records")
         groups = [key for key in keys.OUTPUT if key.name in GROUPS]
         given = {key.name: values.get(f"output.{key.name}", key.default) for key in groups}
+        if given["base_shear"] is None:
+            given["base_shear"] = bool(structure.sliders)
         wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
         if "energy" in wanted and structure.contacts and structure.sharpness != np.inf:
             raise values.error("output.energy", True, "goes with sharp contacts, sharpness = inf")

@@ -721,9 +721,9 @@ def test_collapses_are_computed_as_plainly_and_told(tmp_path):
     assert validate(path, 4).sound
     told = summarize(path)
     assert told["collapsed"]["runs"] == fallen.sum()
-    lines = describe(job)
-    assert "P-Delta" in lines[0]
-    assert "collapse:   beyond a drift of (0.15, 0.2)" in lines
+    lines = dict(describe(job))
+    assert "P-Delta" in lines["structure"]
+    assert lines["collapse"] == "beyond a drift of (0.15, 0.2)"
     _, _, plain = computed(FALLS + '[solver]\nskip = "none"\n', tmp_path, "plain")
     assert (results["skip_rule"] == SkipRule.LINEAR).any()
     for name in FALLEN:

@@ -63,9 +63,9 @@ class Records(RecordGrid):
         if settings.solver != "flow":
             raise values.error("solver.method", settings.solver, "must be 'flow' for records")
         groups = [key for key in keys.OUTPUT if key.name in GROUPS]
-        given = {key.name: values.get(f"output.{key.name}", key.default) for key in groups}
-        if given["base_shear"] is None:
-            given["base_shear"] = bool(structure.sliders)
+        default = {key.name: key.default for key in groups}
+        default["base_shear"] = bool(structure.sliders)
+        given = {name: values.get(f"output.{name}", own) for name, own in default.items()}
         wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
         if "energy" in wanted and structure.contacts and structure.sharpness != np.inf:
             raise values.error("output.energy", True, "goes with sharp contacts, sharpness = inf")

@@ -219,21 +219,20 @@ ALONE, OTHER = Contact((0, -1, 0), 0.1, 10.0), Contact((1, 0, 0), 0.3, 10.0)
 BETWEEN = Contact((1, 0, -1), 0.2, 20.0)
 
 
-@pytest.mark.parametrize(
-    "structure",
-    [
-        Structure(),
-        Structure(2, gap=math.inf),
-        Structure(4, mass=(1.0, 2.0, 3.0, 4.0), rayleigh=(0.1, 0.1)),
-        *(
-            of(mass, stiffness, contacts)
-            for mass in (np.eye(3), FULL, np.array(FULL, order="F"))
-            for stiffness in (np.diag((1.0, 2.0, 3.0)), FULL)
-            for contacts in ([], [ALONE], [ALONE, BETWEEN], [ALONE, OTHER], [OTHER, BETWEEN])
-        ),
-    ],
-)
-def test_all_structures_share_the_compiled_kernels(structure):
+SHARING = [
+    Structure(),
+    Structure(2, gap=math.inf),
+    Structure(4, mass=(1.0, 2.0, 3.0, 4.0), rayleigh=(0.1, 0.1)),
+    *(
+        of(mass, stiffness, contacts)
+        for mass in (np.eye(3), FULL, np.array(FULL, order="F"))
+        for stiffness in (np.diag((1.0, 2.0, 3.0)), FULL)
+        for contacts in ([], [ALONE], [ALONE, BETWEEN], [ALONE, OTHER], [OTHER, BETWEEN])
+    ),
+]
+
+
+def test_all_structures_share_the_compiled_kernels():
     def kinds(value):
         if isinstance(value, tuple):
             return [kinds(field) for field in value]
@@ -241,4 +240,5 @@ def test_all_structures_share_the_compiled_kernels(structure):
             return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
         return type(value)
 
-    assert kinds(kernel_model(structure, 0.5)) == kinds(kernel_model(Structure(), 0.5))
+    for structure in SHARING:
+        assert kinds(kernel_model(structure, 0.5)) == kinds(kernel_model(Structure(), 0.5))

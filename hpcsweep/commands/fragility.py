@@ -44,7 +44,10 @@ def configure(parser) -> None:
     parser.add_argument(
         "--response",
         default="drift",
-        choices=("drift", "displacement", "acceleration", "force", "impacts"),
+        choices=(
+            *("drift", "displacement", "acceleration", "force", "impacts"),
+            *("ductility", "residual_drift", "base_shear"),
+        ),
         help="of which the threshold is (default: %(default)s)",
     )
     parser.add_argument(

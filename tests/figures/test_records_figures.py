@@ -1,5 +1,6 @@
 """Figures of responses to records, and what `hpcsweep fragility` prints and writes."""
 
+import contextlib
 import csv
 import json
 
@@ -12,6 +13,7 @@ from hpcsweep.figures.diagrams.responses import buildings
 from hpcsweep.figures.options import figures
 from hpcsweep.job import parse_job
 from hpcsweep.solvers.response import history
+from hpcsweep.store import Frames
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, StripesError, fit, stripes_of
 
 SCALES = '{by = "sa", period = 0.5, from = 0.5, to = 20.0, count = 20}'
@@ -79,10 +81,34 @@ def test_stripes_are_the_largest_of_their_places(folder):
     building = stripes_of(results, study, "acceleration", "A")
     floors = results.floor_acceleration.sel(floor=["A1", "A2"]).max("floor")
     np.testing.assert_array_equal(building.values, floors)
-    for name in RESPONSES:
-        assert stripes_of(results, study, name).values.shape == (8, 20)
+    for name, (variable, *_, lacks) in RESPONSES.items():
+        if variable in results:
+            assert stripes_of(results, study, name).values.shape == (8, 20)
+        else:
+            with pytest.raises(StripesError, match=f"no {variable}: the structure has no {lacks}"):
+                stripes_of(results, study, name)
     with pytest.raises(StripesError, match="must be one of drift"):
         stripes_of(results, study, "stress")
+
+
+def test_responses_of_storeys_that_yield_are_those_of_the_file(folder):
+    with contextlib.closing(Frames(folder / "hysteresis.h5", "responses")) as frames:
+        results, study = frames.gather([*frames]), frames.study
+    for name, variable, largest in (
+        ("ductility", "ductility", results.ductility.max("slider")),
+        ("residual_drift", "residual_drift", abs(results.residual_drift).max("storey") / 0.032),
+        ("base_shear", "base_shear", results.base_shear.max("building")),
+    ):
+        assert variable in results
+        found = stripes_of(results, study, name)
+        np.testing.assert_allclose(found.values, largest, rtol=1e-14)
+    assert stripes_of(results, study, "residual_drift").label == "residual storey drift ratio  [%]"
+    profile = figures()["profile"].draw(results, "ductility")
+    assert [axis.get_xlabel() for axis in profile.axes] == ["ductility"]
+    median = reported(folder, "hysteresis.h5", "--threshold", "1.0", "--response", "ductility")
+    assert 0 < median["capacity"]["0.5"] < np.inf
+    done = hpcsweep(0, "fragility", "--help").stdout
+    assert all(name in done for name in RESPONSES)
 
 
 def reported(folder, *arguments):

@@ -7,24 +7,24 @@ from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.model.isolation import SLAB
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import stripes_of
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, stripes_of
 
 NAME = "profile"
 DRAWS = "responses"
 HELP = """\
-peak drift, displacement or acceleration over the storeys of each building at one
-intensity: median, 16 to 84 %, and the median without contacts"""
+peak drift, displacement or acceleration, ductility or residual drift over the storeys
+of each building at one intensity: median, 16 to 84 %, and the median without contacts"""
 OPTIONS = (responses.RESPONSE, responses.SCALE)
 load = responses.load
 
 
 def draw(results, response: str = "drift", scale: float | None = None):
     """Draw a panel for each building, storeys upwards."""
-    if response not in ("drift", "displacement", "acceleration"):
+    if response in ("force", "impacts", "base_shear"):
         raise style.PlotError(f"--response {response}: has no profile over the height")
     at, study = responses.scale_index(results, scale), style.study_of(results, Records)
     whole = responses.opened(results, response, None)
-    dim = "storey" if response == "drift" else "floor"
+    dim = str(results[RESPONSES[response][0]].dims[-1])
     names = [str(one) for one in results[dim].values]
     found = responses.buildings(names)
     figure, axes = style.new_grid(1, len(found), (1.2 + 2.6 * len(found), 4.2), sharex=True)

@@ -13,19 +13,23 @@ from hpcsweep.earthquakes.stripes import Capacity, capacity, linear_capacity
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.variables import DRIFT_RATIO, percent_of_height
+from hpcsweep.studies.variables import percent_of_height
 
 if TYPE_CHECKING:
     from hpcsweep.earthquakes.fragility import Fragility
 
 RESPONSES = {
-    "drift": ("storey_drift", "peak storey drift", "length"),
-    "displacement": ("displacement", "peak displacement", "length"),
-    "acceleration": ("floor_acceleration", "peak floor acceleration", "acceleration"),
-    "force": ("contact_force", "peak contact force", "force"),
-    "impacts": ("impacts", "impacts", "1"),
+    "drift": ("storey_drift", "peak storey drift", "length", "storeys"),
+    "displacement": ("displacement", "peak displacement", "length", "floors"),
+    "acceleration": ("floor_acceleration", "peak floor acceleration", "acceleration", "floors"),
+    "force": ("contact_force", "peak contact force", "force", "contacts"),
+    "impacts": ("impacts", "impacts", "1", "contacts"),
+    "ductility": ("ductility", "ductility", "1", "storeys that yield, or sliders"),
+    "residual_drift": ("residual_drift", "residual storey drift", "length", "storeys that yield"),
+    "base_shear": ("base_shear", "peak base shear", "force", "output.base_shear"),
 }
-"""Variables of the file, their labels and their quantities, by the names of responses."""
+"""Variables of the file, their labels, their quantities, and what a structure without them lacks,
+by the names of responses."""
 COLLAPSE = "collapse"
 """A response that is 0, or infinite."""
 
@@ -75,14 +79,13 @@ def stripes_of(
         If the file has no such response, or no such place.
     """
     if response == COLLAPSE:
-        name, label, quantity = "collapsed", COLLAPSE, "1"
+        name, label, quantity, lacks = "collapsed", COLLAPSE, "1", "collapse_drift"
     elif response in RESPONSES:
-        name, label, quantity = RESPONSES[response]
+        name, label, quantity, lacks = RESPONSES[response]
     else:
         raise StripesError(f"response {response!r}: must be one of {', '.join(RESPONSES)}")
     structure, measure = study.structure, study.measure
     if name not in results:
-        lacks = "collapse_drift" if response == COLLAPSE else "contacts"
         raise StripesError(f"the results hold no {name}: the structure has no {lacks}")
     array = results[name]
     if response == COLLAPSE:
@@ -92,12 +95,12 @@ def stripes_of(
     chosen = places_of(names, place)
     factor, unit = np.ones(1), unit_of(structure, quantity)
     percent = percent_of_height(results)
-    if response == "drift" and percent is not None:
+    if dim == "storey" and percent is not None:
         factor, unit = percent[chosen], "%"
-        label = DRIFT_RATIO
+        label += " ratio"
     if place is not None:
         label += f" of {place}"
-    values = (array.values[..., chosen] * factor).max(axis=-1).astype(float)
+    values = np.abs(array.values[..., chosen] * factor).max(axis=-1).astype(float)
     values[results["outcome"].values != Outcome.COMPLETE] = np.nan
     if "collapsed" in results:
         values[results["collapsed"].values > 0] = np.inf

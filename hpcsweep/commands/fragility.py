@@ -157,6 +157,7 @@ def _demands(options, results, study: "Records") -> int:
     import numpy as np
 
     from hpcsweep.earthquakes.demands import write_demands
+    from hpcsweep.model.isolation import SLAB
     from hpcsweep.studies.ground_motion.stripes import places_of
 
     check_overwriting(options.demands, DEMANDS)
@@ -168,8 +169,8 @@ def _demands(options, results, study: "Records") -> int:
     at = int(np.argmin(np.abs(scales - (options.scale or scales[0]))))
     one = results.isel(scale=at)
     storeys, floors = (
-        places_of([str(name) for name in results[dim].values], options.place)
-        for dim in ("storey", "floor")
+        [i for i in places_of(names, options.place) if not names[i].endswith(SLAB)]
+        for names in ([*map(str, results[dim].values)] for dim in ("storey", "floor"))
     )
     height = results["storey_height"].values[storeys]
     g = study.gravity

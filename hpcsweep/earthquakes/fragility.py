@@ -211,7 +211,8 @@ def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
     zeros = np.zeros(never.sum())
     fit = Likelihood(np.log(below[never]), zeros, zeros + 1.0, logs)
     b = fit.largest(np.array([-logs.mean(), 1.0]) / logs.std(), np.eye(2))
-    ends = above.min(), np.where(never, below, above).max()
+    # the lowest stripe is that which the first reach, or lies below what none reaches
+    ends = below.min() or above.min(), np.where(never, below, above).max()
     shares = np.array([0.0, own.size / scale.size])
     return _fragility(fit, b, fit.slopes(b)[1], confidence, ends, shares)
 

@@ -21,7 +21,7 @@ from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
-from hpcsweep.studies.ground_motion.keys import read_gravity
+from hpcsweep.studies.ground_motion.keys import known_gravity
 
 Harmonics = tuple[tuple[int, float, float], ...]
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
@@ -71,7 +71,8 @@ def read_structure(values: Values) -> Structure:
         if side_by_side or values.table("pounding"):
             structure = _of_buildings(values, given, harmonics)
         elif matrices is None:
-            given = {key: _tuples(value) for key, value in _weighed(values, given).items()}
+            given = _weighed(values, "structure", given)
+            given = {key: _tuples(value) for key, value in given.items()}
             structure = Structure(**given, harmonics=harmonics)
         else:
             structure = _of_matrices(values, given, matrices, contacts, harmonics)
@@ -139,14 +140,16 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
     )
 
 
-def _weighed(values: Values, table: dict) -> dict:
+def _weighed(values: Values, place: str, table: dict) -> dict:
     """Return a table with the weights that p_delta needs: masses times g, unless they are given."""
+    if "weight" in table and "p_delta" not in table:
+        raise values.error(f"{place}.weight", table["weight"], "goes with p_delta")
     mass: Any = table.get("mass")
     each = mass if isinstance(mass, list) else [mass]
     is_known = all(isinstance(one, int | float) for one in each)
     if table.get("p_delta") is not True or "weight" in table or not is_known:
         return table
-    gravity = read_gravity(values)
+    gravity = known_gravity(values, f"{place}.p_delta", True)
     return {**table, "weight": [gravity * one for one in each] if mass is each else gravity * mass}
 
 
@@ -195,7 +198,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
             limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"
             raise values.error("building.name", name, limit)
-    tables = [_with_isolation(values, _weighed(values, table)) for table in tables]
+    tables = [_with_isolation(values, _weighed(values, "building", table)) for table in tables]
     buildings = [_building(k, table) for k, table in enumerate(tables)]
     pounding = dict(values.table("pounding"))
     if len(buildings) == 1:
@@ -216,7 +219,12 @@ def _with_isolation(values: Values, table: Mapping) -> Mapping:
     if given is None:
         return table
     _check_table(values, "building.isolation", given, ISOLATION, ("slab_mass",))
-    by_weight = {"gravity": read_gravity(values)} if {"radius", "friction"} & set(given) else {}
+    if "wall_stiffness" in given and "gap" not in given:
+        key = "building.isolation.wall_stiffness"
+        raise values.error(key, given["wall_stiffness"], "goes with gap, the distance of the walls")
+    by_weight = {}
+    for key in sorted({"radius", "friction"} & set(given)):
+        by_weight["gravity"] = known_gravity(values, f"building.isolation.{key}", given[key])
     return {**table, "isolation": {**given, **by_weight}}
 
 

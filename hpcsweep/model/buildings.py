@@ -3,7 +3,7 @@
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from operator import attrgetter
 from typing import Any
@@ -101,6 +101,8 @@ class Building:
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
         bearings: Any = self.isolation
         if isinstance(bearings, Mapping):
+            for key in set(bearings) - {field.name for field in fields(Isolation)}:
+                raise ValueError(f"building.isolation must not have {key!r}")
             object.__setattr__(self, "isolation", Isolation(**bearings))
         elif bearings is not None:
             instance("building.isolation", bearings, Isolation)

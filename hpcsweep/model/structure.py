@@ -192,6 +192,9 @@ class Structure(MeasuredDynamics):
             check_definite("mass" if self.matrices is None else "matrices.mass", self.mass_matrix)
             name = "storey_stiffness" if self.matrices is None else "matrices.stiffness"
             check_definite(name, self.stiffness_matrix)
+        for name in self.slider_names:
+            if self.slider_names.count(name) > 1:
+                raise ValueError(f"slider.name must differ, {name!r} is given twice")
         self._check_collapse()
 
     @classmethod

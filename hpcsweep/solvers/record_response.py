@@ -213,8 +213,8 @@ def response_of(
     strength = np.array([slider.strength for slider in structure.sliders])
     elongation, path = slid.elongation * length, slid.path * length
     plastic = slid.plastic * length
-    lasting = np.zeros(n)
-    if plastic.any():
+    lasting = np.full(n, math.nan if ended.collapsed else 0.0)
+    if plastic.any() and not ended.collapsed:
         from hpcsweep.model.equilibrium import static_equilibrium  # reading results needs no scipy
 
         lasting = static_equilibrium(structure, plastic) - structure.rest[:n]

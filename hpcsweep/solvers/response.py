@@ -26,6 +26,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Response
 
+AT_STRENGTH = 1e-9
+"""Part by which a slider may start beyond its strength: rounding of a state put there."""
 __all__ = ["Response", "first_contact_scale", "history", "linear_response", "response"]
 
 WHOLE = "must be a whole multiple or a whole part of {:g}, the time between samples"
@@ -60,7 +62,8 @@ def response(
     tail : float
         Time of free motion after the last sample, at least 0.
     state : array_like, shape (2n,), optional
-        (u, u') at the first sample. Default: rest, in static equilibrium with the contacts.
+        (u, u') at the first sample. Default: rest, in static equilibrium with the contacts. Sliders
+        have not slipped there: a `final_state` does not continue a motion that has yielded.
     rtol : float
         Relative error asked of the motion inside contact layers, see `FlowMap`.
     at_samples : bool
@@ -99,6 +102,13 @@ def response(
     scale = finite("scale", scale)
     if state is not None:
         state = finite_vector("state", state, 2 * structure.n_floors)
+        elongation = structure.slider_directions @ state[: structure.n_floors]
+        for one, y in zip(structure.sliders, elongation.tolist(), strict=True):
+            if abs(y) > one.limit * (1.0 + AT_STRENGTH):
+                raise ValueError(
+                    f"state: slider {one.name or 'of the structure'} would be extended by {y:.6g}, "
+                    f"slips at {one.limit:.6g}: sliders start without having slipped"
+                )
     from hpcsweep.solvers.flow.record_map import RecordMap  # reading results needs no kernels
 
     if energy and at_samples:

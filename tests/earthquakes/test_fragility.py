@@ -266,3 +266,13 @@ def test_what_makes_no_cloud_is_refused(x, r, message):
 def test_a_cloud_that_falls_has_no_fragility():
     with pytest.raises(ValueError, match="the slope must be above 0 for a fragility, is -1"):
         cloud([1, 2, 4], [4, 2, 1]).capacity(1.0)
+
+
+def test_a_median_between_stripes_that_none_and_all_reach_is_no_extrapolation():
+    found = capacity([1.0, 5.0, 9.0], [[1.0, 2.0, 4.0], [1.0, 2.5, 5.0]], threshold=3.0)
+    fit = capacity_fragility(found)
+    assert 5.0 < fit.median < 9.0
+    assert fit.caution == ""
+    # all reach the first stripe
+    found = capacity([1.0, 5.0], [[4.0, 5.0], [5.0, 6.0]], threshold=3.0)
+    assert "below the lowest stripe, 1" in capacity_fragility(found).caution

@@ -454,3 +454,16 @@ def test_base_shears_are_the_largest_reactions_between_all_instants():
     np.testing.assert_allclose(
         sampled.base_shear, np.abs(shear[:, 250::250]).max(axis=1), rtol=1e-10
     )
+
+
+def test_a_start_beyond_the_strength_of_a_slider_is_refused():
+    slider = hpcsweep.Slider((1.0,), 1.0, 0.5, name="brace")
+    structure = hpcsweep.Structure.from_matrices([1.0], [[0.2]], [], sliders=[slider])
+    still = hpcsweep.Record([0.0, 0.0], dt=0.1)
+    assert hpcsweep.response(structure, still, state=[0.5, 0.0]).excursions == [0]
+    with pytest.raises(ValueError, match=r"state: slider brace would be extended by 0\.6, slips"):
+        hpcsweep.response(structure, still, state=[0.6, 0.0])
+    with pytest.raises(ValueError, match=r"slider\.name must differ, 'brace' is given twice"):
+        hpcsweep.Structure.from_matrices([1.0], [[0.2]], [], sliders=[slider, slider])
+    with pytest.raises(ValueError, match=r"building\.isolation must not have 'friktion'"):
+        hpcsweep.Building(1.0, 1.0, isolation={"slab_mass": 1.0, "friktion": 0.1})

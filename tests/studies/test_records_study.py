@@ -640,6 +640,8 @@ WRONG_ISOLATION = [
     ("radius = 2.0", "radius = -2.0", "building[0].isolation.radius must be finite and positive"),
     ("radius = 2.0", "radius = 1e30", "building[0].isolation.radius must be finite and pos"),
     ("radius = 2.0", "curvature = 2.0", "unknown key 'building.isolation.curvature'"),
+    ("gap = 0.1\n", "", "building.isolation.wall_stiffness = 1000000000.0: goes with gap"),
+    ('length = "mm"\n', "", "building.isolation.friction = 0.05: needs one g: give [units] or rec"),
     ("radius = 2.0", "gravity = 9.8", "unknown key 'building.isolation.gravity'"),
     ("friction = 0.05", 'friction = "low"', "building[0].isolation.friction must be a number"),
     ("friction = 0.05", "friction = 1e-40", "building.isolation.friction = 1e-40: must be 0 or"),
@@ -677,6 +679,7 @@ hardening = -0.03
 p_delta = true
 collapse_drift = [0.15, 0.2]
 [records]
+gravity = 9.80665
 synthetic = {count = 4, seed = 3, dt = 0.02, duration = 10.0}
 tail = 2.0
 scale = {values = [0.25, 1.0, 2.0, 4.0, 8.0]}
@@ -694,7 +697,6 @@ FALLEN = (
 def test_collapses_are_computed_as_plainly_and_told(tmp_path):
     job, path, results = computed(FALLS, tmp_path)
     structure = job.study.structure
-    # 9.80665 m/s^2, units of jobs being m and s
     first = 1e8 - 2 * 2.5e5 * 9.80665 / 3.5
     assert structure.stiffness_matrix[0].sum() == pytest.approx(first)
     fallen = results["collapsed"].values
@@ -721,6 +723,7 @@ def test_collapses_are_computed_as_plainly_and_told(tmp_path):
     assert validate(path, 4).sound
     told = summarize(path)
     assert told["collapsed"]["runs"] == fallen.sum()
+    assert (np.isnan(results["residual_drift"].values).all(axis=-1) == (fallen == 1)).all()
     lines = dict(describe(job))
     assert "P-Delta" in lines["structure"]
     assert lines["collapse"] == "beyond a drift of (0.15, 0.2)"
@@ -747,6 +750,21 @@ def test_an_elastic_storey_that_collapses_is_not_linear(tmp_path):
     assert (linear == (fallen == 0)).all()
     assert 0 < fallen.sum() < fallen.size
     assert validate(path, 2).sound
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("gravity = 9.80665\n", "", "structure.p_delta = True: needs one g: give [units] or rec"),
+        ("p_delta = true", "weight = 1e6", "structure.weight = 1000000.0: goes with p_delta"),
+        ("storey_height = [3.5, 3.0]\n", "", "structure.storey_height is missing: p_delta needs"),
+    ],
+)
+def test_weights_that_are_not_known_or_not_used_are_refused(old, new, message):
+    assert old in FALLS
+    with pytest.raises(JobError) as caught:
+        parse_job(FALLS.replace(old, new), "job.toml", "job")
+    assert message in str(caught.value)
 
 
 def test_curves_end_flat_where_structures_collapse(tmp_path):

@@ -20,6 +20,8 @@ load = responses.load
 def draw(results, response: str = "drift"):
     """Draw a band for each building."""
     whole = responses.opened(results, response, None)
+    if not style.structure_of(results).contacts:
+        raise style.PlotError("--kind pounding: the structure has no contacts")
     if whole.alone is None:
         raise style.PlotError(
             "the file holds no responses without contacts: set output.alone = true"
@@ -34,7 +36,8 @@ def draw(results, response: str = "drift"):
         colour = palette.series_colour(series)
         axis.fill_between(one.intensity, low, high, color=colour, alpha=0.2, linewidth=0)
         axis.plot(one.intensity, median, color=colour, label=f"building {building}".strip())
-    axis.set_ylabel(whole.label.partition("  [")[0] + ", over that without contacts", fontsize=8)
+    label = whole.label.partition("  [")[0]
+    axis.set_ylabel(f"{label}, over that: {responses.alone(results)}", fontsize=8)
     axis.set(xlabel=whole.measure, xlim=(0, whole.intensity[-1]), ylim=(0, None))
     responses.legend(axis, f"{len(whole.records)} records, 16 to 84 %")
     return style.head(figure, responses.title(results), fontsize=9)

@@ -40,7 +40,8 @@ def draw(
     try:
         own, found = capacities(stripes, threshold), fit(stripes, threshold)
     except StripesError as error:
-        raise style.PlotError(f"--threshold {threshold:g}: {error}") from None
+        given = "--collapse" if collapse else f"--threshold {threshold:g}"
+        raise style.PlotError(f"{given}: {error}") from None
     figure, (axis,) = style.new_figure(1, 4.2)
     touches = responses.touches(stripes)
     colour = palette.series_colour(0)

@@ -49,4 +49,4 @@ def draw(results, record: str | None = None, scale: float | None = None, place: 
         axis.set_ylabel("force" + labels.unit(structure, "force"), fontsize=8)
     for axis in axes[(len(axes) - 1) // IN_A_ROW * IN_A_ROW :]:
         axis.set_xlabel("elongation" + labels.unit(structure, "length"), fontsize=8)
-    return style.head(figure, f"{samples.name},  {responses.at_scale(study, at)}", fontsize=9)
+    return style.head(figure, responses.run_title(results, study, i, at), fontsize=9)

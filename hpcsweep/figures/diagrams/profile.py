@@ -48,7 +48,7 @@ def draw(results, response: str = "drift", scale: float | None = None):
         axis.set_ylim(min(ends) - 0.5, max(ends) + 0.5)
     axes[0, 0].set(xlim=(0, None), ylabel=dim)
     responses.legend(axes[0, 0])
-    where = responses.at_scale(study, at)
-    return style.head(
-        figure, f"{where}, {len(whole.records)} records\n{responses.title(results)}", fontsize=9
-    )
+    where = f"{responses.at_scale(study, at)}, {len(whole.records)} records"
+    if fallen := int(np.isinf(whole.values[:, at]).sum()):
+        where += f", {fallen} of which collapse"
+    return style.head(figure, f"{where}\n{responses.title(results)}", fontsize=9)

@@ -67,4 +67,4 @@ def draw(results, record: str | None = None, scale: float | None = None, place: 
     moving.legend(frameon=False, fontsize=7, ncols=4, loc="upper right")
     axes[-1].set(xlabel="time" + labels.unit(structure, "time"), xlim=(0, seen.time[-1]))
     note = elastic_words(elastic_drift(results.isel(record=[i], scale=[at]), structure))
-    return style.head(figure, f"{samples.name},  {responses.at_scale(study, at)}", note, fontsize=9)
+    return style.head(figure, responses.run_title(results, study, i, at), note, fontsize=9)

@@ -138,6 +138,18 @@ def buildings(names) -> dict[str, list[int]]:
     return found
 
 
+def run_title(results, study: Records, i: int, at: int) -> str:
+    """Write which run is drawn, and when it collapses."""
+    one = results.isel(record=i, scale=at)
+    told = [samples_of(study, i).name, at_scale(study, at)]
+    if "part" in results.attrs:
+        told.insert(0, results.attrs["part"])
+    if one.get("collapsed"):
+        unit = labels.unit(study.structure, "time").strip(" []")
+        told.append(f"collapses at {float(one['collapse_time']):.4g} {unit}".strip())
+    return ",  ".join(told)
+
+
 def at_scale(study: Records, place: int) -> str:
     """Write the intensity at one place of the scales."""
     quantity = study.measure.quantity

@@ -253,6 +253,13 @@ def read_gravity(values: Any) -> float:
     return gravity
 
 
+def known_gravity(values: Any, key: str, given: Any) -> float:
+    """Read one g for weights, which nothing but its units or itself makes known."""
+    if "length" not in values.table("units") and "gravity" not in values.table("records"):
+        raise values.error(key, given, "needs one g: give [units] or records.gravity")
+    return read_gravity(values)
+
+
 def read_tail(values: Any, found: tuple[Facts, ...]) -> float:
     """Read the time of free motion after each record."""
     longest = MAX_SAMPLES * min(one.dt for one in found)

@@ -157,7 +157,10 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
     try:
         return capacity_fragility(capacities(stripes, threshold))
     except ValueError as error:
-        raise StripesError(str(error)) from None
+        told = str(error)
+        if stripes.label.startswith(COLLAPSE):
+            told = told.replace("reach the threshold", "collapse")
+        raise StripesError(told) from None
 
 
 def _label(unit: str) -> str:

@@ -63,7 +63,11 @@ PEAKS = (
     _peak("slider_energy", "slider", "energy", 2, "energy that each slider has dissipated"),
     _peak("collapsed", "", "1", 0, "1 if the motion has collapsed and ended", EITHER),
     _peak("collapse_time", "", "time", 0, "when it has collapsed, NaN: not", optional=True),
-    _peak("residual_drift", "storey", "length", 1, "lasting drift of each storey", FINITE),
+    _peak(
+        *("residual_drift", "storey", "length", 1, "lasting drift of each storey; NaN: collapsed"),
+        FINITE,
+        optional=True,
+    ),
     _peak("residual", "floor", "length", 1, "displacement left at the end"),
     _peak("final_state", "state", STATES, 1, "state at the end of the tail", FINITE),
 )

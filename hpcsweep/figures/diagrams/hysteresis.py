@@ -21,7 +21,7 @@ ONE = EACH[0] + MORE[0], EACH[1] + MORE[1]
 
 def load(frames, **_options):
     """Read the facts about the records of one structure."""
-    return frames.gather(["outcome"])
+    return frames.gather(["outcome", *responses.COLLAPSE_NAMES])
 
 
 def draw(results, record: str | None = None, scale: float | None = None, place: str | None = None):

@@ -20,7 +20,7 @@ OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE)
 
 def load(frames, **_options):
     """Read the facts about the records of one structure, and the forces."""
-    return frames.gather(["outcome", "contact_force", "storey_drift"])
+    return frames.gather(["contact_force", "storey_drift", "outcome", *responses.COLLAPSE_NAMES])
 
 
 def draw(results, record: str | None = None, scale: float | None = None, place: str | None = None):

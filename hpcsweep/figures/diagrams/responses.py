@@ -138,16 +138,18 @@ def buildings(names) -> dict[str, list[int]]:
     return found
 
 
+COLLAPSE_NAMES = "collapsed", "collapse_time"
+"""Variables that `run_title` tells, where a file holds them."""
+
+
 def run_title(results, study: Records, i: int, at: int) -> str:
     """Write which run is drawn, and when it collapses."""
     one = results.isel(record=i, scale=at)
-    told = [samples_of(study, i).name, at_scale(study, at)]
-    if "part" in results.attrs:
-        told.insert(0, results.attrs["part"])
+    told = [results.attrs.get("part"), samples_of(study, i).name, at_scale(study, at)]
     if one.get("collapsed"):
         unit = labels.unit(study.structure, "time").strip(" []")
         told.append(f"collapses at {float(one['collapse_time']):.4g} {unit}".strip())
-    return ",  ".join(told)
+    return ",  ".join(filter(None, told))
 
 
 def at_scale(study: Records, place: int) -> str:

@@ -216,12 +216,16 @@ def load() -> None:
     from hpcsweep.commands import cli, one_thread, plot, run  # noqa: F401
     from hpcsweep.figures.film import film  # noqa: F401
     from hpcsweep.figures.options import figures
+    from hpcsweep.kernels.compile.entry_points import ALL, with_called
     from hpcsweep.studies.compilation import warm_up
     from hpcsweep.studies.settings import SweepSettings
 
     figures()
     for solver in ("flow", "bdf"):
         warm_up(SweepSettings(solver=solver))
+    # a fork that imports the package anew calls those that are loaded here, through the same cells
+    for one in with_called(*(one for one in ALL if one.on_demand)):
+        one.load()
 
 
 def forked(arguments: list[str], cwd: Path | None = None) -> subprocess.CompletedProcess:

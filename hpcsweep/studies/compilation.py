@@ -95,6 +95,13 @@ def warm_up(
     solver = make_solver(settings.solver, example, 1.0, settings.rtol)
     z = np.zeros(2 * example.n_floors)
     amplitude = 0.0 if specialised else 1.0
+    if settings.solver == "flow":
+        from hpcsweep.solvers.flow import FlowMap
+        from hpcsweep.solvers.flow.orbit.batch import Rules
+
+        assert isinstance(solver, FlowMap)
+        rules = Rules(settled=SETTLED, same=SETTLED, near=SETTLED)
+        solver.follow_orbits(np.array([amplitude]), z, rules, None)
     if "converged" in settings.skip:
         solver.settle(z, amplitude, 1, 1, SETTLED, SETTLED)
     else:

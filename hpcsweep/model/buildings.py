@@ -117,8 +117,7 @@ class Building:
         """Structure of the building alone, on its bearings if it has some."""
         fixed = self.on_fixed_base
         made = fixed if self.isolation is None else self.isolation.beneath(fixed)
-        heights = () if self.storey_height is None else self.storey_height
-        return made.named(*made.names[:2], np.ravel(heights).tolist(), fixed.floor_names)
+        return made.named(*made.names[:2], fixed.names.storey_heights, fixed.floor_names)
 
     @functools.cached_property
     def on_fixed_base(self) -> Structure:

@@ -1,60 +1,128 @@
-"""Write values of the kernels, even tuples of arrays, into an array of bytes, and read them.
+"""Place named tuples of numbers and arrays, nested, in an array of bytes that kernels read.
 
-numba unpacks every array argument of a call; values read from one buffer cost nothing to pass. The
-arrays themselves lie in it too (`places`). Where kernels are not compiled (`fallback`) a tuple is
+numba unpacks every array argument of a call, and passes a tuple by its values: the 250 of a
+structure would be copied into every call, typed and optimised away in every kernel. Kernels see a
+placed tuple as a `View` of three addresses, and read a field where they use it. The values do not
+change while a kernel runs (``invariant.load``), so that the compiler reads each once, or never
+where it knows the sizes (`specialise`). Where kernels are not compiled (`fallback`) a tuple is
 passed unchanged.
 """
 
+import hashlib
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import numba
 import numpy as np
-from numba.core import types
-from numba.core.registry import cpu_target
-from numba.extending import intrinsic
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import AttributeTemplate, infer_getattr
+from numba.extending import intrinsic, lower_getattr_generic, models, register_model
+from numba.np.arrayobj import populate_array
 
-from hpcsweep.kernels.compile import kernel, specialise
-from hpcsweep.kernels.compile.places import Pattern, Shapes, Zeros
+from hpcsweep.kernels.compile import specialise
+from hpcsweep.kernels.compile.places import Pattern, Words, Zeros
 from hpcsweep.kernels.simd import fallback
 
-
-def _place_of(context, builder, signature, arguments, which: int, kind):
-    """Return a pointer to a value of type `kind` at the start of the array argument `which`."""
-    array = context.make_array(signature.args[which])(context, builder, arguments[which])
-    return builder.bitcast(array.data, context.get_value_type(kind).as_pointer())
+WORD = ir.IntType(64)
 
 
-@intrinsic
-def write(typingctx, value, buffer):
-    """Write a value into an array of bytes, in the kernels' form; arrays by their addresses."""
-    del typingctx
+class View(types.Type):
+    """A placed named tuple, as kernels see it.
 
-    def generate(context, builder, signature, arguments):
-        place = _place_of(context, builder, signature, arguments, 1, signature.args[0])
-        builder.store(arguments[0], place, align=8)
-        return context.get_dummy_value()
+    Parameters
+    ----------
+    kind : numba.types.NamedTuple
+        Type of the tuple.
 
-    return types.void(value, buffer), generate
+    Attributes
+    ----------
+    fields : dict
+        Type of each field, and its first word.
+    """
+
+    def __init__(self, kind):
+        self.fields, at = {}, 0
+        for name, inner in zip(kind.fields, kind.types, strict=True):
+            part = View(inner) if isinstance(inner, types.BaseTuple) else inner
+            self.fields[name] = part, at
+            at += getattr(part, "n_words", 1 + getattr(inner, "ndim", 0))
+        self.n_words = at
+        # short: it is part of the name of every function that such a view is passed to
+        digest = hashlib.sha256(str(kind).encode()).hexdigest()[:12]
+        super().__init__(f"view_{kind.instance_class.__name__}_{digest}")
+
+
+@register_model(View)
+class _ViewModel(models.StructModel):
+    """Addresses: of the memory, of the words in which the numbers are, and of those of arrays."""
+
+    def __init__(self, manager, kind):
+        fields = [(name, types.voidptr) for name in ("memory", "numbers", "at")]
+        super().__init__(manager, kind, fields)
+
+
+@infer_getattr
+class _ViewFields(AttributeTemplate):
+    key = View
+
+    def generic_resolve(self, value, attr):
+        """Return the type of a field."""
+        return value.fields[attr][0] if attr in value.fields else None
+
+
+@lower_getattr_generic(View)
+def _read_field(context, builder, kind, value, name):
+    """Generate what reads a field."""
+    inner, first = kind.fields[name]
+    view = cgutils.create_struct_proxy(kind)(context, builder, value=value)
+
+    def word(address, at: int, form=WORD):
+        place = builder.gep(address, [WORD(8 * at)], inbounds=True)
+        read = builder.load(builder.bitcast(place, form.as_pointer()), align=8)
+        read.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return read
+
+    if isinstance(inner, View):
+        part = cgutils.create_struct_proxy(inner)(context, builder)
+        part.memory = view.memory
+        part.numbers = builder.gep(view.numbers, [WORD(8 * first)], inbounds=True)
+        part.at = builder.gep(view.at, [WORD(8 * first)], inbounds=True)
+        return part._getvalue()
+    if isinstance(inner, types.Array):
+        shape = [word(view.at, first + 1 + axis) for axis in range(inner.ndim)]
+        form = context.get_data_type(inner.dtype)
+        itemsize = context.get_constant(types.intp, context.get_abi_sizeof(form))
+        strides = [itemsize]
+        for length in shape[:0:-1]:
+            strides.insert(0, builder.mul(length, strides[0], flags=["nsw"]))
+        data = builder.gep(view.memory, [word(view.at, first)], inbounds=True)
+        array = context.make_array(inner)(context, builder)
+        data = builder.bitcast(data, form.as_pointer())
+        return populate_array(array, data, shape, strides, itemsize, None)._getvalue()
+    if inner == types.boolean:
+        return builder.icmp_signed("!=", word(view.numbers, first), WORD(0))
+    return word(view.numbers, first, context.get_value_type(inner))
 
 
 def reader(kind):
-    """Return a kernel function that reads a value of a numba type from where it was written.
-
-    Nothing is checked, and nothing is counted: see `kernel`.
-    """
+    """Return a kernel function that reads a placed named tuple of a numba type as a `View`."""
+    seen = View(kind)
 
     @intrinsic
     def read(typingctx, buffer):
         del typingctx
 
         def generate(context, builder, signature, arguments):
-            place = _place_of(context, builder, signature, arguments, 0, kind)
-            value = builder.load(place, align=8)
-            return specialise.with_known_sizes(context, builder, kind, value, place)
+            array = context.make_array(signature.args[0])(context, builder, arguments[0])
+            view = cgutils.create_struct_proxy(seen)(context, builder)
+            view.memory = view.numbers = view.at = builder.bitcast(array.data, cgutils.voidptr_t)
+            known = specialise.known_words(builder, kind)
+            if known is not None:
+                view.at = builder.bitcast(known, cgutils.voidptr_t)
+            return view._getvalue()
 
-        return kind(buffer), generate
+        return seen(buffer), generate
 
     return read
 
@@ -81,11 +149,6 @@ as_long_as = fallback.as_long_as if numba.config.DISABLE_JIT else _as_long_as
 Nothing is checked. The length of an array read from an arena may be known at compilation
 (`specialise`), that of an argument is not.
 """
-
-
-@kernel
-def _write(value, buffer):
-    write(value, buffer)
 
 
 def _form_of(value):
@@ -115,19 +178,13 @@ class Arena:
     """
 
     def __init__(self, example: tuple):
-        self._kind = numba.typeof(Pattern(example, 0).copy()[0])
+        self._kind = numba.typeof(Pattern(example).copy()[0])
         self._form: tuple = ()
         self.read = fallback.read if numba.config.DISABLE_JIT else reader(self._kind)
 
-    def specialise(self, shapes: Shapes) -> specialise.Specialisation:
-        """Return the specialisation for tuples of these shapes: `shapes_of`."""
-        return specialise.Specialisation(self._kind, shapes)
-
-    @cached_property
-    def _head(self) -> int:
-        """Bytes of such a tuple in the kernels' form: its numbers and array descriptors."""
-        context = cpu_target.target_context
-        return context.get_abi_sizeof(context.get_value_type(self._kind))
+    def specialise(self, words: Words) -> specialise.Specialisation:
+        """Return the specialisation for tuples whose `Pattern` has these words."""
+        return specialise.Specialisation(self._kind, words)
 
     def pattern(self, value: tuple) -> Pattern:
         """Return a tuple as the pattern of copies that have the same arrays.
@@ -142,7 +199,7 @@ class Arena:
         TypeError
             If the value is of another type, which kernels would misread.
         """
-        form, made = _form_of(value), Pattern(value, self._head)
+        form, made = _form_of(value), Pattern(value)
         if form != self._form:
             kind = numba.typeof(made.copy()[0])
             if kind != self._kind:
@@ -173,7 +230,7 @@ class Arena:
         value = change(value)
         if numba.config.DISABLE_JIT:
             return value, value
-        _write(value, packed)
+        pattern.write_numbers(value, packed)
         return value, packed
 
     def place(self, value: tuple) -> tuple[Any, np.ndarray]:

@@ -13,7 +13,6 @@ from hpcsweep.kernels.compile.places import (
     LINE,
     Pattern,
     next_place,
-    shapes_of,
     zeros,
 )
 
@@ -63,13 +62,16 @@ def last_added_up(packed):
 
 @pytest.mark.parametrize("sizes", [(1, 1), (3, 5), (64, 8)])
 def test_arrays_lie_behind_each_other_and_begin_with_a_line(sizes):
-    given, head = value_of(*sizes), 1000
-    value, memory = Pattern(given, head).copy()
+    given = value_of(*sizes)
+    value, memory = Pattern(given).copy()
+    # a number is one word, an array its place and its lengths
+    head = 8 * (3 + 2 + 3 + 1 + 2)
     assert type(value) is Value
     assert type(value.inner) is Inner
-    assert shapes_of(value) == shapes_of(given)
+    assert Pattern(value).words == Pattern(given).words
     assert memory.ctypes.data % LINE == 0
     place = next_place(0, head)
+    words = memory[:head].view(np.int64)
     for array in (value.matrix, *value.inner, value.last):
         if array.size:
             assert array.ctypes.data - memory.ctypes.data == place
@@ -78,6 +80,9 @@ def test_arrays_lie_behind_each_other_and_begin_with_a_line(sizes):
         assert array.flags.c_contiguous
         place = next_place(place, array.nbytes)
     assert memory.size == place
+    lengths = [words[1:3], words[4:5], words[6:8], words[10:11]]
+    arrays = value.matrix, *value.inner, value.last
+    assert [tuple(each) for each in lengths] == [array.shape for array in arrays]
     assert np.array_equal(value.matrix, given.matrix)
     assert not np.shares_memory(value.matrix, given.matrix)
     assert not value.last.any()
@@ -105,7 +110,7 @@ def test_what_is_packed_needs_nothing_else_to_be_kept():
 @pytest.mark.skipif(not STATM.exists(), reason="the system does not tell what is resident")
 def test_pages_of_zeros_are_not_touched():
     resident = resident_bytes()
-    value, _ = Pattern((zeros(50_000_000),), 8).copy()
+    value, _ = Pattern((zeros(50_000_000),)).copy()
     assert resident_bytes() - resident < 50e6
     assert value[0].nbytes == 400e6
 

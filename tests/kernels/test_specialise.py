@@ -1,5 +1,7 @@
 """Kernels specialised to the sizes of a packing: the same results, loops and calls of their own."""
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from hpcsweep.kernels.compile.entry_points import (
     entry_point,
     with_called,
 )
-from hpcsweep.kernels.compile.places import shapes_of
+from hpcsweep.kernels.compile.places import Pattern
 
 if numba.config.DISABLE_JIT:
     pytest.skip("nothing is compiled", allow_module_level=True)
@@ -24,10 +26,21 @@ if numba.config.DISABLE_JIT:
 before = list(rooms.ALL)
 
 
-def packed_of(rows: int, columns: int):
+class Flags(NamedTuple):
+    some: np.ndarray
+    none: np.ndarray
+
+
+class Value(NamedTuple):
+    matrix: np.ndarray
+    flags: Flags
+    number: float
+
+
+def packed_of(rows: int, columns: int) -> Value:
     """A tuple as kernels share it: an array, a tuple with one that holds no numbers, a number."""
     matrix = 1.0 / (1.0 + np.arange(rows * columns, dtype=float).reshape(rows, columns))
-    return matrix, (np.zeros(rows, np.bool_), np.zeros((0, columns))), 0.25
+    return Value(matrix, Flags(np.zeros(rows, np.bool_), np.zeros((0, columns))), 0.25)
 
 
 PACKING = Arena(packed_of(1, 1))
@@ -47,9 +60,10 @@ def weighted(matrix, x):
 @entry_point(FLOAT, BYTES, VECTOR, inner=True, specialises=True)
 def leaf(packed, x):
     """Called through its address."""
-    matrix, flags, number = read(packed)
-    x = as_long_as(x, matrix[0])
-    return weighted(matrix, x) * number + flags[0].shape[0] + flags[1].shape[0]
+    value = read(packed)
+    flags = value.flags
+    x = as_long_as(x, value.matrix[0])
+    return weighted(value.matrix, x) * value.number + flags.some.shape[0] + flags.none.shape[0]
 
 
 @kernel
@@ -67,7 +81,7 @@ def other(x):
 @entry_point(FLOAT, BYTES, VECTOR, specialises=True)
 def root(packed, x):
     """Calls `leaf` itself and by a part."""
-    return leaf(packed, x) + other(between(packed, x)) + read(packed)[0].shape[0]
+    return leaf(packed, x) + other(between(packed, x)) + read(packed).matrix.shape[0]
 
 
 own = [one for one in rooms.ALL if one not in before]
@@ -80,7 +94,7 @@ def specialised(monkeypatch):
     made = {}
 
     def kernels(value) -> SpecialisedKernels:
-        specialisation = PACKING.specialise(shapes_of(value))
+        specialisation = PACKING.specialise(words_of(value))
         if specialisation.key not in made:
             made[specialisation.key] = SpecialisedKernels(specialisation)
             for one in made[specialisation.key].of(with_called(root)):
@@ -90,8 +104,8 @@ def specialised(monkeypatch):
     return kernels
 
 
-def test_shapes_of_tuples_of_arrays():
-    assert shapes_of(packed_of(2, 3)) == ((2, 3), ((2,), (0, 3)), ())
+def words_of(value) -> tuple[int, ...]:
+    return Pattern(value).words
 
 
 def expected(value, x) -> float:
@@ -137,9 +151,9 @@ def test_what_cannot_be_fitted_is_shared(specialised):
 
 
 def test_each_fit_has_its_own_key():
-    keys = {PACKING.specialise(shapes_of(packed_of(i, j))).key for i in (1, 2, 3) for j in (1, 2)}
+    keys = {PACKING.specialise(words_of(packed_of(i, j))).key for i in (1, 2, 3) for j in (1, 2)}
     assert len(keys) == 6
-    assert PACKING.specialise(shapes_of(packed_of(2, 2))).key in keys
+    assert PACKING.specialise(words_of(packed_of(2, 2))).key in keys
 
 
 FITTED = """

@@ -84,6 +84,5 @@ forcing period. Functions that allocate are compiled by `jit`, and may be called
 inlined = functools.partial(kernel, forceinline=True)
 """Compile a kernel that becomes part of its callers, with their arguments as constants.
 
-A plain kernel may be called instead, if it or its caller is long. A `Model` is then passed as 250
-words on the stack, which takes 0.1 us: functions of a `Model` called once an event are inlined.
+A plain kernel may be called instead, if it or its caller is long.
 """

@@ -1,14 +1,13 @@
-"""Places of the arrays of an arena: in one piece of memory, behind its values.
+"""Places of the arrays of an arena: in one piece of memory, behind its words.
 
-Each place follows from the sizes of the arrays before it. So a kernel specialised to the sizes
-(`specialise`) knows all places from one address: none has to be read or stored, and arrays are
-known not to overlap.
+The words come first, one for each number and, for each array, its place and its lengths. Each place
+follows from the sizes of the arrays before it. So a kernel specialised to the sizes (`specialise`)
+knows all places from one address: none has to be read, and arrays are known not to overlap.
 """
 
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -68,33 +67,33 @@ def allocate(kind: Any, sizes: dict[str, int], **given) -> Any:
     return kind(**given)
 
 
-Shapes = tuple
-
-
-def shapes_of(value) -> Shapes:
-    """Return the shapes of the arrays in a tuple of tuples and arrays; () for a number."""
-    if isinstance(value, np.ndarray | Zeros):
-        return value.shape
-    if isinstance(value, tuple):
-        return tuple(map(shapes_of, value))
-    return ()
-
-
 def next_place(place: int, n_bytes: int) -> int:
-    """Return the place behind `n_bytes` of an array, or of the values at place 0."""
+    """Return the place behind `n_bytes` of an array, or of the words at place 0."""
     return place + -(-n_bytes // LINE) * LINE + LINE
 
 
-def _maker(value, arrays: list) -> Callable[[Iterator], Any]:
-    """Append the arrays of such a value; return what makes it from others, in order."""
+def _leaves(value) -> Iterator[Any]:
+    """Yield the arrays and the numbers of a tuple of such, in order."""
+    if isinstance(value, tuple):
+        for one in value:
+            yield from _leaves(one)
+    else:
+        yield value
+
+
+def _maker(value) -> Callable[[Iterator], Any]:
+    """Return what makes such a value from other arrays, in order."""
     if isinstance(value, np.ndarray | Zeros):
-        arrays.append(value)
         return next
     if not isinstance(value, tuple):
         return lambda _: value
-    parts = [_maker(one, arrays) for one in value]
+    parts = [_maker(one) for one in value]
     make = type(value)._make if hasattr(value, "_fields") else tuple
     return lambda others: make([part(others) for part in parts])
+
+
+Words = tuple[int, ...]
+"""Of each array its place and its lengths, of each number 0."""
 
 
 class Pattern:
@@ -104,27 +103,29 @@ class Pattern:
     ----------
     value : tuple
         `zeros` may stand for an array.
-    head : int
-        Bytes before the arrays.
+
+    Attributes
+    ----------
+    words : Words
     """
 
-    def __init__(self, value: tuple, head: int):
-        arrays: list[np.ndarray | Zeros] = []
-        self._value, self._make = value, _maker(value, arrays)
-        self._given = [
-            (index, array.copy())
-            for index, array in enumerate(arrays)
-            if isinstance(array, np.ndarray)
-        ]
-        self._places, self._size = [], next_place(0, head)
-        for array in arrays:
-            self._places.append((array.shape, array.dtype, self._size))
-            self._size = next_place(self._size, array.nbytes)
-
-    @cached_property
-    def shapes(self) -> Shapes:
-        """Shapes of the arrays: `shapes_of`."""
-        return shapes_of(self._value)
+    def __init__(self, value: tuple):
+        self._make = _maker(value)
+        leaves = list(_leaves(value))
+        sizes = [1 + len(leaf.shape) if hasattr(leaf, "shape") else 1 for leaf in leaves]
+        words, self._arrays, self._given, self._numbers = [], [], [], []
+        place = next_place(0, 8 * sum(sizes))
+        for index, leaf in enumerate(leaves):
+            if not isinstance(leaf, np.ndarray | Zeros):
+                self._numbers.append((index, len(words)))
+                words.append(0)
+                continue
+            if isinstance(leaf, np.ndarray):
+                self._given.append((len(self._arrays), leaf.copy()))
+            self._arrays.append((leaf.shape, leaf.dtype, place))
+            words += [place, *leaf.shape]
+            place = next_place(place, leaf.nbytes)
+        self.words, self._size = tuple(words), place
 
     def copy(self) -> tuple[Any, np.ndarray]:
         """Return a copy.
@@ -134,12 +135,24 @@ class Pattern:
         value : tuple
             Its arrays are views.
         memory : ndarray of bytes
-            Aligned to a cache line.
+            Aligned to a cache line; numbers are not written.
         """
         raw = np.zeros(self._size + LINE, np.uint8)
         first = -raw.ctypes.data % LINE
         memory = raw[first : first + self._size]
-        views = [np.ndarray(shape, kind, memory, place) for shape, kind, place in self._places]
+        self._integers(memory)[:] = self.words
+        views = [np.ndarray(shape, kind, memory, place) for shape, kind, place in self._arrays]
         for index, array in self._given:
             views[index][...] = array
         return self._make(iter(views)), memory
+
+    def _integers(self, memory: np.ndarray) -> np.ndarray:
+        return memory[: 8 * len(self.words)].view(np.int64)
+
+    def write_numbers(self, value: tuple, memory: np.ndarray) -> None:
+        """Write the numbers of a copy into its memory."""
+        leaves, integers = list(_leaves(value)), self._integers(memory)
+        reals = integers.view(np.float64)
+        for index, at in self._numbers:
+            number = leaves[index]
+            (reals if isinstance(number, float) else integers)[at] = number

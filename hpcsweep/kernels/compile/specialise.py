@@ -6,22 +6,19 @@ stay in registers, and unused code is removed; a forcing period takes 0.55 to 0.
 product or sum is reordered, so results are equal to the last bit, and a specialised kernel can
 replace the other anywhere.
 
-While a kernel is specialised (`Specialisation.compiling`), the reader of an arena substitutes the
-sizes of `Specialisation.shapes` for those that it reads, and with them the places of all arrays
-behind the one address (`places`); calls of kernels that are also specialised go to these. Both
-happen only in the kernel being compiled: its parts are lowered once for all (`inline`), and have no
-sizes until they are linked into it.
+While a kernel is specialised (`Specialisation.compiling`), what it reads the sizes and places of
+arrays from (`places`) are constants in place of the words of its argument (`known_words`); calls of
+kernels that are also specialised go to these. Both happen only in the kernel being compiled: its
+parts are lowered once for all (`inline`), and have no sizes until they are linked into it.
 """
 
 import contextlib
 import hashlib
-import math
 from collections.abc import Iterator
 
 from llvmlite import ir
-from numba.core import types
 
-from hpcsweep.kernels.compile.places import Shapes, next_place
+from hpcsweep.kernels.compile.places import Words
 
 KEY_LENGTH = 12
 
@@ -33,8 +30,8 @@ class Specialisation:
     ----------
     kind : numba.types.Type
         Type of the packed tuple.
-    shapes : tuple
-        `shapes_of` such a tuple.
+    words : Words
+        Of the `places.Pattern` of such a tuple.
 
     Attributes
     ----------
@@ -42,9 +39,9 @@ class Specialisation:
         Identifies the specialisation, also in the names of kernels and of their files.
     """
 
-    def __init__(self, kind, shapes: Shapes):
-        self.kind, self.shapes = kind, shapes
-        self.key = hashlib.sha256(repr(shapes).encode()).hexdigest()[:KEY_LENGTH]
+    def __init__(self, kind, words: Words):
+        self.kind, self.words = kind, words
+        self.key = hashlib.sha256(repr(words).encode()).hexdigest()[:KEY_LENGTH]
 
     def compiling(self, renamed: dict[str, str]) -> contextlib.AbstractContextManager:
         """Specialise what is compiled within the context.
@@ -90,37 +87,15 @@ def rename_addresses(module) -> None:
             variable.name = renamed[variable.name]
 
 
-def with_known_sizes(context, builder, kind, value, packed):
-    """Substitute the known sizes in a value of the kernels.
-
-    The arrays are then located from the address `packed`, at which the value was read.
-    """
+def known_words(builder, kind):
+    """Return the address of the words of arrays where they are known, as constants; else None."""
     if _current is None or _current[0].kind != kind:
-        return value
-    start = builder.bitcast(packed, ir.IntType(8).as_pointer())
-    place = next_place(0, context.get_abi_sizeof(context.get_value_type(kind)))
-    return _with_shapes(context, builder, kind, value, _current[0].shapes, start, place)[0]
-
-
-def _with_shapes(context, builder, kind, value, shapes: Shapes, start, place: int):
-    """Return the value with its sizes, and the place behind it."""
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        word = ir.IntType(64)
-        strides = [context.get_abi_sizeof(context.get_data_type(kind.dtype))]
-        for length in shapes[:0:-1]:
-            strides.insert(0, length * strides[0])
-        sizes = ir.ArrayType(word, kind.ndim)
-        count, itemsize = math.prod(shapes), strides[-1]
-        array.nitems, array.itemsize = word(count), word(itemsize)
-        array.shape = sizes([word(length) for length in shapes])
-        array.strides = sizes([word(stride) for stride in strides])
-        data = builder.gep(start, [word(place)], inbounds=True)
-        array.data = builder.bitcast(data, array.data.type)
-        return array._getvalue(), next_place(place, count * itemsize)
-    if isinstance(kind, types.BaseTuple):
-        for at, (inner, known) in enumerate(zip(kind.types, shapes, strict=True)):
-            old = builder.extract_value(value, at)
-            new, place = _with_shapes(context, builder, inner, old, known, start, place)
-            value = builder.insert_value(value, new, at)
-    return value, place
+        return None
+    known = _current[0]
+    name = f"words of {known.key}"
+    if name not in builder.module.globals:
+        form = ir.ArrayType(ir.IntType(64), len(known.words))
+        constants = ir.GlobalVariable(builder.module, form, name)
+        constants.global_constant, constants.linkage = True, "internal"
+        constants.initializer = form(known.words)
+    return builder.module.globals[name]

@@ -20,7 +20,7 @@ from hpcsweep.kernels.compile.entry_points import (
     SpecialisedKernels,
     with_called,
 )
-from hpcsweep.kernels.compile.places import Shapes, shapes_of
+from hpcsweep.kernels.compile.places import Pattern, Words
 from hpcsweep.kernels.compile.warm import load_all, missing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
@@ -64,20 +64,20 @@ FOR_ANY = MotionKernels(
 )
 
 
-def kernels_for(shared: Shared, shapes: Shapes) -> MotionKernels:
+def kernels_for(shared: Shared, words: Words) -> MotionKernels:
     """Return the kernels for a structure: specialised ones if they are loaded or in the cache.
 
     Parameters
     ----------
     shared : Shared
-    shapes : Shapes
-        Of its arrays.
+    words : Words
+        Of its `Pattern`.
     """
     dashpots = by_elements.py_func(shared.model)
     if not (dashpots or _loaded or _kept_keys()):
         return FOR_ANY
     with LOADING:
-        return _kernels_for(shapes, dashpots)
+        return _kernels_for(words, dashpots)
 
 
 def needed_kernels(
@@ -101,7 +101,7 @@ def needed_kernels(
     if not specialised:
         return needed
     with LOADING:
-        return _specialised(_shapes_for(model)).of(needed)
+        return _specialised(_words_for(model)).of(needed)
 
 
 @functools.cache
@@ -114,17 +114,17 @@ def branch_kernels(structure: Structure) -> list[EntryPoint]:
     """Return what following branches calls besides, of the kernels that solvers call."""
     needed = with_called(*OF_BRANCHES, *FOR_ANY.measures)
     shared = new_shared(kernel_model(structure, 1.0), 0.0, 0)
-    shapes = shapes_of(shared)
-    return needed if kernels_for(shared, shapes) is FOR_ANY else _specialised(shapes).of(needed)
+    words = Pattern(shared).words
+    return needed if kernels_for(shared, words) is FOR_ANY else _specialised(words).of(needed)
 
 
-def _shapes_for(model: Model) -> Shapes:
-    return shapes_of(new_shared(model, 0.0, 0))
+def _words_for(model: Model) -> Words:
+    return Pattern(new_shared(model, 0.0, 0)).words
 
 
 def use(structure: Structure) -> None:
     """Make new solvers of a structure call the kernels specialised to it, which are loaded."""
-    _loaded.add(SHARED.specialise(_shapes_for(kernel_model(structure, 1.0))).key)
+    _loaded.add(SHARED.specialise(_words_for(kernel_model(structure, 1.0))).key)
     _kernels_for.cache_clear()
 
 
@@ -138,16 +138,16 @@ def _kept_keys() -> frozenset[str]:
 
 
 @functools.cache
-def _specialised(shapes: Shapes) -> SpecialisedKernels:
+def _specialised(words: Words) -> SpecialisedKernels:
     # never released: loaded machine code is found by its name, and holds addresses
-    return SpecialisedKernels(SHARED.specialise(shapes))
+    return SpecialisedKernels(SHARED.specialise(words))
 
 
 @functools.lru_cache(maxsize=64)
-def _kernels_for(shapes: Shapes, dashpots: bool) -> MotionKernels:
+def _kernels_for(words: Words, dashpots: bool) -> MotionKernels:
     needed = _needed(dashpots, False)
-    if SHARED.specialise(shapes).key in _loaded | _kept_keys():
-        kernels = _specialised(shapes)
+    if SHARED.specialise(words).key in _loaded | _kept_keys():
+        kernels = _specialised(words)
         own = kernels.of(needed)
         if not missing(own):
             load_all(own)

@@ -8,9 +8,8 @@ same functions inside a layer.
 
 Data shared by the kernels of one structure and frequency, passed as one array
 ------------------------------------------------------------------------------
-numba unpacks every array of a call. For the fifty of a flow map that takes as long as several
-forcing periods. `SHARED.place` and `WATCH.place` therefore copy the whole tuple into a buffer once,
-in the kernels' form, from which they read it: `read_shared`, `read_watch`.
+`SHARED.place` and `WATCH.place` copy a whole tuple into an array of bytes once; kernels read it as
+a view: `read_shared`, `read_watch`.
 """
 
 from functools import lru_cache
@@ -20,7 +19,7 @@ import numpy as np
 
 from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.compile.places import Pattern, Shapes, allocate, part, zeros
+from hpcsweep.kernels.compile.places import Pattern, Words, allocate, part, zeros
 from hpcsweep.model.kernel_model import PEAK_FLAGS, Model, kernel_model, model_at_frequency
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.state.tables import (
@@ -184,8 +183,8 @@ read_shared, read_watch = SHARED.read, WATCH.read
 
 def shared_at(
     structure: Structure, omega: float, tolerance: float, max_steps: int
-) -> tuple[Shared, np.ndarray, Shapes]:
-    """Return the data of a structure at a forcing frequency, packed, and the shapes of its arrays.
+) -> tuple[Shared, np.ndarray, Words]:
+    """Return the data of a structure at a forcing frequency, packed, and the words of its arrays.
 
     A structure keeps its pattern. Of 1.2 ms for a solver of three floors that saves 1.0: along a
     curve over Omega, each step needs two.
@@ -194,7 +193,7 @@ def shared_at(
     shared, packed = SHARED.copy(
         pattern, lambda it: it._replace(model=model_at_frequency(it.model, structure, omega))
     )
-    return shared, packed, pattern.shapes
+    return shared, packed, pattern.words
 
 
 @lru_cache(maxsize=64)

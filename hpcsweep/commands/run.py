@@ -1,5 +1,6 @@
 """`hpcsweep run`: run a job, or resume it."""
 
+from collections import Counter
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note, say_line
@@ -79,9 +80,12 @@ def run(options) -> int:
         # on one rank, whichever MPI the launcher is of
         if launched_rank() == 0:
             from hpcsweep.campaign.describe import title
-            from hpcsweep.campaign.forecast import estimate
+            from hpcsweep.campaign.forecast import estimate, sum_lines
 
-            told = [table(title(job), estimate(job, output)) for job, output in _read(options)]
+            jobs, sums = _read(options), Counter[str]()
+            told = [table(title(job), estimate(job, output, sums)) for job, output in jobs]
+            if len(jobs) > 1:
+                told.append(table(f"all {len(jobs)} jobs", sum_lines(sums)))
             print("\n\n".join(told))
         return 0
     # listens from here to the end of the process: a signal while a library is loading is not lost,

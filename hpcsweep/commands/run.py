@@ -4,7 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, table
+from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, listing
 from hpcsweep.figures.options import file_name, positive
 
 SUMMARY = "run a job, or resume it"
@@ -83,9 +83,9 @@ def run(options) -> int:
             from hpcsweep.campaign.forecast import estimate, sum_lines
 
             jobs, sums = _read(options), Counter[str]()
-            told = [table(title(job), estimate(job, output, sums)) for job, output in jobs]
+            told = [listing(title(job), estimate(job, output, sums)) for job, output in jobs]
             if len(jobs) > 1:
-                told.append(table(f"all {len(jobs)} jobs", sum_lines(sums)))
+                told.append(listing(f"all {len(jobs)} jobs", sum_lines(sums)))
             print("\n\n".join(told))
         return 0
     # listens from here to the end of the process: a signal while a library is loading is not lost,

@@ -167,8 +167,12 @@ def part_of(job: Job, place: Place) -> Job:
     """Return the job of one part; a job that varies no keys is its only part."""
     if not isinstance(job.study, Varied):
         return job
-    text = write(as_kind(job.study.make, Parts).tree_at(place), every_key())
-    return Job(name=job.name, text=text, study=job.study.part(place))
+    tree, study = as_kind(job.study.make, Parts).tree_at(place), job.study.part(place)
+    if "records" in tree:
+        from hpcsweep.job.suites import with_own_period
+
+        tree = with_own_period(tree, study)
+    return Job(name=job.name, text=write(tree, every_key()), study=study)
 
 
 def _default_block(values: Values, study) -> int:

@@ -20,6 +20,7 @@ from hpcsweep.job.values import Values
 from hpcsweep.job.vary import parts_of
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.study import Study, as_kind
 
 
 def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") -> dict:
@@ -100,6 +101,16 @@ def _periods(values: Values, tree: dict, file: str) -> list[float]:
     parts.visit(lambda place: periods.add(rounded(parts(place))))
     # what is given beside the table vary is read, too
     return sorted({*periods, rounded(_period(values.source, parts.tree_as_given()))})
+
+
+def with_own_period(tree: dict, study: Study) -> dict:
+    """Return the job of a part without what is known of records at the periods of others."""
+    if not isinstance(tree["records"].get("found"), Mapping):
+        return tree
+    own = as_kind(study, Records)
+    records = [{**one._asdict(), "measure": [one.measure]} for one in own.suite]
+    found = {"periods": [keys.longest_period(own.structure)], "records": records}
+    return {**tree, "records": {**tree["records"], "found": found}}
 
 
 def _period(source: str, tree: Mapping) -> float:

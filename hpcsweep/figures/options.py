@@ -25,6 +25,7 @@ FIGURES = (
     "diagrams.ida",
     "diagrams.fragility",
     "diagrams.amplification",
+    "diagrams.separation",
     "diagrams.profile",
     "diagrams.suite_spectra",
     "diagrams.record_history",

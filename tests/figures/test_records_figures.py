@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from tools import RECORDS, hpcsweep
 
-from hpcsweep import open_results, response, synthetic_records
+from hpcsweep import open_results, response, separation, synthetic_records
 from hpcsweep.figures.diagrams.responses import buildings
 from hpcsweep.figures.options import figures
+from hpcsweep.figures.style import PlotError
 from hpcsweep.job import parse_job
 from hpcsweep.solvers.response import history
 from hpcsweep.store import Frames
@@ -138,6 +139,34 @@ def test_fragility_is_that_of_the_capacities_between_the_stripes(folder):
     assert fit(stripes_of(results, study, "drift", "B"), 0.5).median == told["median"]
 
 
+def test_the_gap_needed_is_that_of_the_motion_without_contacts_and_rules_are_of_its_peaks(folder):
+    """Of record 3 at one scale, by hand: two buildings of 5 % whose periods differ."""
+    results = open_results(folder / "job.h5")
+    study = parse_job(TEXT, "job", "job").study
+    (axis,) = figures()["separation"].draw(results, place="A2-B2").axes
+    lines = {line.get_label(): line.get_ydata() for line in axis.get_lines()}
+    need = results.gap_needed.sel(stop="A2-B2")
+    np.testing.assert_array_equal(lines["50 % fractile"][1:], np.sort(need, axis=0)[3])
+    alone = approach(study, 3, float(study.factor[3, 10]))
+    assert need[3, 10].item() == pytest.approx(alone, rel=1e-3)
+    u, v = (results.displacement_alone.sel(floor=floor).values for floor in ("A2", "B2"))
+    of_a, of_b = (2 * np.pi / study.structure.frequencies[i] for i in (1, 0))
+    asked = separation(u, v, of_a, of_b, 0.05)
+    for rule, values in zip(("sum", "SRSS", "double"), asked, strict=True):
+        (label,) = (one for one in lines if one.startswith(rule))
+        np.testing.assert_allclose(lines[label][1:], np.sort(values, axis=0)[3], rtol=1e-12)
+        short = 100 * (values < need.values * (1 - 1e-9)).mean()
+        assert f"too small for {short:.0f} % of them" in label
+    with pytest.raises(PlotError, match="--place B1: must be one of A1-B1, A2-B2"):
+        figures()["separation"].draw(results, place="B1")
+
+
+def approach(study, record: int, factor: float) -> float:
+    """Return the largest approach of A2 to B2 without contacts, at steps of 2 ms."""
+    free = history(study.structure.without_contacts(), study.record(record), factor, 1.0, 0.002)
+    return float((free.displacement[:, 1] - free.displacement[:, 3]).max())
+
+
 def test_a_median_beyond_the_stripes_is_told_as_that(folder):
     results = open_results(folder / "job.h5")
     high = 100 / 3.2 * np.sort(results.storey_drift.max("storey").values[:, -1])
@@ -164,7 +193,8 @@ def test_demands_are_those_of_one_building_at_one_intensity(folder):
     names = ["", "1-PFA-0-1", "1-PFA-1-1", "1-PFA-2-1", "1-PID-1-1", "1-PID-2-1"]
     assert rows[0] == names
     results = open_results(folder / "job.h5").sel(scale=5, method="nearest")
-    table = np.array(rows[2:], float)[:, 1:]
+    assert [row[0] for row in rows[2:]] == results.record.values.tolist()
+    table = np.array([row[1:] for row in rows[2:]], float)
     np.testing.assert_allclose(table[:, 0], results.pga * results.factor / 9.80665)
     np.testing.assert_allclose(table[:, 4], results.storey_drift.sel(storey="A2") / 3.2)
 

@@ -29,6 +29,7 @@ RECORD_PLOTS = {
     "ida": (),
     "fragility": ("--threshold", "0.02"),
     "pounding": (),
+    "separation": (),
     "profile": (),
     "spectra": (),
     "history": (),

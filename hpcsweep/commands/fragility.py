@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hpcsweep.commands import CommandError, add_at, add_file, listing
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.commands.rows import rows_of
-from hpcsweep.figures.options import file_name
+from hpcsweep.figures.options import UNITS, file_name
 
 if TYPE_CHECKING:
     from hpcsweep.studies.ground_motion.records import Records
@@ -54,6 +54,7 @@ def configure(parser) -> None:
         "--place", metavar="NAME", help="storey, floor, contact or building (default: the largest)"
     )
     parser.add_argument("--scale", type=float, help="intensity of the table; the nearest there is")
+    UNITS.add(parser)
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)
 
@@ -77,7 +78,7 @@ def _threshold(options, results, study: "Records") -> int:
 
     if options.collapse:
         options.response, options.threshold = COLLAPSE, 1.0
-    stripes = stripes_of(results, study, options.response, options.place)
+    stripes = stripes_of(results, study, options.response, options.place, options.units)
     reached = capacities(stripes, options.threshold)
     found = fit(stripes, options.threshold)
     sums = {

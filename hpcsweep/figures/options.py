@@ -118,6 +118,11 @@ FLOORS = Option(
     action="append",
     metavar="I",
 )
+UNITS = Option(
+    "--units",
+    "g: intensities that are accelerations in g (default: in the units of the job)",
+    choices=("g",),
+)
 BRANCHES = Option(
     "--branches",
     "branches along the amplitude, of the same structure, laid over it: stable full, unstable "

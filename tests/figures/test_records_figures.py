@@ -178,8 +178,30 @@ def test_a_median_beyond_the_stripes_is_told_as_that(folder):
     text = hpcsweep(0, "fragility", "job.h5", *threshold, cwd=folder).stdout
     assert "5 records never reach it up to 20" in text
     assert "the median is an extrapolation, above the highest stripe, 20: at most 37.5 %" in text
+    # the figure goes on to the median, dashed beyond the stripes, and says what it does not know
+    drawn = figures()["fragility"].draw(results, threshold=float(threshold[1]), units="g")
+    (axis,) = drawn.axes
+    highest = 20.0 / 9.80665
+    (dashed,) = (line for line in axis.get_lines() if line.get_linestyle() == "--")
+    assert dashed.get_xdata()[0] > highest
+    assert axis.get_xlim()[1] > max(told["median"], told["alone"]["capacity"]["0.5"]) / 9.80665
+    assert axis.get_xlabel() == "Sa(0.5; 5 %)  [g]"
+    assert axis.get_legend().get_title().get_text().endswith("8 records, 5 above the last stripe")
     # counted without contacts to the last record, far beyond the stripes
     assert np.isfinite(told["alone"]["capacity"]["0.84"])
+
+
+def test_intensities_in_g_are_those_of_the_structure_over_one_g(folder):
+    own, in_g = (
+        reported(folder, "job.h5", "--threshold", "0.5", *units) for units in ([], ["--units", "g"])
+    )
+    assert in_g["measure"] == "Sa(0.5; 5 %)  [g]"
+    for key in ("median", "highest"):
+        assert in_g[key] == pytest.approx(own[key] / 9.80665, rel=1e-9)
+    assert in_g["dispersion"] == pytest.approx(own["dispersion"], rel=1e-9)
+    study = parse_job(TEXT.replace(SCALES, "{values = [1.0]}"), "job", "job").study
+    with pytest.raises(StripesError, match="intensities are of scale factor, no acceleration"):
+        stripes_of(open_results(folder / "job.h5"), study, units="g")
 
 
 def test_demands_are_those_of_one_building_at_one_intensity(folder):

@@ -73,10 +73,12 @@ def _table(text: str, path: str) -> list[dict]:
             raise JobError(
                 f"{path}: line {line}: must have {len(keys)} cells as line 1, has {len(own)}"
             )
-        for key, cell in zip(keys, own, strict=True):
-            if not cell.strip():
-                raise JobError(f"{path}: line {line}, column {key}: must have a value, is empty")
-        rows.append({key: _value(key, cell.strip()) for key, cell in zip(keys, own, strict=True)})
+        row = {key: _value(key, cell.strip()) for key, cell in zip(keys, own, strict=True)}
+        for key, value in row.items():
+            if value == "" or value != value:
+                told = "nan" if value else "empty"
+                raise JobError(f"{path}: line {line}, column {key}: must have a value, is {told}")
+        rows.append(row)
     return rows
 
 

@@ -18,6 +18,7 @@ from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import ROWS, Axis, as_kind
+from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied
 
 MAX_WRONG = 10
@@ -138,7 +139,11 @@ def parts_of(
     axes: tuple[Axis, ...] = ()
     if "vary" in tree:
         given = _flat(values, tree["vary"])
-        axes = tuple(_axis(values, key, value) for key, value in given.items())
+        table = Values(file, {}) if file else values
+        axes = tuple(
+            _rows(table, value) if key == ROWS else _axis(values, key, value)
+            for key, value in given.items()
+        )
     n_parts = int(np.prod([len(axis.values) for axis in axes], dtype=object))
     if n_parts > MAX_PARTS:
         raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MAX_PARTS}")
@@ -175,20 +180,17 @@ def read_varied(
             )
             raise values.error(f"vary.{one.key}", [*one.given], limit)
     study = Varied(base, parts.axes, parts)
-    known = {first.name: (first, [own]) for first, own in base.given if first.by_part}
+    by_part: dict[str, tuple[Variable, np.ndarray]] = {}
 
     def compare(place: Place) -> None:
         _check_shape(values, study, place)
-        for variable, own in study.part(place).given:
-            if variable.by_part and any(place):
-                known[variable.name][1].append(own)
+        for (variable, first), (_, own) in zip(base.given, study.part(place).given, strict=True):
+            if not np.array_equal(first, own):
+                whole = np.broadcast_to(first, (*study.shape, *first.shape))
+                along = variable.along(study.names)
+                by_part.setdefault(variable.name, (along, whole.copy()))[1][place] = own
 
     parts.visit(compare)
-    by_part = {
-        name: (first.along(study.names), np.reshape(own, (*study.shape, *own[0].shape)))
-        for name, (first, own) in known.items()
-        if any(not np.array_equal(values, own[0]) for values in own)
-    }
     return replace(study, by_part=by_part)
 
 
@@ -238,18 +240,15 @@ def _rows(values: Values, given: Any) -> Axis:
         if row.keys() != rows[0].keys():
             raise values.error(f"{key}[{at}]", [*row], f"must have the keys {', '.join(rows[0])}")
     columns = {name: [row[name] for row in rows] for name in rows[0]}
-    names = columns.pop(NAME, [*range(1, len(rows) + 1)])
-    if len(set(map(str, names))) < len(names):
-        raise values.error(f"{key}.{NAME}", names, "must not hold a value twice")
+    labels: tuple = tuple(map(str, columns.pop(NAME, ()))) or tuple(range(1, len(rows) + 1))
+    if len(set(labels)) < len(labels):
+        raise values.error(f"{key}.{NAME}", [*labels], "must not hold a value twice")
     own = tuple(_axis(values, name, column, together=True) for name, column in columns.items())
-    labels = tuple(names) if isinstance(names[0], int) else tuple(map(str, names))
     return Axis("row", ROWS, labels, "1", labels, own)
 
 
 def _axis(values: Values, key: str, given: object, together: bool = False) -> Axis:
     """Read a key with its values, those of rows `together` with other keys."""
-    if key == ROWS and not together:
-        return _rows(values, given)
     table, _, name = key.partition(".")
     if indexed := INDEXED.fullmatch(key):
         table = key.partition("[")[0].partition(".")[0]

@@ -112,6 +112,8 @@ def test_rows_may_be_tables_of_the_job():
         (";1;", ";wide;", "line 3, column pounding.gap: pounding.gap must be a list of numbers"),
         (";.05;", ";a;", "column pounding.gap: pounding.gap must be a list of numbers, is 'a'"),
         (";1;", ";;", "line 3, column pounding.gap: must have a value, is empty"),
+        (";1;", ";nan;", "line 3, column pounding.gap: must have a value, is nan"),
+        ("pounding.gap", "output.block", "portfolio.csv: vary: 'output.block': must be a key of"),
         ("2e5, 2e5", "2e5", "line 3, column building[0].storey_stiffness[1]: building[0].storey"),
         ("School;", "", "line 2: must have 5 cells as line 1, has 4"),
         ("pounding.gap", "pounding.gapp", "unknown key 'pounding.gapp'; did you mean 'gap'?"),

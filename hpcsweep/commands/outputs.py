@@ -23,7 +23,7 @@ KINDS = {
     PAGE: rb"(?i)\s*<!doctype html",
     FILM: rb"GIF8|....ftyp",
     DEMANDS: rb",\d+-P[FI][AD]-",
-    TABLE: rb"PAR1|([^\n]+,)?(record,scale|omega,amplitude|vertical,horizontal),",
+    TABLE: rb"PAR1|([^\n]+,)?(record,scale|direction,\w+,amplitude),",
 }
 """Patterns of the first bytes, by kind."""
 

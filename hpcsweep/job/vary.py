@@ -244,7 +244,7 @@ def _rows(values: Values, given: Any) -> Axis:
     if len(set(labels)) < len(labels):
         raise values.error(f"{key}.{NAME}", [*labels], "must not hold a value twice")
     own = tuple(_axis(values, name, column, together=True) for name, column in columns.items())
-    return Axis("row", ROWS, labels, "1", labels, own)
+    return Axis("structure", ROWS, labels, "1", labels, own)
 
 
 def _axis(values: Values, key: str, given: object, together: bool = False) -> Axis:

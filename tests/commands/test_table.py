@@ -47,10 +47,10 @@ def test_a_row_for_each_structure_record_scale_and_place(file, tmp_path, capsys)
     assert places == ["A1", "A2", "B1", "B2", "B3", "A1-B1", "A2-B2"]
     assert len(rows) == 2 * 4 * 2 * len(places)
     for row in rows:
-        at = {"row": row["row"], "record": row["record"], "scale": float(row["scale"])}
+        at = {"structure": row["structure"], "record": row["record"], "scale": float(row["scale"])}
         one = found.sel(at)
         assert float(row["gap"]) == one.gap.item()
-        assert row["tension"] == ("true" if row["row"] == "near" else "false")
+        assert row["tension"] == ("true" if row["structure"] == "near" else "false")
         assert float(row["pga"]) == one.pga.item()
         if row["place"] in found.stop.values:
             assert row["drift"] == row["acceleration"] == ""
@@ -68,12 +68,12 @@ def test_a_row_for_each_structure_record_scale_and_place(file, tmp_path, capsys)
 
 def test_only_what_is_asked_of_a_building_and_a_structure(file, tmp_path):
     path = tmp_path / "some.csv"
-    given = ["--what", "storey_drift", "--place", "B", "--at", "row=far", "-o", str(path)]
+    given = ["--what", "storey_drift", "--place", "B", "--at", "structure=far", "-o", str(path)]
     assert main(["table", str(file), *given]) == 0
     rows = read(path)
-    assert {row["row"] for row in rows} == {"far"}
+    assert {row["structure"] for row in rows} == {"far"}
     assert [row["place"] for row in rows] == ["B1", "B2", "B3"] * 8
-    assert [*rows[0]] == ["row", "gap", "tension", "record", "scale", "place", "storey_drift"]
+    assert [*rows[0]] == ["structure", "gap", "tension", "record", "scale", "place", "storey_drift"]
     # a table is written over a table, and over nothing else
     assert main(["table", str(file), *given]) == 0
     path.write_text("name,pounding.gap\nmine,1\n")
@@ -117,7 +117,7 @@ def test_workbooks_and_parquet_hold_the_same(file, tmp_path, library):
         (["--place", "C"], "C: must be one of A1, A2, B1, B2, B3, or a building"),
         (["-o", "a.txt"], "a.txt: the name of a table must end in .csv, .xlsx, .parquet"),
         (["-o", "a.xlsx"], "a.xlsx: needs openpyxl, which is not installed: pip install openpyxl"),
-        (["--at", "row=no"], "row = no: must be one of near, far"),
+        (["--at", "structure=no"], "structure = no: must be one of near, far"),
     ],
 )
 def test_mistakes_are_told_in_one_line_and_nothing_is_written(

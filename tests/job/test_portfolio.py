@@ -51,14 +51,14 @@ def job(tmp_path):
 def test_a_row_is_the_job_with_its_values(job):
     """Each part equals, in meaning, the job in which its values are set one by one."""
     whole = load_job(job)
-    assert whole.study.names == ("row",)
+    assert whole.study.names == ("structure",)
     alone = job.with_name("alone.toml")
     alone.write_text(job.read_text().partition("[vary]")[0])
     for at, (name, mass, stiffness, gap, tension) in enumerate(ROWS):
         given = (mass, stiffness, gap, str(tension).lower())
         own = load_job(alone, [f"{key}={value}" for key, value in zip(KEYS, given, strict=True)])
         assert part_of(whole, (at,)).fingerprint == own.fingerprint
-        assert whole.study.describe_part((at,)) == f"row = {name}"
+        assert whole.study.describe_part((at,)) == f"structure = {name}"
     # the job holds the rows, and can be read where the file is not
     assert parse_job(whole.text, "job.toml", "job").fingerprint == whole.fingerprint
 
@@ -76,8 +76,13 @@ def test_rows_times_a_key_in_one_file_with_what_differs(job, tmp_path):
     job.write_text(text)
     assert campaign.run(whole := load_job(job), tmp_path / "a.h5", Serial()) == 0
     found = open_results(tmp_path / "a.h5")
-    assert found.displacement.dims[:4] == ("row", "building_1_storey_height", "record", "scale")
-    assert found.row.values.tolist() == ["School", "Town hall"]
+    assert found.displacement.dims[:4] == (
+        "structure",
+        "building_1_storey_height",
+        "record",
+        "scale",
+    )
+    assert found.structure.values.tolist() == ["School", "Town hall"]
     assert found.gap.values.tolist() == [0.05, 1.0]
     assert found.building_0_storey_stiffness_1.values.tolist() == [5e7, 6e7]
     suite = synthetic_records(2, seed=1, dt=0.02, duration=4.0)
@@ -86,7 +91,7 @@ def test_rows_times_a_key_in_one_file_with_what_differs(job, tmp_path):
         trace = (5e7 + stiffness) / mass[0] + stiffness / mass[1]
         least = trace / 2 - np.sqrt(trace**2 / 4 - 5e7 * stiffness / mass[0] / mass[1])
         sa = [spectrum(one, [2 * np.pi / np.sqrt(least)]).acceleration[0] for one in suite]
-        factor = found.factor.isel(row=at, building_1_storey_height=0)
+        factor = found.factor.isel(structure=at, building_1_storey_height=0)
         np.testing.assert_allclose(factor, np.array([2.0, 4.0]) / np.array(sa)[:, None], 1e-9)
     job.with_name("portfolio.csv").write_text(CSV.replace("6e7", "7e7"))
     refused = hpcsweep(0, "run", job, "-o", tmp_path / "a.h5")

@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -189,6 +190,27 @@ def test_a_median_beyond_the_stripes_is_told_as_that(folder):
     assert axis.get_legend().get_title().get_text().endswith("8 records, 5 above the last stripe")
     # counted without contacts to the last record, far beyond the stripes
     assert np.isfinite(told["alone"]["capacity"]["0.84"])
+
+
+def test_without_contacts_capacities_are_exact_at_any_intensity_and_drawn_there(folder):
+    """No stripe reaches ten times the largest drift; each record is proportional to its scale."""
+    text = re.sub(r"stiffness = 2e9\n", "stiffness = 0.0\n", TEXT)
+    (folder / "free.toml").write_text(text)
+    assert hpcsweep(0, "run", "free.toml", cwd=folder).returncode == 0
+    results = open_results(folder / "free.h5")
+    drift = 100 * results.storey_drift.max("storey").values[:, -1] / 3.2
+    exact = np.sort(10 * drift.max() * 20.0 / drift)
+    threshold = float(10 * drift.max())
+    told = reported(folder, "free.h5", "--threshold", str(threshold))
+    assert told["never"] == 0
+    assert told["caution"] == ""
+    assert told["capacity"]["0.5"] == pytest.approx(exact[3], rel=1e-12)
+    assert told["median"] == pytest.approx(np.exp(np.log(exact).mean()), rel=1e-9)
+    (axis,) = figures()["fragility"].draw(results, threshold=threshold).axes
+    assert axis.get_xlim()[1] > exact[-1]
+    assert not [
+        one for one in axis.get_lines() if one.get_linestyle() == "--" and one.get_xdata().size
+    ]
 
 
 def test_intensities_in_g_are_those_of_the_structure_over_one_g(folder):

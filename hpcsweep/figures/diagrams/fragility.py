@@ -20,7 +20,8 @@ OPTIONS = (
 )
 POINTS = 400
 BEYOND, FARTHEST = 1.1, 3.0
-"""Of the axis over the largest median beyond the stripes, and over these at most."""
+"""Of the axis over the largest median, or exact capacity, beyond the stripes; over these at most,
+unless all is exact."""
 load = responses.load
 
 
@@ -55,18 +56,19 @@ def draw(
     known = (~np.isnan(stripes.values)).sum(axis=0)
     shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(known, 1)
     axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
-    last = stripes.intensity[-1]
+    last, exact = stripes.intensity[-1], stripes.alone is stripes.values
     medians = [found.median]
     if touches:
         free = capacities(stripes, threshold, alone=True)
         medians.append(fractiles(free.scale, (0.5,)).item())
-    beyond = BEYOND * max(m for m in medians if m < np.inf)
-    edge = min(max(last, beyond), FARTHEST * last) if max(medians) > last else last
+    farthest = min(BEYOND * max(medians), FARTHEST * last)
+    if exact:
+        farthest = BEYOND * own.scale[np.isfinite(own.scale)].max()
+    edge = max(last, farthest)
     fine = np.linspace(stripes.intensity[0] / 10, edge, POINTS)
     low, high = found.band(fine)
     axis.fill_between(fine, low, high, color=colour, alpha=0.2, linewidth=0)
     label = rf"median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}"
-    exact = stripes.alone is stripes.values
     curve, inside = found.probability(fine), (fine <= last) | exact
     axis.plot(fine[inside], curve[inside], color=colour, label=label)
     axis.plot(fine[~inside], curve[~inside], "--", color=colour)

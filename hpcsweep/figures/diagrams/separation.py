@@ -64,7 +64,8 @@ def draw(results, place: str | None = None):
     axis.axhline(structure.contacts[k].gap, color="0.4", linewidth=0.8, label="gap of the job")
     ylabel = f"gap needed, {name}{labels.unit(structure, 'length')}"
     axis.set(xlabel=whole.measure, ylabel=ylabel, xlim=(0, scale[-1]), ylim=(0, None))
-    responses.legend(axis, f"{len(whole.records)} records; rules in the median", handlelength=3.0)
+    told = f"{responses.counted(whole)}, {responses.alone(results)}; rules in the median"
+    responses.legend(axis, told, handlelength=3.0)
     return style.head(figure, responses.title(results), fontsize=9)
 
 

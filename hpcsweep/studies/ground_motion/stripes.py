@@ -111,10 +111,9 @@ def stripes_of(
     if "collapsed" in results:
         values[results["collapsed"].values > 0] = np.inf
     alone = f"{name}_alone"
-    if alone in results:
+    free = None if structure.contacts or structure.sliders else values
+    if free is None and alone in results:
         free = (results[alone].values[..., chosen] * factor).max(axis=-1)
-    else:
-        free = None if structure.contacts or structure.sliders else values
     in_g = units == "g"
     if in_g and measure.quantity != "acceleration":
         raise StripesError(f"--units g: the intensities are of {measure}, no acceleration")

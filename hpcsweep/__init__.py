@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.earthquakes.fragility import fragility as fragility
     from hpcsweep.earthquakes.intensity import intensity as intensity
     from hpcsweep.earthquakes.reading import read_record as read_record
+    from hpcsweep.earthquakes.separation import separation as separation
     from hpcsweep.earthquakes.spectrum import spectrum as spectrum
     from hpcsweep.earthquakes.stripes import capacity as capacity
     from hpcsweep.earthquakes.stripes import fractiles as fractiles
@@ -48,6 +49,7 @@ _NAMES = {
     "earthquakes.fragility": "capacity_fragility cloud fragility",
     "earthquakes.intensity": "intensity",
     "earthquakes.reading": "read_record",
+    "earthquakes.separation": "separation",
     "earthquakes.spectrum": "spectrum",
     "earthquakes.stripes": "capacity fractiles",
     "earthquakes.synthetic": "synthetic_records",

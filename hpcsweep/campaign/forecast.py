@@ -14,6 +14,7 @@ end is the faster pass by the processor's time, the upper end the slower pass by
 
 import math
 import time
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -215,6 +216,10 @@ def _slurm_time(seconds: float) -> str:
     return f"{f'{days}-' if days else ''}{hours:02d}:{minutes:02d}:{rest:02d}"
 
 
+def _hours(low: float, high: float) -> str:
+    return f"{low / 3600:.2g} to {high / 3600:.2g} core-hours ({low:.2g} to {high:.2g} s)"
+
+
 def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> Lines:
     """Yield what a job costs, and the lines of a batch script that fit."""
     study, noun = job.study, job.study.run_noun
@@ -235,8 +240,7 @@ def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> Lines:
     )
     yield (
         "in all",
-        f"{total.low / 3600:.2g} to {total.high / 3600:.2g} core-hours ({total.low:.2g} to "
-        f"{total.high:.2g} s): the sample's error, {100 * SHARE:.0f} %, and cores up to {LOAD:g} "
+        f"{_hours(*total)}: the sample's error, {100 * SHARE:.0f} %, and cores up to {LOAD:g} "
         "times as slow among busy neighbours",
     )
     yield "memory", memory_text(job, peak)
@@ -250,8 +254,15 @@ def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> Lines:
     yield "batch job", "\n".join([margins, *script])
 
 
-def estimate(job: Job, output: Path) -> Lines:
+def estimate(job: Job, output: Path, sums: Counter) -> Lines:
     """Time a sample of runs and extrapolate.
+
+    Parameters
+    ----------
+    job : Job
+    output : Path
+    sums : Counter
+        To which the job's runs, bytes, and ends of its time (s) are added.
 
     Yields
     ------
@@ -269,4 +280,14 @@ def estimate(job: Job, output: Path) -> Lines:
     if inputs.growth is not None:
         least, row = inputs.growth.describe(inputs.crossed())
         yield row
-    yield from cost_lines(job, pilot, whole(job, pilot.samples, least), peak)
+    total = whole(job, pilot.samples, least)
+    sums.update(runs=study.n_runs, bytes=size, **total._asdict())
+    yield from cost_lines(job, pilot, total, peak)
+
+
+def sum_lines(sums: Counter) -> Lines:
+    """Yield what several jobs cost together, from the sums of `estimate`."""
+    low, high = sums["low"], sums["high"]
+    yield "runs", f"{sums['runs']}"
+    yield "files", f"{sums['bytes']} bytes ({sums['bytes'] / 1e6:.4g} MB)"
+    yield "in all", f"{_hours(low, high)}, on one core or shared by the ranks of one run"

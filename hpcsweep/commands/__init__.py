@@ -24,7 +24,7 @@ class CommandError(ValueError):
     """A command cannot do what it was given; one line for the user."""
 
 
-def table(title: str, rows: Iterable[tuple[str, str]]) -> str:
+def listing(title: str, rows: Iterable[tuple[str, str]]) -> str:
     """Format rows of a name and a text, each in a column of its own, under a title."""
     rows = list(rows)
     width = max((len(name) for name, _ in rows if len(name) <= WIDEST), default=0)

@@ -10,7 +10,9 @@ from hpcsweep.campaign.progress import silence
 from hpcsweep.commands import FAILURE, USER_ERROR, CommandError, complain, environment
 from hpcsweep.commands import one_thread as one_thread  # before numpy is loaded
 
-NAMES = "new describe run status summary fragility zoom validate pack plot animate explore warmup"
+NAMES = (
+    "new describe run status summary fragility table zoom validate pack plot animate explore warmup"
+)
 COMMANDS = {name: import_module(f"hpcsweep.commands.{name}") for name in NAMES.split()}
 """Modules of the commands, by their names, in the order of the help."""
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hpcsweep.commands import add_settings, table
+from hpcsweep.commands import add_settings, listing
 
 SUMMARY = "describe a job: modes, units, grazing amplitude, runs"
 HELP = """\
@@ -23,5 +23,5 @@ def run(options) -> int:
     from hpcsweep.job import load_job
 
     job = load_job(options.job, options.settings)
-    print(table(title(job), describe(job)))
+    print(listing(title(job), describe(job)))
     return 0

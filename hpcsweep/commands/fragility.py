@@ -5,10 +5,10 @@ import json
 import math
 from typing import TYPE_CHECKING
 
-from hpcsweep.commands import CommandError, add_at, add_file, table
+from hpcsweep.commands import CommandError, add_at, add_file, listing
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.commands.rows import rows_of
-from hpcsweep.figures.options import file_name
+from hpcsweep.figures.options import UNITS, file_name
 
 if TYPE_CHECKING:
     from hpcsweep.studies.ground_motion.records import Records
@@ -54,6 +54,7 @@ def configure(parser) -> None:
         "--place", metavar="NAME", help="storey, floor, contact or building (default: the largest)"
     )
     parser.add_argument("--scale", type=float, help="intensity of the table; the nearest there is")
+    UNITS.add(parser)
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)
 
@@ -77,7 +78,7 @@ def _threshold(options, results, study: "Records") -> int:
 
     if options.collapse:
         options.response, options.threshold = COLLAPSE, 1.0
-    stripes = stripes_of(results, study, options.response, options.place)
+    stripes = stripes_of(results, study, options.response, options.place, options.units)
     reached = capacities(stripes, options.threshold)
     found = fit(stripes, options.threshold)
     sums = {
@@ -108,7 +109,7 @@ def _threshold(options, results, study: "Records") -> int:
         "caution": sums["caution"] or None,
         "elastic": ", elastic" if study.structure.sliders else "",
     }
-    print(table(title, rows_of(ROWS, told)))
+    print(listing(title, rows_of(ROWS, told)))
     return 0
 
 
@@ -181,7 +182,7 @@ def _demands(options, results, study: "Records") -> int:
     )
     if not all(np.isfinite(column).all() for column in columns):
         raise CommandError(f"{options.file}: holds no response of some records at {scales[at]:g}")
-    write_demands(options.demands, *columns, unit="g")
+    write_demands(options.demands, *columns, unit="g", records=[one.name for one in study.suite])
     fallen = int(one["collapsed"].sum()) if "collapsed" in one else 0
     ended = f", {fallen} of them up to their collapse" if fallen else ""
     print(f"{options.demands}: {one.sizes['record']} records at {scales[at]:g}{ended}")

@@ -15,7 +15,7 @@ from hpcsweep.commands import CommandError
 
 HEAD = 512
 """First bytes of each kind of file."""
-PICTURE, PAGE, FILM, DEMANDS = "picture", "page", "film", "table of demands"
+PICTURE, PAGE, FILM, DEMANDS, TABLE = "picture", "page", "film", "table of demands", "table"
 KINDS = {
     "results file": rb"\x89HDF",
     "journal": rb'\{"kind": ',
@@ -23,6 +23,7 @@ KINDS = {
     PAGE: rb"(?i)\s*<!doctype html",
     FILM: rb"GIF8|....ftyp",
     DEMANDS: rb",\d+-P[FI][AD]-",
+    TABLE: rb"PAR1|([^\n]+,)?(record,scale|direction,\w+,amplitude),",
 }
 """Patterns of the first bytes, by kind."""
 

@@ -1,9 +1,10 @@
 """`hpcsweep run`: run a job, or resume it."""
 
+from collections import Counter
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, table
+from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, listing
 from hpcsweep.figures.options import file_name, positive
 
 SUMMARY = "run a job, or resume it"
@@ -79,9 +80,12 @@ def run(options) -> int:
         # on one rank, whichever MPI the launcher is of
         if launched_rank() == 0:
             from hpcsweep.campaign.describe import title
-            from hpcsweep.campaign.forecast import estimate
+            from hpcsweep.campaign.forecast import estimate, sum_lines
 
-            told = [table(title(job), estimate(job, output)) for job, output in _read(options)]
+            jobs, sums = _read(options), Counter[str]()
+            told = [listing(title(job), estimate(job, output, sums)) for job, output in jobs]
+            if len(jobs) > 1:
+                told.append(listing(f"all {len(jobs)} jobs", sum_lines(sums)))
             print("\n\n".join(told))
         return 0
     # listens from here to the end of the process: a signal while a library is loading is not lost,

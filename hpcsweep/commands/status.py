@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from hpcsweep.commands import USER_ERROR, CommandError, Rows, table
+from hpcsweep.commands import USER_ERROR, CommandError, Rows, listing
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.commands.rows import inferred_text, rows_of
 from hpcsweep.figures.options import file_name
@@ -53,7 +53,7 @@ def run(options) -> int:
         return _overview(options)
     state = status(options.files[0])
     title = f"{state['file']}: {'complete' if state['complete'] else 'not complete'}"
-    print(json.dumps(state, indent=1) if options.json else table(title, _rows(state)))
+    print(json.dumps(state, indent=1) if options.json else listing(title, _rows(state)))
     return 0
 
 

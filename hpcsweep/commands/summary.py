@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from hpcsweep.commands import Rows, table
+from hpcsweep.commands import Rows, listing
 from hpcsweep.commands.rows import inferred_text, percent, rows_of, share
 from hpcsweep.figures.options import whole_number
 from hpcsweep.studies.run_names import count, plural
@@ -114,7 +114,7 @@ failures | {failures:counts}
 
 
 def _text(summary: dict) -> str:
-    return table(summary["file"], _rows(summary, [summary]))
+    return listing(summary["file"], _rows(summary, [summary]))
 
 
 def _markdown(summaries: list[dict]) -> str:

@@ -4,7 +4,7 @@ import dataclasses
 import json
 from collections import Counter
 
-from hpcsweep.commands import FAILURE, Rows, add_file, table
+from hpcsweep.commands import FAILURE, Rows, add_file, listing
 from hpcsweep.figures.options import whole_number
 
 SUMMARY = "check whether a results file is sound"
@@ -49,7 +49,7 @@ def run(options) -> int:
     if options.json:
         print(json.dumps({**dataclasses.asdict(report), "sound": report.sound}, indent=1))
     else:
-        print(table(f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}", _rows(report)))
+        print(listing(f"{report.file}: {'sound' if report.sound else 'NOT SOUND'}", _rows(report)))
     return 0 if report.sound else FAILURE
 
 

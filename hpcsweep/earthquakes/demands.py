@@ -6,13 +6,14 @@ The first row holds the names, the second the units, each other one a realisatio
 """
 
 import csv
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, count, file_name, refused, rows
+from hpcsweep.model.arguments import choice, count, file_name, refused, rows, words
 
 ACCELERATION_UNITS = ("mps2", "cmps2", "mmps2", "inps2", "ftps2", "g")
 """Names of units in Pelicun."""
@@ -26,6 +27,7 @@ def write_demands(
     unit: str = "mps2",
     event: int = 1,
     direction: int = 1,
+    records: Sequence[str] = (),
 ) -> None:
     """Write the demands of one building to a CSV file, a row a record.
 
@@ -43,6 +45,8 @@ def write_demands(
         Unit of the accelerations: ``mps2``, ``cmps2``, ``mmps2``, ``inps2``, ``ftps2``, ``g``.
     event, direction : int
         Numbers in the names, from 1; the other horizontal direction is 2.
+    records : sequence of str
+        Names of the records, for the first column; they are numbered from 0 without them.
 
     Raises
     ------
@@ -68,6 +72,9 @@ def write_demands(
         raise ValueError(f"floor_acceleration must have shape {drift.shape}, has {floors.shape}")
     if len(ground) != len(drift):
         raise ValueError(f"ground_acceleration must have shape ({len(drift)},), has {len(ground)}")
+    rowwise = words("records", records) or tuple(map(str, range(len(drift))))
+    if len(rowwise) != len(drift):
+        raise ValueError(f"records must have {len(drift)} names, has {len(rowwise)}")
     event, direction = count("event", event, 1), count("direction", direction, 1)
     choice("unit", unit, ACCELERATION_UNITS)
     names, units, columns = [], [], []
@@ -87,5 +94,5 @@ def write_demands(
         table = csv.writer(stream)
         table.writerow(["", *names])
         table.writerow(["Units", *units])
-        for i, realisation in enumerate(zip(*columns, strict=True)):
-            table.writerow([i, *map(repr, realisation)])
+        for name, realisation in zip(rowwise, zip(*columns, strict=True), strict=True):
+            table.writerow([name, *map(repr, realisation)])

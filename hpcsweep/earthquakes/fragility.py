@@ -46,6 +46,8 @@ from hpcsweep.model.arguments import array, instance, number, positive
 FLAT = 1e-9
 """Probits by which the fit rises from the first to the last stripe, at most, if it does not rise:
 rounding leaves about 1e-16."""
+REACHED = "reach the threshold"
+"""What records do at their capacity."""
 FARTHEST = 60
 """Doublings in the search for an end of an interval: from then on there is none."""
 
@@ -159,7 +161,9 @@ def fragility(intensity: Any, exceeded: Any, total: Any, confidence: float = 0.9
     return _fragility(fit, b, fit.expected(b), confidence, (x.min(), x.max()), k / n)
 
 
-def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
+def capacity_fragility(
+    found: Capacity, confidence: float = 0.95, event: str = REACHED
+) -> Fragility:
     """Fit a fragility function to the capacities of records that are scaled to all stripes.
 
     Records whose capacity is infinite count as not reaching the threshold up to their last stripe,
@@ -171,6 +175,8 @@ def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
         Of `capacity`, of any shape.
     confidence : float
         As of `fragility`.
+    event : str
+        What records do at their capacity, in messages: "collapse", say.
 
     Returns
     -------
@@ -204,8 +210,7 @@ def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
         raise ValueError(f"capacities must be above 0, is {own.min():g}")
     if np.unique(own).size < 2:
         raise ValueError(
-            f"two different capacities are needed: of {scale.size} records {own.size} reach the "
-            "threshold"
+            f"two different capacities are needed: of {scale.size} records {own.size} {event}"
         )
     logs = np.log(own)
     zeros = np.zeros(never.sum())
@@ -214,7 +219,7 @@ def capacity_fragility(found: Capacity, confidence: float = 0.95) -> Fragility:
     # the lowest stripe is that which the first reach, or lies below what none reaches
     ends = below.min() or above.min(), np.where(never, below, above).max()
     shares = np.array([0.0, own.size / scale.size])
-    return _fragility(fit, b, fit.slopes(b)[1], confidence, ends, shares)
+    return _fragility(fit, b, fit.slopes(b)[1], confidence, ends, shares, event)
 
 
 def _fragility(
@@ -224,11 +229,12 @@ def _fragility(
     confidence: float,
     ends: tuple[float, float],
     shares: np.ndarray,
+    event: str = REACHED,
 ) -> Fragility:
     """Return the fragility of the largest likelihood, at `b`, with its intervals.
 
     `ends` are the lowest and the highest stripe, `shares` the parts of records that reach the
-    threshold at stripes.
+    threshold at stripes, or what else the event is.
     """
     confidence = number("confidence", confidence, "from 0.5 to 0.9999", 0.5, 0.9999)
     least = fit.value(b) - 0.5 * float(ndtri(0.5 * (1.0 + confidence))) ** 2
@@ -256,17 +262,17 @@ def _fragility(
         dispersion_interval=(_exp(-inverses[1]), _exp(-inverses[0])),
         confidence=confidence,
         covariance=covariance,
-        caution=_caution(math.exp(place), *ends, shares),
+        caution=_caution(math.exp(place), *ends, shares, event),
     )
 
 
-def _caution(median: float, lowest: float, highest: float, shares: np.ndarray) -> str:
+def _caution(median: float, lowest: float, highest: float, shares: np.ndarray, event: str) -> str:
     """Write why a median is extrapolated, empty if it is not."""
     if median > highest or shares.max() < 0.5:
         told = "above the highest" if median > highest else "not bounded by the highest"
         return (
             f"the median is an extrapolation, {told} stripe, {highest:.4g}: "
-            f"at most {100 * shares.max():.3g} % of the records reach the threshold"
+            f"at most {100 * shares.max():.3g} % of the records {event}"
         )
     if median < lowest or shares.min() > 0.5:
         told = "below the lowest" if median < lowest else "not bounded by the lowest"

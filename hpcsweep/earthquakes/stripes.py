@@ -83,6 +83,24 @@ def fractiles(values: Any, parts: Sequence[float] = PARTS, axis: int = 0) -> np.
     return np.array(found)
 
 
+def response_fractiles(values: Any, parts: Sequence[float] = PARTS) -> np.ndarray:
+    """Count fractiles of responses that meet those of capacities: smallest as `fractiles`, or next.
+
+    The fractile p of the responses at a scale reaches a threshold where the fractile 1 - p of the
+    capacities is at most that scale: where p n is whole it is the value after that of `fractiles`.
+
+    Parameters
+    ----------
+    values : array_like, shape (records, ...)
+    parts : sequence of floats
+
+    Returns
+    -------
+    ndarray, shape (p, ...)
+    """
+    return -fractiles(-array("values", values), [1.0 - part for part in parts])
+
+
 def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
     """Find the smallest scale at which each record's response reaches a threshold.
 

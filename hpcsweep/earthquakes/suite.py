@@ -19,6 +19,8 @@ from hpcsweep.model.record import Record
 
 MEASURES = ("factor", "pga", "pgv", "sa", "avgsa")
 """Intensity measures by which records are scaled."""
+OWN_PERIOD = "T1"
+"""In place of a period: the longest natural one of each structure."""
 DIGITS = 12
 """Of measures: the last ones depend on the libraries, and a job must mean the same everywhere."""
 KEPT = 16
@@ -33,13 +35,14 @@ class Measure:
     ----------
     by : str
         One of `MEASURES`; ``factor`` is 1 of every record as it is.
-    periods : tuple of float
-        Of ``sa`` one, of ``avgsa`` one or more; of others none.
+    periods : tuple of float or str
+        Of ``sa`` one, `OWN_PERIOD` for that of each structure; of ``avgsa`` one or more; of others
+        none.
     damping_ratio : float
     """
 
     by: str = "factor"
-    periods: tuple[float, ...] = ()
+    periods: tuple[float | str, ...] = ()
     damping_ratio: float = DAMPING_RATIO
 
     @property
@@ -52,7 +55,9 @@ class Measure:
 
     def named(self, time: str = "") -> str:
         """Return the name with its periods, in a unit of time."""
-        periods = ", ".join(f"{period:.6g} {time}".strip() for period in self.periods)
+        periods = ", ".join(
+            one if isinstance(one, str) else f"{one:.6g} {time}".strip() for one in self.periods
+        )
         names = {"factor": "scale factor", "avgsa": "AvgSA", "sa": "Sa"}
         name = names.get(self.by, self.by.upper())
         return f"{name}({periods}; {100 * self.damping_ratio:g} %)" if periods else name
@@ -89,8 +94,12 @@ class Facts(NamedTuple):
 def facts_of(record: Record, measure: Measure, gravity: float) -> Facts:
     """Return what is known of a record."""
     numbers = (*intensity(record, gravity), measure.of(record))
-    rounded = (float(f"{number:.{DIGITS - 1}e}") for number in numbers)
-    return Facts(record.name, record.digest, record.n_samples, record.dt, *rounded)
+    return Facts(record.name, record.digest, record.n_samples, record.dt, *map(rounded, numbers))
+
+
+def rounded(number: float) -> float:
+    """Return a number of `DIGITS` digits."""
+    return float(f"{number:.{DIGITS - 1}e}")
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ FIGURES = (
     "diagrams.ida",
     "diagrams.fragility",
     "diagrams.amplification",
+    "diagrams.separation",
     "diagrams.profile",
     "diagrams.suite_spectra",
     "diagrams.record_history",
@@ -116,6 +117,11 @@ FLOORS = Option(
     type=int,
     action="append",
     metavar="I",
+)
+UNITS = Option(
+    "--units",
+    "g: intensities that are accelerations in g (default: in the units of the job)",
+    choices=("g",),
 )
 BRANCHES = Option(
     "--branches",

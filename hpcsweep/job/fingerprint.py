@@ -30,7 +30,11 @@ def fingerprint(study: Study) -> str:
     """Hash what a study means."""
     meaning: list[object] = [MEANING_VERSION, study.kind]
     if isinstance(study, Varied):
-        axes = [(axis.key, _canonical(axis.values)) for axis in study.axes]
+        axes = [
+            (one.key, _canonical(one.values))
+            for axis in study.axes
+            for one in (axis, *axis.columns)
+        ]
         meaning += ["vary", fingerprint(study.base), axes]
         return _hash(meaning)
     meaning += [(name, value) for _, name, value in _entries(study)]

@@ -148,7 +148,8 @@ KEYS: Tables = {
             "vary",
             "table of keys of study, structure, pounding, sweep or solver with several values each "
             "([how](studies.md#several-values-of-a-key)): all is computed at every value of one "
-            "with every value of another",
+            "with every value of another; `rows`, a CSV file or tables, has keys that vary "
+            "together ([portfolios](studies.md#portfolios))",
         ),
         Key("branches", ""),
     ),

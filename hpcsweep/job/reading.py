@@ -17,6 +17,7 @@ from hpcsweep.job import structures
 from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.keys import every_key, keys_of
 from hpcsweep.job.paths import path_of
+from hpcsweep.job.rows import with_rows
 from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts, read_varied, unused
@@ -121,16 +122,19 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
         tree = parse_toml(text, source)
     except TreeError as error:
         raise JobError(str(error)) from None
+    whole, file = with_rows(Values(source, tree), tree, folder)
     if "records" in tree:
         from hpcsweep.job.suites import with_found
 
-        whole = with_found(Values(source, tree), tree, folder)
-        if whole is not tree:
-            tree, text = whole, write(whole, every_key())
+        whole = with_found(Values(source, whole), whole, folder, file)
+    if whole is not tree:
+        tree, text = whole, write(whole, every_key())
     values = Values(source, tree)
-    study = read_varied(values, tree, read_study)
+    study = read_varied(values, tree, read_study, file)
     _check_extent(values, study)
-    job = Job(name=_name(values, default_name), text=text, study=study, notes=unused(values, tree))
+    job = Job(
+        name=_name(values, default_name), text=text, study=study, notes=unused(study.axes, tree)
+    )
     if job.growth is not None and (reason := job.growth.problem()):
         raise JobError(f"{source}: {reason}")
     return job
@@ -163,8 +167,12 @@ def part_of(job: Job, place: Place) -> Job:
     """Return the job of one part; a job that varies no keys is its only part."""
     if not isinstance(job.study, Varied):
         return job
-    text = write(as_kind(job.study.make, Parts).tree_at(place), every_key())
-    return Job(name=job.name, text=text, study=job.study.part(place))
+    tree, study = as_kind(job.study.make, Parts).tree_at(place), job.study.part(place)
+    if "records" in tree:
+        from hpcsweep.job.suites import with_own_period
+
+        tree = with_own_period(tree, study)
+    return Job(name=job.name, text=write(tree, every_key()), study=study)
 
 
 def _default_block(values: Values, study) -> int:

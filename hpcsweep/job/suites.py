@@ -9,15 +9,21 @@ import glob
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from hpcsweep.earthquakes.suite import Facts, Files, facts_of
+from hpcsweep.earthquakes.spectrum import spectrum
+from hpcsweep.earthquakes.suite import Facts, Files, Measure, facts_of, rounded
 from hpcsweep.job.job import JobError
+from hpcsweep.job.keys import keys_of
+from hpcsweep.job.structures import read_structure
 from hpcsweep.job.values import Values
+from hpcsweep.job.vary import parts_of
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.study import Study, as_kind
 
 
-def with_found(values: Values, tree: dict, folder: Path | None) -> dict:
+def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") -> dict:
     """Return a job with what its records are, the same where that is there or it has none.
 
     Parameters
@@ -28,6 +34,8 @@ def with_found(values: Values, tree: dict, folder: Path | None) -> dict:
     folder : Path, optional
         To which paths are relative: records are looked for again, and must be those that the job
         was made with. Without it they are believed where they are there.
+    file : str
+        Of the rows of its table ``vary``, named in errors.
 
     Raises
     ------
@@ -45,8 +53,18 @@ def with_found(values: Values, tree: dict, folder: Path | None) -> dict:
         source = replace(source, paths=paths)
     measure, _ = keys.read_scale(values)
     gravity = keys.read_gravity(values)
+    periods: list[float] = []
+    n_records = len(paths) if isinstance(source, Files) else source.count
+    if keys.OWN_PERIOD in measure.periods:
+        periods = _periods(values, tree, file)
+        if len(periods) * n_records > keys.MAX_MEASURES:
+            limit = (
+                f"needs {len(periods)} periods of {n_records} records, {keys.MAX_MEASURES} at most"
+            )
+            raise values.error("records.scale.period", keys.OWN_PERIOD, limit)
     found: dict[str, Facts] = {}
-    for i in range(len(paths) if isinstance(source, Files) else source.count):
+    measures: dict[str, list[float]] = {}
+    for i in range(n_records):
         try:
             record = source.record(i)
         except (ValueError, OSError) as error:
@@ -55,18 +73,50 @@ def with_found(values: Values, tree: dict, folder: Path | None) -> dict:
         if record.name in found:
             raise JobError(f"{values.source}: records.files: two records are named {record.name}")
         try:
-            facts = facts_of(record, measure, gravity)
+            if periods:
+                spectral = spectrum(record, periods, measure.damping_ratio).acceleration
+                measures[record.name] = [rounded(one) for one in spectral.tolist()]
+            facts = facts_of(record, Measure() if periods else measure, gravity)
         except ValueError as error:
             said = str(error).replace("periods", next(iter(keys.SCALED_BY[measure.by]), ""), 1)
             raise JobError(f"{values.source}: records.scale.{said} ({record.name})") from None
-        if not facts.measure > 0:
+        if not min(measures.get(record.name, [facts.measure])) > 0:
             shown = f"{values.source}: records: the {measure} of {record.name}"
             raise JobError(f"{shown} is {facts.measure:g}, must be above 0")
         found[record.name] = facts
     if "found" in table:
         _compare(values, found)
-    own = {**table, "found": [facts._asdict() for facts in found.values()]}
+    told: Any = [facts._asdict() for facts in found.values()]
+    if periods:
+        records = [{**one, "measure": measures[one["name"]]} for one in told]
+        told = {"periods": periods, "records": records}
+    own = {**table, "found": told}
     return {**tree, "records": {**own, "files": list(paths)} if paths else own}
+
+
+def _periods(values: Values, tree: dict, file: str) -> list[float]:
+    """Return the longest natural periods of all structures of a job, each once, ascending."""
+    parts = parts_of(values, tree, _period, file)
+    periods: set[float] = set()
+    parts.visit(lambda place: periods.add(rounded(parts(place))))
+    # what is given beside the table vary is read, too
+    return sorted({*periods, rounded(_period(values.source, parts.tree_as_given()))})
+
+
+def with_own_period(tree: dict, study: Study) -> dict:
+    """Return the job of a part without what is known of records at the periods of others."""
+    if not isinstance(tree["records"].get("found"), Mapping):
+        return tree
+    own = as_kind(study, Records)
+    records = [{**one._asdict(), "measure": [one.measure]} for one in own.suite]
+    found = {"periods": [keys.longest_period(own.structure)], "records": records}
+    return {**tree, "records": {**tree["records"], "found": found}}
+
+
+def _period(source: str, tree: Mapping) -> float:
+    values = Values(source, tree)
+    values.check_tables(keys_of(Records), dict)
+    return keys.longest_period(read_structure(values))
 
 
 def _compare(values: Values, found: dict[str, Facts]) -> None:

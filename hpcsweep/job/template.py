@@ -30,7 +30,7 @@ HEAD = """\
 VARY = """\
 # Keys of study, structure, pounding, sweep or solver with several values each: a list or a range.
 # All is computed at every value of one with every value of another, in one file with the keys as
-# its first dimensions.
+# its first dimensions; keys that vary together are columns of a CSV file, rows = "portfolio.csv".
 #[vary]
 #structure.gap = {from = 0.5, to = 2.0, count = 16}
 """

@@ -20,8 +20,8 @@ from typing import Any
 EXTENDS = "extends"
 UNSET = "unset"
 """Value that takes an inherited key away."""
-INDEXED = re.compile(r"(?:(\w+)\.)?(\w+)\[(\d+)\]\.(\w+(?:\.\w+)?)")
-"""A key of one of several tables, or of a table within: structure.contact[0].gap."""
+INDEXED = re.compile(r"(?=.*\[)\w+(?:\.\w+|\[\d{1,6}\]){1,6}")
+"""A key of one of several tables, or one value of a list: structure.contact[0].gap, gap[2]."""
 MAX_BASES = 8
 """Files that one job may be built on; the shipped jobs need at most four."""
 MAX_TEXT = 2**24
@@ -93,7 +93,11 @@ def resolve(
         source += f" with {' '.join(_option(setting) for setting in settings)}"
     whole: dict = functools.reduce(merge, (*(base for _, base in reversed(bases)), tree), {})
     for setting, layer in zip(settings, given, strict=True):
-        whole = merge(whole, layer) if layer else _set_indexed(whole, setting)
+        key, _, value = (part.strip() for part in setting.partition("="))
+        if not layer:
+            said = _option(setting)
+            whole = with_value(whole, key, parse_toml(f"x = {value}", said)["x"], said)
+        whole = merge(whole, layer)
     own = {
         f"{table}.{key}"
         for layer in (tree, *given)
@@ -122,35 +126,36 @@ def _without_unset(tree: Mapping, order: Order, known: Sequence[str] | None = No
     return {key: value for key, value in kept.items() if value != {} or tree[key] == {}}
 
 
-def _set_indexed(whole: dict, setting: str) -> dict:
-    """Return a tree with a key of one of several tables set."""
-    key, _, value = (part.strip() for part in setting.partition("="))
-    inner = key.rpartition(".")[2]
-    given = parse_toml(f"{inner} = {value}", _option(setting))
-    return with_indexed(whole, key, given[inner], _option(setting))
-
-
-def with_indexed(whole: Mapping, key: str, value: object, said: str) -> dict:
-    """Return a tree with a new value of a key of one of several tables.
+def with_value(whole: Mapping, key: str, value: object, said: str) -> dict:
+    """Return a tree with a new value of a key, which may be `INDEXED`.
 
     Raises
     ------
     TreeError
-        If there is no such table; the message begins with `said`.
+        If there is no such place; the message begins with `said`.
     """
-    match = INDEXED.fullmatch(key)
-    assert match is not None, "it was recognised before"
-    table, name, place, inner = match.groups()
-    tables: Any = (whole.get(table, {}) if table else whole).get(name)
-    count = len(tables) if isinstance(tables, list) else 0
-    if int(place) >= count:
+    return _replaced(whole, re.findall(r"\w+|\[\d+\]", key), value, said, "")
+
+
+def _replaced(below: Any, steps: list[str], value: object, said: str, owner: str) -> Any:
+    """Return what is at a key, `owner`, with a new value at the end of the steps below it."""
+    if not steps:
+        return value
+    step, *rest = steps
+    if step[0] != "[":
+        if below is not None and not isinstance(below, Mapping):
+            raise TreeError(f"{said}: {owner} must be a table")
+        table, full = below or {}, f"{owner}.{step}" if owner else step
+        return {**table, step: _replaced(table.get(step), rest, value, said, full)}
+    place, listed = int(step[1:-1]), below if isinstance(below, list) else []
+    count, full = len(listed), owner + step
+    if rest and rest[0][0] != "[" and place >= count:
         there = "is 1 table" if count == 1 else f"are {count} tables"
-        raise TreeError(f"{said}: there {there} {key.split('[')[0]}, counted from 0")
-    changed = [dict(one) for one in tables]
-    outer, _, last = inner.rpartition(".")
-    own = changed[int(place)]
-    changed[int(place)] = merge(own, {outer: {last: value}} if outer else {last: value})
-    return merge(whole, {table: {name: changed}} if table else {name: changed})
+        raise TreeError(f"{said}: there {there} {owner}, counted from 0")
+    if place > count or (below is not None and not isinstance(below, list)):
+        raise TreeError(f"{said}: {full}: {owner} must be a list with that place, is {below!r:.60}")
+    inner = _replaced(listed[place] if place < count else None, rest, value, said, full)
+    return [*listed[:place], inner, *listed[place + 1 :]]
 
 
 def merge(base: Mapping, given: Mapping) -> dict:

@@ -4,21 +4,25 @@ A part of the job is the job without the table, with one value of each of its ke
 its own: it is validated like any other, and has a text from which it can be run alone.
 """
 
-import itertools
+import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.job.job import JobError
-from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_indexed, write_value
+from hpcsweep.job.rows import FIRST_LINE, NAME
+from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_value, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import Axis
+from hpcsweep.studies.study import ROWS, Axis, as_kind
+from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied
 
+MAX_WRONG = 10
+"""Wrong lines of a file that an error tells."""
 MAX_PARTS = 100_000
 """Most parts of a job: each is validated before anything is computed."""
 TABLES = ("study", "structure", "pounding", "sweep", "solver")
@@ -45,42 +49,115 @@ class Parts:
         The job without the table ``vary``.
     axes : tuple of Axis
     read : callable
-        Return the study of a job without that table: (source, tree).
+        Return the study of a job without that table, or else what is wanted: (source, tree).
+    file : str
+        Where the rows of the table are from, named in errors; '' if they are the job's.
     """
 
     source: str
     tree: Mapping
     axes: tuple[Axis, ...]
-    read: Callable[[str, Mapping], RunGrid]
+    read: Callable[[str, Mapping], Any]
+    file: str = field(default="", compare=False)
 
-    def __call__(self, place: Place) -> RunGrid:
-        """Return the study of a part."""
-        return self.read(self.source, self.tree_at(place))
+    def __call__(self, place: Place) -> Any:
+        """Return what `read` does of a part.
+
+        Raises
+        ------
+        JobError
+            If it is not a valid job; a row is named.
+        """
+        try:
+            return self.read(self.source, self.tree_at(place))
+        except TreeError as error:
+            raise self.error(place, f"{error}, in vary") from None
+        except JobError as error:
+            raise self.error(place, str(error)) from None
+
+    def visit(self, function: Callable[[Place], None]) -> None:
+        """Call a function for each part in order.
+
+        Raises
+        ------
+        JobError
+            Of the first part that is refused; other wrong lines of the file of rows are told.
+        """
+        wrong: dict[str, str] = {}
+        for place in np.ndindex(*(len(axis.values) for axis in self.axes)):
+            try:
+                function(place)
+            except JobError as error:
+                line = re.search(r"line \d+", str(error)) if self.file else None
+                wrong.setdefault(line[0] if line else "", str(error))
+                if line is None or len(wrong) == MAX_WRONG:
+                    break
+        if wrong:
+            first, *more = wrong
+            raise JobError(wrong[first] + f" (and {', '.join(more)})" * bool(more))
+
+    def error(self, place: Place, said: str) -> JobError:
+        """Return the error of a part, with the row that it is about, if any."""
+        for axis, at in zip(self.axes, place, strict=True):
+            keys = [one.key for one in axis.columns if re.sub(r"\[\d+\]$", "", one.key) in said]
+            if axis.columns:
+                column = f", column {max(keys, key=len)}" if keys else ""
+                row = f"{self.source}: vary.{ROWS}[{at}]"
+                row = f"{self.file}: line {at + FIRST_LINE}" if self.file else row
+                said = f"{row}{column}: {said.removeprefix(f'{self.source}: ')}"
+        return JobError(said)
 
     def tree_at(self, place: Place) -> dict:
         """Return the job of a part."""
-        return self._with(zip(self.axes, place, strict=True))
+        chosen = zip(self.axes, place, strict=True)
+        return self._with((one, at) for axis, at in chosen for one in axis.keys)
 
     def tree_as_given(self) -> dict:
         """Return the job with its own values of the keys that are varied, the first of others."""
-        return self._with((axis, 0) for axis in self.axes if not _is_given(self.tree, axis.key))
+        varied = (one for axis in self.axes for one in axis.keys)
+        return self._with((one, 0) for one in varied if not _is_given(self.tree, one.key))
 
     def _with(self, chosen: Iterable[tuple[Axis, int]]) -> dict:
         """Return the job with values of some keys."""
         tree = dict(self.tree)
         for axis, at in chosen:
-            if INDEXED.fullmatch(axis.key):
-                tree = with_indexed(tree, axis.key, axis.given[at], self.source)
-            else:
-                table, _, key = axis.key.partition(".")
-                tree[table] = {**tree.get(table, {}), key: axis.given[at]}
+            tree = with_value(tree, axis.key, axis.given[at], self.source)
         return tree
 
 
+def parts_of(
+    values: Values, tree: Mapping, read: Callable[[str, Mapping], Any], file: str = ""
+) -> Parts:
+    """Return what makes the parts of a job, with what `read` returns of each.
+
+    Raises
+    ------
+    JobError
+        If a key cannot be varied.
+    """
+    rest = {key: value for key, value in tree.items() if key != "vary"}
+    axes: tuple[Axis, ...] = ()
+    if "vary" in tree:
+        given = _flat(values, tree["vary"])
+        table = Values(file, {}) if file else values
+        axes = tuple(
+            _rows(table, value) if key == ROWS else _axis(values, key, value)
+            for key, value in given.items()
+        )
+    n_parts = int(np.prod([len(axis.values) for axis in axes], dtype=object))
+    if n_parts > MAX_PARTS:
+        raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MAX_PARTS}")
+    keys = [one.key for axis in axes for one in axis.keys]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise JobError(f"{values.source}: vary.{key}: is in vary.{ROWS}, too")
+    return Parts(values.source, rest, axes, read, file)
+
+
 def read_varied(
-    values: Values, tree: Mapping, read: Callable[[str, Mapping], RunGrid]
+    values: Values, tree: Mapping, read: Callable[[str, Mapping], RunGrid], file: str = ""
 ) -> RunGrid | Varied:
-    """Read the study of a job at all values of its varied keys.
+    """Read the study of a job at all values of its varied keys; `file` is that of their rows.
 
     Raises
     ------
@@ -89,32 +166,32 @@ def read_varied(
     """
     if "vary" not in tree:
         return read(values.source, tree)
-    given = _flat(values, tree["vary"])
-    rest = {key: value for key, value in tree.items() if key != "vary"}
-    axes = tuple(_axis(values, key, value) for key, value in given.items())
-    n_parts = int(np.prod([len(axis.values) for axis in axes], dtype=object))
-    if n_parts > MAX_PARTS:
-        raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MAX_PARTS}")
-    parts = Parts(values.source, rest, axes, read)
-    try:
-        base = parts((0,) * len(axes))
-    except TreeError as error:
-        raise JobError(f"{error}, in vary") from None
-    if unused(values, tree):
+    parts = parts_of(values, tree, read, file)
+    base = parts((0,) * len(parts.axes))
+    if unused(parts.axes, tree):
         # what is given beside vary is not used, but has to be right
         read(values.source, parts.tree_as_given())
-    for axis in axes:
-        owner, _, name = axis.key.rpartition(".")
-        if name in SETS_FREQUENCIES and "rayleigh" in _table(rest, owner):
+    for one in (one for axis in parts.axes for one in axis.keys):
+        owner, _, name = one.key.rpartition(".")
+        if name.split("[")[0] in SETS_FREQUENCIES and "rayleigh" in _table(parts.tree, owner):
             limit = (
                 f"changes the damping ratios that {owner}.rayleigh gives: its alpha and beta "
                 "belong to one set of frequencies; give damping_ratio"
             )
-            raise values.error(f"vary.{axis.key}", given[axis.key], limit)
-    study = Varied(base, axes, parts)
-    for place in itertools.islice(study.places(), 1, None):
+            raise values.error(f"vary.{one.key}", [*one.given], limit)
+    study = Varied(base, parts.axes, parts)
+    by_part: dict[str, tuple[Variable, np.ndarray]] = {}
+
+    def compare(place: Place) -> None:
         _check_shape(values, study, place)
-    return study
+        for (variable, first), (_, own) in zip(base.given, study.part(place).given, strict=True):
+            if not np.array_equal(first, own):
+                whole = np.broadcast_to(first, (*study.shape, *first.shape))
+                along = variable.along(study.names)
+                by_part.setdefault(variable.name, (along, whole.copy()))[1][place] = own
+
+    parts.visit(compare)
+    return replace(study, by_part=by_part)
 
 
 def _table(tree: Mapping, owner: str) -> Mapping:
@@ -132,18 +209,18 @@ def _is_given(tree: Mapping, key: str) -> bool:
     return name in _table(tree, owner)
 
 
-def unused(values: Values, tree: Mapping) -> tuple[str, ...]:
+def unused(axes: Iterable[Axis], tree: Mapping) -> tuple[str, ...]:
     """Return a message for each key that is given beside ``vary``."""
-    given = _flat(values, tree["vary"]) if "vary" in tree else ()
+    keys = (one.key for axis in axes for one in axis.keys)
     used = "[vary] gives its values"
-    return tuple(f"not used: {key} ({used})" for key in given if _is_given(tree, key))
+    return tuple(f"not used: {key} ({used})" for key in keys if _is_given(tree, key))
 
 
 def _flat(values: Values, table: object) -> dict[str, object]:
     """Return the keys of the table with their values; ``structure.gap`` needs no quotes."""
     if not isinstance(table, Mapping) or not table:
         raise values.error("vary", table, 'must be a table such as "structure.gap" = [0.5, 1.0]')
-    given: dict[str, object] = {}
+    given: dict[str, Any] = {}
     for key, value in table.items():
         below = value if isinstance(value, Mapping) and not set(value) & set(RANGE_KEYS) else None
         if "." in key or not below:
@@ -153,12 +230,29 @@ def _flat(values: Values, table: object) -> dict[str, object]:
     return given
 
 
-def _axis(values: Values, key: str, given: object) -> Axis:
+def _rows(values: Values, given: Any) -> Axis:
+    """Read keys that vary together: a table of their values a row."""
+    key = f"vary.{ROWS}"
+    if not isinstance(given, list) or not given or not all(isinstance(r, Mapping) for r in given):
+        raise values.error(key, given, "must be the name of a CSV file, or tables of keys")
+    rows = [_flat(values, row) for row in given]
+    for at, row in enumerate(rows):
+        if row.keys() != rows[0].keys():
+            raise values.error(f"{key}[{at}]", [*row], f"must have the keys {', '.join(rows[0])}")
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    labels: tuple = tuple(map(str, columns.pop(NAME, ()))) or tuple(range(1, len(rows) + 1))
+    if len(set(labels)) < len(labels):
+        raise values.error(f"{key}.{NAME}", [*labels], "must not hold a value twice")
+    own = tuple(_axis(values, name, column, together=True) for name, column in columns.items())
+    return Axis("structure", ROWS, labels, "1", labels, own)
+
+
+def _axis(values: Values, key: str, given: object, together: bool = False) -> Axis:
+    """Read a key with its values, those of rows `together` with other keys."""
     table, _, name = key.partition(".")
-    indexed = INDEXED.fullmatch(key)
-    if indexed:
-        table = indexed[1] or indexed[2]
-        name = f"{indexed[2]}_{indexed[3]}_{indexed[4].replace('.', '_')}"
+    if indexed := INDEXED.fullmatch(key):
+        table = key.partition("[")[0].partition(".")[0]
+        name = "_".join(re.findall(r"\w+", key.removeprefix(f"{table}.")))
     is_building = indexed is not None and key.startswith("building[")
     if not (table in TABLES or is_building) or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"
@@ -167,9 +261,9 @@ def _axis(values: Values, key: str, given: object) -> Axis:
         raise values.error(f"vary.{key}", given, NEVER[key])
     listed = _listed(values, f"vary.{key}", given)
     labels = _labels(listed)
-    if len(set(labels)) < len(labels):
+    if len(set(labels)) < len(labels) and not together:
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    units = "length" if name.endswith(("gap", "gap_left")) else "1"
+    units = "length" if re.search(r"gap(_left)?(_\d+)?$", name) else "1"
     return Axis(name, key, labels, units, listed)
 
 
@@ -201,9 +295,10 @@ def _check_shape(values: Values, study: Varied, place: Place) -> None:
     base, part = study.base, study.part(place)
     other = _difference(base, part)
     if other is not None:
-        pairs = zip(study.axes, place, strict=True)
+        pairs = list(zip(study.axes, place, strict=True))
         where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
-        raise JobError(f"{values.source}: {where}: all parts must be of one shape, it {other}")
+        said = f"{values.source}: {where}: all parts must be of one shape, it {other}"
+        raise as_kind(study.make, Parts).error(place, said)
 
 
 def _difference(base: RunGrid, part: RunGrid) -> str | None:
@@ -217,7 +312,7 @@ def _difference(base: RunGrid, part: RunGrid) -> str | None:
         if not _equal(own[name].values, coordinate.values):
             return f"has another {name} than the first"
     for (variable, first), (_, values) in zip(base.given, part.given, strict=True):
-        if not _equal(first, values):
+        if first.shape != values.shape or not (variable.by_part or _equal(first, values)):
             return f"has another {variable.name} than the first"
     return None
 

@@ -22,25 +22,29 @@ from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate, Variable
 
+ROWS = "rows"
+"""Key of ``vary`` whose rows, one a structure, each have a value of several keys."""
 Lines = Iterator[tuple[str, str]]
 """What users are told: names and texts."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Values of a varied key of the job; a dimension of the file.
+    """Values of a varied key of the job, or of keys that vary together; a dimension of the file.
 
     Attributes
     ----------
     name : str
         Name of the dimension.
     key : str
-        ``TABLE.KEY`` of job files.
+        ``TABLE.KEY`` of job files; `ROWS` of keys that vary together.
     values : tuple of int, of float or of str
         As the file holds them; others, such as true, as they are written in TOML.
     units : str
     given : tuple
         As the job holds them.
+    columns : tuple of Axis
+        Of keys that vary together, each with a value a row, which may recur.
     """
 
     name: str
@@ -48,6 +52,12 @@ class Axis:
     values: tuple[Any, ...]
     units: str
     given: tuple[Any, ...]
+    columns: tuple["Axis", ...] = ()
+
+    @property
+    def keys(self) -> "tuple[Axis, ...]":
+        """The keys that vary, each with its values."""
+        return self.columns or (self,)
 
     @property
     def coordinate(self) -> Coordinate:

@@ -47,6 +47,8 @@ class Variable:
         Whether it may be missing in a complete run.
     failed : str
         What a failed run has: the `MISSING` value, a `VALID` one, or `ANY`.
+    by_part : bool
+        Whether it is known beforehand, and parts of a job may differ in it.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Variable:
     limits: Limits | None = None
     optional: bool = False
     failed: str = MISSING
+    by_part: bool = False
 
     @property
     def missing(self) -> float:

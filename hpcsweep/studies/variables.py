@@ -98,7 +98,7 @@ RUN_VARIABLES = (
     SKIP_RULE,
 )
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")
-STOREY_HEIGHT = real("storey_height", ("storey",), "length", "height of each storey")
+STOREY_HEIGHT = real("storey_height", ("storey",), "length", "height of each storey", by_part=True)
 DRIFT_RATIO = "peak storey drift ratio"
 AMPLITUDE = ("acceleration", "forcing amplitude A")
 OMEGA = ("frequency", "forcing frequency Omega")

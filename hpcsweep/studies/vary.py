@@ -7,7 +7,7 @@ are equal, to the last bit, to those of a job of its own.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -18,7 +18,7 @@ from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, 
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis, RunAgain, Study
-from hpcsweep.studies.variable import Coordinate, Variable
+from hpcsweep.studies.variable import Coordinate, Variable, real
 
 PARTS_KEPT = 64
 """Parts that a process keeps: ranks come back to the one they left."""
@@ -37,6 +37,8 @@ class Varied:
         Return the part at an index.
     reader : Reader, optional
         See `with_reader`.
+    by_part : dict of str to (Variable, ndarray)
+        Variables known beforehand in which parts differ, along the axes, by their names.
     """
 
     base: RunGrid
@@ -44,6 +46,7 @@ class Varied:
     make: Callable[[Place], RunGrid]
 
     reader: Reader | None = None
+    by_part: dict[str, tuple[Variable, np.ndarray]] = field(default_factory=dict)
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that all parts share, one of `SHARED`."""
@@ -54,12 +57,11 @@ class Varied:
     @cached_property
     def structure(self) -> Any:
         """Structure that stands for all parts; in gaps only where each of these is."""
-        at = [
-            next((i for i, value in enumerate(axis.values) if value != 1.0), 0)
-            if axis.units == "length"
-            else 0
-            for axis in self.axes
-        ]
+        at = []
+        for axis in self.axes:
+            lengths = [one.values for one in axis.keys if one.units == "length"]
+            others = (i for values in lengths for i, value in enumerate(values) if value != 1.0)
+            at.append(next(others, 0))
         return (self.part(tuple(at)) if any(at) else self.base).structure
 
     @property
@@ -106,6 +108,18 @@ class Varied:
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
         return [variable.along(self.names) for variable in self.base.variables]
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known in advance: those of all parts, and numbers of the rows."""
+        shared = [self.by_part.get(one.name, (one, values)) for one, values in self.base.given]
+        held = {one.name for one, _ in shared}
+        return shared + [
+            (real(one.name, (axis.name,), one.units, one.key, None), np.array(one.values, float))
+            for axis in self.axes
+            for one in axis.columns
+            if one.name not in held and not any(isinstance(value, str) for value in one.values)
+        ]
 
     @property
     def dimensions(self) -> dict[str, int]:
@@ -233,7 +247,8 @@ class Varied:
         """Return parts that together call all kernels, one for each set of these."""
         if not self.base.kernels:
             return [self.base]
-        shape = [len(a.values) if _picks_kernels(a.key) else 1 for a in self.axes]
+        several = [any(_picks_kernels(one.key) for one in axis.keys) for axis in self.axes]
+        shape = [len(a.values) if picks else 1 for a, picks in zip(self.axes, several, strict=True)]
         parts = (self.part(place) for place in np.ndindex(*shape))
         return list({one.kernels: one for one in parts}.values())
 

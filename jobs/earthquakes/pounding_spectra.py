@@ -4,14 +4,8 @@
 
 Reads the results of pounding-spectra.toml. For each pair of periods it draws the median over the
 records of the drift of building A with contacts over that without, and the share of records for
-which the separation that a code rule asks for is not enough. With u_A and u_B the peaks of each
-building alone, by record, the rules are
-
-    ABS   u_A + u_B,      SRSS   sqrt(u_A^2 + u_B^2),      DDC   sqrt(u_A^2 + u_B^2 - 2 r u_A u_B),
-
-r being the correlation of two oscillators under white noise (Der Kiureghian 1981; equal damping),
-
-    r = 8 z^2 (1 + q) q^(3/2) / ((1 - q^2)^2 + 4 z^2 q (1 + q)^2),      q = T_A / T_B.
+which the separation that a code rule asks for is not enough, the rules of `hpcsweep.separation`
+with the peaks of each building alone, by record.
 
 What is needed is the largest approach of the two without contacts (`gap_needed`).
 """
@@ -20,6 +14,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+import xarray
 
 import hpcsweep
 
@@ -28,25 +23,15 @@ PERIODS = ("building_0_period", "building_1_period")
 RULES = ("ABS", "SRSS", "DDC")
 
 
-def correlation(t_a, t_b, z: float = DAMPING):
-    """Return the correlation of two oscillators of damping ratio z under white noise."""
-    q = t_a / t_b
-    return 8 * z**2 * (1 + q) * q**1.5 / ((1 - q**2) ** 2 + 4 * z**2 * q * (1 + q) ** 2)
-
-
 def separations(results) -> dict:
     """Return the separation over that needed, by rule: arrays over the periods and records."""
     one = results.sel(scale=1.0).isel(building_1_mass=0, gap=0)
     u_a = one.displacement_alone.isel(floor=0)
     u_b = one.displacement_alone.isel(floor=1)
     needed = one.gap_needed.isel(stop=0)
-    r = correlation(one[PERIODS[0]], one[PERIODS[1]])
-    squares = u_a**2 + u_b**2
-    return {
-        "ABS": (u_a + u_b) / needed,
-        "SRSS": np.sqrt(squares) / needed,
-        "DDC": np.sqrt(squares - 2 * r * u_a * u_b) / needed,
-    }
+    given = xarray.broadcast(u_a, u_b, one[PERIODS[0]], one[PERIODS[1]])
+    rules = hpcsweep.separation(*(array.values for array in given), DAMPING)
+    return {name: given[0].copy(data=gap) / needed for name, gap in zip(RULES, rules, strict=True)}
 
 
 def told(results) -> list[str]:

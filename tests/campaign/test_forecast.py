@@ -1,16 +1,20 @@
 """What a dry run says of a job: the bound of the ranks, an interval, a Slurm request, by hand."""
 
 import re
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 from tools import GRID, hpcsweep
 
+from hpcsweep.campaign import forecast
 from hpcsweep.campaign.forecast import (
     COMMIT_SECONDS,
     LOAD,
     SESSION_SECONDS,
     SHARE,
+    Pilot,
     TimeInterval,
     advised_ranks,
     mean_interval,
@@ -19,6 +23,7 @@ from hpcsweep.campaign.forecast import (
     whole,
 )
 from hpcsweep.job import parse_job
+from hpcsweep.store import Layout
 
 
 @pytest.mark.parametrize(
@@ -129,3 +134,20 @@ def test_a_task_of_several_points_is_told_as_that(tmp_path):
     reported = hpcsweep(0, "run", "job.toml", "--dry-run", cwd=tmp_path).stdout
     assert re.search(r"longest +11 runs .*, Omega = 0\.\d, A = 0\.02 to 0\.3$", reported, re.M)
     assert "cannot be cut" not in reported
+
+
+def test_a_dry_run_of_several_jobs_tells_their_sum(monkeypatch):
+    """Two runs of 2 s in each pass cost from 2 s to `LOAD` times 2 s a run, and their blocks."""
+    pilot = Pilot(np.ones(4), np.full((2, 2, 2), 2.0), 2, 0.0, 0.0, False)
+    monkeypatch.setattr(forecast, "time_pilot", lambda job: pilot)
+    sums, jobs = Counter(), [parse_job(GRID, "job", "a"), parse_job(GRID, "job", "b")]
+    for job in jobs:
+        assert dict(forecast.estimate(job, Path("a.h5"), sums))["in all"]
+    n_runs = jobs[0].study.n_runs
+    n_blocks = 2 * n_runs / jobs[0].study.block_size
+    assert sums["runs"] == 2 * n_runs
+    assert sums["low"] == pytest.approx(4 * n_runs + n_blocks * COMMIT_SECONDS[0])
+    assert sums["high"] == pytest.approx(LOAD * 4 * n_runs + n_blocks * COMMIT_SECONDS[1])
+    told = dict(forecast.sum_lines(sums))
+    assert told["runs"] == f"{2 * n_runs}"
+    assert told["files"].startswith(f"{2 * Layout(jobs[0]).file_size()} bytes")

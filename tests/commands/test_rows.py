@@ -1,6 +1,6 @@
 """Rows of tables are declared once, and shown as far as their values are there."""
 
-from hpcsweep.commands import table
+from hpcsweep.commands import listing
 from hpcsweep.commands.rows import rows_of
 
 DECLARED = """\
@@ -34,5 +34,5 @@ def test_mappings_have_a_row_for_each_entry_and_formats_of_their_own():
 
 def test_a_long_name_does_not_widen_the_column_of_names():
     rows = [("a", "1"), ("four", "2"), ("a name of very many letters", "3")]
-    told = table("title", rows).splitlines()
+    told = listing("title", rows).splitlines()
     assert told == ["title", "  a     1", "  four  2", "  a name of very many letters  3"]

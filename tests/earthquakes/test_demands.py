@@ -24,6 +24,13 @@ def test_names_units_and_values(tmp_path):
     np.testing.assert_array_equal(found, np.column_stack([GROUND, FLOORS, DRIFT]))
 
 
+def test_rows_have_the_names_of_records(tmp_path):
+    path = tmp_path / "demands.csv"
+    write_demands(path, DRIFT, FLOORS, GROUND, records=["RSN6, 180", "b", "c"])
+    with path.open(newline="") as stream:
+        assert [row[0] for row in csv.reader(stream)] == ["", "Units", "RSN6, 180", "b", "c"]
+
+
 def test_other_units_events_and_directions(tmp_path):
     path = tmp_path / "demands.csv"
     write_demands(path, DRIFT, FLOORS, GROUND, unit="g", event=3, direction=2)
@@ -41,6 +48,7 @@ def test_other_units_events_and_directions(tmp_path):
         ({"drift_ratio": [[0.01, np.nan]] * 3}, "1-PID-2-1 must be finite and at least 0, is nan"),
         ({"ground_acceleration": [1.0, -1.0, 2.0]}, "1-PFA-0-1 must be finite .* is -1.0"),
         ({"unit": "parsec"}, "unit must be one of mps2, .* is 'parsec'"),
+        ({"records": ["a"]}, "records must have 3 names, has 1"),
         ({"direction": 0}, "direction must be a whole number from 1"),
     ],
 )

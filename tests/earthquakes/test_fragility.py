@@ -232,6 +232,15 @@ def test_too_few_capacities_are_refused(responses, message):
         capacity_fragility(capacity([1.0, 2.0], responses, 1.0))
 
 
+def test_messages_have_the_word_for_what_records_do():
+    with pytest.raises(ValueError, match=r"of 2 records 1 collapse$"):
+        capacity_fragility(capacity([1.0, 2.0], [[0.1, 1.2], [0.1, 0.3]], 1.0), event="collapse")
+    x, given = np.array([1.0, 2.0]), np.array([0.9, 1.5, 5.0, 5.0, 5.0, 5.0])
+    reached = capacity(x, x / given[:, None], 1.0)
+    told = capacity_fragility(reached, event="collapse").caution
+    assert told.endswith("highest stripe, 2: at most 33.3 % of the records collapse")
+
+
 def test_cloud_analysis_is_a_line_through_logarithms():
     rng = np.random.default_rng(3)
     x = rng.lognormal(0, 0.7, 40)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hpcsweep import capacity, fractiles
+from hpcsweep.earthquakes.stripes import response_fractiles
 
 
 def test_fractiles_are_values_that_were_given():
@@ -25,6 +26,21 @@ def test_fractiles_are_values_that_were_given():
 def test_infinite_values_count_and_unknown_ones_do_not():
     np.testing.assert_array_equal(fractiles([math.inf, 1.0, math.nan, 2.0]), [1, 2, math.inf])
     np.testing.assert_array_equal(fractiles([math.nan, math.nan]), [math.nan] * 3)
+
+
+@pytest.mark.parametrize("n", [4, 5, 20, 25])
+def test_fractiles_of_responses_cross_a_threshold_where_those_of_capacities_lie(n):
+    """The curve of 50 % reaches it at the first stripe that is not below the median capacity."""
+    rng = np.random.default_rng(n)
+    scales = np.arange(1.0, 9.0)
+    curves = np.cumsum(rng.random((n, scales.size)), axis=1)
+    curves[0, 3:] = np.inf
+    for threshold in (0.5, 1.5, 2.5):
+        reached = capacity(scales, curves, threshold).scale
+        lines = response_fractiles(curves)
+        for line, own in zip(lines, fractiles(reached, [0.84, 0.5, 0.16]), strict=True):
+            np.testing.assert_array_equal(line >= threshold, scales >= own)
+    np.testing.assert_array_equal(response_fractiles(np.arange(1.0, 26.0)), [5, 13, 22])
 
 
 def test_capacities_lie_between_the_stripes_around_the_threshold():

@@ -3,14 +3,16 @@
 import contextlib
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
 from tools import RECORDS, hpcsweep
 
-from hpcsweep import open_results, response, synthetic_records
+from hpcsweep import open_results, response, separation, synthetic_records
 from hpcsweep.figures.diagrams.responses import buildings
 from hpcsweep.figures.options import figures
+from hpcsweep.figures.style import PlotError
 from hpcsweep.job import parse_job
 from hpcsweep.solvers.response import history
 from hpcsweep.store import Frames
@@ -138,6 +140,34 @@ def test_fragility_is_that_of_the_capacities_between_the_stripes(folder):
     assert fit(stripes_of(results, study, "drift", "B"), 0.5).median == told["median"]
 
 
+def test_the_gap_needed_is_that_of_the_motion_without_contacts_and_rules_are_of_its_peaks(folder):
+    """Of record 3 at one scale, by hand: two buildings of 5 % whose periods differ."""
+    results = open_results(folder / "job.h5")
+    study = parse_job(TEXT, "job", "job").study
+    (axis,) = figures()["separation"].draw(results, place="A2-B2").axes
+    lines = {line.get_label(): line.get_ydata() for line in axis.get_lines()}
+    need = results.gap_needed.sel(stop="A2-B2")
+    np.testing.assert_array_equal(lines["50 % fractile"][1:], np.sort(need, axis=0)[3])
+    alone = approach(study, 3, float(study.factor[3, 10]))
+    assert need[3, 10].item() == pytest.approx(alone, rel=1e-3)
+    u, v = (results.displacement_alone.sel(floor=floor).values for floor in ("A2", "B2"))
+    of_a, of_b = (2 * np.pi / study.structure.frequencies[i] for i in (1, 0))
+    asked = separation(u, v, of_a, of_b, 0.05)
+    for rule, values in zip(("sum", "SRSS", "double"), asked, strict=True):
+        (label,) = (one for one in lines if one.startswith(rule))
+        np.testing.assert_allclose(lines[label][1:], np.sort(values, axis=0)[3], rtol=1e-12)
+        short = 100 * (values < need.values * (1 - 1e-9)).mean()
+        assert f"too small for {short:.0f} % of them" in label
+    with pytest.raises(PlotError, match="--place B1: must be one of A1-B1, A2-B2"):
+        figures()["separation"].draw(results, place="B1")
+
+
+def approach(study, record: int, factor: float) -> float:
+    """Return the largest approach of A2 to B2 without contacts, at steps of 2 ms."""
+    free = history(study.structure.without_contacts(), study.record(record), factor, 1.0, 0.002)
+    return float((free.displacement[:, 1] - free.displacement[:, 3]).max())
+
+
 def test_a_median_beyond_the_stripes_is_told_as_that(folder):
     results = open_results(folder / "job.h5")
     high = 100 / 3.2 * np.sort(results.storey_drift.max("storey").values[:, -1])
@@ -149,8 +179,51 @@ def test_a_median_beyond_the_stripes_is_told_as_that(folder):
     text = hpcsweep(0, "fragility", "job.h5", *threshold, cwd=folder).stdout
     assert "5 records never reach it up to 20" in text
     assert "the median is an extrapolation, above the highest stripe, 20: at most 37.5 %" in text
+    # the figure goes on to the median, dashed beyond the stripes, and says what it does not know
+    drawn = figures()["fragility"].draw(results, threshold=float(threshold[1]), units="g")
+    (axis,) = drawn.axes
+    highest = 20.0 / 9.80665
+    (dashed,) = (line for line in axis.get_lines() if line.get_linestyle() == "--")
+    assert dashed.get_xdata()[0] > highest
+    assert axis.get_xlim()[1] > max(told["median"], told["alone"]["capacity"]["0.5"]) / 9.80665
+    assert axis.get_xlabel() == "Sa(0.5; 5 %)  [g]"
+    assert axis.get_legend().get_title().get_text().endswith("8 records, 5 above the last stripe")
     # counted without contacts to the last record, far beyond the stripes
     assert np.isfinite(told["alone"]["capacity"]["0.84"])
+
+
+def test_without_contacts_capacities_are_exact_at_any_intensity_and_drawn_there(folder):
+    """No stripe reaches ten times the largest drift; each record is proportional to its scale."""
+    text = re.sub(r"stiffness = 2e9\n", "stiffness = 0.0\n", TEXT)
+    (folder / "free.toml").write_text(text)
+    assert hpcsweep(0, "run", "free.toml", cwd=folder).returncode == 0
+    results = open_results(folder / "free.h5")
+    drift = 100 * results.storey_drift.max("storey").values[:, -1] / 3.2
+    exact = np.sort(10 * drift.max() * 20.0 / drift)
+    threshold = float(10 * drift.max())
+    told = reported(folder, "free.h5", "--threshold", str(threshold))
+    assert told["never"] == 0
+    assert told["caution"] == ""
+    assert told["capacity"]["0.5"] == pytest.approx(exact[3], rel=1e-12)
+    assert told["median"] == pytest.approx(np.exp(np.log(exact).mean()), rel=1e-9)
+    (axis,) = figures()["fragility"].draw(results, threshold=threshold).axes
+    assert axis.get_xlim()[1] > exact[-1]
+    assert not [
+        one for one in axis.get_lines() if one.get_linestyle() == "--" and one.get_xdata().size
+    ]
+
+
+def test_intensities_in_g_are_those_of_the_structure_over_one_g(folder):
+    own, in_g = (
+        reported(folder, "job.h5", "--threshold", "0.5", *units) for units in ([], ["--units", "g"])
+    )
+    assert in_g["measure"] == "Sa(0.5; 5 %)  [g]"
+    for key in ("median", "highest"):
+        assert in_g[key] == pytest.approx(own[key] / 9.80665, rel=1e-9)
+    assert in_g["dispersion"] == pytest.approx(own["dispersion"], rel=1e-9)
+    study = parse_job(TEXT.replace(SCALES, "{values = [1.0]}"), "job", "job").study
+    with pytest.raises(StripesError, match="intensities are of scale factor, no acceleration"):
+        stripes_of(open_results(folder / "job.h5"), study, units="g")
 
 
 def test_demands_are_those_of_one_building_at_one_intensity(folder):
@@ -164,7 +237,8 @@ def test_demands_are_those_of_one_building_at_one_intensity(folder):
     names = ["", "1-PFA-0-1", "1-PFA-1-1", "1-PFA-2-1", "1-PID-1-1", "1-PID-2-1"]
     assert rows[0] == names
     results = open_results(folder / "job.h5").sel(scale=5, method="nearest")
-    table = np.array(rows[2:], float)[:, 1:]
+    assert [row[0] for row in rows[2:]] == results.record.values.tolist()
+    table = np.array([row[1:] for row in rows[2:]], float)
     np.testing.assert_allclose(table[:, 0], results.pga * results.factor / 9.80665)
     np.testing.assert_allclose(table[:, 4], results.storey_drift.sel(storey="A2") / 3.2)
 

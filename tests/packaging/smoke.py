@@ -29,6 +29,7 @@ RECORD_PLOTS = {
     "ida": (),
     "fragility": ("--threshold", "0.02"),
     "pounding": (),
+    "separation": (),
     "profile": (),
     "spectra": (),
     "history": (),
@@ -155,6 +156,7 @@ def check(hpcsweep: Installed) -> None:
     Path("records.toml").write_text(RECORDS)
     hpcsweep("run", "records.toml", makes="records.h5")
     assert "median" in hpcsweep("fragility", "records.h5", "--threshold", "0.02")
+    hpcsweep("table", "records.h5", "-o", "records.csv", makes="records.csv")
     hpcsweep("zoom", "study.h5", *finer, "-o", "finer.toml", makes="finer.toml")
     hpcsweep("run", "finer.toml", "--reuse", "study.h5", "-o", "finer.h5", makes="finer.h5")
     drawn = (

@@ -5,16 +5,23 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import Capacity, fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.figures.options import UNITS
 from hpcsweep.studies.ground_motion.stripes import COLLAPSE, StripesError, capacities, fit
 
 NAME = "fragility"
 DRAWS = "responses"
 HELP = """\
 share of records whose response reaches a threshold, against the intensity, counted by their
-capacities, with the lognormal curve of largest likelihood and its 95 % band; without contacts
-the counted curve, which is exact"""
-OPTIONS = (responses.THRESHOLD, responses.COLLAPSES, responses.RESPONSE, responses.PLACE)
+capacities, with the lognormal curve of largest likelihood and its 95 % band, dashed beyond
+the stripes; without contacts the counted curve, which is exact at any intensity"""
+OPTIONS = (
+    *(responses.THRESHOLD, responses.COLLAPSES, responses.RESPONSE, responses.PLACE),
+    UNITS,
+)
 POINTS = 400
+BEYOND, FARTHEST = 1.1, 3.0
+"""Of the axis over the largest median, or exact capacity, beyond the stripes; over these at most,
+unless all is exact."""
 load = responses.load
 
 
@@ -24,6 +31,7 @@ def draw(
     response: str = "drift",
     place: str | None = None,
     collapse: bool = False,
+    units: str | None = None,
 ):
     """Draw shares and curves.
 
@@ -36,7 +44,7 @@ def draw(
         threshold, response = 1.0, COLLAPSE
     if threshold is None:
         raise style.PlotError("--threshold is missing: the response that is a failure")
-    stripes = responses.opened(results, response, place)
+    stripes = responses.opened(results, response, place, units)
     try:
         own, found = capacities(stripes, threshold), fit(stripes, threshold)
     except StripesError as error:
@@ -48,22 +56,33 @@ def draw(
     known = (~np.isnan(stripes.values)).sum(axis=0)
     shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(known, 1)
     axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
-    fine = np.linspace(stripes.intensity[0] / 10, stripes.intensity[-1], POINTS)
+    last, exact = stripes.intensity[-1], stripes.alone is stripes.values
+    medians = [found.median]
+    if touches:
+        free = capacities(stripes, threshold, alone=True)
+        medians.append(fractiles(free.scale, (0.5,)).item())
+    farthest = min(BEYOND * max(medians), FARTHEST * last)
+    if exact:
+        farthest = BEYOND * own.scale[np.isfinite(own.scale)].max()
+    edge = max(last, farthest)
+    fine = np.linspace(stripes.intensity[0] / 10, edge, POINTS)
     low, high = found.band(fine)
     axis.fill_between(fine, low, high, color=colour, alpha=0.2, linewidth=0)
     label = rf"median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}"
-    axis.plot(fine, found.probability(fine), color=colour, label=label)
-    _count(axis, own, fine[-1], color=colour, linewidth=0.6)
+    curve, inside = found.probability(fine), (fine <= last) | exact
+    axis.plot(fine[inside], curve[inside], color=colour, label=label)
+    axis.plot(fine[~inside], curve[~inside], "--", color=colour)
+    _count(axis, own, edge if exact else last, color=colour, linewidth=0.6)
     if touches:
-        free = capacities(stripes, threshold, alone=True)
-        (median,) = fractiles(free.scale, (0.5,))
-        name = f"{responses.alone(results)}, counted  median {median:.4g}"
-        _count(axis, free, fine[-1], color=palette.STOP, label=name)
+        name = f"{responses.alone(results)}, counted  median {medians[-1]:.4g}"
+        _count(axis, free, edge, color=palette.STOP, label=name)
     reach = f"share of records that reach {threshold:g} {stripes.unit}".rstrip()
     reach = "share of records that collapse" if collapse else reach
     axis.set(xlabel=stripes.measure, ylabel=reach)
-    axis.set(xlim=(0, stripes.intensity[-1]), ylim=(0, 1.02))
-    responses.legend(axis, stripes.label)
+    axis.set(xlim=(0, edge), ylim=(0, 1.02))
+    never = int(np.isinf(own.scale).sum())
+    told = responses.counted(stripes) + f", {never} above the last stripe" * bool(never)
+    responses.legend(axis, f"{stripes.label}\n{told}")
     return style.head(figure, responses.title(results), found.caution or "", fontsize=9)
 
 

@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.stripes import fractiles
+from hpcsweep.earthquakes.stripes import response_fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.figures.options import UNITS
 
 NAME = "ida"
 DRAWS = "responses"
@@ -15,13 +16,13 @@ response of each record against the intensity, with the 16, 50 and 84 % fractile
 and the median without contacts; flat lines to the edge where a structure collapses"""
 EDGE = 1.2
 """Of the axis, over the largest response, where lines are flat."""
-OPTIONS = (responses.RESPONSE, responses.PLACE)
+OPTIONS = (responses.RESPONSE, responses.PLACE, UNITS)
 load = responses.load
 
 
-def draw(results, response: str = "drift", place: str | None = None):
+def draw(results, response: str = "drift", place: str | None = None, units: str | None = None):
     """Draw the curves of all records, intensity upwards."""
-    stripes = responses.opened(results, response, place)
+    stripes = responses.opened(results, response, place, units)
     figure, (axis,) = style.new_figure(1, 5.0)
     intensity = np.append(0.0, stripes.intensity)
     collapses = np.isinf(stripes.values)
@@ -37,11 +38,11 @@ def draw(results, response: str = "drift", place: str | None = None):
             y = np.insert(y, at, (0.5 * (y[at - 1] + y[at]),) * 2)
         axis.plot(x, y, *dashes, **looks)
 
-    responses.draw_suite(curve, stripes.values)
+    responses.draw_suite(curve, stripes.values, response_fractiles)
     if responses.touches(stripes):
-        (median,) = fractiles(stripes.alone, (0.5,))
+        (median,) = response_fractiles(stripes.alone, (0.5,))
         label = f"50 %, {responses.alone(results)}"
         curve(median, ":", color=palette.STOP, linewidth=2.0, label=label)
     axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, edge), ylim=(0, intensity[-1]))
-    responses.legend(axis, f"{len(stripes.records)} records", handlelength=3.5)
+    responses.legend(axis, responses.counted(stripes), handlelength=3.5)
     return style.head(figure, responses.title(results), fontsize=9)

@@ -36,7 +36,7 @@ def load(frames, **_options):
     return frames.gather([*frames])
 
 
-def opened(results, response: str, place: str | None) -> Stripes:
+def opened(results, response: str, place: str | None, units: str | None = None) -> Stripes:
     """Return the stripes that are to be drawn.
 
     Raises
@@ -44,7 +44,7 @@ def opened(results, response: str, place: str | None) -> Stripes:
     PlotError
     """
     try:
-        found = stripes_of(results, style.study_of(results, Records), response, place)
+        found = stripes_of(results, style.study_of(results, Records), response, place, units)
     except StripesError as error:
         raise style.PlotError(str(error)) from None
     if np.isnan(found.values).all():
@@ -52,7 +52,7 @@ def opened(results, response: str, place: str | None) -> Stripes:
     return found
 
 
-def draw_suite(plot: Callable[..., Any], curves: np.ndarray) -> None:
+def draw_suite(plot: Callable[..., Any], curves: np.ndarray, counted=fractiles) -> None:
     """Draw the curves of the records one by one, as far as they are few, and their fractiles.
 
     Parameters
@@ -60,11 +60,13 @@ def draw_suite(plot: Callable[..., Any], curves: np.ndarray) -> None:
     plot : callable
         Draw one curve, from its values and the arguments of `Axes.plot`.
     curves : ndarray, shape (n_records, k)
+    counted : callable
+        Return the fractiles.
     """
     for values in curves[:MAX_GREY]:
         plot(values, color="0.75", linewidth=0.6)
     looks = {"color": palette.series_colour(0), "linewidth": 2.0}
-    for part, dashes, values in zip(PARTS, ("--", "-", "-."), fractiles(curves), strict=True):
+    for part, dashes, values in zip(PARTS, ("--", "-", "-."), counted(curves), strict=True):
         plot(values, dashes, label=f"{100 * part:g} % fractile", **looks)
 
 
@@ -83,6 +85,13 @@ def title(results) -> str:
 def alone(results) -> str:
     """Return the words for the motion without contacts, in which no slider slips."""
     return "elastic, no contact" if style.structure_of(results).sliders else "no contact"
+
+
+def counted(stripes: Stripes) -> str:
+    """Write the number of records, and of runs of which nothing is known."""
+    unknown = int(np.isnan(stripes.values).sum())
+    told = f"{len(stripes.records)} records"
+    return told + f", {unknown} of {stripes.values.size} runs not known" * bool(unknown)
 
 
 def touches(stripes: Stripes) -> bool:

@@ -1,6 +1,5 @@
 """Describe the records of a study, before anything is computed, and count over its runs after."""
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,7 +9,7 @@ from hpcsweep.earthquakes.intensity import spectral_acceleration
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.ground_motion.keys import RecordGrid
+from hpcsweep.studies.ground_motion.keys import RecordGrid, longest_period
 from hpcsweep.studies.ground_motion.variables import PEAKS
 from hpcsweep.studies.study import Lines, Study, as_kind
 from hpcsweep.studies.tally import BaseTally, share
@@ -41,7 +40,7 @@ def lines(study: RecordGrid) -> Lines:
         f"{scale.size} of {measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records are "
         f"multiplied by {low:.4g} to {high:.4g}",
     )
-    period = 2.0 * math.pi / float(structure.frequencies[0])
+    period = longest_period(structure)
     yield (
         "records",
         f"PGA in g of {study.gravity:g} {named('acceleration')}, PGV in {named('velocity')}, "

@@ -11,7 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.suite import MEASURES, Facts, Files, Measure, Synthetic, checked_record
+from hpcsweep.earthquakes.suite import (
+    MEASURES,
+    OWN_PERIOD,
+    Facts,
+    Files,
+    Measure,
+    Synthetic,
+    checked_record,
+)
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.earthquakes.units import (
     NEAR,
@@ -57,9 +65,9 @@ KEYS = (
     Key("tail", "time of free motion after each record", 0.0),
     Key(
         "scale",
-        'table: `by` an intensity measure, `"factor"`, `"pga"`, `"pgv"`, `"sa"` with `period`, or '
-        '`"avgsa"` with `periods`, both with `damping_ratio`; and the intensities, above 0, a '
-        "range or `values`",
+        'table: `by` an intensity measure, `"factor"`, `"pga"`, `"pgv"`, `"sa"` with `period`, '
+        'a number or `"T1"`, the longest of each structure, or `"avgsa"` with `periods`, both with '
+        "`damping_ratio`; and the intensities, above 0, a range or `values`",
         told='`{by = "factor", values = [1.0]}`, 0.05',
     ),
     Key(
@@ -89,6 +97,10 @@ MAX_SCALES = 1_000_000
 SCALES = 1e-250, 1e250
 """Smallest and largest scale."""
 MAX_PERIODS = 1000
+MAX_MEASURES = 500_000
+"""Measures of records by the longest periods of structures."""
+SAME = 1e-9
+"""Relative difference of a period that is known again."""
 MAX_INSTANTS = 10 * MAX_SAMPLES
 """Of the histories."""
 SCALED_BY = {"sa": ("period",), "avgsa": ("periods",)}
@@ -297,8 +309,11 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     needed = SCALED_BY.get(by, ())
     known = ("by", *needed, *(("damping_ratio",) if needed else ()), *RANGE)
     values.check_keys("records.scale", table, known)
-    periods: tuple[float, ...] = ()
+    periods: tuple[float | str, ...] = ()
     for key in needed:
+        if key == "period" and table.get(key) == OWN_PERIOD:
+            periods = (OWN_PERIOD,)
+            continue
         most = 1 if key == "period" else MAX_PERIODS
         listed = values.numbers(f"records.scale.{key}", table.get(key), True, most)
         if listed.min() <= 0:
@@ -317,8 +332,16 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
 
 
-def read_found(values: Any) -> tuple[tuple[Facts, ...], tuple[str, ...]]:
-    """Read the facts about the records, and the paths of files.
+def longest_period(structure: Structure) -> float:
+    """Return the longest natural period, of a structure that has not yielded."""
+    omega = float(structure.frequencies[0])
+    return 2.0 * math.pi / omega if omega > 0.0 else math.inf
+
+
+def read_found(
+    values: Any, structure: Structure | None = None
+) -> tuple[tuple[Facts, ...], tuple[str, ...]]:
+    """Read the facts about the records, measured for a structure if any, and the paths of files.
 
     Raises
     ------
@@ -328,10 +351,17 @@ def read_found(values: Any) -> tuple[tuple[Facts, ...], tuple[str, ...]]:
     found = values.get("records.found")
     paths = tuple(map(str, values.get("records.files", ())))
     try:
+        if isinstance(found, dict):
+            periods = found["periods"]
+            own = longest_period(structure) if structure else periods[0]
+            at = min(range(len(periods)), key=lambda i: abs(periods[i] - own))
+            if not abs(periods[at] - own) <= SAME * own:
+                raise TypeError
+            found = [{**one, "measure": one["measure"][at]} for one in found["records"]]
         facts = tuple(Facts(*(one[name] for name in Facts._fields)) for one in found)
         if not facts or not all(map(_is_sound, facts)) or len(paths) not in (0, len(facts)):
             raise TypeError
-    except (TypeError, KeyError, AttributeError):
+    except (TypeError, KeyError, ValueError, AttributeError, IndexError):
         limit = "must be as written by hpcsweep; take it away, and records are looked for again"
         raise values.error("records.found", found, limit) from None
     return facts, paths

@@ -71,7 +71,7 @@ class Records(RecordGrid):
             raise values.error("output.energy", True, "goes with sharp contacts, sharpness = inf")
         common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)
-        suite, paths = keys.read_found(values)
+        suite, paths = keys.read_found(values, structure)
         tail = keys.read_tail(values, suite)
         return cls(
             suite=suite,

@@ -57,7 +57,11 @@ class Stripes(NamedTuple):
 
 
 def stripes_of(
-    results, study: Records, response: str = "drift", place: str | None = None
+    results,
+    study: Records,
+    response: str = "drift",
+    place: str | None = None,
+    units: str | None = None,
 ) -> Stripes:
     """Return the stripes of a response.
 
@@ -72,11 +76,13 @@ def stripes_of(
     place : str, optional
         A storey, floor or contact by its name, or a building, whose storeys or floors are its name
         with a number. Default: all.
+    units : str, optional
+        ``g`` of intensities that are accelerations; default: the structure's.
 
     Raises
     ------
     StripesError
-        If the file has no such response, or no such place.
+        If the file has no such response, no such place, or intensities that are not in g.
     """
     if response == COLLAPSE:
         name, label, quantity, lacks = "collapsed", COLLAPSE, "1", "collapse_drift"
@@ -105,14 +111,16 @@ def stripes_of(
     if "collapsed" in results:
         values[results["collapsed"].values > 0] = np.inf
     alone = f"{name}_alone"
-    if alone in results:
+    free = None if structure.contacts or structure.sliders else values
+    if free is None and alone in results:
         free = (results[alone].values[..., chosen] * factor).max(axis=-1)
-    else:
-        free = None if structure.contacts or structure.sliders else values
+    in_g = units == "g"
+    if in_g and measure.quantity != "acceleration":
+        raise StripesError(f"--units g: the intensities are of {measure}, no acceleration")
     return Stripes(
-        intensity=results["scale"].values,
+        intensity=results["scale"].values / (study.gravity if in_g else 1.0),
         measure=measure.named(structure.unit_names.time)
-        + _label(unit_of(structure, measure.quantity)),
+        + _label("g" if in_g else unit_of(structure, measure.quantity)),
         values=values,
         alone=free,
         label=label + _label(unit),
@@ -152,15 +160,13 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
     StripesError
         If they determine no curve: see `hpcsweep.capacity_fragility`.
     """
-    from hpcsweep.earthquakes.fragility import capacity_fragility  # loads scipy
+    from hpcsweep.earthquakes.fragility import REACHED, capacity_fragility  # loads scipy
 
+    event = COLLAPSE if stripes.label.startswith(COLLAPSE) else REACHED
     try:
-        return capacity_fragility(capacities(stripes, threshold))
+        return capacity_fragility(capacities(stripes, threshold), event=event)
     except ValueError as error:
-        told = str(error)
-        if stripes.label.startswith(COLLAPSE):
-            told = told.replace("reach the threshold", "collapse")
-        raise StripesError(told) from None
+        raise StripesError(str(error)) from None
 
 
 def _label(unit: str) -> str:

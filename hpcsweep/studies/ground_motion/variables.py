@@ -126,7 +126,7 @@ FACTS = (
     real("dt", ("record",), "time", "time between two samples", None),
 )
 """What is known of each record, by the fields of its `Facts`."""
-FACTOR = real("factor", RUN, "1", "by which the acceleration is multiplied")
+FACTOR = real("factor", RUN, "1", "by which the acceleration is multiplied", by_part=True)
 
 
 def _absent(structure: Structure) -> set[str]:

@@ -25,7 +25,7 @@ from hpcsweep.studies.refine.variables import (
     inferred_name,
 )
 from hpcsweep.studies.refinement import Refinement, Source
-from hpcsweep.studies.study import Study, as_kind
+from hpcsweep.studies.study import ROWS, Study, as_kind
 from hpcsweep.studies.variable import Coordinate, Variable, code
 from hpcsweep.studies.variables import named, numbered
 
@@ -57,6 +57,7 @@ class MapGrowth:
         for key, values in axes.items():
             numbers = np.asarray(values)
             finite = numbers.dtype.kind in "if" and bool(np.isfinite(numbers).all())
+            finite &= key != f"vary.{ROWS}"  # structures of no order
             if not finite or numbers.size < 2 or np.any(np.diff(numbers) <= 0):
                 return f"study.refine: {key} must have two finite numbers or more, which ascend"
         return ""

@@ -1,0 +1,168 @@
+"""`hpcsweep table`: write numbers of a results file as a table for spreadsheets and data frames."""
+
+import contextlib
+import importlib
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from hpcsweep.commands import CommandError, add_at, add_file
+from hpcsweep.commands.outputs import TABLE, check_overwriting, writing
+
+SUMMARY = "write chosen results as a table: CSV, Excel, Parquet"
+HELP = """\
+Write chosen results as a table with one row for each structure, record, scale and place (of other
+studies, each run and place), and columns that name these: record, scale, storey, floor or contact,
+and the keys that the job varies. By its name the table is CSV, an Excel workbook (.xlsx, needs
+openpyxl) or Parquet (.parquet, needs pyarrow). Runs that are not computed have no row."""
+EXAMPLES = """\
+examples:
+  hpcsweep table pair.h5 -o pair.csv
+  hpcsweep table pair.h5 --what drift,acceleration,force --place A -o pair.xlsx
+  hpcsweep table pair.h5 --what storey_drift,storey_drift_time,pga --at gap=0.02 -o pair.parquet
+Columns have the names of --what. drift is a ratio in percent where the job gives storey heights."""
+NEEDS = {".csv": "pandas", ".xlsx": "openpyxl", ".parquet": "pyarrow"}
+"""Libraries that write a table, by the end of its name."""
+NOWHERE = ""
+"""Place of what a run has once."""
+MAX_ROWS = 2**20 - 1
+"""Of a sheet, below its header."""
+
+
+def configure(parser) -> None:
+    """Add the options of the command."""
+    add_file(parser, "TABLE", "table: .csv, .xlsx or .parquet (default: FILE with .csv)")
+    parser.add_argument(
+        "--what",
+        metavar="NAMES",
+        help="responses, as of plot --response, or variables of the file, divided by commas "
+        "(default: drift,acceleration; of other studies all with one value a run)",
+    )
+    parser.add_argument(
+        "--place", metavar="NAME", help="storey, floor, contact or building (default: all)"
+    )
+    add_at(parser)
+
+
+def run(options) -> int:
+    """Run the command."""
+    from hpcsweep.store import Frames
+
+    path = options.output or options.file.with_suffix(".csv")
+    form = path.suffix.lower()
+    if form not in NEEDS:
+        raise CommandError(f"{path}: the name of a table must end in {', '.join(NEEDS)}")
+    try:
+        importlib.import_module(NEEDS[form])
+    except ImportError:
+        said = f"pip install {NEEDS[form]}, or name a .csv with -o"
+        raise CommandError(f"{path}: needs {NEEDS[form]}, which is not installed: {said}") from None
+    check_overwriting(path, TABLE)
+    import pandas
+
+    with contextlib.closing(Frames(options.file, None, options.at)) as frames:
+        tables = _tables(frames, options.what, options.place)
+        first = next(tables)
+        wanted = _wanted(frames, options.what).items()
+        with writing(path):
+            if form == ".csv":
+                n_rows = 0
+                for one in itertools.chain([first], tables):
+                    one.to_csv(path, index=False, mode="a" if n_rows else "w", header=not n_rows)
+                    n_rows += len(one)
+            else:
+                whole = pandas.concat([first, *tables], ignore_index=True)
+                n_rows = len(whole)
+                if form == ".xlsx" and n_rows > MAX_ROWS:
+                    limit = f"{n_rows} rows, a sheet has {MAX_ROWS}; name a .csv or .parquet"
+                    raise CommandError(f"{path}: {limit}")
+                write = whole.to_excel if form == ".xlsx" else whole.to_parquet
+                write(path, index=False)
+    units = (name if one.unit == "1" else f"{name} in {one.unit}" for name, one in wanted)
+    print(f"{path}: {n_rows} rows, {', '.join(units)}")
+    return 0
+
+
+def _tables(frames, what: str | None, place: str | None) -> Iterator:
+    """Yield the table of each part that is chosen."""
+    axes, chosen = frames.whole.study.axes, frames.place
+    asked = [i for i, axis in enumerate(axes) if axis.name in frames.given]
+    for at in frames.places:
+        if any(at[i] != chosen[i] for i in asked):
+            continue
+        frames.choose(at)
+        keys: dict[str, object] = {}
+        for axis, i in zip(axes, at, strict=True):
+            keys |= {one.name: one.values[i] for one in (axis, *axis.columns)}
+        study = frames.study
+        wanted = _wanted(frames, what)
+        held = [one.variable for one in wanted.values()]
+        each = [[k] for k in range(study.n_frames)] if study.is_list else [None]
+        for some in each:
+            yield _table(frames.gather([*held, "outcome"], some), study, wanted, place, keys)
+
+
+class Column(NamedTuple):
+    """A column of the table: a variable, or the ratio of a drift to the storeys' heights."""
+
+    variable: str
+    is_ratio: bool
+    unit: str
+
+
+def _wanted(frames, what: str | None) -> dict[str, Column]:
+    """Return the columns that are asked for, by their names."""
+    from hpcsweep.model.unit_names import unit_of
+    from hpcsweep.studies.ground_motion.stripes import RESPONSES
+    from hpcsweep.studies.variables import STOREY_HEIGHT
+
+    study, is_records = frames.study, frames.study.holds == "responses"
+    held = {one.name: one for one in (*(given for given, _ in study.given), *frames.variables)}
+    fit = [name for name, one in held.items() if len({*one.dims} - {*study.run_dims}) <= 1]
+    known = {key: one[0] for key, one in RESPONSES.items() if is_records and one[0] in fit}
+    known |= {name: name for name in fit if name not in known}
+    if what is None:
+        own = (name for name in fit if name in frames and held[name].dims == study.run_dims)
+        what = "drift,acceleration" if is_records else ",".join(own)
+    wanted: dict[str, Column] = {}
+    for column in map(str.strip, what.split(",")):
+        if column not in known:
+            raise CommandError(f"--what {column}: must be of {', '.join(known)}")
+        is_ratio = column == "drift" and is_records and STOREY_HEIGHT.name in held
+        unit = unit_of(study.structure, held[known[column]].units)
+        wanted[column] = Column(known[column], is_ratio, "%" if is_ratio else unit)
+    return wanted
+
+
+def _table(results, study, wanted: dict[str, Column], place: str | None, keys: dict):
+    """Return the table of a part's results: a row a computed run and place."""
+    import numpy as np
+    import pandas
+
+    from hpcsweep.studies.ground_motion.stripes import places_of
+    from hpcsweep.studies.variables import percent_of_height
+
+    runs, outcome, percent = [*study.run_dims], results["outcome"], percent_of_height(results)
+    done = np.flatnonzero(outcome.values > 0)
+    columns: dict[str, dict[str, np.ndarray]] = {}
+    for column, (name, is_ratio, _) in wanted.items():
+        array = results[name].broadcast_like(outcome).transpose(*runs, ...)
+        dim = array.dims[len(runs) :]
+        values = array.values.reshape(outcome.size, -1)[done]
+        if is_ratio and percent is not None:
+            values = values * percent
+        names = [str(one) for one in results[dim[0]].values] if dim else [NOWHERE]
+        chosen = places_of(names, place if dim else None)
+        columns[column] = {names[i]: values[:, i] for i in chosen}
+    every = dict.fromkeys(one for own in columns.values() for one in own)
+    places = [one for one in every if one != NOWHERE] or [NOWHERE]
+    at = np.unravel_index(done, outcome.shape)
+    filled: dict = {name: [value] * (len(done) * len(places)) for name, value in keys.items()}
+    for dim, index in zip(runs, at, strict=True):
+        filled[dim] = np.repeat(results[dim].values[index], len(places))
+    if places != [NOWHERE]:
+        filled["place"] = np.tile(places, len(done))
+    for column, own in columns.items():
+        elsewhere = own.get(NOWHERE, np.full(len(done), np.nan))
+        filled[column] = np.stack([own.get(one, elsewhere) for one in places], axis=1).ravel()
+    return pandas.DataFrame(filled)

@@ -1,0 +1,136 @@
+"""Tables of results: what is read back from them, and what is refused."""
+
+import csv
+import importlib
+
+import pytest
+from tools import RECORDS, SMALL
+
+from hpcsweep import open_results
+from hpcsweep.campaign import run as campaign
+from hpcsweep.commands.cli import main
+from hpcsweep.job import parse_job
+from hpcsweep.parallel.mpi import Serial
+
+ROWS = """
+[vary]
+rows = [
+    {name = "near", "pounding.gap" = 0.01, "pounding.tension" = true},
+    {name = "far", "pounding.gap" = 0.04, "pounding.tension" = false},
+]
+"""
+FEW = RECORDS.replace("stiffness = 2e9", "stiffness = 2e9\nrestitution = 0.6").replace(
+    "count = 5}", "count = 2}"
+)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("table") / "pair.h5"
+    assert campaign.run(parse_job(FEW + ROWS, "job", "pair"), path, Serial()) == 0
+    return path
+
+
+def read(path) -> list[dict]:
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_row_for_each_structure_record_scale_and_place(file, tmp_path, capsys):
+    """Every number as `open_results` has it, to the last bit; drifts in percent of 3.2 m."""
+    path = tmp_path / "all.csv"
+    what = "drift,acceleration,force,impacts,pga"
+    assert main(["table", str(file), "-o", str(path), "--what", what]) == 0
+    assert ": 112 rows, drift in %, acceleration in length/time^2, " in capsys.readouterr().out
+    found, rows = open_results(file), read(path)
+    places = [*found.storey.values, *found.stop.values]
+    assert places == ["A1", "A2", "B1", "B2", "B3", "A1-B1", "A2-B2"]
+    assert len(rows) == 2 * 4 * 2 * len(places)
+    for row in rows:
+        at = {"structure": row["structure"], "record": row["record"], "scale": float(row["scale"])}
+        one = found.sel(at)
+        assert float(row["gap"]) == one.gap.item()
+        assert row["tension"] == ("true" if row["structure"] == "near" else "false")
+        assert float(row["pga"]) == one.pga.item()
+        if row["place"] in found.stop.values:
+            assert row["drift"] == row["acceleration"] == ""
+            assert float(row["force"]) == one.contact_force.sel(stop=row["place"]).item()
+            assert float(row["impacts"]) == one.impacts.sel(stop=row["place"]).item()
+        else:
+            drift = one.storey_drift.sel(storey=row["place"]).item()
+            assert float(row["drift"]) == pytest.approx(100 * drift / 3.2, rel=1e-15)
+            acceleration = one.floor_acceleration.sel(floor=row["place"]).item()
+            assert float(row["acceleration"]) == acceleration
+            assert row["force"] == row["impacts"] == ""
+    asked = [*rows[0]][-5:]
+    assert asked == what.split(",")
+
+
+def test_only_what_is_asked_of_a_building_and_a_structure(file, tmp_path):
+    path = tmp_path / "some.csv"
+    given = ["--what", "storey_drift", "--place", "B", "--at", "structure=far", "-o", str(path)]
+    assert main(["table", str(file), *given]) == 0
+    rows = read(path)
+    assert {row["structure"] for row in rows} == {"far"}
+    assert [row["place"] for row in rows] == ["B1", "B2", "B3"] * 8
+    assert [*rows[0]] == ["structure", "gap", "tension", "record", "scale", "place", "storey_drift"]
+    # a table is written over a table, and over nothing else
+    assert main(["table", str(file), *given]) == 0
+    path.write_text("name,pounding.gap\nmine,1\n")
+    assert main(["table", str(file), *given]) == 2
+
+
+def test_motions_have_a_row_a_run_and_what_is_not_computed_has_none(tmp_path):
+    file, path = tmp_path / "a.h5", tmp_path / "a.csv"
+    assert campaign.run(parse_job(SMALL, "job", "a"), file, Serial()) == 0
+    assert main(["table", str(file)]) == 0
+    rows, found = read(path), open_results(file)
+    assert len(rows) == found.outcome.size
+    assert [*rows[0]][:3] == ["direction", "omega", "amplitude"]
+    for row in rows[::7]:
+        at = {"omega": float(row["omega"]), "amplitude": float(row["amplitude"])}
+        one = found.sel(direction=row["direction"], **at)
+        assert int(row["orbit_period"]) == one.orbit_period.item()
+
+
+@pytest.mark.parametrize("library", ["openpyxl", "pyarrow"])
+def test_workbooks_and_parquet_hold_the_same(file, tmp_path, library):
+    pytest.importorskip(library)
+    import pandas
+
+    end, read = {
+        "openpyxl": (".xlsx", pandas.read_excel), "pyarrow": (".parquet", pandas.read_parquet)
+    }[library]  # fmt: skip
+    for path in (tmp_path / "a.csv", tmp_path / f"a{end}"):
+        assert main(["table", str(file), "--what", "drift,force", "-o", str(path)]) == 0
+    wanted, found = pandas.read_csv(tmp_path / "a.csv"), read(tmp_path / f"a{end}")
+    if end == ".parquet":
+        wanted["tension"] = wanted["tension"].astype(str).str.lower()
+    pandas.testing.assert_frame_equal(wanted, found, check_dtype=False, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--what", "drift,mass"], "--what mass: must be of drift, displacement, acceleration, "),
+        (["--what", "history_force"], "--what history_force: must be of"),
+        (["--place", "C"], "C: must be one of A1, A2, B1, B2, B3, or a building"),
+        (["-o", "a.txt"], "a.txt: the name of a table must end in .csv, .xlsx, .parquet"),
+        (["-o", "a.xlsx"], "a.xlsx: needs openpyxl, which is not installed: pip install openpyxl"),
+        (["--at", "structure=no"], "structure = no: must be one of near, far"),
+    ],
+)
+def test_mistakes_are_told_in_one_line_and_nothing_is_written(
+    file, tmp_path, capsys, monkeypatch, given, said
+):
+    def absent(name):
+        raise ImportError(name)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(importlib, "import_module", absent) if "a.xlsx" in given else None
+    given = given if "-o" in given else [*given, "-o", "a.csv"]
+    assert main(["table", str(file), *given]) == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1
+    assert [*tmp_path.iterdir()] == []

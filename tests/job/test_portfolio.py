@@ -1,0 +1,146 @@
+"""Portfolios: keys that vary together, a row a structure, from a CSV file or the job itself."""
+
+import numpy as np
+import pytest
+from tools import RECORDS, hpcsweep
+
+from hpcsweep import open_results, spectrum, synthetic_records
+from hpcsweep.campaign import run as campaign
+from hpcsweep.job import JobError, load_job, parse_job, part_of
+from hpcsweep.parallel.mpi import Serial
+
+PAIR = """
+[study]
+kind = "records"
+[[building]]
+name = "A"
+mass = [1e5, 1e5]
+storey_stiffness = [5e7, 5e7]
+storey_height = 3.0
+[[building]]
+name = "B"
+mass = 1e5
+period = 0.3
+storey_height = 3.0
+[pounding]
+gap = 0.02
+stiffness = 1e8
+[records]
+synthetic = {count = 2, seed = 1, dt = 0.02, duration = 4.0}
+scale = {by = "sa", period = "T1", values = [2.0, 4.0]}
+[vary]
+rows = "portfolio.csv"
+"""
+CSV = """\ufeffname;building[0].mass;building[0].storey_stiffness[1];pounding.gap;pounding.tension
+School;[1e5, 2e5];5E+07;.05;TRUE
+Town hall;[2e5, 2e5];6e7;1;false
+;;;;
+"""
+KEYS = ("building[0].mass", "building[0].storey_stiffness[1]", "pounding.gap", "pounding.tension")
+ROWS = [("School", [1e5, 2e5], 5e7, 0.05, True), ("Town hall", [2e5, 2e5], 6e7, 1.0, False)]
+
+
+@pytest.fixture
+def job(tmp_path):
+    (tmp_path / "portfolio.csv").write_text(CSV)
+    path = tmp_path / "job.toml"
+    path.write_text(PAIR.replace("stiffness = 1e8", "stiffness = 1e8\nrestitution = 0.6"))
+    return path
+
+
+def test_a_row_is_the_job_with_its_values(job):
+    """Each part equals, in meaning, the job in which its values are set one by one."""
+    whole = load_job(job)
+    assert whole.study.names == ("structure",)
+    alone = job.with_name("alone.toml")
+    alone.write_text(job.read_text().partition("[vary]")[0])
+    for at, (name, mass, stiffness, gap, tension) in enumerate(ROWS):
+        given = (mass, stiffness, gap, str(tension).lower())
+        own = load_job(alone, [f"{key}={value}" for key, value in zip(KEYS, given, strict=True)])
+        assert part_of(whole, (at,)).fingerprint == own.fingerprint
+        assert whole.study.describe_part((at,)) == f"structure = {name}"
+    # the job holds the rows, and can be read where the file is not
+    assert parse_job(whole.text, "job.toml", "job").fingerprint == whole.fingerprint
+
+
+def test_the_job_changes_with_the_file(job):
+    before = load_job(job).fingerprint
+    job.with_name("portfolio.csv").write_text(CSV.replace("6e7", "6.1e7"))
+    assert load_job(job).fingerprint != before
+    job.with_name("portfolio.csv").write_text(CSV.replace("\ufeff", "").replace(";", "\t"))
+    assert load_job(job).fingerprint == before
+
+
+def test_rows_times_a_key_in_one_file_with_what_differs(job, tmp_path):
+    text = job.read_text() + '"building[1].storey_height" = [3.0]\n'
+    job.write_text(text)
+    assert campaign.run(whole := load_job(job), tmp_path / "a.h5", Serial()) == 0
+    found = open_results(tmp_path / "a.h5")
+    assert found.displacement.dims[:4] == (
+        "structure",
+        "building_1_storey_height",
+        "record",
+        "scale",
+    )
+    assert found.structure.values.tolist() == ["School", "Town hall"]
+    assert found.gap.values.tolist() == [0.05, 1.0]
+    assert found.building_0_storey_stiffness_1.values.tolist() == [5e7, 6e7]
+    suite = synthetic_records(2, seed=1, dt=0.02, duration=4.0)
+    for at, (_, mass, stiffness, _, _) in enumerate(ROWS):
+        # the first storey has 5e7: natural frequencies of two floors in closed form
+        trace = (5e7 + stiffness) / mass[0] + stiffness / mass[1]
+        least = trace / 2 - np.sqrt(trace**2 / 4 - 5e7 * stiffness / mass[0] / mass[1])
+        sa = [spectrum(one, [2 * np.pi / np.sqrt(least)]).acceleration[0] for one in suite]
+        factor = found.factor.isel(structure=at, building_1_storey_height=0)
+        np.testing.assert_allclose(factor, np.array([2.0, 4.0]) / np.array(sa)[:, None], 1e-9)
+    job.with_name("portfolio.csv").write_text(CSV.replace("6e7", "7e7"))
+    refused = hpcsweep(0, "run", job, "-o", tmp_path / "a.h5")
+    assert refused.returncode == 2
+    assert "another job" in refused.stderr
+    assert whole.study.n_runs == 8
+
+
+def test_rows_may_be_tables_of_the_job():
+    text = RECORDS.partition("[vary]")[0] + '[vary]\nrows = [{"pounding.gap" = 0.1}, {X}]\n'
+    study = parse_job(text.replace("X", '"pounding.gap" = 0.1'), "job", "job").study
+    assert study.axes[0].values == (1, 2)
+    with pytest.raises(JobError, match=r"job: vary\.rows\[1\] = .*: must have the keys pounding"):
+        parse_job(text.replace("X", '"pounding.tension" = true'), "job", "job")
+    with pytest.raises(JobError, match=r"job: vary\.pounding\.gap: is in vary\.rows, too"):
+        parse_job(text.replace("X", '"pounding.gap" = 1') + "pounding.gap = [1]", "job", "job")
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "said"),
+    [
+        ("6e7", "-6", "line 3, column building[0].storey_stiffness[1]: building[0].storey_stiff"),
+        (";1;", ";wide;", "line 3, column pounding.gap: pounding.gap must be a list of numbers"),
+        (";.05;", ";a;", "column pounding.gap: pounding.gap must be a list of numbers, is 'a'"),
+        (";1;", ";;", "line 3, column pounding.gap: must have a value, is empty"),
+        (";1;", ";nan;", "line 3, column pounding.gap: must have a value, is nan"),
+        ("pounding.gap", "output.block", "portfolio.csv: vary: 'output.block': must be a key of"),
+        ("2e5, 2e5", "2e5", "line 3, column building[0].storey_stiffness[1]: building[0].storey"),
+        ("School;", "", "line 2: must have 5 cells as line 1, has 4"),
+        ("pounding.gap", "pounding.gapp", "unknown key 'pounding.gapp'; did you mean 'gap'?"),
+        ("mass;", "mass[3];", "building[0].mass[3]: building[0].mass must be a list with that"),
+        ("tension", "gap", "line 1: 'pounding.gap' must be the key of one column"),
+        ("Town hall", "School", "vary.rows.name"),
+        (CSV.partition("\n")[2], "", "must have a line of keys and a line for each row below it"),
+    ],
+)
+def test_a_wrong_row_is_one_line_with_file_line_column_value_and_limit(job, was, now, said):
+    job.with_name("portfolio.csv").write_text(CSV.replace(was, now, 1))
+    with pytest.raises(JobError) as refused:
+        load_job(job)
+    told = str(refused.value)
+    assert "\n" not in told
+    assert said in told
+    assert "portfolio.csv: " in told or "rows" in told
+
+
+def test_all_wrong_lines_are_told(job):
+    job.with_name("portfolio.csv").write_text(CSV.replace(";;;;", "Mill;[1e5];1;1;true\nX;1;1;1;0"))
+    with pytest.raises(JobError, match=r"csv: line 4, column .* \(and line 5\)$"):
+        load_job(job)
+    with pytest.raises(JobError, match=r"vary\.rows = 'none.csv': cannot be read: No such"):
+        load_job(job, ['vary.rows="none.csv"'])

@@ -1,12 +1,10 @@
 """Verify what the file of a campaign holds, and compute, write and report its unfinished tasks."""
 
 import array
-import contextlib
 import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +48,8 @@ class Scan:
         self._begun = self._reported = time.monotonic()
         self._n_polls = 0
         study = blocks.study
-        begun = on_master(comm, partial(self._begun_tasks, blocks), OSError, StoreError)
+        # no other task needs verifying
+        begun = on_master(comm, blocks.begun, OSError, StoreError)
         self.todo: list[int] = []
         self.done_runs = 0
         done = array.array("q")
@@ -76,12 +75,6 @@ class Scan:
             finished = all(part[3] for part in gathered)
         self.done = places
         self.finished = comm.bcast(finished)
-
-    def _begun_tasks(self, blocks: Blocks) -> list[int]:
-        """Return the tasks of which the file holds a part: no other needs verifying."""
-        with contextlib.suppress(farm.Stop):
-            return blocks.begun(self._poll)
-        return []
 
     def _verify(self, blocks: Blocks, task: int) -> array.array:
         """Verify a task; return the indices of its valid blocks in a row."""

@@ -162,6 +162,9 @@ class Study(Protocol):
     def block(self, place: Place) -> Block:
         """Return the block with an index in ``commit``."""
 
+    def task_of(self, *place):
+        """Return the task of blocks, numbers or arrays of their places."""
+
     def table(self) -> BlockTable:
         """Describe all blocks at once."""
 

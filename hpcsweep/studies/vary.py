@@ -144,6 +144,13 @@ class Varied:
         n = len(self.axes)
         return self._outer(place[:n], self.base.block(place[n:]))
 
+    def task_of(self, *place):
+        """Return the task of blocks, numbers or arrays of their places."""
+        number = 0
+        for axis, index in zip(self.axes, place, strict=False):
+            number = number * len(axis.values) + index
+        return number * self.base.n_tasks + self.base.task_of(*place[len(self.axes) :])
+
     def path(self, task: int) -> Sequence[Block]:
         """Return the blocks of a task in the order of computation."""
         number, inner = divmod(task, self.base.n_tasks)
@@ -247,10 +254,7 @@ class Varied:
 
     def _outer(self, at: Place, block: Block) -> Block:
         """Return a block of a part with its index in the whole."""
-        number = 0
-        for axis, index in zip(self.axes, at, strict=True):
-            number = number * len(axis.values) + int(index)
-        task = number * self.base.n_tasks + block.task
+        task = int(self.task_of(*at, *block.place))
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.store.contents import CHECKSUM, Contents, metadata_checksum
+from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.layout import Layout, StoreError, flags_of
 
 LIBRARY = ("v108", "v108")
@@ -102,7 +102,7 @@ def fill(
         file[checksums.name][...] = 0
     for key, value in {**layout.attributes, **provenance}.items():
         file.attrs[key] = value
-    file.attrs[CHECKSUM] = metadata_checksum(Contents(file))
+    file.attrs[CHECKSUM] = metadata_checksum(file)
 
 
 def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:

@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.store.contents import Contents
+from hpcsweep.store.contents import place_of
 from hpcsweep.store.layout import DamagedError, StoreError
 
 LAST_STREAM = 2
@@ -49,14 +49,13 @@ class Offsets:
     def __init__(self, path: Path):
         self._of: dict[str, tuple[int, tuple[int, ...], np.dtype]] = {}
         with open_for_reading(path) as file:
-            contents = Contents(file)
-            for name in contents.names:
-                data = contents[name]
+            for name, data in file.items():
                 if data.is_scale:
                     continue
-                if data.place is None:
+                place = place_of(data)
+                if place is None:
                     raise StoreError(f"{path}: variable {name} has no place in the file")
-                self._of[name] = (data.place, data.shape, data.dtype)
+                self._of[name] = (place, data.shape, data.dtype)
         self._strides = {
             name: [math.prod(shape[axis + 1 :]) * dtype.itemsize for axis in range(len(shape))]
             for name, (_, shape, dtype) in self._of.items()

@@ -11,7 +11,6 @@ interval.
 """
 
 import hashlib
-import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,8 +19,8 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.store.layout import Layout, StoreError, WriteError
-from hpcsweep.store.offsets import RowReader, is_packed, open_above, open_rows
+from hpcsweep.store.layout import Layout, StoreError
+from hpcsweep.store.offsets import ContiguousRows, RowReader, is_packed, open_rows
 from hpcsweep.store.transport import Transport, open_transport
 from hpcsweep.studies.blocks import Block, Place, Rows
 
@@ -199,52 +198,13 @@ class Blocks:
         return mask
 
 
-class Identity:
-    """Which file lies under a name: what is written into one that was removed is lost."""
-
-    def __init__(self, path: Path):
-        self._path = path
-        self._descriptor = open_above(path, os.O_RDONLY)
-        self._size = os.fstat(self._descriptor).st_size
-
-    def check(self) -> None:
-        """Make sure that the file is the one that was opened, under its name and whole.
-
-        Raises
-        ------
-        WriteError
-        """
-        if self._descriptor < 0:
-            return
-        mine = os.fstat(self._descriptor)
-        try:
-            there = self._path.stat()
-        except OSError:
-            there = None
-        if there is None or (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
-            what = "removed, renamed or replaced"
-        elif mine.st_size < self._size:
-            what = "cut short"
-        else:
-            return
-        raise WriteError(
-            f"{self._path}: was {what} while it was being written; what was computed is not in it"
-        )
-
-    def close(self) -> None:
-        """Forget the file."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-
 class Campaign:
     """Access of one rank to the file while a campaign runs."""
 
     def __init__(self, path: Path, layout: Layout, transport: Transport):
-        self.blocks = Blocks(path, layout)
+        self._file = ContiguousRows(path)
+        self.blocks = Blocks(path, layout, self._file)
         self.transport = transport
-        self._identity = Identity(path)
         self.written_bytes = 0
         self.write_seconds = 0.0
         self._pending: list[tuple[tuple[int, ...], int]] = []
@@ -286,7 +246,7 @@ class Campaign:
             that has reported lost data once may report success for the next flush.
         """
         pending, self._pending = self._pending, []
-        self._identity.check()
+        self._file.check_identity()
         if pending:
             begun = time.perf_counter()
             self.transport.sync()
@@ -302,7 +262,6 @@ class Campaign:
         try:
             self.flush()
         finally:
-            self._identity.close()
             self.transport.close()
             self.blocks.close()
 

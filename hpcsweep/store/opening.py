@@ -32,8 +32,6 @@ ENDS = 2**18
 """Bytes at either end of a file, within which all its heaps lie."""
 LONGEST_SUFFIX = ".journal"
 """Endings of the files beside a results file."""
-PROGRESS = ("format", "layout_version", "job", "name")
-"""Attributes from which the progress of a campaign is read."""
 REPAIR = "run its job again to repair it"
 
 
@@ -164,7 +162,7 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray 
     Returns
     -------
     attributes : dict
-        ``job`` and ``name``.
+        Of the file, ``job`` and ``name`` among them.
     committed : ndarray of bool
         Whether each block has a checksum, shape of ``commit``.
     outcome : ndarray of int
@@ -177,16 +175,12 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray 
     StoreError
         If it is not a campaign file of this layout version.
     """
+    attributes = check_file(path)
+    if not {"job", "name"} <= attributes.keys():
+        raise DamagedError(f"{path}: damaged (attributes are missing); {REPAIR}")
     with reading(path) as file:
-        found = {key: file.attrs[key] for key in PROGRESS if key in file.attrs}
-        n_found = len(found)
-        version = found.pop("layout_version", -1)
-        ours = _equal(found.get("format"), FORMAT) and _equal(version, LAYOUT_VERSION)
-        if ours and n_found == len(PROGRESS):
-            inferred = file[INFERRED][...] != 0 if INFERRED in file else None
-            return found, file["commit"][...] != 0, file["outcome"][...], inferred
-    check_file(path)  # says in one line what it is
-    raise DamagedError(f"{path}: damaged (attributes are missing); {REPAIR}")
+        inferred = file[INFERRED][...] != 0 if INFERRED in file else None
+        return attributes, file["commit"][...] != 0, file["outcome"][...], inferred
 
 
 def _equal(value: object, expected: object) -> bool:

@@ -77,8 +77,8 @@ def _runs_done(path: Path, attributes: dict, committed: np.ndarray, outcome: np.
     shape = tuple(study.dimensions[dim] for dim in study.commit.dims)
     if committed.shape != shape or outcome.size != study.n_runs:
         raise StoreError(f"{path}: damaged; see hpcsweep status {path}")
-    table = study.table()
-    return int(table.n_runs[committed[tuple(table.place.T)]].sum())
+    left = study.dimensions[study.run_dims[-1]] - study.block_size * np.arange(shape[-1])
+    return int((committed * np.minimum(left, study.block_size)).sum())
 
 
 def finished(rows: Sequence[dict]) -> bool:

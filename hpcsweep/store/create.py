@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
-import numpy as np
 
 from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.layout import Layout, StoreError, flags_of

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows
 from hpcsweep.studies.invariants import Broken, listed, of_each
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.refinement import Refinement
@@ -143,20 +143,6 @@ class Part(ABC):
             begin, end = self.n_along - end, self.n_along - begin
         low, high = max(begin, 0), min(end, self.n_along)
         return Block(int(self.task_of(*place)), place, (*outer, low), high - low, descends)
-
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
-        *outer, number = (axis.ravel() for axis in np.indices(self._shape, np.int32))
-        size, count = self.block_size, self.n_along
-        n_runs = np.minimum(size, count - number * size)
-        middle = np.minimum((number + 0.5) * size, count) / count
-        down = np.array([self.descends(d) for d in range(self._shape[0])])[outer[0]]
-        middle = np.where(down, 1.0 - middle, middle)
-        task = self.task_of(*outer, number)
-        # within a task: direction by direction, block by block
-        order = np.lexsort((number, outer[0], task))
-        place = np.stack((*outer, number), axis=1)
-        return BlockTable(task[order], n_runs[order], place[order], middle[order])
 
     def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute a block from the present state of its path; rows in file order."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis, RunAgain, Study
@@ -157,18 +157,6 @@ class Varied:
         at = self._place(number)
         path = self.base.path(inner)
         return Path(len(path), lambda position: self._outer(at, path[position]))
-
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
-        own, n = self.base.table(), self.n_parts
-        first = np.repeat(np.arange(n), len(own.task))
-        places = np.array(self.places(), np.int32).reshape(n, len(self.axes))
-        return BlockTable(
-            np.tile(own.task, n) + first * self.base.n_tasks,
-            np.tile(own.n_runs, n),
-            np.hstack((places[first], np.tile(own.place, (n, 1)))),
-            np.tile(own.middle, n),
-        )
 
     def predecessor(self, block: Block, row: int) -> Place | None:
         """Return the index of the run from whose end state a run starts; None: `initial_state`."""

@@ -14,7 +14,7 @@ depends only on the structure, A, Omega and the job.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -115,7 +115,10 @@ class AttractorGrid(search.SearchLimits, RunGrid):
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of consecutive amplitudes; `state` is an `end_state`."""
-        runs = _runs_of(self, float(self.omega[frame]))
+        # imported here: reading results needs no kernels
+        from hpcsweep.studies.attractors.runs import AttractorRuns
+
+        runs = AttractorRuns(self.moving, float(self.omega[frame]), self.settings, self)
         return runs.follow(self.amplitudes_of(frame)[places], state, poll)
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
@@ -185,12 +188,3 @@ class RefinedAttractors(AttractorGrid):
         alone = super().runs_at
         found = [alone(frame, at, state, poll) for at in places[:, None]]
         return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
-
-
-@lru_cache(maxsize=2)
-def _runs_of(study: AttractorGrid, omega: float):
-    """Return the runs of a study at a frequency; the last two are cached."""
-    # imported here: reading results needs no kernels
-    from hpcsweep.studies.attractors.runs import AttractorRuns
-
-    return AttractorRuns(study.moving, omega, study.settings, study)

@@ -8,7 +8,7 @@ attractors are listed when the map is complete.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,12 +31,16 @@ LABEL = "attractor"
 """What distinguishes starts, of `hpcsweep.studies.refinement.LABELS`."""
 
 
+@lru_cache(maxsize=2)
 def runs_of(study: SliceGrid):
-    """Return the runs of a slice, see `hpcsweep.studies.basins.runs.SliceRuns`; cached."""
-    # imported here: reading results needs no kernels
-    from hpcsweep.studies.basins.runs import slice_runs
+    """Return the runs of a slice, see `hpcsweep.studies.basins.runs.SliceRuns`.
 
-    return slice_runs(study)
+    The attractors of the last two slices are cached.
+    """
+    # imported here: reading results needs no kernels
+    from hpcsweep.studies.basins.runs import SliceRuns
+
+    return SliceRuns(study)
 
 
 @dataclass(frozen=True, eq=False)

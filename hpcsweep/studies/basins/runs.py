@@ -1,7 +1,5 @@
 """Classify starts on a slice of the initial states, in rows or each on its own."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
@@ -124,9 +122,3 @@ class SliceRuns:
                 poll,
             )
         return self._basins
-
-
-@lru_cache(maxsize=2)
-def slice_runs(study: SliceGrid) -> SliceRuns:
-    """Return the rows of a slice; the attractors of the last two slices are cached."""
-    return SliceRuns(study)

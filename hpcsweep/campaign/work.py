@@ -5,6 +5,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,6 @@ from hpcsweep.studies.run_names import run_name
 LISTED_FAILURES = 10
 SCAN_NOTES = 10.0
 """Seconds between two messages about the progress of verification."""
-POLL_BLOCKS = 64
-"""Blocks verified between two polls."""
 
 
 class Scan:
@@ -46,7 +45,6 @@ class Scan:
     def __init__(self, comm, blocks: Blocks, flag: StopFlag, say: Callable[[str], None]):
         self._flag, self._say = flag, say if comm.rank == 0 else lambda text: None
         self._begun = self._reported = time.monotonic()
-        self._n_polls = 0
         study = blocks.study
         # no other task needs verifying
         begun = on_master(comm, blocks.begun, OSError, StoreError)
@@ -55,11 +53,10 @@ class Scan:
         done = array.array("q")
         finished = True
         try:
-            self._poll()
             mine = begun[comm.rank :: comm.size]
+            self._poll(0, len(mine))
             for number, task in enumerate(mine):
-                self._poll(number, len(mine))
-                done += self._verify(blocks, task)
+                done += self._verify(blocks, task, partial(self._poll, number, len(mine)))
         except farm.Stop:
             finished = False
         n_axes = len(study.commit.dims)
@@ -76,11 +73,11 @@ class Scan:
         self.done = places
         self.finished = comm.bcast(finished)
 
-    def _verify(self, blocks: Blocks, task: int) -> array.array:
+    def _verify(self, blocks: Blocks, task: int, poll: Callable[[], None]) -> array.array:
         """Verify a task; return the indices of its valid blocks in a row."""
         places = array.array("q")
         n_blocks = n_good = 0
-        for block, valid in blocks.verify(task, self._poll_sometimes):
+        for block, valid in blocks.verify(task, poll):
             n_blocks += 1
             if valid:
                 n_good += 1
@@ -91,12 +88,7 @@ class Scan:
         self.todo.append(task)
         return places
 
-    def _poll_sometimes(self) -> None:
-        self._n_polls += 1
-        if self._n_polls % POLL_BLOCKS == 0:
-            self._poll()
-
-    def _poll(self, task: int = 0, n_tasks: int = 0) -> None:
+    def _poll(self, task: int, n_tasks: int) -> None:
         """Raise `Stop` if requested; report progress from time to time."""
         if self._flag.is_set():
             raise farm.Stop

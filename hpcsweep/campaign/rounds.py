@@ -141,7 +141,7 @@ class RoundsWork(RankWork):
         computed = iter(self._growth.compute(new, start, poll) if new else ())
         rows = [next(computed) if found is None else found for found in taken]
         whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}
-        labels, failures = self._growth.labels(whole), Failures()
+        labels, failures = self._growth.refinement.labels(whole), Failures()
         for block, own, failed in zip(blocks, rows, labels[:, 0], strict=True):
             self._campaign.write_block(block, start, own)
             if failed:

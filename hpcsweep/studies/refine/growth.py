@@ -68,11 +68,6 @@ class MapGrowth:
         return tuple(sizes[dim] for dim in self.study.run_dims if dim != "direction")
 
     @property
-    def curves(self) -> tuple[str, ...]:
-        """Results files whose curves the map must not miss."""
-        return self.refinement.curves
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Dimensions of refined maps alone."""
         return {
@@ -91,7 +86,7 @@ class MapGrowth:
             code(SOURCE, runs, Source, told),
             Variable(CELL, runs, "<i1", "1", level + "0 of computed points"),
         ]
-        if self.curves:
+        if self.refinement.curves:
             own.append(Variable(CROSSED, runs, "<i1", "1", crossed))
         known = {variable.name: variable for variable in study.variables}
         for name in self.refinement.variables:
@@ -120,10 +115,6 @@ class MapGrowth:
         places = np.array([inner.first[-1] for _, inner in parts])
         found = part.runs_at(frame, places, state, poll)
         return [{name: rows[k : k + 1] for name, rows in found.items()} for k in range(len(blocks))]
-
-    def labels(self, rows: Rows) -> np.ndarray:
-        """Return the labels of runs; see `Refinement.labels`."""
-        return self.refinement.labels(rows)
 
     def crossed(self, curves: Iterable[KnownCurve]) -> np.ndarray:
         """Return which boxes of the map curves cross; see `crossed_boxes`."""
@@ -162,7 +153,7 @@ class MapGrowth:
     def describe(self, crossed: np.ndarray | None) -> tuple[int, tuple[str, str]]:
         """Return how many points of the map are computed at least, and a row that tells it."""
         least = n_least(self.shape, self.refinement, crossed)
-        curves = ", those that curves cross" if self.curves else ""
+        curves = ", those that curves cross" if self.refinement.curves else ""
         return least, (
             "refined",
             f"the coarsest cells{curves} and the first draw of the audit are {least} points "

@@ -13,7 +13,7 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, make_solver
-from hpcsweep.studies.attractors.search import SearchLimits, store_attractor
+from hpcsweep.studies.attractors.search import UNSTORED, SearchLimits, store_attractor
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
@@ -130,8 +130,9 @@ class AttractorRuns:
             known = {"attractor_id": number, "point": own[-1], "n_points": len(own)}
             store_attractor(result, (index, slot), self._measured, one, **known)
             result["poincare"][index, slot, : len(own)] = own
-        for name in ("n_undecided", "n_failed", "n_transient", "outcome"):
-            result[name][index] = getattr(found, name)
+        for name, label in UNSTORED.items():
+            result[f"n_{name}"][index] = (found.labels == label).sum()
+        result["n_transient"][index], result["outcome"][index] = found.n_transient, found.outcome
         for name, value in zip(LIFETIME, found.lifetime, strict=True):
             result[name][index] = value
         result["n_attractors"][index], result["last_id"][index] = len(found.attractors), last_id

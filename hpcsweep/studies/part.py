@@ -1,6 +1,5 @@
 """Base of studies without varied keys: each is its own only part (`hpcsweep.studies.vary`)."""
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Self
@@ -107,20 +106,15 @@ class Part(ABC):
         return -(-self.n_along // self.block_size)
 
     @property
-    def _shape(self) -> tuple[int, ...]:
-        """Number of blocks along each axis of ``commit``."""
-        directions = (len(self.directions),) if self.directions else ()
-        return (*directions, self.n_frames, self.n_blocks)
-
-    @property
     def n_tasks(self) -> int:
         """Number of tasks of the study."""
-        return int(self.task_of(*(size - 1 for size in self._shape))) + 1
+        last = len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1
+        return int(self.task_of(*last)) + 1
 
     @property
     def n_runs(self) -> int:
         """Number of runs of all frames and directions."""
-        return math.prod(self._shape[:-1]) * self.n_along
+        return max(len(self.directions), 1) * self.n_frames * self.n_along
 
     def task_of(self, *place):
         """Return the task of blocks, numbers or arrays of their places: every block is one."""

@@ -52,7 +52,6 @@ class RoundsWork(RankWork):
         self._growth = blocks.layout.growth
         self._shape = blocks.layout.shape(study.commit)
         self.todo, self._complete, self.scanned = [], False, True
-        self._inferred = 0
         inferred, sound = Inferred(blocks), True
         audit = inferred.audit()
         known = []
@@ -93,19 +92,19 @@ class RoundsWork(RankWork):
         """Return whether no round is left and the file holds all; on rank 0."""
         return self._complete and super().is_complete()
 
-    def plan(self) -> np.ndarray:
-        """Return the runs of the next round, on rank 0; if there is none the study is complete.
+    def plan(self) -> tuple[np.ndarray, int]:
+        """Return the runs of the next round, and how many are inferred if there is none, on rank 0.
 
         All that earlier rounds computed must be committed.
         """
         runs = None if self._complete else self._rounds.next()
         if runs is not None:
-            return runs
+            return runs, 0
+        inferred = 0
         if not self._complete:
             write_inferred(self._campaign, self._growth.values(self._rounds))
-            self._inferred = self._rounds.n_inferred
-            self._complete = True
-        return np.zeros(0, int)
+            self._complete, inferred = True, self._rounds.n_inferred
+        return np.zeros(0, int), inferred
 
     def begin(self, runs: np.ndarray) -> None:
         """Cut a round into tasks, each with a limited number of runs of a frame."""
@@ -120,11 +119,6 @@ class RoundsWork(RankWork):
     def left(self, task: int) -> float:
         """Return the number of runs of a task."""
         return float(len(self._tasks[task]))
-
-    def newly_inferred(self) -> int:
-        """Count the runs inferred since the last call."""
-        count, self._inferred = self._inferred, 0
-        return count
 
     def _block(self, run: int) -> Block:
         return self.study.block(tuple(int(k) for k in np.unravel_index(run, self._shape)))

@@ -169,17 +169,16 @@ class RankWork:
         """Estimate the remaining cost (s) of a task, on rank 0; 0 where costs are not needed."""
         return self.costs.tasks.left(task) if self.costs.tasks and self._comm.size > 1 else 0.0
 
-    def plan(self) -> np.ndarray | None:
-        """Return the runs of the next round, on rank 0; None: the study has no rounds."""
+    def plan(self) -> tuple[np.ndarray, int] | None:
+        """Return the runs of the next round, and how many need not be computed, on rank 0.
+
+        None: the study has no rounds.
+        """
         return None
 
     def begin(self, runs: np.ndarray) -> None:
         """Begin a round of runs; see `plan`."""
         raise AssertionError(runs)
-
-    def newly_inferred(self) -> int:
-        """Count the runs, on rank 0, that since the last call need not be computed any more."""
-        return 0
 
     def is_complete(self) -> bool:
         """Return whether the file was verified and holds all, where no task is left; on rank 0."""

@@ -44,10 +44,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     run_noun: ClassVar[str] = "point"
     words: ClassVar[dict[str, str]] = {UP: "continued up"}
     direction_name: ClassVar[str] = "direction in which attractors are continued"
-    keys: ClassVar[Tables] = {
-        "study": (*search.KEYS, REFINE),
-        "sweep": OMEGA,
-    }
+    keys: ClassVar[Tables] = {"study": (*search.KEYS, REFINE), "sweep": OMEGA}
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
     holds: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"

@@ -57,10 +57,7 @@ class Branches(BranchGrid):
     run_noun: ClassVar[str] = "line"
     words: ClassVar[dict[str, str]] = {START: "branches through the motions of files"}
     direction_name: ClassVar[str] = "what is followed"
-    keys: ClassVar[Tables] = {
-        "branches": KEYS,
-        "sweep": OMEGA,
-    }
+    keys: ClassVar[Tables] = {"branches": KEYS, "sweep": OMEGA}
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
     always: ClassVar[frozenset[str]] = frozenset(["impacts"])
     """An orbit's signature counts them."""

@@ -45,11 +45,7 @@ KEYS = (
         "amplitude",
         told="[]",
     ),
-    Key(
-        "curve_span",
-        "lowest and highest frequency of curves",
-        told="those of `sweep.omega`",
-    ),
+    Key("curve_span", "lowest and highest frequency of curves", told="those of `sweep.omega`"),
     *_NUMBERS[7:],
 )
 

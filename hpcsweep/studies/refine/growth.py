@@ -16,14 +16,7 @@ from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
-from hpcsweep.studies.refine.variables import (
-    AUDIT,
-    CELL,
-    CROSSED,
-    INFERRED,
-    SOURCE,
-    inferred_name,
-)
+from hpcsweep.studies.refine.variables import AUDIT, CELL, CROSSED, INFERRED, SOURCE, inferred_name
 from hpcsweep.studies.refinement import Refinement, Source
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.variable import Coordinate, Variable, code

@@ -44,9 +44,8 @@ class RoundCosts(KnownCosts):
 class RoundsWork(RankWork):
     """A study that grows: the tasks of one round after the other; see `RankWork`."""
 
-    def _scan(self, say) -> None:
+    def _scan(self, _say) -> None:
         """Verify the contents of the file, each rank its share of the frames."""
-        del say
         blocks, study = self._campaign.blocks, self.study
         assert blocks.layout.growth is not None
         self._growth = blocks.layout.growth
@@ -83,9 +82,8 @@ class RoundsWork(RankWork):
         except StoreError as error:
             raise WriteError(f"{error}; it was changed by somebody else in mid-run") from None
 
-    def estimate(self, wanted: bool) -> None:
+    def estimate(self, _wanted: bool) -> None:
         """Begin to estimate what tasks cost."""
-        del wanted
         self.costs = self._round_costs = RoundCosts(self._comm, self.study)
 
     def is_complete(self) -> bool:
@@ -123,9 +121,8 @@ class RoundsWork(RankWork):
     def _block(self, run: int) -> Block:
         return self.study.block(tuple(int(k) for k in np.unravel_index(run, self._shape)))
 
-    def compute(self, task: int, poll, report, rest=None) -> None:
+    def compute(self, task: int, poll, report, _rest=None) -> None:
         """Compute the runs of a task, commit each and report their labels."""
-        del rest
         poll()
         blocks = [self._block(run) for run in self._tasks[task].tolist()]
         start = self.study.initial_state

@@ -155,12 +155,11 @@ class Curve:
         """Return y of points and a value of the parameter, or of both."""
         return np.append(points.ravel(), np.divide(value, self.scale))
 
-    def misses(self, images: np.ndarray, points: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def misses(self, images: np.ndarray, points: np.ndarray, _y: np.ndarray) -> np.ndarray:
         """Return G = F(x_i) - x_{i+1} of points whose images are known, shape (p N,).
 
         `images` is overwritten.
         """
-        del y
         images[:-1] -= points[1:]
         images[-1] -= points[0]
         return images.ravel()

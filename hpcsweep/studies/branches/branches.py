@@ -182,9 +182,8 @@ class Branches(BranchGrid):
         del places, state
         return line_of(self, frame, self.seeds_of(frame), poll)
 
-    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
+    def time_runs(self, share: float, _along: float, _n_runs: int, poll: Poll = None) -> Timed:
         """Time one line."""
-        del along, n_runs
         place, _, seconds = super().time_runs(share, 0.0, 0, poll)
         return place, 1, seconds
 

@@ -66,8 +66,7 @@ class TaskCosts:
         frame = np.ravel_multi_index(tuple(outer), [one.size for one in outer])
         size, count = study.block_size, study.dimensions[study.run_dims[-1]]
         middle = np.minimum((number + 0.5) * size, count) / count
-        down = np.vectorize(study.descends)(direction)
-        middle = np.where(down, 1.0 - middle, middle)
+        middle = np.where(np.vectorize(study.descends)(direction), 1.0 - middle, middle)
         self._strata = min(STRATA, self._sizes[-1])
         stratum = np.minimum(middle * self._strata, self._strata - 1).astype(int)
         shape = direction.size, self._strata, study.n_frames

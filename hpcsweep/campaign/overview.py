@@ -57,7 +57,6 @@ def overview(path: str | Path) -> dict:
     else:
         state = "running" if heard < SILENT else "silent"
     left = (outcome.size - done) * seconds / timed if timed and inferred is None else None
-    left = 0.0 if complete else left
     return {
         "file": str(path),
         "name": attributes["name"],
@@ -66,7 +65,7 @@ def overview(path: str | Path) -> dict:
         "runs_total": outcome.size,
         "n_failed": int((outcome > Outcome.COMPLETE).sum()),
         "core_seconds": seconds,
-        "core_seconds_remaining": left,
+        "core_seconds_remaining": 0.0 if complete else left,
         "last_heard": heard,
     }
 

@@ -59,8 +59,7 @@ class Scan:
                 done += self._verify(blocks, task, partial(self._poll, number, len(mine)))
         except farm.Stop:
             finished = False
-        n_axes = len(study.commit.dims)
-        places = np.array(done, np.int64).reshape(-1, n_axes)
+        places = np.array(done, np.int64).reshape(-1, len(study.commit.dims))
         gathered = comm.gather((self.todo, self.done_runs, places, finished))
         if gathered is not None:
             left = np.ones(study.n_tasks, bool)

@@ -14,6 +14,7 @@ from collections import Counter
 import numpy as np
 from tools import DESCRIBED
 
+from hpcsweep.dynamics.attractor import UNDECIDED
 from hpcsweep.dynamics.basins import portrait
 from hpcsweep.dynamics.known import distance
 from hpcsweep.dynamics.starts import box_of, starting_states
@@ -68,10 +69,11 @@ def main() -> None:
                 f"{one.share:.5f}{' in ' if good else ' not in '}"
                 f"[{twin.share_low:.4f}, {twin.share_high:.4f}]"
             )
+        lost = [int((one.labels == UNDECIDED).sum()) for one in (own, plain)]
         print(
             f"{number + 1} {'described' if number % 2 else 'printed'} A = {amplitude:.5f} Omega = "
-            f"{solver.omega:.5f}: {'; '.join(words) or 'none'}; undecided {own.n_undecided} and "
-            f"{plain.n_undecided}; {cost:.3g} and "
+            f"{solver.omega:.5f}: {'; '.join(words) or 'none'}; undecided {lost[0]} and "
+            f"{lost[1]}; {cost:.3g} and "
             f"{1e3 * (ended - middle) / options.starts:.3g} ms a start, "
             f"{own.cycles / STARTS:.0f} periods",
             flush=True,
@@ -96,7 +98,7 @@ def _point(rng, structure, options):
         cost = 1e3 * (time.process_time() - begun) / STARTS
         if options.orbits:
             orbits = all(one.orbit_period for one in own.attractors)
-            if not orbits or own.n_undecided or cost > DEAR:
+            if not orbits or np.any(own.labels == UNDECIDED) or cost > DEAR:
                 continue
         if not options.several or len(own.attractors) > 1:
             return solver, amplitude, own, cost

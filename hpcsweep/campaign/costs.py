@@ -56,25 +56,27 @@ class TaskCosts:
     """
 
     def __init__(self, study: Study):
-        self._table = study.table()
         dims = study.commit.dims
         self._sizes = tuple(study.dimensions[dim] for dim in dims)
+        *outer, number = place = np.ogrid[tuple(map(slice, self._sizes))]
         # a study without directions has one
         axis = dims.index("direction") if "direction" in dims else None
+        direction = np.zeros_like(number[..., :1]) if axis is None else outer.pop(axis)
+        # the other axes count frames, in their order
+        frame = np.ravel_multi_index(tuple(outer), [one.size for one in outer])
+        size, count = study.block_size, study.dimensions[study.run_dims[-1]]
+        middle = np.minimum((number + 0.5) * size, count) / count
+        middle = np.where(np.vectorize(study.descends)(direction), 1.0 - middle, middle)
         self._strata = min(STRATA, self._sizes[-1])
-        # all axes but direction and block count frames, in their order
-        others = [k for k in range(len(dims) - 1) if k != axis]
-        n_directions = 1 if axis is None else self._sizes[axis]
-        shape = n_directions, self._strata, study.n_frames
-        place = self._table.place
-        stratum = np.minimum(self._table.middle * self._strata, self._strata - 1).astype(int)
-        sizes = [self._sizes[k] for k in others]
-        frame = np.ravel_multi_index([place[:, k] for k in others], sizes)
-        direction = np.zeros_like(stratum) if axis is None else place[:, axis]
-        self._cell = np.ravel_multi_index((direction, stratum, frame), shape)
-        self._row = np.empty(len(place), np.int64)
-        self._row[np.ravel_multi_index(tuple(place.T), self._sizes)] = np.arange(len(place))
-        self._left_runs = self._table.n_runs.astype(float)
+        stratum = np.minimum(middle * self._strata, self._strata - 1).astype(int)
+        shape = direction.size, self._strata, study.n_frames
+        cell = np.ravel_multi_index((direction, stratum, frame), shape)
+        n_runs = np.minimum(size, count - number * size)
+        self._task, self._cell, self._block_runs = (
+            np.broadcast_to(values, self._sizes).ravel()
+            for values in (study.task_of(*place), cell, n_runs)
+        )
+        self._left_runs = self._block_runs.astype(float)
         self._runs = np.zeros(shape, np.int64)
         self._seconds = np.zeros(shape)
         self._pilot_seconds = np.zeros(shape[1:])
@@ -103,7 +105,7 @@ class TaskCosts:
         """Update from a measured block; one that the study does not have is ignored."""
         if not is_place(cost.place, self._sizes):
             return
-        cell = self._cell[self._rows_of(cost.place)]
+        cell = self._cell[np.ravel_multi_index(cost.place, self._sizes)]
         self._runs.flat[cell] += cost.runs
         self._seconds.flat[cell] += cost.seconds
         self._left = None
@@ -114,7 +116,7 @@ class TaskCosts:
 
     def all_done(self, places: np.ndarray) -> None:
         """Record which blocks are done, shape (n, n_axes)."""
-        self._left_runs[self._rows_of(places.T)] = 0.0
+        self._left_runs[np.ravel_multi_index(tuple(places.T), self._sizes)] = 0.0
         self._left = None
 
     def n_known(self) -> int:
@@ -140,7 +142,7 @@ class TaskCosts:
 
     def totals(self) -> np.ndarray:
         """Estimate the cost (s) of every whole task, shape (n_tasks,)."""
-        return self._of_tasks(self._table.n_runs)
+        return self._of_tasks(self._block_runs)
 
     def _of_tasks_left(self) -> np.ndarray:
         """Estimate the remaining cost (s) of every task, shape (n_tasks,)."""
@@ -150,11 +152,7 @@ class TaskCosts:
 
     def _of_tasks(self, runs: np.ndarray) -> np.ndarray:
         """Sum the costs (s) of runs, given their number in each block, over tasks."""
-        return np.bincount(self._table.task, runs * self._per_run().flat[self._cell])
-
-    def _rows_of(self, places) -> np.ndarray:
-        """Return the rows of blocks, whose places along each axis are given."""
-        return self._row[np.ravel_multi_index(tuple(places), self._sizes)]
+        return np.bincount(self._task, runs * self._per_run().flat[self._cell])
 
     def _per_run(self) -> np.ndarray:
         """Estimate the seconds a run, shape (direction, stratum, frame).
@@ -171,7 +169,7 @@ class TaskCosts:
         if self._prior is None:
             self._prior = _fill(self._pilot_runs, self._pilot_seconds)
         prior = self._prior
-        cells = np.bincount(self._cell, self._table.n_runs, self._runs.size)
+        cells = np.bincount(self._cell, self._block_runs, self._runs.size)
         pilot = PILOT_WEIGHT * float((cells.reshape(self._runs.shape) * prior).sum())
         pilot *= bool(self._pilot_runs.any())  # without a pilot the prior has no unit
         expected, seconds = (

@@ -57,7 +57,6 @@ def overview(path: str | Path) -> dict:
     else:
         state = "running" if heard < SILENT else "silent"
     left = (outcome.size - done) * seconds / timed if timed and inferred is None else None
-    left = 0.0 if complete else left
     return {
         "file": str(path),
         "name": attributes["name"],
@@ -66,7 +65,7 @@ def overview(path: str | Path) -> dict:
         "runs_total": outcome.size,
         "n_failed": int((outcome > Outcome.COMPLETE).sum()),
         "core_seconds": seconds,
-        "core_seconds_remaining": left,
+        "core_seconds_remaining": 0.0 if complete else left,
         "last_heard": heard,
     }
 
@@ -77,8 +76,8 @@ def _runs_done(path: Path, attributes: dict, committed: np.ndarray, outcome: np.
     shape = tuple(study.dimensions[dim] for dim in study.commit.dims)
     if committed.shape != shape or outcome.size != study.n_runs:
         raise StoreError(f"{path}: damaged; see hpcsweep status {path}")
-    table = study.table()
-    return int(table.n_runs[committed[tuple(table.place.T)]].sum())
+    left = study.dimensions[study.run_dims[-1]] - study.block_size * np.arange(shape[-1])
+    return int((committed * np.minimum(left, study.block_size)).sum())
 
 
 def finished(rows: Sequence[dict]) -> bool:

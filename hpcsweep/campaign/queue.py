@@ -123,8 +123,8 @@ class Queue:
                 continue
             runs = None
             if self._comm.rank == 0:
-                runs = self._guarded(k, work.plan)
-                if inferred := work.newly_inferred():
+                runs, inferred = self._guarded(k, work.plan) or (None, 0)
+                if inferred:
                     self._display.advance(inferred)
             runs = self._comm.bcast(runs)
             if runs is not None:

@@ -44,15 +44,13 @@ class RoundCosts(KnownCosts):
 class RoundsWork(RankWork):
     """A study that grows: the tasks of one round after the other; see `RankWork`."""
 
-    def _scan(self, say) -> None:
+    def _scan(self, _say) -> None:
         """Verify the contents of the file, each rank its share of the frames."""
-        del say
         blocks, study = self._campaign.blocks, self.study
         assert blocks.layout.growth is not None
         self._growth = blocks.layout.growth
         self._shape = blocks.layout.shape(study.commit)
         self.todo, self._complete, self.scanned = [], False, True
-        self._inferred = 0
         inferred, sound = Inferred(blocks), True
         audit = inferred.audit()
         known = []
@@ -84,28 +82,27 @@ class RoundsWork(RankWork):
         except StoreError as error:
             raise WriteError(f"{error}; it was changed by somebody else in mid-run") from None
 
-    def estimate(self, wanted: bool) -> None:
+    def estimate(self, _wanted: bool) -> None:
         """Begin to estimate what tasks cost."""
-        del wanted
         self.costs = self._round_costs = RoundCosts(self._comm, self.study)
 
     def is_complete(self) -> bool:
         """Return whether no round is left and the file holds all; on rank 0."""
         return self._complete and super().is_complete()
 
-    def plan(self) -> np.ndarray:
-        """Return the runs of the next round, on rank 0; if there is none the study is complete.
+    def plan(self) -> tuple[np.ndarray, int]:
+        """Return the runs of the next round, and how many are inferred if there is none, on rank 0.
 
         All that earlier rounds computed must be committed.
         """
         runs = None if self._complete else self._rounds.next()
         if runs is not None:
-            return runs
+            return runs, 0
+        inferred = 0
         if not self._complete:
             write_inferred(self._campaign, self._growth.values(self._rounds))
-            self._inferred = self._rounds.n_inferred
-            self._complete = True
-        return np.zeros(0, int)
+            self._complete, inferred = True, self._rounds.n_inferred
+        return np.zeros(0, int), inferred
 
     def begin(self, runs: np.ndarray) -> None:
         """Cut a round into tasks, each with a limited number of runs of a frame."""
@@ -121,17 +118,11 @@ class RoundsWork(RankWork):
         """Return the number of runs of a task."""
         return float(len(self._tasks[task]))
 
-    def newly_inferred(self) -> int:
-        """Count the runs inferred since the last call."""
-        count, self._inferred = self._inferred, 0
-        return count
-
     def _block(self, run: int) -> Block:
         return self.study.block(tuple(int(k) for k in np.unravel_index(run, self._shape)))
 
-    def compute(self, task: int, poll, report, rest=None) -> None:
+    def compute(self, task: int, poll, report, _rest=None) -> None:
         """Compute the runs of a task, commit each and report their labels."""
-        del rest
         poll()
         blocks = [self._block(run) for run in self._tasks[task].tolist()]
         start = self.study.initial_state
@@ -141,7 +132,7 @@ class RoundsWork(RankWork):
         computed = iter(self._growth.compute(new, start, poll) if new else ())
         rows = [next(computed) if found is None else found for found in taken]
         whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}
-        labels, failures = self._growth.labels(whole), Failures()
+        labels, failures = self._growth.refinement.labels(whole), Failures()
         for block, own, failed in zip(blocks, rows, labels[:, 0], strict=True):
             self._campaign.write_block(block, start, own)
             if failed:

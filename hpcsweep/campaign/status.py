@@ -84,10 +84,7 @@ def status(path: str | Path) -> dict:
 
 
 def _runs(
-    layout: Layout,
-    committed: np.ndarray,
-    runs: dict[str, np.ndarray],
-    inferred: Inferred | None,
+    layout: Layout, committed: np.ndarray, runs: dict[str, np.ndarray], inferred: Inferred | None
 ) -> dict:
     """Count the runs that are in the file, by what became of them."""
     study, outcome = layout.study, runs["outcome"]

@@ -1,7 +1,6 @@
 """Verify what the file of a campaign holds, and compute, write and report its unfinished tasks."""
 
 import array
-import contextlib
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -27,8 +26,6 @@ from hpcsweep.studies.run_names import run_name
 LISTED_FAILURES = 10
 SCAN_NOTES = 10.0
 """Seconds between two messages about the progress of verification."""
-POLL_BLOCKS = 64
-"""Blocks verified between two polls."""
 
 
 class Scan:
@@ -48,23 +45,21 @@ class Scan:
     def __init__(self, comm, blocks: Blocks, flag: StopFlag, say: Callable[[str], None]):
         self._flag, self._say = flag, say if comm.rank == 0 else lambda text: None
         self._begun = self._reported = time.monotonic()
-        self._n_polls = 0
         study = blocks.study
-        begun = on_master(comm, partial(self._begun_tasks, blocks), OSError, StoreError)
+        # no other task needs verifying
+        begun = on_master(comm, blocks.begun, OSError, StoreError)
         self.todo: list[int] = []
         self.done_runs = 0
         done = array.array("q")
         finished = True
         try:
-            self._poll()
             mine = begun[comm.rank :: comm.size]
+            self._poll(0, len(mine))
             for number, task in enumerate(mine):
-                self._poll(number, len(mine))
-                done += self._verify(blocks, task)
+                done += self._verify(blocks, task, partial(self._poll, number, len(mine)))
         except farm.Stop:
             finished = False
-        n_axes = len(study.commit.dims)
-        places = np.array(done, np.int64).reshape(-1, n_axes)
+        places = np.array(done, np.int64).reshape(-1, len(study.commit.dims))
         gathered = comm.gather((self.todo, self.done_runs, places, finished))
         if gathered is not None:
             left = np.ones(study.n_tasks, bool)
@@ -77,17 +72,11 @@ class Scan:
         self.done = places
         self.finished = comm.bcast(finished)
 
-    def _begun_tasks(self, blocks: Blocks) -> list[int]:
-        """Return the tasks of which the file holds a part: no other needs verifying."""
-        with contextlib.suppress(farm.Stop):
-            return blocks.begun(self._poll)
-        return []
-
-    def _verify(self, blocks: Blocks, task: int) -> array.array:
+    def _verify(self, blocks: Blocks, task: int, poll: Callable[[], None]) -> array.array:
         """Verify a task; return the indices of its valid blocks in a row."""
         places = array.array("q")
         n_blocks = n_good = 0
-        for block, valid in blocks.verify(task, self._poll_sometimes):
+        for block, valid in blocks.verify(task, poll):
             n_blocks += 1
             if valid:
                 n_good += 1
@@ -98,12 +87,7 @@ class Scan:
         self.todo.append(task)
         return places
 
-    def _poll_sometimes(self) -> None:
-        self._n_polls += 1
-        if self._n_polls % POLL_BLOCKS == 0:
-            self._poll()
-
-    def _poll(self, task: int = 0, n_tasks: int = 0) -> None:
+    def _poll(self, task: int, n_tasks: int) -> None:
         """Raise `Stop` if requested; report progress from time to time."""
         if self._flag.is_set():
             raise farm.Stop
@@ -184,17 +168,16 @@ class RankWork:
         """Estimate the remaining cost (s) of a task, on rank 0; 0 where costs are not needed."""
         return self.costs.tasks.left(task) if self.costs.tasks and self._comm.size > 1 else 0.0
 
-    def plan(self) -> np.ndarray | None:
-        """Return the runs of the next round, on rank 0; None: the study has no rounds."""
+    def plan(self) -> tuple[np.ndarray, int] | None:
+        """Return the runs of the next round, and how many need not be computed, on rank 0.
+
+        None: the study has no rounds.
+        """
         return None
 
     def begin(self, runs: np.ndarray) -> None:
         """Begin a round of runs; see `plan`."""
         raise AssertionError(runs)
-
-    def newly_inferred(self) -> int:
-        """Count the runs, on rank 0, that since the last call need not be computed any more."""
-        return 0
 
     def is_complete(self) -> bool:
         """Return whether the file was verified and holds all, where no task is left; on rank 0."""

@@ -303,7 +303,7 @@ def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
     if unknown:
         return [(place, "what is inferred: its checksum does not hold") for place in unknown]
     boxes = None
-    if growth.curves:
+    if growth.refinement.curves:
         frames = [inferred.frame(place) or {} for place in inferred.places]
         stored = np.array([rows[CROSSED] for rows in frames]).reshape(growth.shape)
         boxes = stored[(slice(-1),) * stored.ndim] != 0

@@ -138,13 +138,3 @@ class Portrait:
     outcome: Outcome
     n_transient: int
     lifetime: MeanInterval
-
-    @property
-    def n_undecided(self) -> int:
-        """Number of starts that were not classified."""
-        return int((self.labels == UNDECIDED).sum())
-
-    @property
-    def n_failed(self) -> int:
-        """Number of starts whose integration failed."""
-        return int((self.labels == FAILED).sum())

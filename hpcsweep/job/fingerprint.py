@@ -18,10 +18,7 @@ MEANING_VERSION = 4
 """Part of the fingerprint; raised when the same job text comes to mean other results."""
 
 
-EXCLUDED_FIELDS = (
-    *("structure", "settings", "damping_ratio"),
-    *("source", "gravity"),
-)
+EXCLUDED_FIELDS = (*("structure", "settings", "damping_ratio"), *("source", "gravity"))
 """Fields of the parts, one that `Structure` also holds with a value for each mode, and where the
 samples of records come from, which their checksums identify."""
 

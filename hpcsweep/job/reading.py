@@ -295,8 +295,6 @@ def _skip(values: Values, rules: tuple[str, ...]) -> frozenset[str]:
         return frozenset()
     if not isinstance(given, list) or not all(name in rules for name in given):
         raise values.error(
-            "solver.skip",
-            given,
-            f'must be "all", "none" or a list of {", ".join(rules)}',
+            "solver.skip", given, f'must be "all", "none" or a list of {", ".join(rules)}'
         )
     return frozenset(given)

@@ -52,10 +52,7 @@ def zoom(
     if not 1 <= factor <= MAX_FACTOR:
         raise JobError(f"--factor {factor}: must be from 1 to {MAX_FACTOR}")
     frequency = "frequency" if "frequency" in sweep else "omega"
-    for name, key, ends in (
-        ("omega", frequency, omega),
-        ("amplitude", "amplitude", amplitude),
-    ):
+    for name, key, ends in (("omega", frequency, omega), ("amplitude", "amplitude", amplitude)):
         if ends is None:
             continue
         if key not in sweep:

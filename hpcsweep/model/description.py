@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 
 MAX_LISTED = 4
 """Most values listed individually."""
+DASHPOT = ("damping", "tension")
+"""What is told of a dashpot."""
 
 
 def describe(structure: Structure) -> dict:
@@ -35,20 +36,13 @@ def describe(structure: Structure) -> dict:
                 "direction": list(contact.direction),
                 "gap": contact.gap,
                 "stiffness": contact.stiffness,
-                **_dashpot(contact),
+                **({name: getattr(contact, name) for name in DASHPOT} if contact.damping else {}),
             }
             for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
         ],
         "drift": structure.drift_rows.tolist(),
         **({"sliders": [asdict(one) for one in structure.sliders]} if structure.sliders else {}),
     }
-
-
-def _dashpot(contact: Contact) -> dict:
-    """Return the entries of a dashpot; none without one."""
-    if not contact.damping:
-        return {}
-    return {"damping": contact.damping, "tension": contact.tension}
 
 
 def as_text(structure: Structure) -> str:

@@ -112,7 +112,6 @@ class _Master:
         self._busy: set[int] = set(range(1, comm.size))
         self._task_of: dict[int, int] = {}
         self._rest: dict[int, Any] = {}
-        self._recalled: set[int] = set()
         self._next_balance = 0.0
         self._stopping = False
         self._unfinished = False
@@ -140,7 +139,7 @@ class _Master:
         def report(value) -> bool:
             self._on_report(0, value)
             self._schedule.progress(task, time.monotonic())
-            return task in self._recalled
+            return task in self._schedule.recalled
 
         try:
             left = compute(task, self._poll, report, *rest)
@@ -161,7 +160,6 @@ class _Master:
         task = self._task_of.pop(rank, None)
         if task is None:
             return
-        self._recalled.discard(task)
         if rest is None:
             self._schedule.end(task)
             self._on_end(task)
@@ -170,7 +168,7 @@ class _Master:
         else:
             self._traffic.recalls += 1
             self._rest[task] = rest
-            self._schedule.put_back(task, time.monotonic())
+            self._schedule.put_back(task)
 
     def _hear_out(self) -> None:
         """Receive what workers sent before they ended: MPI cannot finalize before."""
@@ -248,10 +246,7 @@ class _Master:
 
     def _balance(self) -> None:
         """Recall tasks if others must start now."""
-        recalls = set(self._schedule.recalls(time.monotonic(), every=0.0))
-        if not recalls:
-            return
-        self._recalled |= recalls
+        recalls = self._schedule.recalls(time.monotonic(), every=0.0)
         for rank, task in self._task_of.items():
             if rank != 0 and task in recalls:
                 self._comm.send(("recall", task), rank)

@@ -67,7 +67,6 @@ class Serial:
 
     def receive(self):
         """Return (rank, value) of a waiting message, or None if there is none."""
-        return
 
     def abort(self, code: int) -> None:
         """Abort all ranks at once."""

@@ -63,9 +63,8 @@ class Schedule:
         self._estimate = left
         self._n = n_computing
         self._waiting = sorted((left(task), -task) for task in tasks)
-        self._left: dict[int, float] = {}
         self._since: dict[int, float] = {}
-        self._recalled: set[int] = set()
+        self.recalled: set[int] = set()
         self._next_balance = -np.inf
 
     def __len__(self) -> int:
@@ -78,26 +77,23 @@ class Schedule:
 
     def take(self, now: float) -> int:
         """Start the costliest waiting task at time `now` (s)."""
-        left, task = self._waiting.pop()
-        self._left[-task] = left
+        _, task = self._waiting.pop()
         self._since[-task] = now
         return -task
 
     def progress(self, task: int, now: float) -> None:
         """Record that a running task has finished a block."""
         if task in self._since:
-            self._left[task] = max(self._left[task] - (now - self._since[task]), 0.0)
             self._since[task] = now
 
     def end(self, task: int) -> None:
         """Record that a task is finished."""
-        del self._left[task], self._since[task]
-        self._recalled.discard(task)
+        del self._since[task]
+        self.recalled.discard(task)
 
-    def put_back(self, task: int, now: float) -> None:
+    def put_back(self, task: int) -> None:
         """Return a running task to the waiting ones."""
-        self.progress(task, now)
-        insort(self._waiting, (self._left[task], -task))
+        insort(self._waiting, (self._estimate(task), -task))
         self.end(task)
 
     def recalls(self, now: float, every: float = BALANCE_SECONDS) -> list[int]:
@@ -110,15 +106,14 @@ class Schedule:
             # below the fair share, however little the running tasks have left
             self._next_balance = now + max(every, waiting / self._n / BALANCES)
             return []
-        for task in self._left:
-            self._left[task] = self._estimate(task)
         rest = {
-            task: max(left - (now - self._since[task]), 0.0) for task, left in self._left.items()
+            task: max(self._estimate(task) - (now - since), 0.0)
+            for task, since in self._since.items()
         }
         share = (sum(rest.values()) + waiting) / self._n
         self._next_balance = now + max(every, share / BALANCES)
         victims = iter(sorted((left, task) for task, left in rest.items()))
-        coming = len(self._recalled)
+        coming = len(self.recalled)
         found: list[int] = []
         first = bisect_right(self._waiting, (CRITICAL * share, 1))
         for left, _ in reversed(self._waiting[first:]):
@@ -126,11 +121,11 @@ class Schedule:
                 coming -= 1
                 continue
             least, victim = next(victims, (np.inf, -1))
-            while victim in self._recalled:
+            while victim in self.recalled:
                 least, victim = next(victims, (np.inf, -1))
             if least >= (1 - SOON) * left:
                 break
             if least > SOON * left:
                 found.append(victim)
-        self._recalled.update(found)
+        self.recalled.update(found)
         return found

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.store.contents import CHECKSUM, Contents, Dataset
+from hpcsweep.store.contents import CHECKSUM, notes_of, place_of, scales_of
 from hpcsweep.store.layout import Layout
 
 PROVENANCE = ("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ranks", "created")
@@ -21,14 +21,14 @@ OPTIONAL = ("command", "processor", CHECKSUM, CURVES)
 """Optional attributes."""
 
 
-def file_problems(contents: Contents, layout: Layout, size: int) -> list[str]:
+def file_problems(file: h5py.File, layout: Layout, size: int) -> list[str]:
     """Compare attributes, coordinates and the form of variables with the layout of the job's file.
 
     Nothing is read before its size is known to be the layout's.
 
     Parameters
     ----------
-    contents : Contents
+    file : h5py.File
     layout : Layout
     size : int
         Bytes of the file.
@@ -38,27 +38,25 @@ def file_problems(contents: Contents, layout: Layout, size: int) -> list[str]:
     list of str
         One line for each difference; empty for a sound file.
     """
-    problems = _attribute_problems(contents.attributes, layout)
+    problems = _attribute_problems(file.attrs, layout)
     for name, (values, units, _) in layout.coordinates.items():
-        problems += _coordinate_problems(contents, name, values, units)
-    if any(name not in contents for name in layout.coordinates):
+        problems += _coordinate_problems(file, name, values, units)
+    if any(name not in file for name in layout.coordinates):
         return problems  # the variables' scales point nowhere
     for variable in layout.datasets:
-        problems += _variable_problems(contents, variable, layout)
+        problems += _variable_problems(file, variable, layout)
     known = set(layout.coordinates) | {variable.name for variable in layout.datasets}
-    problems += [
-        f"{name!s:.60}: not part of the layout" for name in contents.names if name not in known
-    ]
+    problems += [f"{name!s:.60}: not part of the layout" for name in file if name not in known]
     if not problems:
         problems += [
             f"{variable.name}: its values are not those of the job"
             for variable, values in layout.given
             if not np.array_equal(
-                contents[variable.name].values, values, equal_nan=values.dtype.kind == "f"
+                file[variable.name][...], values, equal_nan=values.dtype.kind == "f"
             )
         ]
         names = [variable.name for variable in layout.stored]
-        problems += _storage_problems([(name, contents[name]) for name in names], size)
+        problems += _storage_problems([(name, file[name]) for name in names], size)
     return problems
 
 
@@ -73,17 +71,17 @@ def _attribute_problems(found: Mapping[str, object], layout: Layout) -> list[str
     return problems
 
 
-def _form_problems(contents: Contents, name: str, what: str, form: tuple) -> list[str]:
+def _form_problems(file: h5py.File, name: str, what: str, form: tuple) -> list[str]:
     """Compare units, type and shape of a dataset, which must be a variable or a dimension scale."""
-    if name not in contents:
+    if name not in file:
         return [f"{name}: missing"]
-    data, (units, dtype, shape) = contents.find(name), form
-    if data is None or (what == "dimension scale" and not data.is_scale):
+    data, (units, dtype, shape) = file[name], form
+    if not isinstance(data, h5py.Dataset) or (what == "dimension scale" and not data.is_scale):
         return [f"{name}: not a {what}"]
-    problems = []
-    if data.notes.get("units") != units:
-        problems.append(f"{name}: its units are {data.notes.get('units')!r}, not {units!r}")
-    if not data.notes.get("long_name"):
+    problems, notes = [], notes_of(data)
+    if notes.get("units") != units:
+        problems.append(f"{name}: its units are {notes.get('units')!r}, not {units!r}")
+    if not notes.get("long_name"):
         problems.append(f"{name}: has no long_name")
     is_text = dtype.kind == "O"
     if h5py.check_string_dtype(data.dtype) is None if is_text else data.dtype != dtype:
@@ -94,16 +92,16 @@ def _form_problems(contents: Contents, name: str, what: str, form: tuple) -> lis
     return problems
 
 
-def _coordinate_problems(contents, name: str, values: np.ndarray, units: str) -> list[str]:
+def _coordinate_problems(file, name: str, values: np.ndarray, units: str) -> list[str]:
     form = units, values.dtype, values.shape
-    if problems := _form_problems(contents, name, "dimension scale", form):
+    if problems := _form_problems(file, name, "dimension scale", form):
         return problems
-    scale = contents[name]
+    scale = file[name]
     if values.dtype != object:
         # to the last bit: NaN equals NaN
-        same = scale.values.tobytes() == values.tobytes()
-    elif _lengths_are_sane(scale.data):
-        same = [value.decode() for value in scale.values.flat] == values.ravel().tolist()
+        same = scale[...].tobytes() == values.tobytes()
+    elif _lengths_are_sane(scale):
+        same = [value.decode() for value in scale[...].flat] == values.ravel().tolist()
     else:
         return [f"{name}: its values have no length"]
     return [] if same else [f"{name}: its values are not those of the job"]
@@ -125,29 +123,29 @@ def _lengths_are_sane(scale: h5py.Dataset) -> bool:
     return bool(np.all(np.frombuffer(raw, STRING)["length"] <= LONGEST_NAME))
 
 
-def _variable_problems(contents, variable, layout: Layout) -> list[str]:
+def _variable_problems(file, variable, layout: Layout) -> list[str]:
     name, shape = variable.name, layout.shape(variable)
     form = variable.units, np.dtype(variable.dtype), shape
-    problems = _form_problems(contents, name, "variable", form)
-    data = contents.find(name) if name in contents else None
-    if data is not None and data.shape == shape:
-        for axis, (dim, attached) in enumerate(zip(variable.dims, data.scales, strict=True)):
+    problems = _form_problems(file, name, "variable", form)
+    data = file.get(name)
+    if isinstance(data, h5py.Dataset) and data.shape == shape:
+        for axis, (dim, attached) in enumerate(zip(variable.dims, scales_of(data), strict=True)):
             if attached != [dim]:
                 problems.append(f"{name}: axis {axis} has the scales {attached}, not {dim}")
     return problems
 
 
-def _storage_problems(datasets: list[tuple[str, Dataset]], size: int) -> list[str]:
+def _storage_problems(datasets: list[tuple[str, h5py.Dataset]], size: int) -> list[str]:
     """Check storage: contiguous in a plain file, without overlap; in chunks in a packed file."""
-    if any(data.is_chunked for _, data in datasets):
-        return [
-            f"{name}: contiguous in a packed file" for name, data in datasets if not data.is_chunked
-        ]
+    plain = [name for name, data in datasets if data.chunks is None]
+    if len(plain) < len(datasets):
+        return [f"{name}: contiguous in a packed file" for name in plain]
     places = []
     for name, data in datasets:
-        if data.place is None:
+        place = place_of(data)
+        if place is None:
             return [f"{name}: has no place in the file"]
-        places.append((data.place, data.place + data.data.nbytes, name))
+        places.append((place, place + data.nbytes, name))
     places.sort()
     problems = [
         f"{left[2]}, {right[2]}: overlap in the file"

@@ -11,7 +11,6 @@ interval.
 """
 
 import hashlib
-import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,8 +19,8 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.store.layout import Layout, StoreError, WriteError
-from hpcsweep.store.offsets import RowReader, is_packed, open_above, open_rows
+from hpcsweep.store.layout import Layout, StoreError
+from hpcsweep.store.offsets import ContiguousRows, RowReader, is_packed, open_rows
 from hpcsweep.store.transport import Transport, open_transport
 from hpcsweep.studies.blocks import Block, Place, Rows
 
@@ -61,8 +60,6 @@ class Blocks:
         self.layout = layout
         self.study = layout.study
         self.variables = [variable.name for variable in layout.variables]
-        dims = layout.commit.dims
-        self._directions = dims.index("direction") if "direction" in dims else None
         self._seed = bytes.fromhex(layout.fingerprint)
         self._rows = open_rows(path) if rows is None else rows
         self.read_rows = self._rows.read
@@ -109,18 +106,11 @@ class Blocks:
         """Return which blocks have a checksum, valid or not; shape of ``commit``."""
         return self.whole("commit") != 0
 
-    def begun(self, poll: Callable[[], None] = lambda: None) -> list[int]:
-        """Return the tasks that have a block with a checksum, ascending; poll once a frame."""
-        found, begun = self.have_checksum(), np.zeros(self.study.n_tasks, bool)
-        for frame in np.argwhere(found.any(axis=-1)).tolist():
-            poll()
-            numbers = np.flatnonzero(found[tuple(frame)]).tolist()
-            first, last = (self.study.block((*frame, numbers[k])).task for k in (0, -1))
-            # the tasks of a frame ascend: one of a path, or one for each block
-            between = numbers[1:-1] if first < last else []
-            begun[[first, last]] = True
-            begun[[self.study.block((*frame, number)).task for number in between]] = True
-        return np.flatnonzero(begun).tolist()
+    def begun(self) -> list[int]:
+        """Return the tasks that have a block with a checksum, ascending."""
+        found = self.have_checksum()
+        tasks = self.study.task_of(*np.ogrid[tuple(map(slice, found.shape))])
+        return np.unique(np.broadcast_to(tasks, found.shape)[found]).tolist()
 
     def whole(self, variable: str) -> np.ndarray:
         """Read a whole variable of the runs, or ``commit``, whether committed or not."""
@@ -182,27 +172,17 @@ class Blocks:
         block : Block
         valid : bool
         """
-        axis, has_checksum = self._directions, self._checksums_of(task)
         before: Block | None = None
         state: np.ndarray | None = self.study.initial_state
         for block in self.study.path(task):
             poll()
             end = None
-            if has_checksum[0 if axis is None else block.place[axis]][block.place[-1]]:
+            if self.committed(block):
                 if state is None and before is not None:
                     state = self.end_state(before.run(before.end))
                 end = self.end_of(block, self.study.initial_state if state is None else state)
             yield block, end is not None
             before, state = block, end
-
-    def _checksums_of(self, task: int) -> list[np.ndarray]:
-        """Return which blocks of a task's frame have a checksum, for each direction."""
-        place, axis = self.study.path(task)[0].place, self._directions
-        shape = self.layout.shape(self.layout.commit)
-        first = [(*place[:-1], 0)]
-        if axis is not None:
-            first = [(*place[:axis], k, *place[axis + 1 : -1], 0) for k in range(shape[axis])]
-        return [self.read_rows("commit", at, shape[-1]) != 0 for at in first]
 
     def valid(self, task: int) -> list[tuple[Block, bool]]:
         """Return for each block of a task whether its checksum holds."""
@@ -218,52 +198,13 @@ class Blocks:
         return mask
 
 
-class Identity:
-    """Which file lies under a name: what is written into one that was removed is lost."""
-
-    def __init__(self, path: Path):
-        self._path = path
-        self._descriptor = open_above(path, os.O_RDONLY)
-        self._size = os.fstat(self._descriptor).st_size
-
-    def check(self) -> None:
-        """Make sure that the file is the one that was opened, under its name and whole.
-
-        Raises
-        ------
-        WriteError
-        """
-        if self._descriptor < 0:
-            return
-        mine = os.fstat(self._descriptor)
-        try:
-            there = self._path.stat()
-        except OSError:
-            there = None
-        if there is None or (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
-            what = "removed, renamed or replaced"
-        elif mine.st_size < self._size:
-            what = "cut short"
-        else:
-            return
-        raise WriteError(
-            f"{self._path}: was {what} while it was being written; what was computed is not in it"
-        )
-
-    def close(self) -> None:
-        """Forget the file."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-
 class Campaign:
     """Access of one rank to the file while a campaign runs."""
 
     def __init__(self, path: Path, layout: Layout, transport: Transport):
-        self.blocks = Blocks(path, layout)
+        self._file = ContiguousRows(path)
+        self.blocks = Blocks(path, layout, self._file)
         self.transport = transport
-        self._identity = Identity(path)
         self.written_bytes = 0
         self.write_seconds = 0.0
         self._pending: list[tuple[tuple[int, ...], int]] = []
@@ -305,7 +246,7 @@ class Campaign:
             that has reported lost data once may report success for the next flush.
         """
         pending, self._pending = self._pending, []
-        self._identity.check()
+        self._file.check_identity()
         if pending:
             begun = time.perf_counter()
             self.transport.sync()
@@ -321,7 +262,6 @@ class Campaign:
         try:
             self.flush()
         finally:
-            self._identity.close()
             self.transport.close()
             self.blocks.close()
 

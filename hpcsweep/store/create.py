@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
-import numpy as np
 
-from hpcsweep.store.contents import CHECKSUM, Contents, metadata_checksum
+from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.layout import Layout, StoreError, flags_of
 
 LIBRARY = ("v108", "v108")
@@ -102,16 +101,12 @@ def fill(
         file[checksums.name][...] = 0
     for key, value in {**layout.attributes, **provenance}.items():
         file.attrs[key] = value
-    file.attrs[CHECKSUM] = metadata_checksum(Contents(file))
+    file.attrs[CHECKSUM] = metadata_checksum(file)
 
 
 def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:
     """Create a contiguous dataset, allocated immediately and not filled."""
     plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    plist.set_layout(h5py.h5d.CONTIGUOUS)
     plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     plist.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    plist.set_obj_track_times(False)
-    kind = h5py.h5t.py_create(np.dtype(dtype), logical=True)
-    space = h5py.h5s.create_simple(shape)
-    return h5py.Dataset(h5py.h5d.create(file.id, name.encode(), kind, space, plist))
+    return file.create_dataset(name, shape, dtype, dcpl=plist, track_times=False)

@@ -14,7 +14,7 @@ from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, frame_variables
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout
-from hpcsweep.studies.blocks import Block, Place
+from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Axis, as_kind
 from hpcsweep.studies.variable import Variable
@@ -100,18 +100,7 @@ class Frames:
     @property
     def places(self) -> list[Place]:
         """Return the indices of all parts of the job; one if it varies no key."""
-        return list(np.ndindex(*self._sizes))
-
-    @property
-    def _sizes(self) -> list[int]:
-        return [len(axis.values) for axis in self.whole.study.axes]
-
-    def _valid(self, task: int) -> Iterator[tuple[Block, Block, bool]]:
-        """Iterate over the blocks of a task of the part, with their places in part and file."""
-        number = int(np.ravel_multi_index(self.place, self._sizes)) if self.place else 0
-        blocks = self._blocks.valid(number * self.study.n_tasks + task)
-        for block, valid in blocks:
-            yield self.study.block(block.place[len(self.place) :]), block, valid
+        return list(np.ndindex(*(len(axis.values) for axis in self.whole.study.axes)))
 
     def __contains__(self, variable: str) -> bool:
         return variable in self._variables
@@ -150,10 +139,9 @@ class Frames:
         derived = [v.name for v in frame_variables(self._own) if v.name in names]
         begun = self._begun(frame)
         for task in begun:
-            for own, block, valid in self._valid(task):
-                if valid:
-                    at = list(own.runs)
-                    del at[self._axis]
+            for block, valid in self._blocks.verify(task):
+                at = list(block.runs[len(self.place) :])
+                if at.pop(self._axis) == frame and valid:
                     for name in names:
                         if name not in derived:
                             rows = self._blocks.read_rows(name, block.first, block.n_runs)
@@ -176,10 +164,10 @@ class Frames:
         """Return the tasks with a block of a frame that has a checksum, ascending."""
         *shape, n_blocks, found = *self._own.shape(self._own.commit), set()
         for before in np.ndindex(*shape[: self._axis]):
-            place = (*before, frame)
-            stored = self._blocks.read_rows("commit", (*self.place, *place, 0), n_blocks)
+            place = (*self.place, *before, frame)
+            stored = self._blocks.read_rows("commit", (*place, 0), n_blocks)
             numbers = np.flatnonzero(stored).tolist()
-            found |= {self.study.block((*place, number)).task for number in numbers}
+            found |= {self.whole.study.block((*place, number)).task for number in numbers}
         return sorted(found)
 
     def _frame(self, frame: int) -> int:
@@ -224,10 +212,9 @@ class Frames:
                 **names,
                 frame_dim: self._own.coordinates[frame_dim].values[list(frames)],
                 last: along,
-                "state": self._own.coordinates["state"].values.astype(str),
                 **{
                     name: self._own.coordinates[name].values.astype(str)
-                    for name in ("storey", "floor", "stop", "slider", "building", "energy")
+                    for name in ("state", "storey", "floor", "stop", "slider", "building", "energy")
                     if name in self._own.coordinates
                 },
             },

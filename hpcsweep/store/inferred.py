@@ -74,7 +74,7 @@ class Inferred:
             rows = blocks.believed(blocks.study.block((*place, at)))
             if rows is not None:
                 points.append(first + at)
-                labels.append(growth.labels(rows))
+                labels.append(growth.refinement.labels(rows))
         found = np.concatenate(labels) if labels else np.zeros((0, 2), np.uint64)
         return np.array(points, int), found
 

@@ -49,7 +49,7 @@ class Inputs:
 
     def __init__(self, layout: Layout):
         self._study, self.growth = layout.study, layout.growth
-        self.paths = self.growth.curves if self.growth else ()
+        self.paths = self.growth.refinement.curves if self.growth else ()
         self.curves = [one for path in self.paths for one in _curves_of(Path(path), self._study)]
 
     @property

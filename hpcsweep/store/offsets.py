@@ -9,8 +9,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.store.contents import Contents
-from hpcsweep.store.layout import DamagedError, StoreError
+from hpcsweep.store.contents import place_of
+from hpcsweep.store.layout import DamagedError, StoreError, WriteError
 
 LAST_STREAM = 2
 """Descriptor of standard error."""
@@ -49,14 +49,13 @@ class Offsets:
     def __init__(self, path: Path):
         self._of: dict[str, tuple[int, tuple[int, ...], np.dtype]] = {}
         with open_for_reading(path) as file:
-            contents = Contents(file)
-            for name in contents.names:
-                data = contents[name]
+            for name, data in file.items():
                 if data.is_scale:
                     continue
-                if data.place is None:
+                place = place_of(data)
+                if place is None:
                     raise StoreError(f"{path}: variable {name} has no place in the file")
-                self._of[name] = (data.place, data.shape, data.dtype)
+                self._of[name] = (place, data.shape, data.dtype)
         self._strides = {
             name: [math.prod(shape[axis + 1 :]) * dtype.itemsize for axis in range(len(shape))]
             for name, (_, shape, dtype) in self._of.items()
@@ -95,6 +94,7 @@ class ContiguousRows:
         self._path = path
         self.offsets = Offsets(path) if offsets is None else offsets
         self._descriptor = open_above(path, os.O_RDONLY)
+        self._size = os.fstat(self._descriptor).st_size
 
     def read(self, variable: str, start: tuple[int, ...], n: int) -> np.ndarray:
         """Read `n` rows of a variable's last indexed axis from index `start`.
@@ -114,6 +114,30 @@ class ContiguousRows:
                 )
             data += piece
         return np.frombuffer(bytes(data), dtype).reshape(shape)
+
+    def check_identity(self) -> None:
+        """Make sure that the file is the one that was opened, under its name and whole.
+
+        What is written into one that was removed is lost.
+
+        Raises
+        ------
+        WriteError
+        """
+        mine = os.fstat(self._descriptor)
+        try:
+            there = self._path.stat()
+        except OSError:
+            there = None
+        if there is None or (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
+            what = "removed, renamed or replaced"
+        elif mine.st_size < self._size:
+            what = "cut short"
+        else:
+            return
+        raise WriteError(
+            f"{self._path}: was {what} while it was being written; what was computed is not in it"
+        )
 
     def close(self) -> None:
         """Close the file."""

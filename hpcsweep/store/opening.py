@@ -14,19 +14,11 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from h5py import h5a
 
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.check import file_problems
-from hpcsweep.store.contents import (
-    CHECKSUM,
-    Contents,
-    attribute,
-    attributes_of,
-    metadata_checksum,
-    values,
-)
+from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.offsets import open_for_reading
@@ -40,8 +32,6 @@ ENDS = 2**18
 """Bytes at either end of a file, within which all its heaps lie."""
 LONGEST_SUFFIX = ".journal"
 """Endings of the files beside a results file."""
-PROGRESS = ("format", "layout_version", "job", "name")
-"""Attributes from which the progress of a campaign is read."""
 REPAIR = "run its job again to repair it"
 
 
@@ -153,7 +143,7 @@ def check_file(path: Path) -> dict:
         end, and without it nothing can be verified.
     """
     with reading(path) as file:
-        attributes = attributes_of(file)
+        attributes = dict(file.attrs)
     if not _equal(attributes.get("format"), FORMAT):
         raise StoreError(f"{path}: an HDF5 file, but no results of hpcsweep; it is left as it is")
     version = attributes.get("layout_version", -1)
@@ -172,7 +162,7 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray 
     Returns
     -------
     attributes : dict
-        ``job`` and ``name``.
+        Of the file, ``job`` and ``name`` among them.
     committed : ndarray of bool
         Whether each block has a checksum, shape of ``commit``.
     outcome : ndarray of int
@@ -185,17 +175,12 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray 
     StoreError
         If it is not a campaign file of this layout version.
     """
+    attributes = check_file(path)
+    if not {"job", "name"} <= attributes.keys():
+        raise DamagedError(f"{path}: damaged (attributes are missing); {REPAIR}")
     with reading(path) as file:
-        # below h5py's layers, which take longer than what they read
-        there = [key for key in PROGRESS if h5a.exists(file.id, key.encode())]
-        found = {key: attribute(file, key) for key in there}
-        version = found.pop("layout_version", -1)
-        ours = _equal(found.get("format"), FORMAT) and _equal(version, LAYOUT_VERSION)
-        if ours and len(there) == len(PROGRESS):
-            inferred = values(file, INFERRED) != 0 if INFERRED.encode() in file.id else None
-            return found, values(file, "commit") != 0, values(file, "outcome"), inferred
-    check_file(path)  # says in one line what it is
-    raise DamagedError(f"{path}: damaged (attributes are missing); {REPAIR}")
+        inferred = file[INFERRED][...] != 0 if INFERRED in file else None
+        return attributes, file["commit"][...] != 0, file["outcome"][...], inferred
 
 
 def _equal(value: object, expected: object) -> bool:
@@ -232,9 +217,8 @@ def layout_problems(path: Path, layout: Layout) -> list[str]:
         One line for each difference; empty for a sound file.
     """
     with reading(path) as file:
-        contents = Contents(file)
-        problems = file_problems(contents, layout, path.stat().st_size)
-        if not problems and metadata_checksum(contents) != contents.attributes.get(CHECKSUM):
+        problems = file_problems(file, layout, path.stat().st_size)
+        if not problems and metadata_checksum(file) != file.attrs.get(CHECKSUM):
             problems.append(
                 "attributes, coordinates or names: the checksum over them does not hold"
             )

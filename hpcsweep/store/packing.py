@@ -106,10 +106,7 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
 
 def _copy(path: Path, temporary: Path, layout: Layout) -> None:
     """Write the packed copy and flush it to disk."""
-    with (
-        reading(path) as source,
-        h5py.File(temporary, "w", libver=LIBRARY) as copy,
-    ):
+    with reading(path) as source, h5py.File(temporary, "w", libver=LIBRARY) as copy:
         # its checksum covers the offsets of the datasets, which differ here
         fill(copy, layout, {k: v for k, v in source.attrs.items() if k != CHECKSUM}, _packed)
         for variable in layout.stored:

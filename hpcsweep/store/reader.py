@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.job import Job
 from hpcsweep.job.paths import path_of
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.contents import CHECKSUM, NOTES, Contents, parts_of
+from hpcsweep.store.contents import CHECKSUM, notes_of, parts_of, scales_of
 from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.layout import flags_of
 from hpcsweep.store.opening import open_layout, reading
@@ -57,13 +57,10 @@ def open_results(path: str | Path):
     layout = open_layout(path)
     arrays = {}
     with reading(path) as file:
-        contents = Contents(file)
-        for name in contents.names:
-            data = contents[name]
-            dims = (name,) if data.is_scale else tuple(names[0] for names in data.scales)
-            notes = {key: data.notes[key] for key in NOTES}
-            arrays[name] = (dims, _read(data.data), notes)
-        attributes = {key: value for key, value in contents.attributes.items() if key != CHECKSUM}
+        for name, data in file.items():
+            dims = (name,) if data.is_scale else tuple(names[0] for names in scales_of(data))
+            arrays[name] = (dims, _read(data), notes_of(data))
+        attributes = {key: value for key, value in file.attrs.items() if key != CHECKSUM}
     with Blocks(path, layout) as blocks:
         missing = ~blocks.valid_runs()
         if layout.derived:

@@ -13,7 +13,7 @@ from pathlib import Path
 import h5py
 
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.contents import CHECKSUM, Contents, metadata_checksum
+from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.create import LIBRARY, fill, reason
 from hpcsweep.store.layout import DamagedError, Layout, StoreError
 from hpcsweep.store.offsets import ContiguousRows, Offsets, open_for_reading
@@ -74,7 +74,7 @@ def _sound_attributes(path: Path, model: Path) -> dict | None:
         with open_for_reading(path) as file:
             found = dict(file.attrs)
         with open_for_reading(model) as file:
-            if metadata_checksum(Contents(file), found) == found[CHECKSUM]:
+            if metadata_checksum(file, found) == found[CHECKSUM]:
                 return {key: value for key, value in found.items() if key != CHECKSUM}
     except Exception:  # of any kind, from damaged bytes
         return None

@@ -95,6 +95,7 @@ class PosixTransport(Transport):
             offset += written
 
     def _sync(self) -> None:
+        """Flush all pages of the file on this node to disk."""
         os.fsync(self._descriptor)
 
     def close(self) -> None:
@@ -125,7 +126,7 @@ class MpiIoTransport(Transport):
         self._file.Close()
 
 
-class MpioTransport(Transport):
+class MpioTransport(PosixTransport):
     """h5py's ``mpio`` driver: needs h5py built with MPI."""
 
     name = "mpio"
@@ -133,18 +134,13 @@ class MpioTransport(Transport):
     def __init__(self, path: Path, comm):
         super().__init__(path)
         self._file = h5py.File(path, "r+", driver="mpio", comm=comm.raw)
-        self._descriptor = open_above(path, os.O_RDWR)
 
     def _write(self, variable: str, start: tuple[int, ...], rows: np.ndarray) -> None:
         self._file[variable][(*start[:-1], slice(start[-1], start[-1] + len(rows)))] = rows
 
-    def _sync(self) -> None:
-        """Flush all pages of the file on this node to disk."""
-        os.fsync(self._descriptor)
-
     def close(self) -> None:
         """Close (collective)."""
-        os.close(self._descriptor)
+        super().close()
         self._file.close()
 
 

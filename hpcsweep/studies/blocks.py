@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -88,21 +87,3 @@ class Path(Sequence[Block]):
 
     def __getitem__(self, position: int) -> Block:  # type: ignore[override]
         return self._block(self._positions[position])
-
-
-class BlockTable(NamedTuple):
-    """All blocks of a study, grouped by task, in path order.
-
-    Attributes
-    ----------
-    task, n_runs : ndarray of int, shape (n_blocks,)
-    place : ndarray of int, shape (n_blocks, n_axes)
-        Index in ``commit``.
-    middle : ndarray of float, shape (n_blocks,)
-        Position of the block's middle along the last axis of the runs, from 0 to 1.
-    """
-
-    task: np.ndarray
-    n_runs: np.ndarray
-    place: np.ndarray
-    middle: np.ndarray

@@ -92,9 +92,8 @@ class RunGrid(Part):
         """Number of runs of one frame and direction."""
         return self.amplitude.size
 
-    def amplitudes_of(self, frame: int) -> np.ndarray:
+    def amplitudes_of(self, _frame: int) -> np.ndarray:
         """Return the amplitudes of a frame, ascending, shape (n_along,)."""
-        del frame
         return self.amplitude
 
     @cached_property

@@ -1,6 +1,6 @@
 """All kinds of study, by their names in jobs. Each is imported when it is first asked for."""
 
-from collections.abc import Iterator, Mapping
+from collections import UserDict
 from importlib import import_module
 from typing import Any
 
@@ -17,18 +17,12 @@ STUDIES = {
 """Module and class of each kind of study in this folder."""
 
 
-class _Kinds(Mapping[str, Any]):
+class _Kinds(UserDict[str, Any]):
     """The classes of `STUDIES`: all take 30 ms to import, a job needs one."""
 
     def __getitem__(self, kind: str) -> Any:
-        module, _, name = STUDIES[kind].rpartition(".")
+        module, _, name = self.data[kind].rpartition(".")
         return getattr(import_module(f"hpcsweep.studies.{module}"), name)
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(STUDIES)
 
-    def __len__(self) -> int:
-        return len(STUDIES)
-
-
-KINDS = _Kinds()
+KINDS = _Kinds(STUDIES)

@@ -1,6 +1,5 @@
 """Base of studies without varied keys: each is its own only part (`hpcsweep.studies.vary`)."""
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Self
@@ -8,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows
 from hpcsweep.studies.invariants import Broken, listed, of_each
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.refinement import Refinement
@@ -107,20 +106,15 @@ class Part(ABC):
         return -(-self.n_along // self.block_size)
 
     @property
-    def _shape(self) -> tuple[int, ...]:
-        """Number of blocks along each axis of ``commit``."""
-        directions = (len(self.directions),) if self.directions else ()
-        return (*directions, self.n_frames, self.n_blocks)
-
-    @property
     def n_tasks(self) -> int:
         """Number of tasks of the study."""
-        return int(self.task_of(*(size - 1 for size in self._shape))) + 1
+        last = len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1
+        return int(self.task_of(*last)) + 1
 
     @property
     def n_runs(self) -> int:
         """Number of runs of all frames and directions."""
-        return math.prod(self._shape[:-1]) * self.n_along
+        return max(len(self.directions), 1) * self.n_frames * self.n_along
 
     def task_of(self, *place):
         """Return the task of blocks, numbers or arrays of their places: every block is one."""
@@ -143,20 +137,6 @@ class Part(ABC):
             begin, end = self.n_along - end, self.n_along - begin
         low, high = max(begin, 0), min(end, self.n_along)
         return Block(int(self.task_of(*place)), place, (*outer, low), high - low, descends)
-
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
-        *outer, number = (axis.ravel() for axis in np.indices(self._shape, np.int32))
-        size, count = self.block_size, self.n_along
-        n_runs = np.minimum(size, count - number * size)
-        middle = np.minimum((number + 0.5) * size, count) / count
-        down = np.array([self.descends(d) for d in range(self._shape[0])])[outer[0]]
-        middle = np.where(down, 1.0 - middle, middle)
-        task = self.task_of(*outer, number)
-        # within a task: direction by direction, block by block
-        order = np.lexsort((number, outer[0], task))
-        place = np.stack((*outer, number), axis=1)
-        return BlockTable(task[order], n_runs[order], place[order], middle[order])
 
     def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute a block from the present state of its path; rows in file order."""

@@ -19,7 +19,7 @@ path: if the run was periodic and the file's solver is ``flow``, the points must
 """
 
 from dataclasses import replace
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
-from hpcsweep.studies.blocks import Block, Rows
+from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.settings import MEASURES
 from hpcsweep.studies.study import RunAgain, Study
@@ -45,24 +45,12 @@ MIN_ALLOWED = 1e-7
 """Smallest difference allowed; closed forms and integrators meet no closer."""
 
 
-class Computed(Study, Protocol):
-    """Study whose runs are computed one by one, with other settings too: a dataclass."""
-
-    def with_settings(self, **changes: Any) -> "Computed":
-        """Return the same study with other settings."""
-
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
-        """Compute one run alone from a state."""
-
-
-def compute_again(
-    study: Computed, block: Block, row: int, run: dict, start: np.ndarray
-) -> RunAgain:
+def compute_again(study: Study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
     """Recompute one complete run.
 
     Parameters
     ----------
-    study : Computed
+    study : Study
     block : Block
     row : int
         Of the block.
@@ -216,11 +204,12 @@ def _short(values: np.ndarray | float) -> str:
 
 
 def _compare_whole(
-    study: Computed, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
+    study: Study, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
 ) -> None:
     """Recompute the whole run by `flow`, from the end of the previous run."""
     own = study.settings.solver == "flow"
-    by_flow = study if own else study.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
+    runs = cast(Any, study)
+    by_flow = runs if own else runs.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
     result = by_flow.compute_run(block, row, start)
     if own and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"

@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, BlockTable, Place, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import Block, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
@@ -172,8 +172,11 @@ class Study(Protocol):
     def block(self, place: Place) -> Block:
         """Return the block with an index in ``commit``."""
 
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
+    def task_of(self, *place):
+        """Return the task of blocks, numbers or arrays of their places."""
+
+    def descends(self, direction: int, /) -> bool:
+        """Return whether the runs of a direction are computed in descending order."""
 
     def with_reader(self, reader: Reader) -> "Study":
         """Return the study with what reads the results files that its runs start from.

@@ -165,8 +165,7 @@ def contact_shares(counter: Counter[int], done: int, study: Study) -> dict[str, 
 
 
 def class_shares(
-    counts: Counter[int],
-    kinds: Iterable[MotionClass] = tuple(MotionClass)[1:],
+    counts: Counter[int], kinds: Iterable[MotionClass] = tuple(MotionClass)[1:]
 ) -> dict[str, dict]:
     """Return the shares of classes of motions, of all that are computed."""
     done = counts.total() - counts[MotionClass.NOT_COMPUTED]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.studies.blocks import Block, BlockTable, Path, Place, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis, RunAgain, Study
@@ -158,24 +158,19 @@ class Varied:
         n = len(self.axes)
         return self._outer(place[:n], self.base.block(place[n:]))
 
+    def task_of(self, *place):
+        """Return the task of blocks, numbers or arrays of their places."""
+        number = 0
+        for axis, index in zip(self.axes, place, strict=False):
+            number = number * len(axis.values) + index
+        return number * self.base.n_tasks + self.base.task_of(*place[len(self.axes) :])
+
     def path(self, task: int) -> Sequence[Block]:
         """Return the blocks of a task in the order of computation."""
         number, inner = divmod(task, self.base.n_tasks)
         at = self._place(number)
         path = self.base.path(inner)
         return Path(len(path), lambda position: self._outer(at, path[position]))
-
-    def table(self) -> BlockTable:
-        """Describe all blocks at once."""
-        own, n = self.base.table(), self.n_parts
-        first = np.repeat(np.arange(n), len(own.task))
-        places = np.array(self.places(), np.int32).reshape(n, len(self.axes))
-        return BlockTable(
-            np.tile(own.task, n) + first * self.base.n_tasks,
-            np.tile(own.n_runs, n),
-            np.hstack((places[first], np.tile(own.place, (n, 1)))),
-            np.tile(own.middle, n),
-        )
 
     def predecessor(self, block: Block, row: int) -> Place | None:
         """Return the index of the run from whose end state a run starts; None: `initial_state`."""
@@ -262,10 +257,7 @@ class Varied:
 
     def _outer(self, at: Place, block: Block) -> Block:
         """Return a block of a part with its index in the whole."""
-        number = 0
-        for axis, index in zip(self.axes, at, strict=True):
-            number = number * len(axis.values) + int(index)
-        task = number * self.base.n_tasks + block.task
+        task = int(self.task_of(*at, *block.place))
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 
 

@@ -4,6 +4,7 @@ import math
 import re
 import tomllib
 
+import numpy as np
 import pytest
 from tools import ATTRACTORS, BASINS, GRID, SMALL
 
@@ -76,16 +77,12 @@ def test_a_key_of_one_of_several_contacts():
 
 def test_the_blocks_of_all_parts_are_told_apart_and_found_again():
     study = parse_job(SMALL + TWO, "job.toml", "job").study
-    table = study.table()
-    assert len(table.task) == len({tuple(place) for place in table.place.tolist()})
-    number = 0
+    places = [block.place for task in range(study.n_tasks) for block in study.path(task)]
+    assert sorted(places) == list(np.ndindex(*(study.dimensions[d] for d in study.commit.dims)))
     for task in range(study.n_tasks):
         for block in study.path(task):
-            assert block.task == task == table.task[number]
-            assert block.place == tuple(table.place[number].tolist())
+            assert block.task == task == study.task_of(*block.place)
             assert study.block(block.place) == block
-            number += 1
-    assert number == len(table.task)
 
 
 def test_a_part_is_a_job_of_its_own():

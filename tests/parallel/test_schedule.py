@@ -84,7 +84,7 @@ def farmed(blocks, n_ranks: int, costs=None) -> Farmed:
             schedule.end(task)
             idle += 1
         elif task in recalled:
-            schedule.put_back(task, now)
+            schedule.put_back(task)
             idle, moved = idle + 1, moved + 1
         else:
             heapq.heappush(events, (now + blocks[task][position[task]], task))

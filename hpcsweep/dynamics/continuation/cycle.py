@@ -51,26 +51,21 @@ class Map(Protocol):
 
     def images(self, points: np.ndarray, value: Any) -> np.ndarray:
         """Return F of each point, shape (p, N); raise `ArithmeticError` where there is none."""
-        ...
 
     def tangents(self, points: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return F and dF/dx of each point, shapes (p, N) and (p, N, N)."""
-        ...
 
     def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
         """Return dF/dlambda at each point, whose F is known; of parameter number `k` of two."""
-        ...
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
         """Count non-smooth events of the map along an orbit, (p, N); () for smooth maps."""
-        ...
 
     def tracer(self, period: int, scale: float, made: Callable[..., Any]) -> Any:
         """Return what finds points of a `Curve` by compiled kernels, None for most maps.
 
         See `hpcsweep.solvers.flow.orbit.tracer`; `made` makes a point of what that knows of it.
         """
-        ...
 
 
 class Solution(NamedTuple):
@@ -160,12 +155,11 @@ class Curve:
         """Return y of points and a value of the parameter, or of both."""
         return np.append(points.ravel(), np.divide(value, self.scale))
 
-    def misses(self, images: np.ndarray, points: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def misses(self, images: np.ndarray, points: np.ndarray, _y: np.ndarray) -> np.ndarray:
         """Return G = F(x_i) - x_{i+1} of points whose images are known, shape (p N,).
 
         `images` is overwritten.
         """
-        del y
         images[:-1] -= points[1:]
         images[-1] -= points[0]
         return images.ravel()

@@ -158,7 +158,11 @@ class ForcedMap:
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
         """Return the number of closings of each contact along an orbit."""
-        return self.closings(self.observe(points, value))
+        seen = self.observe(points, value)
+        count = len(self.structure.contacts)
+        first = seen.measures.size - 4 * count
+        own = seen.measures[first : first + count] * len(seen.points)
+        return tuple(np.rint(own).astype(int).tolist())
 
     def observe(self, points: np.ndarray, value: Any, measures: int = 0) -> Observation:
         """Return the observation of an orbit, shape (p, N), with impacts and other measures."""
@@ -171,13 +175,6 @@ class ForcedMap:
         if seen.outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {seen.outcome.name}")
         return seen
-
-    def closings(self, seen: Observation) -> tuple[int, ...]:
-        """Return the number of closings of each contact in a window."""
-        count = len(self.structure.contacts)
-        first = seen.measures.size - 4 * count
-        own = seen.measures[first : first + count] * len(seen.points)
-        return tuple(np.rint(own).astype(int).tolist())
 
     def _count(self, periods: int) -> None:
         self.periods += periods

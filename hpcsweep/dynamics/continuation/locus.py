@@ -127,9 +127,8 @@ class Locus(Curve):
         """
         return self._near(self.join(points, values))
 
-    def through(self, guess: np.ndarray, tangent: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def through(self, guess: np.ndarray, _tangent: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return y of the point near `guess`, with the lambda_2 of an orbit."""
-        del tangent
         return np.append(self._near(np.append(guess[:-1], y[-1])).y[:-1], y[-1])
 
     def _near(self, y: np.ndarray) -> Solution:

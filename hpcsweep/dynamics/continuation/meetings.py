@@ -71,10 +71,9 @@ Test = Callable[[Solution], float]
 
 
 def step_of_locus(
-    locus: Locus, last: Solution, bend: np.ndarray, step: float, limits: Limits
+    locus: Locus, last: Solution, bend: np.ndarray, step: float, _limits: Limits
 ) -> Step | None:
     """Take one step along a locus, as `branch.step_of_branch` along a branch."""
-    del limits
     try:
         guess = last.y + step * (last.tangent + 0.5 * step * bend)
         point = locus.solve(guess, last.tangent, last)

@@ -14,7 +14,7 @@ depends only on the structure, A, Omega and the job.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -44,10 +44,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     run_noun: ClassVar[str] = "point"
     words: ClassVar[dict[str, str]] = {UP: "continued up"}
     direction_name: ClassVar[str] = "direction in which attractors are continued"
-    keys: ClassVar[Tables] = {
-        "study": (*search.KEYS, REFINE),
-        "sweep": OMEGA,
-    }
+    keys: ClassVar[Tables] = {"study": (*search.KEYS, REFINE), "sweep": OMEGA}
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
     holds: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"
@@ -115,7 +112,10 @@ class AttractorGrid(search.SearchLimits, RunGrid):
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of consecutive amplitudes; `state` is an `end_state`."""
-        runs = _runs_of(self, float(self.omega[frame]))
+        # imported here: reading results needs no kernels
+        from hpcsweep.studies.attractors.runs import AttractorRuns
+
+        runs = AttractorRuns(self.moving, float(self.omega[frame]), self.settings, self)
         return runs.follow(self.amplitudes_of(frame)[places], state, poll)
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
@@ -185,12 +185,3 @@ class RefinedAttractors(AttractorGrid):
         alone = super().runs_at
         found = [alone(frame, at, state, poll) for at in places[:, None]]
         return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
-
-
-@lru_cache(maxsize=2)
-def _runs_of(study: AttractorGrid, omega: float):
-    """Return the runs of a study at a frequency; the last two are cached."""
-    # imported here: reading results needs no kernels
-    from hpcsweep.studies.attractors.runs import AttractorRuns
-
-    return AttractorRuns(study.moving, omega, study.settings, study)

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.attractors import RECORD
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import share_interval
-from hpcsweep.studies.attractors.search import KINDS, SearchLimits
+from hpcsweep.studies.attractors.search import KINDS, UNSTORED, SearchLimits
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.invariants import Broken, of_points
 
@@ -83,22 +82,18 @@ def broken_rows(rows: Rows) -> Broken:
 def _of_labels(rows: Rows) -> Broken:
     labels, ids = rows["label"], rows["attractor_id"]
     counts = {
-        name: (labels == value).sum(axis=1) != rows[name]
-        for name, value in (
-            ("n_undecided", UNDECIDED),
-            ("n_failed", FAILED),
-            ("n_elsewhere", ELSEWHERE),
-        )
+        f"n_{name} is that of the labels": (labels == value).sum(axis=1) != rows[f"n_{name}"]
+        for name, value in UNSTORED.items()
     }
     hits = (labels[:, None, :] == np.where(ids > 0, ids, 127)[:, :, None]).sum(axis=2)
-    others = UNDECIDED, FAILED, ELSEWHERE
+    others = [*UNSTORED.values()]
     known = np.array(
         [np.isin(own, (*low[low > 0], *others)).all() for own, low in zip(labels, ids, strict=True)]
     )
     return {
         "each start is labelled by an attractor of the list, -1, -2 or -3": ~known,
         "hits are those of the labels": (np.where(ids > 0, rows["hits"], 0) != hits).any(axis=1),
-        **{f"{name} is that of the labels": where for name, where in counts.items()},
+        **counts,
     }
 
 

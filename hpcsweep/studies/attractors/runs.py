@@ -12,8 +12,8 @@ from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.attractors.search import SearchLimits, store_attractor
+from hpcsweep.solvers.solver import SOLVERS, make_solver
+from hpcsweep.studies.attractors.search import UNSTORED, SearchLimits, store_attractor
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
@@ -66,27 +66,19 @@ class AttractorRuns:
     ):
         self._structure, self._settings, self._limits = structure, settings, limits
         self._omega = omega
-        self._solver: Solver = make_solver(settings.solver, structure, omega, settings.rtol)
-
-    def _solver_at(self, amplitude: float) -> Solver:
-        """Return the solver of the structure with motions measured at an amplitude."""
-        structure = self._structure.measured_at(self._omega, amplitude)
-        if structure.length_unit != self._solver.structure.length_unit:
-            name, rtol = self._settings.solver, self._settings.rtol
-            self._solver = make_solver(name, structure, self._omega, rtol)
-        return self._solver
 
     def at(self, amplitude: float, seeds: np.ndarray, poll: Poll = None) -> Portrait:
         """Find the attractors at an amplitude."""
-        limits = self._limits
+        limits, settings = self._limits, self._settings
+        self._measured = self._structure.measured_at(self._omega, amplitude)
         box = np.array(limits.box)
         starts = starting_states(box, limits.starts, limits.seed, self._omega, amplitude)
         return portrait(
-            self._solver_at(amplitude),
+            make_solver(settings.solver, self._measured, self._omega, settings.rtol),
             amplitude,
             seeds,
             starts,
-            self._settings,
+            settings,
             limits.max_cycles,
             limits.confidence,
             poll,
@@ -136,10 +128,11 @@ class AttractorRuns:
         ids = [ids[k] for k in place]
         for slot, (one, own, number) in enumerate(zip(kept, points, ids, strict=True)):
             known = {"attractor_id": number, "point": own[-1], "n_points": len(own)}
-            store_attractor(result, (index, slot), self._solver.structure, one, **known)
+            store_attractor(result, (index, slot), self._measured, one, **known)
             result["poincare"][index, slot, : len(own)] = own
-        for name in ("n_undecided", "n_failed", "n_transient", "outcome"):
-            result[name][index] = getattr(found, name)
+        for name, label in UNSTORED.items():
+            result[f"n_{name}"][index] = (found.labels == label).sum()
+        result["n_transient"][index], result["outcome"][index] = found.n_transient, found.outcome
         for name, value in zip(LIFETIME, found.lifetime, strict=True):
             result[name][index] = value
         result["n_attractors"][index], result["last_id"][index] = len(found.attractors), last_id
@@ -151,7 +144,7 @@ class AttractorRuns:
 
     def _identities(self, points: Sequence[np.ndarray], before: Carried) -> tuple[list[int], int]:
         """Return for each attractor the identity of the one that it continues, or a new one."""
-        units = self._solver.structure.state_units
+        units = self._measured.state_units
         pairs = matched(
             [own / units for own in before.points],
             [own / units for own in points],

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import Attractor
+from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED, Attractor
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import starts_needed
 from hpcsweep.dynamics.starts import usual_reach
@@ -170,7 +170,7 @@ def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
 
 KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
 """What an attractor may be."""
-UNSTORED = ("undecided", "failed", "elsewhere")
+UNSTORED = {"undecided": UNDECIDED, "failed": FAILED, "elsewhere": ELSEWHERE}
 """Starts that reached no attractor of the file."""
 
 

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import KINDS, UNSTORED
@@ -123,7 +122,7 @@ class StartTally(BasinTally):
         labels = labels[computed | inferred]
         starts = self.counts["starts"]
         starts["all"] += labels.size
-        for name, label in zip(UNSTORED, (UNDECIDED, FAILED, ELSEWHERE), strict=True):
+        for name, label in UNSTORED.items():
             starts[name] += int((labels == label).sum())
         self._add_labels(frame, labels)
 

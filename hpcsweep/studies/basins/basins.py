@@ -8,12 +8,12 @@ attractors are listed when the map is complete.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 
-from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
+from hpcsweep.dynamics.attractor import FAILED
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import UNSTORED, attractors_as_runs, count_starts
 from hpcsweep.studies.attractors.tally import BasinTally, StartTally
@@ -31,12 +31,16 @@ LABEL = "attractor"
 """What distinguishes starts, of `hpcsweep.studies.refinement.LABELS`."""
 
 
+@lru_cache(maxsize=2)
 def runs_of(study: SliceGrid):
-    """Return the runs of a slice, see `hpcsweep.studies.basins.runs.SliceRuns`; cached."""
-    # imported here: reading results needs no kernels
-    from hpcsweep.studies.basins.runs import slice_runs
+    """Return the runs of a slice, see `hpcsweep.studies.basins.runs.SliceRuns`.
 
-    return slice_runs(study)
+    The attractors of the last two slices are cached.
+    """
+    # imported here: reading results needs no kernels
+    from hpcsweep.studies.basins.runs import SliceRuns
+
+    return SliceRuns(study)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +185,7 @@ class RefinedBasins(SliceGrid):
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the computed starts, and those that reached none of the listed attractors."""
-        counts = ((runs["label"][done] == k).sum() for k in (UNDECIDED, FAILED, ELSEWHERE))
+        counts = ((runs["label"][done] == k).sum() for k in UNSTORED.values())
         return count_starts(int(done.sum()), runs["cycles"][done].sum(), counts)
 
     def tally(self) -> StudyTally:
@@ -191,7 +195,7 @@ class RefinedBasins(SliceGrid):
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
         label, failed = rows["label"], rows["outcome"] != Outcome.COMPLETE
-        known = (UNDECIDED, FAILED, ELSEWHERE, *range(1, self.max_attractors + 1))
+        known = (*UNSTORED.values(), *range(1, self.max_attractors + 1))
         return {
             "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, known),
             "a start that failed, and no other, is labelled so": (label == FAILED) != failed,

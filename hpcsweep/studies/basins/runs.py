@@ -1,15 +1,13 @@
 """Classify starts on a slice of the initial states, in rows or each on its own."""
 
-from functools import lru_cache
-
 import numpy as np
 
-from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
+from hpcsweep.dynamics.attractor import FAILED
 from hpcsweep.dynamics.basins import StateBasins
 from hpcsweep.dynamics.starts import starting_states
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies.attractors.search import store_attractor
+from hpcsweep.studies.attractors.search import UNSTORED, store_attractor
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.basins.variables import basin_variables, is_of_attractors
 from hpcsweep.studies.blocks import Poll, Rows
@@ -66,9 +64,8 @@ class SliceRuns:
         row["label"][0] = np.where(labels >= 0, labels + 1, labels)
         for slot in range(len(basins.attractors)):
             row["hits"][0, slot] = (labels == slot).sum()
-        row["n_undecided"][0] = (labels == UNDECIDED).sum()
-        row["n_failed"][0] = (labels == FAILED).sum()
-        row["n_elsewhere"][0] = (labels == ELSEWHERE).sum()
+        for name, label in UNSTORED.items():
+            row[f"n_{name}"][0] = (labels == label).sum()
         row["cycles"][0] = min(cycles, np.iinfo(np.int32).max)
         failed = bool(np.all(labels == FAILED))
         row["outcome"][0] = Outcome.SOLVER_FAILED if failed else Outcome.COMPLETE
@@ -124,9 +121,3 @@ class SliceRuns:
                 poll,
             )
         return self._basins
-
-
-@lru_cache(maxsize=2)
-def slice_runs(study: SliceGrid) -> SliceRuns:
-    """Return the rows of a slice; the attractors of the last two slices are cached."""
-    return SliceRuns(study)

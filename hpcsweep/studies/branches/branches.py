@@ -57,10 +57,7 @@ class Branches(BranchGrid):
     run_noun: ClassVar[str] = "line"
     words: ClassVar[dict[str, str]] = {START: "branches through the motions of files"}
     direction_name: ClassVar[str] = "what is followed"
-    keys: ClassVar[Tables] = {
-        "branches": KEYS,
-        "sweep": OMEGA,
-    }
+    keys: ClassVar[Tables] = {"branches": KEYS, "sweep": OMEGA}
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
     always: ClassVar[frozenset[str]] = frozenset(["impacts"])
     """An orbit's signature counts them."""
@@ -185,9 +182,8 @@ class Branches(BranchGrid):
         del places, state
         return line_of(self, frame, self.seeds_of(frame), poll)
 
-    def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
+    def time_runs(self, share: float, _along: float, _n_runs: int, poll: Poll = None) -> Timed:
         """Time one line."""
-        del along, n_runs
         place, _, seconds = super().time_runs(share, 0.0, 0, poll)
         return place, 1, seconds
 

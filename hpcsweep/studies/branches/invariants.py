@@ -47,7 +47,6 @@ def _of_points(study: BranchGrid, rows: Rows) -> Broken:
 def _of_curves(study: BranchGrid, rows: Rows) -> Broken:
     ids, step = rows["curve_id"], rows["curve_of_step"]
     number, n_curves = np.arange(1, ids.shape[1] + 1), rows["n_curves"][:, None]
-    assert study.curve_span is not None
     inside = _inside(rows["curve_amplitude"], study.span)
     inside &= _inside(rows["curve_omega"], study.curve_span)
     return {

@@ -45,11 +45,7 @@ KEYS = (
         "amplitude",
         told="[]",
     ),
-    Key(
-        "curve_span",
-        "lowest and highest frequency of curves",
-        told="those of `sweep.omega`",
-    ),
+    Key("curve_span", "lowest and highest frequency of curves", told="those of `sweep.omega`"),
     *_NUMBERS[7:],
 )
 
@@ -75,8 +71,8 @@ class BranchGrid(RunGrid):
         Starts of the search for further orbits, and the seed of their sequence.
     curves : tuple of str
         Kinds of special points whose curves over A and Omega are followed.
-    curve_span : (float, float) or None
-        Lowest and highest frequency of curves.
+    curve_span : (float, float)
+        Lowest and highest frequency of curves, where they are followed.
     max_curves, max_curve_points : int
         Room of a line; of meetings an eighth of `max_curve_points`.
     """
@@ -92,7 +88,7 @@ class BranchGrid(RunGrid):
     starts: int = NUMBERS["starts"].default
     seed: int = NUMBERS["seed"].default
     curves: tuple[str, ...] = ()
-    curve_span: tuple[float, float] | None = None
+    curve_span: tuple[float, float] = (0.0, 0.0)
     max_curves: int = NUMBERS["max_curves"].default
     max_curve_points: int = NUMBERS["max_curve_points"].default
 
@@ -109,7 +105,7 @@ def _read_curves(values, parameter: str, omega: np.ndarray) -> dict:
     if given and not (low < high and low <= omega.min() and omega.max() <= high):
         raise values.error("branches.curve_span", span, "must be two ends that hold sweep.omega")
     kinds = tuple(name for name in KINDS if name in given)
-    return {"curves": kinds, "curve_span": (low, high) if kinds else None}
+    return {"curves": kinds, "curve_span": (low, high)} if kinds else {}
 
 
 def read_lines(values, structure: Structure) -> dict[str, Any]:

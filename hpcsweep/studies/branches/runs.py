@@ -178,7 +178,6 @@ def _store_specials(rows: dict, study: BranchGrid, forced: ForcedMap, catalogue:
 
 def _strip(study: BranchGrid, line: int) -> tuple[float, float]:
     """Return the lowest and highest frequency of the strip of a line."""
-    assert study.curve_span is not None
     own, (low, high) = float(study.omega[line]), study.curve_span
     below, above = study.omega[study.omega < own], study.omega[study.omega > own]
     return (
@@ -191,7 +190,6 @@ def _store_curves(
     rows: Rows, study: BranchGrid, line: int, catalogue: Catalogue, poll: Poll
 ) -> int:
     """Follow and store the curves of a line; return the forcing periods that it took."""
-    assert study.curve_span is not None
     omega = float(study.omega[line])
     pair = ForcedMap(
         *(study.structure, float(study.amplitude[line]), omega, PLANE, study.settings.rtol, poll)

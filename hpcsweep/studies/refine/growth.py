@@ -16,14 +16,7 @@ from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
-from hpcsweep.studies.refine.variables import (
-    AUDIT,
-    CELL,
-    CROSSED,
-    INFERRED,
-    SOURCE,
-    inferred_name,
-)
+from hpcsweep.studies.refine.variables import AUDIT, CELL, CROSSED, INFERRED, SOURCE, inferred_name
 from hpcsweep.studies.refinement import Refinement, Source
 from hpcsweep.studies.study import ROWS, Study, as_kind
 from hpcsweep.studies.variable import Coordinate, Variable, code
@@ -69,11 +62,6 @@ class MapGrowth:
         return tuple(sizes[dim] for dim in self.study.run_dims if dim != "direction")
 
     @property
-    def curves(self) -> tuple[str, ...]:
-        """Results files whose curves the map must not miss."""
-        return self.refinement.curves
-
-    @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Dimensions of refined maps alone."""
         return {
@@ -92,7 +80,7 @@ class MapGrowth:
             code(SOURCE, runs, Source, told),
             Variable(CELL, runs, "<i1", "1", level + "0 of computed points"),
         ]
-        if self.curves:
+        if self.refinement.curves:
             own.append(Variable(CROSSED, runs, "<i1", "1", crossed))
         known = {variable.name: variable for variable in study.variables}
         for name in self.refinement.variables:
@@ -121,10 +109,6 @@ class MapGrowth:
         places = np.array([inner.first[-1] for _, inner in parts])
         found = part.runs_at(frame, places, state, poll)
         return [{name: rows[k : k + 1] for name, rows in found.items()} for k in range(len(blocks))]
-
-    def labels(self, rows: Rows) -> np.ndarray:
-        """Return the labels of runs; see `Refinement.labels`."""
-        return self.refinement.labels(rows)
 
     def crossed(self, curves: Iterable[KnownCurve]) -> np.ndarray:
         """Return which boxes of the map curves cross; see `crossed_boxes`."""
@@ -163,7 +147,7 @@ class MapGrowth:
     def describe(self, crossed: np.ndarray | None) -> tuple[int, tuple[str, str]]:
         """Return how many points of the map are computed at least, and a row that tells it."""
         least = n_least(self.shape, self.refinement, crossed)
-        curves = ", those that curves cross" if self.curves else ""
+        curves = ", those that curves cross" if self.refinement.curves else ""
         return least, (
             "refined",
             f"the coarsest cells{curves} and the first draw of the audit are {least} points "

@@ -29,9 +29,9 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.model.matrices import Slider as Slider
     from hpcsweep.model.record import Record as Record
     from hpcsweep.model.structure import Structure as Structure
+    from hpcsweep.solvers.history import history as history
     from hpcsweep.solvers.response import Response as Response
     from hpcsweep.solvers.response import first_contact_scale as first_contact_scale
-    from hpcsweep.solvers.response import history as history
     from hpcsweep.solvers.response import response as response
     from hpcsweep.solvers.solver import stroboscopic_points as stroboscopic_points
     from hpcsweep.store import meanings as meanings
@@ -57,7 +57,8 @@ _NAMES = {
     "model.matrices": "Contact Slider",
     "model.record": "Record",
     "model.structure": "Structure",
-    "solvers.response": "Response first_contact_scale history response",
+    "solvers.history": "history",
+    "solvers.response": "Response first_contact_scale response",
     "solvers.solver": "stroboscopic_points",
     "store": "meanings open_results",
     "studies.attractors.runs": "attractors",

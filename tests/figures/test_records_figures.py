@@ -12,7 +12,7 @@ from hpcsweep import open_results, response, synthetic_records
 from hpcsweep.figures.diagrams.responses import buildings
 from hpcsweep.figures.options import figures
 from hpcsweep.job import parse_job
-from hpcsweep.solvers.response import history
+from hpcsweep.solvers.history import history
 from hpcsweep.store import Frames
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, StripesError, fit, stripes_of
 

@@ -26,7 +26,7 @@ def load(frames, **_options):
 
 def draw(results, record: str | None = None, scale: float | None = None, place: str | None = None):
     """Draw the loops of all sliders, or of one."""
-    from hpcsweep.solvers.response import history
+    from hpcsweep.solvers.history import history
 
     study = style.study_of(results, Records)
     structure, names = study.structure, study.structure.slider_names

@@ -25,7 +25,7 @@ def load(frames, **_options):
 
 def draw(results, record: str | None = None, scale: float | None = None, place: str | None = None):
     """Draw the history of a contact, that of the largest force."""
-    from hpcsweep.solvers.response import history
+    from hpcsweep.solvers.history import history
 
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
     study = style.study_of(results, Records)

@@ -22,7 +22,7 @@ from hpcsweep.earthquakes.units import (
 )
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.response import SAME_STEP, WHOLE, steps_in
+from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.ground_motion.responses import RecordResponses
 from hpcsweep.studies.keys import BLOCK, Key

@@ -32,14 +32,10 @@ import numpy as np
 
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.history import history
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Energy
-from hpcsweep.solvers.response import (
-    Response,
-    history,
-    linear_response,
-    scale_of_contact,
-)
+from hpcsweep.solvers.response import Response, linear_response, scale_of_contact
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.ground_motion.variables import HISTORY, RUN, pack, peaks_of

@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.api.trajectory import trajectory as trajectory
     from hpcsweep.dynamics.continuation.periodic import orbit as orbit
     from hpcsweep.earthquakes.demands import write_demands as write_demands
+    from hpcsweep.earthquakes.floor_spectra import floor_spectra as floor_spectra
     from hpcsweep.earthquakes.fragility import capacity_fragility as capacity_fragility
     from hpcsweep.earthquakes.fragility import cloud as cloud
     from hpcsweep.earthquakes.fragility import fragility as fragility
@@ -45,6 +46,7 @@ _NAMES = {
     "campaign.provenance": "__version__",
     "dynamics.continuation.periodic": "orbit",
     "earthquakes.demands": "write_demands",
+    "earthquakes.floor_spectra": "floor_spectra",
     "earthquakes.fragility": "capacity_fragility cloud fragility",
     "earthquakes.intensity": "intensity",
     "earthquakes.reading": "read_record",

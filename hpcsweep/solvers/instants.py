@@ -75,10 +75,11 @@ class InstantMap(RecordMap):
             If the solver fails.
         """
         self._samples, self._amplitude = samples, scale / self._units.amplitude_unit
-        held, peaks, within = self._march(count, poll, missed * abs(scale) * np.abs(samples).max())
+        least = missed * abs(scale) * float(np.abs(samples).max())
+        held, peaks, starts = self._march(count, poll, least > 0.0)
         place = np.arange(float(len(peaks)))
-        if within:
-            more = [np.array(one) for one in zip(*within, strict=True)]
+        if starts:
+            more = self._inside(starts, held, least)
             place = np.concatenate((place, more[0]))
             order = np.argsort(place, kind="stable")
             place = place[order]
@@ -88,8 +89,8 @@ class InstantMap(RecordMap):
         force *= self.structure.force_per_length * length
         return Motion(place, self._units.out_of(held[0]), self._slider_force(*held), force)
 
-    def _march(self, count: int, poll, least: float):
-        """March; return states of the kernels with modes, peaks, and what is between the ends."""
+    def _march(self, count: int, poll, keeps: bool):
+        """Return states of the kernels with modes, peaks, and starts of intervals with changes."""
         shared, modes = self._shared, self._shared.modes
         for array in modes:
             array.fill(0)
@@ -102,14 +103,14 @@ class InstantMap(RecordMap):
         contacts, first_contact = shared.model.contacts, shared.outputs.first_contact
         pushed = shared.tally.peaks[first_contact : first_contact + len(contacts.row)]
         peaks = np.zeros((count + 1, pushed.size))
-        changes, within = shared.counts[PASSAGES:TABLES], []  # type: ignore[var-annotated]
+        changes, starts = shared.counts[PASSAGES:TABLES], dict[int, list]()
         first, size, outcome = 0, 1, int(Outcome.COMPLETE)
         while first < count and outcome == COMPLETE:
             if poll is not None:
                 poll()
             last, before = min(first + size, count), changes.tolist()
             is_single = last == first + 1
-            kept = self._kept(z) if least or not is_single else []
+            kept = self._kept(z) if keeps or not is_single else []
             if is_single:
                 pushed.fill(0.0)
             wanted, ends = ALL_PEAKS if is_single else 0, points[first + 1 : last + 1]
@@ -126,14 +127,12 @@ class InstantMap(RecordMap):
                 continue
             if elements:
                 held[1][first + 1 : last + 1], held[2][first + 1 : last + 1] = modes[:2]
-            if is_single and not is_quiet and least and outcome == COMPLETE:
-                end = self._kept(z)
-                within += self._inside(first, kept, end, least)
-                self._back_to(z, end)
+            if is_single and not is_quiet and keeps and outcome == COMPLETE:
+                starts[first] = kept
             first, size = first + done, min(2 * size, MOST) if is_quiet else 1
         if outcome not in (COMPLETE, COLLAPSED):
             raise ArithmeticError(f"flow: {Outcome(outcome).name} at {first * self.dt:.6g}")
-        return [rows[: first + 1] for rows in held], peaks[: first + 1], within
+        return [rows[: first + 1] for rows in held], peaks[: first + 1], starts
 
     def _interval(self, z, places, part, wanted=0, points=None) -> tuple[int, int]:
         """Advance z over intervals, or a part of one; return how many, and the outcome."""
@@ -151,37 +150,40 @@ class InstantMap(RecordMap):
         for array, value in zip((z, *self._shared.modes), kept, strict=False):
             array[:] = value
 
-    def _inside(self, j: int, start: list, end: list, least: float) -> list[tuple]:
-        """Return place, state and modes at instants within interval j."""
-        modes, z, found = self._shared.modes, start[0].copy(), []
-        pushed = np.zeros(2)
-        if j + 1 < self._samples.size:
-            pushed = self._amplitude * self._units.amplitude_unit * self._samples[j : j + 2]
+    def _inside(self, starts: dict[int, list], held: list, least: float) -> list[np.ndarray]:
+        """Return places, states and modes within intervals, from what is kept of their starts."""
+        which, length, found = np.array([*starts], int), 1.0, []
+        begin = np.zeros(which.size)
+        low = self._rates([rows[which] for rows in held], which, begin)
+        high = self._rates([rows[which + 1] for rows in held], which, begin + 1.0)
+        z = held[0][0].copy()
+        while which.size and length > 0.5**HALVINGS:
+            middle, reached = begin + 0.5 * length, []
+            for j, s in zip(which.tolist(), middle.tolist(), strict=True):
+                self._back_to(z, starts[j])
+                self._interval(z, (j, j + 1), s)
+                reached.append([one.copy() for one in (z, *self._shared.modes[:2])])
+            rows = [np.array(one) for one in zip(*reached, strict=True)]
+            found.append([which + middle, *rows])
+            rates = self._rates(rows, which, middle)
+            mean = 1.5 * (high - low)[:, 0] / (length * self.dt) - 0.25 * (high + low)[:, 1]
+            missed = np.abs(rates[:, 1] - mean).max(axis=1) * length**3
+            cut = missed > least
+            low = np.concatenate((low[cut], rates[cut]))
+            high = np.concatenate((rates[cut], high[cut]))
+            begin = np.concatenate((begin[cut], middle[cut]))
+            which, length = np.tile(which[cut], 2), 0.5 * length
+        return [np.concatenate(one) for one in zip(*found, strict=True)]
 
-        def knot(s: float) -> tuple:
-            """Return place, velocity and acceleration of the state that is reached."""
-            force = self._slider_force(z[None], modes.mode[None], modes.state[None])
-            states, at = self._units.out_of(z[None]), pushed[0] + s * (pushed[1] - pushed[0])
-            forces = self.structure.contact_forces(states), force
-            u = accelerations(self.structure, states, forces, np.array([at]))
-            return s, states[0, len(u[0]) :].copy(), u[0]
-
-        self._back_to(z, start)
-        left = knot(0.0)
-        self._back_to(z, end)
-        pieces = [(left, knot(1.0))]
-        while pieces:
-            low, high = pieces.pop()
-            length, s = high[0] - low[0], 0.5 * (low[0] + high[0])
-            self._back_to(z, start)
-            self._interval(z, (j, j + 1), s)
-            middle = knot(s)
-            found.append((j + s, z.copy(), modes.mode.copy(), modes.state.copy()))
-            mean = 1.5 * (high[1] - low[1]) / (length * self.dt) - 0.25 * (high[2] + low[2])
-            missed = float(np.abs(middle[2] - mean).max())
-            if missed * length**3 > least and length > 0.5**HALVINGS:
-                pieces += [(middle, high), (low, middle)]
-        return found
+    def _rates(self, held: list, which: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """Return velocities and accelerations at parts of intervals, shape (p, 2, n)."""
+        last = self._samples.size - 1
+        ground = np.interp(which + part, np.arange(last + 1), self._samples)
+        ground *= (which < last) * self._amplitude * self._units.amplitude_unit
+        states = self._units.out_of(held[0])
+        forces = self.structure.contact_forces(states), self._slider_force(*held)
+        found = accelerations(self.structure, states, forces, ground)
+        return np.stack((states[:, found.shape[1] :], found), axis=1)
 
     def _slider_force(self, points, mode, state) -> np.ndarray:
         """Return the forces of the sliders at states of the kernels, shape (p, L)."""

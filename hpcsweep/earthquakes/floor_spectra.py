@@ -34,6 +34,8 @@ OSCILLATOR, STRUCTURE = 0.12, 0.25
 """Largest angle by which an oscillator, and the highest mode of a structure, turns in a step."""
 MAX_PARTS = 64
 """Of a sample interval, for modes that are higher than what the samples of a record move."""
+SPREAD = 4.0
+"""Periods, over the shortest, that share a march."""
 MISSED = 1e-7
 """Part of the peak of the ground that a piece in which something changes may miss, see there."""
 SHORTEST = 0.5
@@ -111,11 +113,27 @@ def floor_spectra(
             raise refused("places", f"floors, of {', '.join(names)}", place)
     floors = [names.index(place) for place in (names if places is None else places)]
     omegas = 2.0 * math.pi / wanted
-    turns = structure.frequencies[-1] * record.dt / STRUCTURE
-    turns = max(min(turns, MAX_PARTS), omegas.max(initial=0.0) * record.dt / OSCILLATOR)
-    parts = max(math.ceil(turns), 1)
+    least = min(structure.frequencies[-1] * record.dt / STRUCTURE, MAX_PARTS)
+    turns = np.maximum(omegas * record.dt / OSCILLATOR, max(least, 1.0))
+    displacement, left = np.empty((len(floors), len(wanted))), np.ones(len(wanted), bool)
+    while left.any():
+        parts = math.ceil(turns[left].max())
+        now = left & (turns > parts / SPREAD)
+        signals = _signals(structure, record, (scale, tail, rtol, poll), parts, floors)
+        for row, signal in zip(displacement, signals, strict=True):
+            for k in np.flatnonzero(now).tolist():
+                if poll is not None:
+                    poll()
+                row[k] = signal.peak(float(omegas[k]), ratio)
+        left &= ~now
+    return Spectrum(displacement, omegas * displacement, omegas**2 * displacement)
+
+
+def _signals(structure: Structure, record: Record, run: tuple, parts: int, floors: list[int]):
+    """Generate the motions of floors under a record, with so many parts of each interval."""
     from hpcsweep.solvers.instants import InstantMap, accelerations
 
+    scale, tail, rtol, poll = run
     dt, ground = record.dt / parts, refined(record, parts)
     last = ground.size - 1
     count = last + int(tail / dt + SAME_STEP)
@@ -128,15 +146,9 @@ def floor_spectra(
         for g in (after, pushed)
     ]
     shaken = [structure.shakes * g for g in (after[:-1], pushed[1:])]
-    displacement = np.empty((len(floors), len(wanted)))
-    for row, floor in zip(displacement, floors, strict=True):
+    for floor in floors:
         u, v = seen.states[:, [floor, structure.n_floors + floor]].T
-        signal = Signal(seen.place, dt, (u, v), [one[:, floor] for one in absolute], shaken)
-        for k, omega in enumerate(omegas.tolist()):
-            if poll is not None:
-                poll()
-            row[k] = signal.peak(omega, ratio)
-    return Spectrum(displacement, omegas * displacement, omegas**2 * displacement)
+        yield Signal(seen.place, dt, (u, v), [one[:, floor] for one in absolute], shaken)
 
 
 class Signal:

@@ -27,6 +27,7 @@ FIGURES = (
     "diagrams.amplification",
     "diagrams.profile",
     "diagrams.suite_spectra",
+    "diagrams.floor_spectra",
     "diagrams.record_history",
     "diagrams.hysteresis",
     "diagrams.branches",

@@ -31,6 +31,7 @@ RECORD_PLOTS = {
     "pounding": (),
     "profile": (),
     "spectra": (),
+    "floor-spectra": (),
     "history": (),
     "hysteresis": (),
 }

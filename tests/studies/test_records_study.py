@@ -145,6 +145,16 @@ def test_floor_spectra_are_those_of_the_plain_motion(tmp_path):
     assert validate(path).sound
 
 
+def test_records_that_are_multiplied_by_more_than_ten_are_warned_of():
+    for most, count in ((9.0, 0), (11.0, 4)):
+        job = parse_job(FACTORS.replace("[0.25, 0.5, 1.0, 2.0]", f"[1.0, {most}]"), "job", "job")
+        told = [line for line in job.study.warnings() if "multiplied" in line]
+        assert told == [
+            "4 of 4 records are multiplied by more than 10, by up to 11: stronger records would be "
+            "better"
+        ] * (count > 0)
+
+
 def test_without_the_rules_the_same_is_computed(tmp_path, calls):
     job, _, results = computed(FACTORS + GAPS, tmp_path)
     spared = len(calls)

@@ -30,6 +30,7 @@ FIGURES = (
     "diagrams.floor_spectra",
     "diagrams.record_history",
     "diagrams.hysteresis",
+    "diagrams.energy",
     "diagrams.branches",
     "diagrams.basins",
 )

@@ -22,10 +22,13 @@ import numpy as np
 
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.period.record import ALL_PEAKS, march_record
+from hpcsweep.solvers.flow.observe.gathered import reset
+from hpcsweep.solvers.flow.period.record import ALL_PEAKS, WITH_ENERGY, march_record
 from hpcsweep.solvers.flow.record_map import RecordMap
 from hpcsweep.solvers.flow.state.shared import PASSAGES, TABLES
+from hpcsweep.solvers.measures import DISSIPATED
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, Outcome
+from hpcsweep.solvers.record_response import Energy, energy_at
 
 MOST = 64
 """Intervals of a chunk."""
@@ -91,11 +94,7 @@ class InstantMap(RecordMap):
 
     def _march(self, count: int, poll, keeps: bool):
         """Return states of the kernels with modes, peaks, and starts of intervals with changes."""
-        shared, modes = self._shared, self._shared.modes
-        for array in modes:
-            array.fill(0)
-        modes.mode[:] = shared.model.elements.first
-        z = self._units.into(self.structure.rest)
+        shared, modes, z = self._shared, self._shared.modes, self._at_rest()
         held = [np.empty((count + 1, one.size), one.dtype) for one in (z, *modes[:2])]
         points, elements = held[0], modes.mode.size > 0
         for rows, start in zip(held, (z, *modes), strict=False):
@@ -133,6 +132,40 @@ class InstantMap(RecordMap):
         if outcome not in (COMPLETE, COLLAPSED):
             raise ArithmeticError(f"flow: {Outcome(outcome).name} at {first * self.dt:.6g}")
         return [rows[: first + 1] for rows in held], peaks[: first + 1], starts
+
+    def energies(self, samples: np.ndarray, scale: float, count: int) -> list[Energy]:
+        """Return the energies at the ends of `count` intervals, and at rest, up to a collapse.
+
+        Raises
+        ------
+        ArithmeticError
+            If the solver fails.
+        """
+        self._samples, self._amplitude = samples, scale / self._units.amplitude_unit
+        structure, tally, z = self.structure, self._shared.tally, self._at_rest()
+        reset(tally)
+        unit = structure.force_per_length * structure.length_unit**2
+        strength = np.array([one.strength for one in structure.sliders])
+        found, outcome = [Energy(*6 * [0.0])], int(Outcome.COMPLETE)
+        while len(found) <= count:
+            j = len(found) - 1
+            _, outcome = self._interval(z, (j, j + 1), 1.0, WITH_ENERGY)
+            if outcome == COLLAPSED:
+                break
+            if outcome != COMPLETE:
+                raise ArithmeticError(f"flow: {Outcome(outcome).name} at {j * self.dt:.6g}")
+            slid = self._slid(z)
+            taken = tally.impacts[DISSIPATED] * unit, strength * slid.path * structure.length_unit
+            reached = self._units.out_of(z), slid.force
+            found.append(energy_at(structure, reached, taken, structure.rest, tally.energy))
+        return found
+
+    def _at_rest(self) -> np.ndarray:
+        """Put elements to rest; return the state of the kernels."""
+        for array in self._shared.modes:
+            array.fill(0)
+        self._shared.modes.mode[:] = self._shared.model.elements.first
+        return self._units.into(self.structure.rest)
 
     def _interval(self, z, places, part, wanted=0, points=None) -> tuple[int, int]:
         """Advance z over intervals, or a part of one; return how many, and the outcome."""

@@ -34,6 +34,7 @@ RECORD_PLOTS = {
     "floor-spectra": (),
     "history": (),
     "hysteresis": (),
+    "energy": (),
 }
 """Those of a study of records."""
 BRANCH_PLOTS = {"branches": ("--sweep", "study.h5")}

@@ -5,14 +5,15 @@ nothing else is gathered. What changes within a chunk, a contact or a slider, th
 tell. Such a chunk is marched again in halves, down to single intervals, of which alone the peaks of
 the forces are needed: where nothing changes, and no contact is closed at the end, none pushes.
 
-Where the motion between the instants is needed, single intervals are cut in halves, as long as the
-Hermite interpolant of degree five of a piece misses the acceleration in its middle by
+Where the motion between the instants is needed, intervals in which something changes or a contact
+pushes are cut in halves, as long as the polynomial of degree five that has u, u' and u'' at both
+ends of a piece, a and b, misses the acceleration in its middle m,
 
-    |u''((a + b) / 2) - (3/2) [u'](b) - [u'](a) / (b - a) + (u''(a) + u''(b)) / 4|  >  e / (b - a)^3
+    |u''(m) - (3/2) (u'(b) - u'(a)) / (b - a) + (u''(a) + u''(b)) / 4| (b - a)^3 > e,
 
-with lengths in intervals and e a part of the peak of the ground: the integral of a smooth function
-times what is missed is of that order. Each state is that of the kernels, an exact march from the
-start of the interval. The pieces close in on the times at which the motion has kinks.
+with b - a in intervals and e a part of the peak of the ground: integrals of a smooth function times
+what is missed are of that order. Each state is one of the kernels, after a march from the start of
+the interval. So the pieces close in on the times at which the motion has kinks.
 """
 
 from collections.abc import Callable
@@ -70,7 +71,7 @@ class InstantMap(RecordMap):
         scale, poll
             As of `hpcsweep.solvers.history.history`.
         missed : float
-            e, 0: states are those at the ends of the intervals.
+            e over the peak of the ground; 0: states are those at the ends of the intervals.
 
         Raises
         ------

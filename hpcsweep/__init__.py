@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.api.trajectory import trajectory as trajectory
     from hpcsweep.dynamics.continuation.periodic import orbit as orbit
     from hpcsweep.earthquakes.demands import write_demands as write_demands
+    from hpcsweep.earthquakes.floor_spectra import floor_spectra as floor_spectra
     from hpcsweep.earthquakes.fragility import capacity_fragility as capacity_fragility
     from hpcsweep.earthquakes.fragility import cloud as cloud
     from hpcsweep.earthquakes.fragility import fragility as fragility
@@ -30,9 +31,9 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.model.matrices import Slider as Slider
     from hpcsweep.model.record import Record as Record
     from hpcsweep.model.structure import Structure as Structure
+    from hpcsweep.solvers.history import history as history
     from hpcsweep.solvers.response import Response as Response
     from hpcsweep.solvers.response import first_contact_scale as first_contact_scale
-    from hpcsweep.solvers.response import history as history
     from hpcsweep.solvers.response import response as response
     from hpcsweep.solvers.solver import stroboscopic_points as stroboscopic_points
     from hpcsweep.store import meanings as meanings
@@ -46,6 +47,7 @@ _NAMES = {
     "campaign.provenance": "__version__",
     "dynamics.continuation.periodic": "orbit",
     "earthquakes.demands": "write_demands",
+    "earthquakes.floor_spectra": "floor_spectra",
     "earthquakes.fragility": "capacity_fragility cloud fragility",
     "earthquakes.intensity": "intensity",
     "earthquakes.reading": "read_record",
@@ -59,7 +61,8 @@ _NAMES = {
     "model.matrices": "Contact Slider",
     "model.record": "Record",
     "model.structure": "Structure",
-    "solvers.response": "Response first_contact_scale history response",
+    "solvers.history": "history",
+    "solvers.response": "Response first_contact_scale response",
     "solvers.solver": "stroboscopic_points",
     "store": "meanings open_results",
     "studies.attractors.runs": "attractors",

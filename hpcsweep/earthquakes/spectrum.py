@@ -97,7 +97,7 @@ def spectrum(
     array([2., 2.])
     """
     instance("record", record, Record)
-    wanted = _periods(periods, record.dt)
+    wanted = periods_of(periods, record.dt, (SHORTEST * record.dt, LONGEST * record.dt))
     ratio = number("damping_ratio", damping_ratio, "from 0 to below 1", 0.0, math.nextafter(1, 0))
     omegas = 2.0 * math.pi / wanted
     peaks = [
@@ -108,12 +108,12 @@ def spectrum(
     return Spectrum(displacement, omegas * displacement, omegas**2 * displacement)
 
 
-def _periods(given: Any, dt: float) -> np.ndarray:
-    """Take natural periods, shape (p,)."""
+def periods_of(given: Any, dt: float, limits: tuple[float, float]) -> np.ndarray:
+    """Take natural periods within limits, shape (p,)."""
     periods = array("periods", given)
     if periods.ndim != 1:
         raise ValueError(f"periods must have one dimension, has shape {periods.shape}")
-    least, most = SHORTEST * dt, LONGEST * dt
+    least, most = limits
     for period in periods.tolist():
         if not least <= period <= most:
             limit = f"from {least:g} to {most:g} with samples every {dt:g}"

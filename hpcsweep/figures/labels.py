@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from hpcsweep.figures.style import PlotError
 from hpcsweep.model.unit_names import is_in_gaps, unit_of
 
@@ -11,6 +13,16 @@ MAX_FLOORS = 5
 MAX_MODES = 5
 """Modes that are shown: the lowest."""
 DRIFT = r"normalised drift $\delta$  [$A/\Omega^2$]"
+SIZES = {
+    "m": (("mm", 1e-3), ("m", 1.0)),
+    "mm": (("mm", 1.0), ("m", 1e3)),
+    "N": (("N", 1.0), ("kN", 1e3), ("MN", 1e6)),
+    "kN": (("kN", 1.0), ("MN", 1e3)),
+    "N m": (("J", 1.0), ("kJ", 1e3), ("MJ", 1e6)),
+    "kN m": (("kJ", 1.0), ("MJ", 1e3)),
+    "N mm": (("mJ", 1.0), ("J", 1e3), ("kJ", 1e6)),
+}
+"""Units in which numbers are told that are small or large in a unit, and how much of it each is."""
 MODAL_NORM = r"mean modal norm $\eta_j$ free of contact"
 
 
@@ -49,6 +61,16 @@ def unit(structure, quantity: str) -> str:
         return ""
     name = unit_of(structure, quantity).replace("omega_0^2", r"$\omega_0^2$").replace("^2", "²")
     return f"  [{name if '$' in name else name.replace('omega_0', WORD)}]"
+
+
+def sized(structure, quantity: str, *numbers) -> tuple[str, float]:
+    """Return the unit that suits numbers, formatted as `unit` does, and by what to divide them."""
+    choices = SIZES.get(unit_of(structure, quantity))
+    if choices is None:
+        return unit(structure, quantity), 1.0
+    largest = max(float(np.nanmax(np.abs(one), initial=0.0)) for one in numbers)
+    name, size = next((c for c in choices[::-1] if largest >= c[1]), choices[0])
+    return f"  [{name}]", size
 
 
 def named(structure, quantity: str) -> str:

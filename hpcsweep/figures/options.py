@@ -28,8 +28,10 @@ FIGURES = (
     "diagrams.separation",
     "diagrams.profile",
     "diagrams.suite_spectra",
+    "diagrams.floor_spectra",
     "diagrams.record_history",
     "diagrams.hysteresis",
+    "diagrams.energy",
     "diagrams.branches",
     "diagrams.basins",
 )

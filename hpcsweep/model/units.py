@@ -41,7 +41,9 @@ class Units:
         if self._is_plain:
             return z
         half = z.shape[-1] // 2
-        return np.concatenate((z[..., : self._n], z[..., half : half + self._n]), -1) * self._units
+        states = np.concatenate((z[..., : self._n], z[..., half : half + self._n]), -1)
+        states *= self._units
+        return states
 
     def tangent_into(self, columns: np.ndarray) -> np.ndarray:
         """Return tangent vectors of the kernels, (2R, m), from columns of shape (2n, m)."""

@@ -254,12 +254,22 @@ def response_of(
 def energy_of(
     structure: Structure, found: Response, start: np.ndarray, integrals: np.ndarray
 ) -> Response:
-    """Return a response with its energies.
+    """Return a response with its energies; see `energy_at`."""
+    reached, taken = (found.final_state, found.final_slider_force), found.slider_energy
+    energy = energy_at(structure, reached, (found.dissipated, taken), start, integrals)
+    return replace(found, energy=energy)
+
+
+def energy_at(structure: Structure, reached, taken, start, integrals: np.ndarray) -> Energy:
+    """Return the energies of a motion.
 
     Parameters
     ----------
     structure : Structure
-    found : Response
+    reached : pair of ndarray, shapes (2n,) and (L,)
+        (u, u') and the forces of sliders.
+    taken : pair of ndarray, shapes (k,) and (L,)
+        Energy that contacts and sliders have dissipated.
     start : ndarray, shape (2n,)
         (u, u') at the start.
     integrals : ndarray, shape (n + 1, n)
@@ -277,17 +287,16 @@ def energy_of(
         strain = u @ structure.elastic_stiffness @ u + force @ (force / spring) + pressed
         return 0.5 * np.array([v @ structure.mass_matrix @ v, strain])
 
-    kinetic, strain = held(found.final_state, found.final_slider_force) - held(start, first)
+    kinetic, strain = held(*reached) - held(start, first)
     work = length**2 * rate * integrals
-    energy = Energy(
+    return Energy(
         input=float(rate * work[n] @ structure.forcing_vector),
         kinetic=float(kinetic),
         strain=float(strain),
         viscous=float((structure.damping_matrix * work[:n]).sum()),
-        contacts=float(found.dissipated.sum()),
-        sliders=float(found.slider_energy.sum()),
+        contacts=float(taken[0].sum()),
+        sliders=float(taken[1].sum()),
     )
-    return replace(found, energy=energy)
 
 
 def intervals(n_samples: int, dt: float, tail: float) -> tuple[int, float]:

@@ -13,14 +13,12 @@ on ratios alone as before, but it is linear at no scale: the contact is closed f
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, finite_vector, flag, instance, number, positive
-from hpcsweep.model.modes import per_mass
+from hpcsweep.model.arguments import finite, finite_vector, flag, instance, number
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -28,12 +26,7 @@ from hpcsweep.solvers.record_response import Response
 
 AT_STRENGTH = 1e-9
 """Part by which a slider may start beyond its strength: rounding of a state put there."""
-__all__ = ["Response", "first_contact_scale", "history", "linear_response", "response"]
-
-WHOLE = "must be a whole multiple or a whole part of {:g}, the time between samples"
-"""What a step between the instants of a history must be."""
-SAME_STEP = 1e-9
-"""Part of a step by which times may differ that are the same."""
+__all__ = ["Response", "first_contact_scale", "linear_response", "response"]
 
 
 def response(
@@ -98,7 +91,7 @@ def response(
     >>> int(peaks.impacts[0]), round(float(peaks.impact_velocity[0]), 12)
     (1, 1.0)
     """
-    structure, record, tail = _arguments(structure, record, tail)
+    structure, record, tail = arguments(structure, record, tail)
     scale = finite("scale", scale)
     if state is not None:
         state = finite_vector("state", state, 2 * structure.n_floors)
@@ -144,7 +137,7 @@ def linear_response(
         max_t d_k . u of each contact, at least 0; then max_t |b_j . u| of each slider, and each
         drift that has a limit.
     """
-    structure, record, tail = _arguments(structure, record, tail)
+    structure, record, tail = arguments(structure, record, tail)
     from hpcsweep.solvers.flow.record_map import RecordMap
 
     slides = structure.slider_directions
@@ -235,7 +228,8 @@ def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
     return min(scales, default=math.inf)
 
 
-def _arguments(structure, record, tail) -> tuple[Structure, Record, float]:
+def arguments(structure, record, tail) -> tuple[Structure, Record, float]:
+    """Take the arguments that all responses have."""
     instance("structure", structure, Structure)
     instance("record", record, Record)
     longest = MAX_SAMPLES * record.dt
@@ -246,124 +240,3 @@ def _complete(found: Response) -> Response:
     if found.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"flow: {found.outcome.name} at {found.duration:.6g}")
     return found
-
-
-class History(NamedTuple):
-    """The motion of a structure at p instants of a record and its tail."""
-
-    time: np.ndarray
-    """From the first sample on, shape (p,)."""
-    displacement: np.ndarray
-    """Relative to the ground, shape (p, n)."""
-    velocity: np.ndarray
-    """Shape (p, n)."""
-    force: np.ndarray
-    """Of each contact, shape (p, k)."""
-    acceleration: np.ndarray
-    """Absolute, as in `Response`, shape (p, n)."""
-    peak_force: np.ndarray
-    """Largest force of each contact since the instant before, shape (p, k)."""
-    slider_force: np.ndarray
-    """Of each slider, shape (p, L)."""
-
-
-def history(
-    structure: Structure,
-    record: Record,
-    scale: float = 1.0,
-    tail: float = 0.0,
-    step: float | None = None,
-    *,
-    rtol: float = 1e-9,
-    poll: Callable[[], None] | None = None,
-) -> History:
-    """Return the motion of a structure under a record from rest, at instants a step apart.
-
-    Exact at the instants, however far apart they are, up to a collapse; contacts may push between
-    them alone, which `History.peak_force` tells.
-
-    Parameters
-    ----------
-    structure, record, scale, tail
-        Of `response`; what is left of record and tail beyond the last instant is cut.
-    step : float, optional
-        A whole multiple or a whole part of the time between samples, which is the default.
-    rtol
-        Of `response`.
-    poll : callable, optional
-        Called before each instant; may raise to leave.
-
-    Returns
-    -------
-    History
-        Times, shape (p,); displacements and velocities, each of shape (p, n); forces of contacts
-        and of sliders, a column each; in the units of structure and record.
-
-    Raises
-    ------
-    ValueError, ArithmeticError
-        As `response`.
-
-    Examples
-    --------
-    1 - cos t, under the sudden acceleration 1:
-
-    >>> step = hpcsweep.Record([-1.0, -1.0], dt=4.0)
-    >>> free = hpcsweep.Structure(n_floors=1, stiffness_ratio=0.0, damping_ratio=0.0)
-    >>> motion = hpcsweep.history(free, step, step=1.0)
-    >>> bool(np.allclose(motion.displacement[:, 0], 1.0 - np.cos(motion.time), atol=1e-14))
-    True
-    """
-    structure, record, tail = _arguments(structure, record, tail)
-    scale = finite("scale", scale)
-    step = record.dt if step is None else positive("step", step)
-    if not (fits := steps_in(record.dt, step)):
-        raise ValueError(f"step {WHOLE.format(record.dt)}, is {step:g}")
-    parts, samples = fits
-    dt = record.dt / parts
-    fine = np.arange(parts * (record.n_samples - 1) + 1) / parts
-    ground = np.interp(fine, np.arange(record.n_samples), record.acceleration)
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
-    own = RecordMap(structure, dt, rtol)
-    last, n_all = ground.size - 1, ground.size - 1 + int(tail / dt + SAME_STEP)
-    count, n = n_all // samples + 1, structure.n_floors
-    states, peaks = np.empty((count, 2 * n)), np.zeros((count, len(structure.contacts)))
-    slider_force = np.zeros((count, len(structure.sliders)))
-    states[0] = structure.rest
-    for j in range(1, count):
-        if poll is not None:
-            poll()
-        low, high = (j - 1) * samples, j * samples
-        pushed = ground[low : high + 1] if low < last else np.zeros(samples + 1)
-        free = (samples + 1 - pushed.size) * dt
-        found = _complete(own.respond(pushed, scale, free, states[j - 1], resume=j > 1))
-        states[j], peaks[j] = found.final_state, found.force
-        slider_force[j] = found.final_slider_force
-        if found.collapsed:
-            states, peaks, slider_force = states[:j], peaks[:j], slider_force[:j]
-            break
-    u, v, force = states[:, :n], states[:, n:], structure.contact_forces(states)
-    peaks[0] = np.maximum(force[0], 0.0)
-    push = -u @ structure.elastic_stiffness - v @ structure.damping_matrix
-    push -= force @ structure.directions
-    push -= slider_force @ structure.slider_directions
-    if not structure.shakes:
-        given = ground[: n_all + 1 : samples][: len(push)]
-        push[: given.size] += scale * np.outer(given, structure.forcing_vector)
-    acceleration = per_mass(structure.mass_matrix, push.T).T
-    time = dt * samples * np.arange(len(states))
-    return History(time, u, v, force, acceleration, peaks, slider_force)
-
-
-def steps_in(dt: float, step: float) -> tuple[int, int] | None:
-    """Return parts of a sample interval, and how many of them are a step; one of the two is 1.
-
-    None if a step is neither a whole multiple nor a whole part of an interval, or far from it.
-    """
-    if not dt / MAX_SAMPLES <= step <= dt * MAX_SAMPLES:
-        return None
-    parts, samples = max(round(dt / step), 1), max(round(step / dt), 1)
-    if abs(step * parts - dt * samples) > SAME_STEP * dt * samples:
-        return None
-    return parts, samples

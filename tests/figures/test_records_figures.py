@@ -4,17 +4,20 @@ import contextlib
 import csv
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tools import RECORDS, hpcsweep
 
-from hpcsweep import open_results, response, separation, synthetic_records
-from hpcsweep.figures.diagrams.responses import buildings
+from hpcsweep import floor_spectra, open_results, response, separation, synthetic_records
+from hpcsweep.figures import labels
+from hpcsweep.figures.diagrams.responses import buildings, within
 from hpcsweep.figures.options import figures
 from hpcsweep.figures.style import PlotError
 from hpcsweep.job import parse_job
-from hpcsweep.solvers.response import history
+from hpcsweep.model.unit_names import UnitNames
+from hpcsweep.solvers.history import history
 from hpcsweep.store import Frames
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, StripesError, fit, stripes_of
 
@@ -38,7 +41,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind == "spectra")) for kind in KINDS]
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * ("spectra" in kind)) for kind in KINDS]
 )
 def test_every_figure_is_drawn(folder, kind):
     options = OPTIONS.get(kind, [])
@@ -56,6 +59,8 @@ def test_every_figure_is_drawn(folder, kind):
         (["plot", "job.h5", "--place", "C"], "C: must be one of A1, A2, B1, B2, B3"),
         (["plot", "job.h5", "--kind", "history", "--record", "x"], "must be one of synthetic-3-1"),
         (["plot", "job.h5", "--kind", "profile", "--response", "force"], "no profile"),
+        (["plot", "job.h5", "--kind", "history", "--time", "3", "2"], "must ascend, from 0 to 11"),
+        (["plot", "job.h5", "--kind", "floor-spectra", "--place", "A"], "of A1, A2, B1, B2, B3"),
         (["plot", "job.h5", "--kind", "orbit"], "holds responses"),
         (["plot", "job.h5", "--kind", "hysteresis"], "the structure has no sliders"),
         (["plot", "hysteresis.h5", "--kind", "hysteresis", "--place", "B1"], "of A1, A2"),
@@ -253,6 +258,43 @@ def test_history_passes_through_the_peaks_of_the_response():
     largest = np.abs(seen.displacement).max(axis=0)
     assert (largest <= found.displacement * (1 + 1e-12)).all()
     np.testing.assert_allclose(largest, found.displacement, rtol=0.05)
+
+
+def test_floor_spectra_are_drawn_from_the_file_or_from_the_records(tmp_path):
+    stored = "floor_spectra = {periods = [0.1, 0.5], places = ['B2']}"
+    text = TEXT.replace("count = 8", "count = 2").replace("count = 20}", "count = 2}")
+    (tmp_path / "job.toml").write_text(text.replace("[output]", f"[output]\n{stored}"))
+    assert hpcsweep(0, "run", "job.toml", cwd=tmp_path).returncode == 0
+    results, kind = open_results(tmp_path / "job.h5"), figures()["floor-spectra"]
+    in_file = kind.draw(results, scale=20.0, place="B2").axes[0].lines
+    for line, values in zip(in_file, results["floor_spectrum"][:, 1, 0], strict=False):
+        np.testing.assert_array_equal(line.get_xdata(), [0.1, 0.5])
+        np.testing.assert_allclose(line.get_ydata(), values / 9.80665, rtol=1e-12)
+    study = parse_job(text, "job", "job").study
+    line = kind.draw(results, scale=20.0, place="A2").axes[0].lines[1]
+    periods = line.get_xdata()[[5, 40]]
+    motion = study.structure, study.record(1), periods, 0.05, float(study.factor[1, 1]), study.tail
+    expected = floor_spectra(*motion, places=["A2"]).acceleration[0] / 9.80665
+    np.testing.assert_allclose(line.get_ydata()[[5, 40]], expected, rtol=1e-8)
+
+
+def test_outliers_run_past_the_edge_and_are_told():
+    curves = np.outer([1.0, 1.1, 1.2, 1.3, 9.0], [0.5, 1.0])
+    edge, words = within(curves)
+    assert edge == pytest.approx(1.1 * 1.3)
+    assert words == "1 outlier beyond the edge, up to 9"
+    assert within(curves[:4]) == (None, "")
+    assert within(np.full((5, 2), np.inf)) == (None, "")
+
+
+def test_numbers_are_in_units_that_suit_them():
+    structure = parse_job(TEXT, "job", "job").structure
+    names = UnitNames("m", "kg", "s")
+    known = replace(structure, unit_names=names)
+    assert labels.sized(known, "force", np.array([-3e6, 1.0])) == ("  [MN]", 1e6)
+    assert labels.sized(known, "force", np.array([3e3]), np.array([12.0])) == ("  [kN]", 1e3)
+    assert labels.sized(known, "length", np.array([0.02])) == ("  [mm]", 1e-3)
+    assert labels.sized(known, "velocity", np.array([0.02]))[1] == 1.0
 
 
 def test_drifts_at_which_frames_yield_are_told_of_storeys_that_stay_elastic(folder):

@@ -32,8 +32,10 @@ RECORD_PLOTS = {
     "separation": (),
     "profile": (),
     "spectra": (),
+    "floor-spectra": (),
     "history": (),
     "hysteresis": (),
+    "energy": (),
 }
 """Those of a study of records."""
 BRANCH_PLOTS = {"branches": ("--sweep", "study.h5")}

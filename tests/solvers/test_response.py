@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 
 import hpcsweep
-from hpcsweep import Contact, Record, Structure, history, read_record
+from hpcsweep import Contact, Record, Slider, Structure, history, read_record
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.response import linear_response
 
@@ -378,6 +378,46 @@ def test_the_impulse_is_the_integral_of_the_forces_of_a_history(kind):
     # a smooth stop pulls a little just before it, by -0.28 kappa / rho at most
     assert (seen.force.min() < -0.1) == (kind == "pulls")
     assert seen.force[:, 0].max() == pytest.approx(found.force[0], rel=0.02)
+
+
+@pytest.mark.parametrize("kind", ["sharp", "smooth", "lets go", "yields"])
+def test_steps_windows_and_a_march_through_each_instant_tell_the_same(kind):
+    drag = 10.0 if kind == "lets go" else 0.0
+    yields = [Slider((-1.0, 1.0), 40.0, 0.4)] if kind == "yields" else []
+    structure = Structure.from_matrices(
+        [2.0, 1.0],
+        [[90.0, -40.0], [-40.0, 40.0]],
+        [Contact((0.0, 1.0), 0.02, 2e3, damping=drag)],
+        sharpness=2e3 if kind == "smooth" else math.inf,
+        sliders=yields,
+    )
+    record = noise(9, 151, dt=0.05, size=1.5)
+    coarse, fine = (history(structure, record, 2.0, 0.6, step) for step in (0.1, 0.05 / 8))
+    every = slice(None, None, 16)
+    for name in ("displacement", "velocity", "acceleration", "force", "slider_force"):
+        one, other = getattr(coarse, name), getattr(fine, name)[every]
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-10 * np.abs(other).max(initial=1))
+    largest = fine.peak_force[1:].reshape(-1, 16).max(axis=1)
+    np.testing.assert_allclose(coarse.peak_force[1:, 0], largest, rtol=1e-8, atol=1e-12)
+    open_at_both = (coarse.approach[1:] < 0.02) & (coarse.approach[:-1] < 0.02)
+    assert (coarse.peak_force[1:][open_at_both] > 0.0).any()  # has pushed between the instants
+    for j in (3, 40, 75):  # the end of a response to a record that is cut there
+        cut = hpcsweep.Record(record.acceleration[: 2 * j + 1], record.dt)
+        state = np.concatenate((coarse.displacement[j], coarse.velocity[j]))
+        found = hpcsweep.response(structure, cut, 2.0).final_state
+        size = np.abs(found).max()
+        np.testing.assert_allclose(state[: found.size], found, rtol=0, atol=1e-11 * size)
+    window = history(structure, record, 2.0, 0.6, 0.05 / 8, start=3.0, end=4.001)
+    inside = (fine.time > 3.0 - 1e-9) & (fine.time < 4.001)
+    assert inside.sum() == 161
+    for one, other in zip(window, fine, strict=True):
+        np.testing.assert_array_equal(one, other[inside])
+
+
+def test_a_window_of_time_lies_within_the_record():
+    for more, said in (({"start": -0.1}, "start must"), ({"start": 0.2, "end": 0.1}, "end must")):
+        with pytest.raises(ValueError, match=said):
+            history(oscillator(1.0, 0.0), Record([0.0, 1.0, 0.0], 0.5), **more)
 
 
 def test_forces_on_a_base_at_rest_accelerate_the_floors():

@@ -9,6 +9,7 @@ from yielding import Yielding
 
 import hpcsweep
 from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.instants import InstantMap
 
 
 def bilinear_storeys(n, rng, hardening, **given):
@@ -467,3 +468,20 @@ def test_a_start_beyond_the_strength_of_a_slider_is_refused():
         hpcsweep.Structure.from_matrices([1.0], [[0.2]], [], sliders=[slider, slider])
     with pytest.raises(ValueError, match=r"building\.isolation must not have 'friktion'"):
         hpcsweep.Building(1.0, 1.0, isolation={"slab_mass": 1.0, "friktion": 0.1})
+
+
+def test_energies_over_time_are_those_of_responses_that_end_there():
+    """Their balance closes at each instant, with contacts, dashpots and sliders."""
+    yields = hpcsweep.Building([2.5e5] * 2, 1e8, storey_height=3.2, name="A", yield_drift=5e-3)
+    tall = hpcsweep.Building([2.5e5] * 3, 1e8, storey_height=3.2, name="B")
+    structure = hpcsweep.adjacent([yields, tall], gap=0.01, stiffness=2e9, restitution=0.65)
+    record = hpcsweep.synthetic_records(1, seed=1, dt=0.02, duration=8.0)[0]
+    samples = record.acceleration.copy()
+    found = InstantMap(structure, record.dt, energy=True).energies(samples, 3.0, 420)
+    assert len(found) == 421  # with a tail
+    assert max(abs(one.balance) for one in found) < 1e-12
+    for j in (130, 300):
+        cut = hpcsweep.Record(samples[: j + 1], record.dt)
+        expected = hpcsweep.response(structure, cut, 3.0, energy=True).energy
+        assert min(expected[3:]) > 0.0
+        np.testing.assert_allclose(found[j], expected, rtol=0, atol=1e-12 * max(expected))

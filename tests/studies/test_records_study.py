@@ -8,6 +8,7 @@ import pytest
 from tools import RECORDS, hpcsweep
 
 from hpcsweep import (
+    floor_spectra,
     intensity,
     open_results,
     response,
@@ -123,6 +124,35 @@ def test_histories_are_those_of_the_plain_response(tmp_path):
     assert 0 < float((force > 0).mean()) < 0.5
     assert (force.max("time") <= results["contact_force"] * (1 + 1e-9)).all()
     assert validate(path).sound
+
+
+SPECTRA = 'floor_spectra = {periods = [0.1, 0.4], places = ["B3", "A1"], damping_ratio = 0.02}'
+
+
+def test_floor_spectra_are_those_of_the_plain_motion(tmp_path):
+    text = FACTORS.replace("[output]", f"[output]\n{SPECTRA}")
+    job, path, results = computed(text, tmp_path)
+    found, study = results["floor_spectrum"], job.study
+    assert found.dims == ("record", "scale", "place", "period")
+    assert (*found["place"].values, *found["period"].values) == ("B3", "A1", 0.1, 0.4)
+    assert found.attrs["units"] == results["floor_acceleration"].attrs["units"]
+    factor = float(results["scale"][3])
+    own = floor_spectra(
+        *(study.structure, SUITE[2], [0.1, 0.4], 0.02, factor, study.tail), places=["B3", "A1"]
+    )
+    np.testing.assert_array_equal(found[2, 3], own.acceleration)
+    assert (results["impacts"][2, 3] > 0).any()
+    assert validate(path).sound
+
+
+def test_records_that_are_multiplied_by_more_than_ten_are_warned_of():
+    for most, count in ((9.0, 0), (11.0, 4)):
+        job = parse_job(FACTORS.replace("[0.25, 0.5, 1.0, 2.0]", f"[1.0, {most}]"), "job", "job")
+        told = [line for line in job.study.warnings() if "multiplied" in line]
+        assert told == [
+            "4 of 4 records are multiplied by more than 10, by up to 11: stronger records would be "
+            "better"
+        ] * (count > 0)
 
 
 def test_without_the_rules_the_same_is_computed(tmp_path, calls):
@@ -284,6 +314,12 @@ def test_a_bad_record_is_one_line(tmp_path, name):
         ("[output]", "[output]\npoincare = true", ("output.poincare", "study.kind")),
         ("[output]", "[output]\ntimes = 1", ("output.times", "true or false")),
         ("[output]", "[output]\nhistory = 0.03", ("output.history", "0.03", "0.02", "multiple")),
+        ("[output]", "[output]\nfloor_spectra = true", ("output.floor_spectra", "a table")),
+        ("[output]", "[output]\nfloor_spectra = {}", ("output.floor_spectra.periods is missing",)),
+        ("[output]", f"[output]\n{SPECTRA.replace('B3', 'B9')}", ("places", "B9", "A1, A2, B1")),
+        ("[output]", f"[output]\n{SPECTRA.replace('[0.1', '[1e-3')}", ("periods", "0.01")),
+        ("[output]", f"[output]\n{SPECTRA.replace('0.02', '1')}", ("damping_ratio", "below 1")),
+        ("[output]", f"[output]\n{SPECTRA.replace('places', 'floors')}", ("floors", "places")),
         ("[output]", "[output]\nhistory = -1", ("output.history", "above 0")),
         ("[output]", '[solver]\nskip = ["newton"]\n[output]', ("solver.skip", "linear, ratio")),
         ("[output]", '[vary]\n"records.tail" = [0.0, 1.0]\n[output]', ("vary", "records.tail")),

@@ -10,7 +10,7 @@ NAME = "hysteresis"
 DRAWS = "responses"
 HELP = """\
 force of each slider against its elongation, of one record at one intensity; needs the record"""
-OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE)
+OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE, responses.TIME)
 IN_A_ROW = 4
 """Panels."""
 EACH, MORE = (2.6, 2.3), (1.0, 0.6)
@@ -24,10 +24,14 @@ def load(frames, **_options):
     return frames.gather(["outcome", *responses.COLLAPSE_NAMES])
 
 
-def draw(results, record: str | None = None, scale: float | None = None, place: str | None = None):
+def draw(
+    results,
+    record: str | None = None,
+    scale: float | None = None,
+    place: str | None = None,
+    time: tuple[float, float] | None = None,
+):
     """Draw the loops of all sliders, or of one."""
-    from hpcsweep.solvers.response import history
-
     study = style.study_of(results, Records)
     structure, names = study.structure, study.structure.slider_names
     if not names:
@@ -35,18 +39,20 @@ def draw(results, record: str | None = None, scale: float | None = None, place: 
     if place is not None and place not in names:
         raise style.PlotError(f"--place {place}: must be a slider, of {', '.join(names)}")
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
-    samples = responses.samples_of(study, i)
-    seen = history(structure, samples, float(study.factor[i, at]), study.tail)
+    seen = responses.history_of(study, (i, at), time)
     shown = [names.index(place)] if place else range(len(names))
     figure, axes = mesh.panels(len(shown), ONE, EACH, MORE, columns=IN_A_ROW)
     elongation = seen.displacement @ structure.slider_directions.T
+    x_unit, length = labels.sized(structure, "length", elongation[:, shown])
+    y_unit, force = labels.sized(structure, "force", seen.slider_force[:, shown])
     for axis, j in zip(axes, shown, strict=True):
         ductility = np.abs(elongation[:, j]).max() / structure.sliders[j].limit
-        axis.plot(elongation[:, j], seen.slider_force[:, j], color=palette.series_colour(0), lw=0.7)
+        loop = elongation[:, j] / length, seen.slider_force[:, j] / force
+        axis.plot(*loop, color=palette.series_colour(0), lw=0.7)
         axis.set_title(f"{names[j]}, ductility {ductility:.1f}", fontsize=9)
         axis.grid(True, color="0.92", linewidth=0.6)
     for axis in axes[::IN_A_ROW]:
-        axis.set_ylabel("force" + labels.unit(structure, "force"), fontsize=8)
+        axis.set_ylabel("force" + y_unit, fontsize=8)
     for axis in axes[(len(axes) - 1) // IN_A_ROW * IN_A_ROW :]:
-        axis.set_xlabel("elongation" + labels.unit(structure, "length"), fontsize=8)
+        axis.set_xlabel("elongation" + x_unit, fontsize=8)
     return style.head(figure, responses.run_title(results, study, i, at), fontsize=9)

@@ -1,7 +1,5 @@
 """Incremental dynamic analysis: the response of each record at each intensity, and fractiles."""
 
-from typing import Any
-
 import numpy as np
 
 from hpcsweep.earthquakes.stripes import response_fractiles
@@ -26,15 +24,15 @@ def draw(results, response: str = "drift", place: str | None = None, units: str 
     figure, (axis,) = style.new_figure(1, 5.0)
     intensity = np.append(0.0, stripes.intensity)
     collapses = np.isinf(stripes.values)
-    edge: Any = (
-        EDGE * stripes.values[np.isfinite(stripes.values)].max() if collapses.any() else None
-    )
+    edge, beyond = responses.within(stripes.values)
+    if collapses.any():
+        edge = edge or EDGE * float(stripes.values[np.isfinite(stripes.values)].max())
 
     def curve(values, *dashes, **looks) -> None:
         x, y = np.append(0.0, values), intensity
         if np.isinf(values).any():
             at = int(np.isinf(x).argmax())
-            x = np.insert(x, at, (x[at - 1], edge))
+            x = np.insert(x, at, np.array((x[at - 1], edge)))
             y = np.insert(y, at, (0.5 * (y[at - 1] + y[at]),) * 2)
         axis.plot(x, y, *dashes, **looks)
 
@@ -45,4 +43,4 @@ def draw(results, response: str = "drift", place: str | None = None, units: str 
         curve(median, ":", color=palette.STOP, linewidth=2.0, label=label)
     axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, edge), ylim=(0, intensity[-1]))
     responses.legend(axis, responses.counted(stripes), handlelength=3.5)
-    return style.head(figure, responses.title(results), fontsize=9)
+    return style.head(figure, responses.title(results), beyond, fontsize=9)

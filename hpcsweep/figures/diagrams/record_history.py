@@ -1,6 +1,6 @@
-"""One record at one scale: displacements of the floors at a contact, and its force, over time.
+"""One record at one scale: a contact and the floors beside it, over time.
 
-The force is the largest between two samples: contacts may be shorter.
+The force is the largest since the instant before: contacts may be shorter.
 """
 
 import numpy as np
@@ -13,9 +13,10 @@ from hpcsweep.studies.ground_motion.records import Records
 NAME = "history"
 DRAWS = "responses"
 HELP = """\
-ground, displacements of two facing floors with and without contacts, and the peak force
-between them in each sample interval, of one record at one intensity; needs the record"""
-OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE)
+ground, displacements of two facing floors with and without contacts, the gap and the force
+between them, and their absolute accelerations, of one record at one intensity; needs the
+record"""
+OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE, responses.TIME)
 
 
 def load(frames, **_options):
@@ -23,48 +24,65 @@ def load(frames, **_options):
     return frames.gather(["contact_force", "storey_drift", "outcome", *responses.COLLAPSE_NAMES])
 
 
-def draw(results, record: str | None = None, scale: float | None = None, place: str | None = None):
+def draw(
+    results,
+    record: str | None = None,
+    scale: float | None = None,
+    place: str | None = None,
+    time: tuple[float, float] | None = None,
+):
     """Draw the history of a contact, that of the largest force."""
-    from hpcsweep.solvers.response import history
-
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
     study = style.study_of(results, Records)
     samples = responses.samples_of(study, i)
     structure, factor = study.structure, float(study.factor[i, at])
-    seen = history(structure, samples, factor, study.tail)
-    free = history(structure.without_contacts(), samples, factor, study.tail)
     names = list(structure.contact_names.values())
     if place is not None and place not in names:
         raise style.PlotError(
             f"--place {place}: must be a contact, of {', '.join(names) or 'none'}"
         )
-    floors = structure.floor_names
-    figure, axes = style.new_figure(3 if names else 2, 6.2, 7.6)
-    ground, moving = axes[:2]
-    ground.plot(samples.times, factor * samples.acceleration / study.gravity, color="0.3", lw=0.6)
-    ground.set_ylabel("ground  [g]", fontsize=8)
+    seen = responses.history_of(study, (i, at), time)
+    shown, k = [structure.n_floors - 1], names.index(place) if place else 0
     if names:
-        k = names.index(place) if place else int(seen.peak_force.max(axis=0).argmax())
+        if place is None:
+            k = int(seen.peak_force.max(axis=0).argmax())
         shown = np.flatnonzero(structure.directions[k]).tolist()
-        looks = {"color": palette.series_colour(2), "linewidth": 0.8, "drawstyle": "steps-pre"}
-        axes[2].plot(seen.time, seen.peak_force[:, k], **looks)
-        axes[2].set_ylabel(f"peak force {names[k]}{labels.unit(structure, 'force')}", fontsize=8)
-        for time in seen.time[seen.peak_force[:, k] > 0]:
-            moving.axvline(
-                time, color=palette.series_colour(2), alpha=0.15, linewidth=0.5, zorder=0
+    figure, axes = style.new_figure(5 if names else 3, 8.8 if names else 6.2, 7.6)
+
+    def panel(axis, label: str, columns, *, of=seen, **looks) -> None:
+        for series, column in enumerate(columns.T):
+            axis.plot(
+                of.time, column, **{"color": palette.series_colour(series), "lw": 0.8} | looks
             )
-    else:
-        shown = [structure.n_floors - 1]
-    for series, floor in enumerate(shown):
-        colour, name = palette.series_colour(series), floors[floor]
-        moving.plot(seen.time, seen.displacement[:, floor], color=colour, lw=0.9, label=name)
-        looks = {"color": colour, "linewidth": 0.7, "linestyle": ":"}
-        if names:
-            moving.plot(free.time, free.displacement[:, floor], **looks)
+        axis.set_ylabel(label, fontsize=8)
+
+    ground = factor / study.gravity * np.interp(seen.time, samples.times, samples.acceleration)
+    ground[seen.time > samples.times[-1]] = 0.0
+    panel(axes[0], "ground  [g]", ground[:, None], color="0.3", lw=0.6)
+    panel(axes[-1], "absolute\nacceleration  [g]", seen.acceleration[:, shown] / study.gravity)
+    moved = seen.displacement[:, shown]
+    unit, size = labels.sized(structure, "length", moved)
+    panel(axes[1], "displacement" + unit, moved / size)
+    for line, floor in zip(axes[1].lines, shown, strict=True):
+        line.set_label(structure.floor_names[floor])
     if names:
-        moving.plot([], [], ":", color=palette.STOP, label="no contact")
-    moving.set_ylabel("displacement" + labels.unit(structure, "length"), fontsize=8)
-    moving.legend(frameon=False, fontsize=7, ncols=4, loc="upper right")
-    axes[-1].set(xlabel="time" + labels.unit(structure, "time"), xlim=(0, seen.time[-1]))
+        free = responses.history_of(study, (i, at), time, structure.without_contacts())
+        columns = free.displacement[:, shown] / size
+        panel(axes[1], "displacement" + unit, columns, of=free, linestyle=":", lw=0.7)
+        axes[1].plot([], [], ":", color=palette.STOP, label="no contact")
+        gap, force = structure.contacts[k].gap - seen.approach[:, [k]], seen.peak_force[:, [k]]
+        touch = palette.series_colour(2)
+        unit, size = labels.sized(structure, "length", gap)
+        panel(axes[2], f"gap {names[k]}{unit}", gap / size, color="0.3")
+        axes[2].axhline(0.0, color=touch, lw=0.8)
+        unit, size = labels.sized(structure, "force", force)
+        panel(axes[3], f"force {names[k]}{unit}", force / size, color=touch, drawstyle="steps-pre")
+        pushes = {"where": force[:, 0] > 0.0, "color": touch, "alpha": 0.2, "linewidth": 0.6}
+        for axis in axes[1:3]:
+            axis.fill_between(seen.time, 0, 1, transform=axis.get_xaxis_transform(), **pushes)
+    beside = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
+    axes[1].legend(frameon=False, fontsize=7, ncols=4, **beside)
+    unit = labels.unit(structure, "time")
+    axes[-1].set(xlabel="time" + unit, xlim=(seen.time[0], seen.time[-1]))
     note = elastic_words(elastic_drift(results.isel(record=[i], scale=[at]), structure))
     return style.head(figure, responses.run_title(results, study, i, at), note, fontsize=9)

@@ -21,12 +21,25 @@ PLACE = Option(
 )
 SCALE = Option("--scale", "intensity; the nearest there is (default: the middle one)", type=float)
 RECORD = Option("--record", "record drawn, by name (default: the first)")
+TIME = Option(
+    "--time",
+    "part of the motion that is drawn, from and to, since the first sample (default: all)",
+    nargs=2,
+    type=float,
+    metavar=("FROM", "TO"),
+)
 THRESHOLD = Option(
     "--threshold", "response that is a failure, in the unit of the figure; needed", type=float
 )
 COLLAPSES = Option("--collapse", "collapse is the failure", action="store_true", default=None)
 MAX_GREY = 200
 """Records that are drawn one by one."""
+INSTANTS = 4000
+"""Least number of instants of a motion, so that what is between two is less than a line ..."""
+MOST_PARTS = 50
+"""... unless so many are in a sample interval."""
+FENCE = 3.0
+"""Distances between quartiles beyond the upper one, from which on a curve is an outlier (Tukey)."""
 MIN_LENGTH = 1e-12
 """Share of the largest response below which two are the same."""
 
@@ -123,6 +136,61 @@ def record_index(results, record: str | None) -> int:
         shown = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
         raise style.PlotError(f"--record {record}: must be one of {shown}")
     return names.index(record)
+
+
+def history_of(study: Records, run: tuple[int, int], time, structure=None):
+    """Return the history of a run, or of another structure in its place, in steps to be drawn.
+
+    Parameters
+    ----------
+    study : Records
+    run : tuple of int
+        Places of the record and of the scale.
+    time : pair of float, optional
+        Return the instants between these two.
+    structure : Structure, optional
+
+    Raises
+    ------
+    PlotError
+        If nothing lies between the two times.
+    """
+    from hpcsweep.solvers.history import history
+
+    samples = samples_of(study, run[0])
+    longest = float(samples.times[-1]) + study.tail
+    start, end = (0.0, longest) if time is None else time
+    if not 0.0 <= start < end <= longest * (1.0 + 1e-9):
+        raise style.PlotError(f"--time {start:g} {end:g}: must ascend, from 0 to {longest:g}")
+    parts = min(max(int(np.ceil(samples.dt * INSTANTS / (end - start))), 1), MOST_PARTS)
+    motion = structure or study.structure, samples, float(study.factor[run]), study.tail
+    seen = history(*motion, samples.dt / parts, start=start, end=min(end, longest))
+    if seen.time.size < 2:
+        raise style.PlotError(f"--time {start:g} {end:g}: the motion has collapsed before")
+    return seen
+
+
+def within(curves: np.ndarray) -> tuple[float | None, str]:
+    """Return where an axis ends so that outliers do not squeeze the others, and words that tell.
+
+    Parameters
+    ----------
+    curves : ndarray, shape (n_records, k)
+
+    Returns
+    -------
+    float or None
+        None: without an outlier.
+    str
+    """
+    sizes = np.nanmax(np.where(np.isfinite(curves), curves, np.nan), axis=1, initial=0.0)
+    low, high = np.quantile(sizes, (0.25, 0.75))
+    beyond = sizes > high + FENCE * (high - low)
+    if not beyond.any() or beyond.all() or high == low:
+        return None, ""
+    count = int(beyond.sum())
+    words = f"{count} outlier{'s' * (count > 1)} beyond the edge, up to {sizes.max():.3g}"
+    return 1.1 * float(sizes[~beyond].max()), words
 
 
 def samples_of(study: Records, i: int):

@@ -5,18 +5,21 @@ import numpy as np
 from hpcsweep.earthquakes.spectrum import spectrum
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.model.modes import natural_modes
 from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "spectra"
 DRAWS = "responses"
 HELP = """\
 response spectra of the records as they are, 5 % damping, with fractiles and the
-structure's natural periods; needs the records"""
+natural periods of the structure, or of each building; needs the records"""
 OPTIONS = ()
 PERIODS = 60
 LONGEST = 4.0
 """Periods drawn, in longest natural periods."""
 MAX_MODES = 3
+NEAR = 1.2
+"""Ratio of periods whose names would lie over each other."""
 
 
 def load(frames, **_options):
@@ -24,30 +27,55 @@ def load(frames, **_options):
     return frames.gather(["outcome"])
 
 
-def draw(results):
-    """Draw Sa over the period, in g."""
+def periods_of(structure, dt: float) -> np.ndarray:
+    """Return the periods of a spectrum that shows a structure."""
+    longest = 2.0 * np.pi / float(structure.frequencies[0])
+    return np.geomspace(max(2.0 * dt, longest / 50.0), LONGEST * longest, PERIODS)
+
+
+def natural_periods(structure) -> list[tuple[str, float]]:
+    """Return names and values of the longest periods, or of the longest of each building."""
+    if structure.buildings.max() == 0:
+        periods = 2.0 * np.pi / structure.frequencies[:MAX_MODES]
+        return [(f"T_{k + 1}", period) for k, period in enumerate(periods.tolist())]
+    found = []
+    for number, name in enumerate(structure.building_names):
+        own = np.ix_(*2 * [structure.buildings == number])
+        omega = natural_modes(structure.mass_matrix[own], structure.stiffness_matrix[own])[0][0]
+        found.append((rf"T_{{1,\mathrm{{{name}}}}}", 2.0 * np.pi / float(omega)))
+    return found
+
+
+def finish(axis, study: Records, periods: np.ndarray, curves: np.ndarray) -> str:
+    """Mark natural periods, limit and label the axes; return words about what lies beyond."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    n = min(results.sizes["record"], responses.MAX_GREY)
-    study = style.study_of(results, Records)
-    first = responses.samples_of(study, 0)
-    natural = 2.0 * np.pi / study.structure.frequencies
-    shortest = max(2.0 * first.dt, natural[0] / 50.0)
-    periods = np.geomspace(shortest, LONGEST * natural[0], PERIODS)
-    found = [spectrum(responses.samples_of(study, i), periods).acceleration for i in range(n)]
-    curves = np.array(found) / study.gravity
-    figure, (axis,) = style.new_figure(1, 4.2)
-    responses.draw_suite(lambda *curve, **looks: axis.plot(periods, *curve, **looks), curves)
-    for k, period in enumerate(natural[:MAX_MODES]):
+    before, raised = 0.0, False
+    for name, period in sorted(natural_periods(study.structure), key=lambda mark: mark[1]):
+        raised, before = period < NEAR * before and not raised, period
         axis.axvline(period, color=palette.series_colour(1), linewidth=0.8)
-        where = {"xycoords": ("data", "axes fraction"), "va": "top", "fontsize": 8}
-        axis.annotate(rf" $T_{k + 1}$", (period, 0.98), **where)
+        where = {"xycoords": ("data", "axes fraction"), "ha": "center", "fontsize": 8}
+        axis.annotate(f"${name}$", (period, 1.06 if raised else 1.01), **where)
     time = study.structure.unit_names.time or "time"
     axis.set_xscale("log")
     axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.set(xlabel=f"period  [{time}]", ylabel="pseudo-acceleration, 5 %  [g]")
-    axis.set(xlim=(periods[0], periods[-1]), ylim=(0, None))
+    edge, beyond = responses.within(curves)
+    axis.set(xlabel=f"period  [{time}]", xlim=(periods[0], periods[-1]), ylim=(0, edge))
+    return beyond
+
+
+def draw(results):
+    """Draw Sa over the period, in g."""
+    n = min(results.sizes["record"], responses.MAX_GREY)
+    study = style.study_of(results, Records)
+    periods = periods_of(study.structure, responses.samples_of(study, 0).dt)
+    found = [spectrum(responses.samples_of(study, i), periods).acceleration for i in range(n)]
+    curves = np.array(found) / study.gravity
+    figure, (axis,) = style.new_figure(1, 4.2)
+    responses.draw_suite(lambda *curve, **looks: axis.plot(periods, *curve, **looks), curves)
+    beyond = finish(axis, study, periods, curves)
+    axis.set_ylabel("pseudo-acceleration, 5 %  [g]")
     responses.legend(axis, f"{n} records as they are", handlelength=3.5)
-    return style.head(figure, str(results.attrs["name"]), fontsize=9)
+    return style.head(figure, str(results.attrs["name"]), beyond, fontsize=9)

@@ -20,6 +20,8 @@ MOST = 60
 STRONG, WEAK = 3.0, 1e-3
 """Peak accelerations in g beyond which a record's unit looks wrong: the strongest that was ever
 recorded is 4 g."""
+SCALED = 10.0
+"""Factor beyond which a record is not like a stronger one any more."""
 YIELDS = 0.5
 """Drift ratio in percent from which on frames of reinforced concrete begin to yield."""
 FAR = 0.3
@@ -75,6 +77,11 @@ def warnings(study: RecordGrid) -> Iterator[str]:
             yield f"{one.name} has a PGA of {pga:.3g} g: is its unit right?"
         if one.pgd > FAR * one.pgv * one.samples * one.dt:
             yield f"{one.name}: the ground is displaced by {one.pgd:.3g}: its baseline drifts"
+    if (factor := study.factor.max(axis=1)).max() > SCALED:
+        yield (
+            f"{(factor > SCALED).sum()} of {len(study.suite)} records are multiplied by more than "
+            f"{SCALED:g}, by up to {factor.max():.3g}: stronger records would be better"
+        )
 
 
 def elastic_drift(results, structure: Structure) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
 from hpcsweep.earthquakes.suite import (
     MEASURES,
     OWN_PERIOD,
@@ -30,8 +31,9 @@ from hpcsweep.earthquakes.units import (
 )
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.response import SAME_STEP, WHOLE, steps_in
+from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.blocks import Place
+from hpcsweep.studies.ground_motion.floors import MAX_PERIODS, FloorSpectra, read_damping_ratio
 from hpcsweep.studies.ground_motion.responses import RecordResponses
 from hpcsweep.studies.keys import BLOCK, Key
 from hpcsweep.studies.part import Part
@@ -90,13 +92,18 @@ OUTPUT = (
         "whole part of the time between samples ([size and price](earthquakes.md#a-study))",
         told="none",
     ),
+    Key(
+        "floor_spectra",
+        "table: `periods`, `damping_ratio` and `places`, names of floors, of response spectra of "
+        "floors that are stored of every run ([price](earthquakes.md#floor-response-spectra))",
+        told="none, 0.05, all",
+    ),
     BLOCK,
 )
 MAX_FILES = 10_000
 MAX_SCALES = 1_000_000
 SCALES = 1e-250, 1e250
 """Smallest and largest scale."""
-MAX_PERIODS = 1000
 MAX_MEASURES = 500_000
 """Measures of records by the longest periods of structures."""
 SAME = 1e-9
@@ -138,6 +145,8 @@ class RecordGrid(Part):
         One g in the structure's units.
     history : float
         Step between the instants at which the motion is stored; 0: it is not.
+    floors : FloorSpectra
+        Spectra of floors that are stored.
     """
 
     structure: Structure
@@ -152,6 +161,7 @@ class RecordGrid(Part):
     storey_height: tuple[float, ...]
     gravity: float
     history: float
+    floors: FloorSpectra
 
     @cached_property
     def factor(self) -> np.ndarray:
@@ -163,7 +173,8 @@ class RecordGrid(Part):
     def responses(self) -> RecordResponses:
         """Responses that compute the runs."""
         n_instants = sum(one.values.size for one in self.instants.values())
-        return RecordResponses(self.structure, self.settings, self.tail, self.history, n_instants)
+        more = self.history, n_instants, self.floors
+        return RecordResponses(self.structure, self.settings, self.tail, *more)
 
     def record(self, i: int) -> Record:
         """Return the samples of record i.
@@ -319,9 +330,8 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
         if listed.min() <= 0:
             raise values.error(f"records.scale.{key}", table[key], "must be above 0")
         periods = tuple(listed.tolist())
-    ratio = values.number("records.scale.damping_ratio", table.get("damping_ratio", 0.05))
-    if not 0 <= ratio < 1:
-        raise values.error("records.scale.damping_ratio", ratio, "must be from 0 to below 1")
+    given = table.get("damping_ratio", DAMPING_RATIO)
+    ratio = read_damping_ratio(values, "records.scale.damping_ratio", given)
     grid = {key: table[key] for key in RANGE if key in table}
     if "values" in grid and len(grid) > 1:
         raise values.error("records.scale.values", grid["values"], "goes without from and to")

@@ -16,6 +16,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Path, Poll, Rows, Say, Timed
 from hpcsweep.studies.ground_motion import describe, keys
+from hpcsweep.studies.ground_motion.floors import read_floor_spectra
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.recompute import response_again
 from hpcsweep.studies.ground_motion.responses import SKIP_RULES
@@ -82,6 +83,7 @@ class Records(RecordGrid):
             storey_height=structure.names.storey_heights,
             gravity=keys.read_gravity(values),
             history=keys.read_history(values, suite, tail),
+            floors=read_floor_spectra(values, suite, structure),
             **common,
         )
 
@@ -98,7 +100,8 @@ class Records(RecordGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
-        return response_variables(self.structure, self.settings, self.history > 0.0)
+        asked = self.history > 0.0, bool(self.floors.periods)
+        return response_variables(self.structure, self.settings, *asked)
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -110,6 +113,7 @@ class Records(RecordGrid):
             "state": states(self.structure),
             "block": numbered(self.n_blocks, "block of scales"),
             **self.instants,
+            **self.floors.dimensions,
         }
 
     @property

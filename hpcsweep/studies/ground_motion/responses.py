@@ -30,19 +30,22 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from hpcsweep.earthquakes.floor_spectra import floor_spectra
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.history import history
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Energy
-from hpcsweep.solvers.response import (
-    Response,
-    history,
-    linear_response,
-    scale_of_contact,
-)
+from hpcsweep.solvers.response import Response, linear_response, scale_of_contact
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
-from hpcsweep.studies.ground_motion.variables import HISTORY, RUN, pack, peaks_of
+from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, FloorSpectra
+from hpcsweep.studies.ground_motion.variables import (
+    HISTORY,
+    RUN,
+    pack,
+    peaks_of,
+)
 from hpcsweep.studies.settings import SweepSettings
 
 SKIP_RULES = ("linear", "ratio")
@@ -65,7 +68,9 @@ class RecordResponses:
     tail : float
         Time of free motion after each record.
     step, n_instants : float, int
-        Of the histories, if they are stored: computed plainly, whatever the rules.
+        Of the histories, if they are stored: computed plainly, whatever the rules ...
+    floors : FloorSpectra
+        ... and so are these.
     """
 
     def __init__(
@@ -73,11 +78,12 @@ class RecordResponses:
         structure: Structure,
         settings: SweepSettings,
         tail: float,
-        step: float = 0.0,
-        n_instants: int = 0,
+        step: float,
+        n_instants: int,
+        floors: FloorSpectra,
     ):
         self.structure, self._settings, self._tail = structure, settings, tail
-        self._step, self._n_instants = step, n_instants
+        self._step, self._n_instants, self._floors = step, n_instants, floors
         self._own, self._alone = peaks_of(structure, settings)
         sharp = structure.sharpness == math.inf or not structure.contacts
         self._linear = sharp and "linear" in settings.skip
@@ -135,6 +141,7 @@ class RecordResponses:
         return (
             self._by_name(np.array(found))
             | motion
+            | self._floor_spectra(record, factors, told["outcome"], poll)
             | {name: np.array(values, np.int8) for name, values in told.items()}
         )
 
@@ -160,6 +167,23 @@ class RecordResponses:
                     if name in found:
                         found[name][k, : len(values)] = values
         return found
+
+    def _floor_spectra(self, record, factors, outcomes, poll: Poll) -> Rows:
+        """Compute the floor spectra, by variable name; NaN where there is no motion."""
+        periods, ratio, places = self._floors
+        if not periods:
+            return {}
+        found = np.full((factors.size, len(places), len(periods)), math.nan)
+        for k, (factor, outcome) in enumerate(zip(factors.tolist(), outcomes, strict=True)):
+            if outcome is Outcome.COMPLETE:
+                seen = floor_spectra(
+                    *(self.structure, record, periods, ratio, factor, self._tail),
+                    places=places,
+                    rtol=self._settings.rtol,
+                    poll=poll,
+                )
+                found[k] = seen.acceleration
+        return {FLOOR_SPECTRUM.name: found}
 
     def _free(self, record: Record, digest: str) -> tuple[np.ndarray, np.ndarray, float]:
         """Return the response without contacts, the results of it, and its largest scale."""

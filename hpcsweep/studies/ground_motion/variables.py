@@ -8,12 +8,10 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.record_response import Energy, Response
 from hpcsweep.studies import variables
+from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, RUN
 from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.variable import ANY, EITHER, FINITE, SIZE, Coordinate, Variable, count, real
 from hpcsweep.studies.variables import STATES, measure_coordinates, named
-
-RUN = ("record", "scale")
-"""Dimensions of a run."""
 
 
 class Peak(NamedTuple):
@@ -150,13 +148,14 @@ def peaks_of(structure: Structure, settings: SweepSettings) -> tuple[list[Peak],
 
 
 def response_variables(
-    structure: Structure, settings: SweepSettings, history: bool
+    structure: Structure, settings: SweepSettings, history: bool, spectra: bool
 ) -> list[Variable]:
-    """Return the variables of a run, in the order of the file, with or without its history."""
+    """Return the variables of a run, in the order of the file, with what is asked for besides."""
     own, alone = peaks_of(structure, settings)
     motion = [one for one in HISTORY if one.dims[-1] not in _absent(structure)]
     peaks = [peak.variable for peak in own + alone]
-    return [*peaks, *(motion if history else ()), OUTCOME, SKIP_RULE]
+    asked = (*(motion if history else ()), *((FLOOR_SPECTRUM,) if spectra else ()))
+    return [*peaks, *asked, OUTCOME, SKIP_RULE]
 
 
 def place_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:

@@ -1,0 +1,65 @@
+"""Response spectra of a floor under the records of a suite at one intensity, with fractiles."""
+
+import numpy as np
+
+from hpcsweep.earthquakes.floor_spectra import floor_spectra
+from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
+from hpcsweep.earthquakes.stripes import fractiles
+from hpcsweep.figures import palette, style
+from hpcsweep.figures.diagrams import responses, suite_spectra
+from hpcsweep.studies.ground_motion.records import Records
+
+NAME = "floor-spectra"
+DRAWS = "responses"
+HELP = """\
+response spectra of the floor --place (default: the top of the first building) at one
+intensity, 5 % damping, with fractiles and the median without contacts; those of the file
+(output.floor_spectra), or from the records"""
+OPTIONS = (responses.SCALE, responses.PLACE)
+
+
+def load(frames, **_options):
+    """Read the floor spectra, if there are some, and the facts about the records."""
+    return frames.gather([name for name in ("floor_spectrum", "outcome") if name in frames])
+
+
+def draw(results, scale: float | None = None, place: str | None = None):
+    """Draw the spectral acceleration over the period, in g."""
+    study, at = style.study_of(results, Records), responses.scale_index(results, scale)
+    structure, stored = study.structure, study.floors
+    names = [str(one) for one in structure.floor_names]
+    top = names[int(np.flatnonzero(structure.buildings == 0)[-1])]
+    place = place or (stored.places[0] if stored.places else top)
+    if place not in names:
+        raise style.PlotError(f"--place {place}: must be a floor, of {', '.join(names)}")
+    n, alone = min(results.sizes["record"], responses.MAX_GREY), None
+    if place in stored.places:
+        periods, ratio = np.array(stored.periods), stored.damping_ratio
+        found = results["floor_spectrum"].isel(scale=at).sel(place=place).values[:n]
+    else:
+        samples = [responses.samples_of(study, i) for i in range(n)]
+        periods, ratio = suite_spectra.periods_of(structure, samples[0].dt), DAMPING_RATIO
+
+        def spectra(of) -> np.ndarray:
+            made = [
+                floor_spectra(of, one, periods, ratio, factor, study.tail, places=[place])
+                for one, factor in zip(samples, study.factor[:, at].tolist(), strict=False)
+            ]
+            return np.array([one.acceleration[0] for one in made])
+
+        found = spectra(structure)
+        if structure.contacts:
+            (alone,) = fractiles(spectra(structure.without_contacts()), (0.5,)) / study.gravity
+    curves = found[np.isfinite(found).all(axis=1)] / study.gravity
+    if not len(curves):
+        raise style.PlotError("no run is complete yet")
+    figure, (axis,) = style.new_figure(1, 4.4)
+    responses.draw_suite(lambda *curve, **looks: axis.plot(periods, *curve, **looks), curves)
+    if alone is not None:
+        looks = {"color": palette.STOP, "linewidth": 2.0, "label": "50 %, no contact"}
+        axis.plot(periods, alone, ":", **looks)
+    beyond = suite_spectra.finish(axis, study, periods, curves)
+    axis.set_ylabel(f"pseudo-acceleration on {place}, {100 * ratio:g} %  [g]")
+    responses.legend(axis, f"{len(curves)} records", handlelength=3.5)
+    where = f"floor {place},  {responses.at_scale(study, at)}"
+    return style.head(figure, responses.title(results), where, beyond, fontsize=9)

@@ -23,11 +23,10 @@ from hpcsweep.model.arguments import finite, finite_vector, flag, instance, numb
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.arguments import AT_STRENGTH
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Response
 
-AT_STRENGTH = 1e-9
-"""Part by which a slider may start beyond its strength: rounding of a state put there."""
 __all__ = ["Response", "first_contact_scale", "history", "linear_response", "response"]
 
 WHOLE = "must be a whole multiple or a whole part of {:g}, the time between samples"

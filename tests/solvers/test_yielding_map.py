@@ -185,3 +185,26 @@ def test_pieces_of_a_motion_are_the_whole_of_it():
     whole = solver.points(np.zeros(3), 1.3, 9)[0]
     first = solver.advance(np.zeros(3), 1.3, 4).state
     assert solver_of(structure).points(first, 1.3, 5)[0].tobytes() == whole[4:].tobytes()
+
+
+@pytest.mark.parametrize("omega", [0.7, 0.9, 1.2])
+def test_steady_amplitudes_are_caugheys_near_resonance(omega):
+    """Caughey, Journal of Applied Mechanics 27 (1960) 640: x = a cos(theta), averaged.
+
+    With cos(t) = 1 - 2 / a the force is C cos(theta) - S sin(theta) in the mean, C = a ((1 - alpha)
+    (t - sin(2 t) / 2) / pi + alpha), S = a (1 - alpha) sin(t)^2 / pi, and the forcing balances (C -
+    Omega^2 a, S + c Omega a). Where one harmonic prevails it is met within 1 %.
+    """
+    alpha, c = 0.1, 0.04
+    structure = oscillator(alpha, c)
+    for amplitude in (0.7, 1.0):
+        solver = solver_of(structure.measured_at(omega, amplitude), omega)
+        end = solver.settle(np.zeros(3), amplitude, 500, 8, 1e-10, 1e-6)
+        assert end.period == 1
+        a = solver.observe(end.state, amplitude, 1).slid["ductility"][0]
+        assert a > 1.1
+        t = math.acos(1.0 - 2.0 / a)
+        along = a * ((1.0 - alpha) * (t - 0.5 * math.sin(2.0 * t)) / math.pi + alpha)
+        across = a * (1.0 - alpha) * math.sin(t) ** 2 / math.pi
+        needed = math.hypot(along - omega**2 * a, across + c * omega * a)
+        assert needed == pytest.approx(amplitude, rel=0.01)

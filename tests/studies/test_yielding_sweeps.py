@@ -165,6 +165,11 @@ def test_no_exponent_without_a_tangent():
         parse_job(JOB + "lyapunov = true\n", "job.toml", "job")
 
 
+def test_a_map_shows_the_ductility(tmp_path, swept):
+    done = hpcsweep(0, "plot", swept, "--kind", "map", "--value", "ductility", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
 def test_pictures_that_integrate_are_refused(tmp_path, swept):
     for arguments in (
         ("plot", swept, "--kind", "phase", "--amplitude", "0.9", "-o", "x.png"),

@@ -21,7 +21,7 @@ def oscillator(hardening=0.0, damping=0.05, **given):
     )
 
 
-def reference(structure, amplitude, omega, state, n_periods):
+def reference(structure, amplitude, omega, state, n_periods, track=None):
     """Return the states (u, u', p) at the end of each period, by DOP853 from event to event."""
     n, sliders = structure.n_floors, structure.sliders
     inverse = np.linalg.inv(structure.mass_matrix)
@@ -60,6 +60,8 @@ def reference(structure, amplitude, omega, state, n_periods):
                 max_step=period / 200,
                 events=[event(j, way) for j, way in guards],
             )
+            if track is not None:
+                track.append((done.t, done.y[:n]))
             t, z = done.t[-1], done.y[:, -1]
             for (j, way), times in zip(guards, done.t_events, strict=True):
                 if len(times) and slip[j]:
@@ -208,3 +210,19 @@ def test_steady_amplitudes_are_caugheys_near_resonance(omega):
         across = a * (1.0 - alpha) * math.sin(t) ** 2 / math.pi
         needed = math.hypot(along - omega**2 * a, across + c * omega * a)
         assert needed == pytest.approx(amplitude, rel=0.01)
+
+
+def test_modal_norms_of_sliders_that_slip_are_means_over_the_motion():
+    """Sliders that slip have tables of their own: those of the free structure give other rows."""
+    structure = hpcsweep.Structure(
+        2, mass=1.0, gap=math.inf, sharpness=math.inf, yield_drift=0.3, hardening=0.05
+    )
+    solver, track = solver_of(structure.measured_at(0.3, 0.5), 0.3), []
+    start = solver.advance(np.zeros(6), 0.5, 3).state
+    reference(structure, 0.5, 0.3, start, 1, track)
+    t, u = np.concatenate([t for t, _ in track]), np.hstack([u for _, u in track])
+    q = np.abs(structure.modal_transform @ u)
+    expected = np.trapezoid(q / np.linalg.norm(q, axis=0), t) / t[-1]
+    found = solver.observe(start, 0.5, 1, modal_norm=True)
+    assert found.slid["slider_energy"].min() > 0.0
+    np.testing.assert_allclose(found.modal_norm, expected, rtol=0, atol=2e-3)

@@ -73,9 +73,8 @@ class LinearDynamics(System):
         """
         from scipy.linalg import eigh
 
-        held = self.elastic_stiffness + np.trace(self.stiffness_matrix) * sum(
-            (np.outer(d, d) / (d @ d) for d in self.directions), np.zeros(())
-        )
+        d, size = self.directions, np.trace(self.stiffness_matrix)
+        held = self.elastic_stiffness + size * (d.T / (d**2).sum(axis=1)) @ d
         values, vectors = eigh(held, self.stiffness_matrix)
         return frozen(vectors[:, np.abs(values) <= ROUNDED])
 

@@ -26,20 +26,15 @@ class Sliders:
         self._above, below = elements.rows[self.own].T
         self._below, self._lower = np.maximum(below, 0), np.where(below >= 0, 1.0, 0.0)
         # the kernels' rows are directions of sliders, or against them
-        self.sign = np.array(
-            [
-                1.0 if np.array_equal(reach, slider.direction) else -1.0
-                for reach, slider in zip(elements.reach, structure.sliders, strict=True)
-            ]
-        )
-        self._takes = np.array(
-            [elements.guard[first:last, TAKES].any() for first, last in _pairs(elements.guards)],
-            bool,
-        )
-        first = elements.first[self.own]
-        spans = [range(*elements.guards[mode : mode + 2]) for mode in first]
-        self._first, self._guards = first, np.concatenate([np.array(one, int) for one in spans])
-        self._of = np.repeat(np.arange(count), [len(one) for one in spans])
+        along = (elements.reach == structure.slider_directions).all(axis=1)
+        self.sign = np.where(along, 1.0, -1.0)
+        takes = np.split(elements.guard[:, TAKES] > 0.0, elements.guards[1:-1])
+        self._takes = np.array([one.any() for one in takes], bool)
+        spans = np.split(np.arange(len(elements.guard)), elements.guards[1:-1])
+        self._first = elements.first[self.own]
+        own = [spans[mode] for mode in self._first]
+        self._guards = np.concatenate(own)
+        self._of = np.repeat(np.arange(count), [len(one) for one in own])
 
     def elongation(self, half: np.ndarray) -> np.ndarray:
         """Return y of each, or y' where `half` are the velocities of a state of the kernels."""
@@ -61,16 +56,11 @@ class Sliders:
         modes.mode[:], modes.path[:], modes.taken[:] = self._elements.first, 0.0, 0
         modes.state[self.own] = plastic
         y, speed = (self.elongation(half)[self._of] for half in np.split(z, 2))
-        sign, spring, level, share = self._elements.guard[self._guards][
-            :, [SIGN, SPRING, LEVEL, SHARE]
-        ].T
+        guard = self._elements.guard[self._guards].T
+        sign, spring, level, share = guard[[SIGN, SPRING, LEVEL, SHARE]]
         value = sign * (spring * y - level - share * plastic[self._of])
         near = ROUNDING * np.maximum(np.abs(level), np.abs(y))
         passed = (value > near) | ((value > -near) & (sign * spring * speed > 0.0))
         mode = self._first.copy()
         mode[self._of[passed]] = self._elements.after[self._guards[passed]]
         modes.mode[self.own] = mode
-
-
-def _pairs(ends: np.ndarray):
-    return zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)

@@ -84,9 +84,9 @@ def told_of_sliders(
 
 
 def store_failure(rows: Rows, end: np.ndarray, cycles: int, outcome: Outcome) -> None:
-    """Write the outcome of a failed run and its last state into its row."""
+    """Write the outcome of a failed run and its last state, of a collapse rest, into its row."""
     rows["cycles"][:] = cycles
     rows["outcome"][:] = outcome
-    rows["final_state"][:] = end
+    rows["final_state"][:] = 0.0 if outcome is Outcome.COLLAPSED else end
     if "motion" in rows:
         rows["motion"][:] = MotionClass.FAILED

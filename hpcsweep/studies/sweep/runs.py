@@ -230,7 +230,7 @@ class FrameRuns:
             jumped = not math.isnan(end.multiplier)
             row["skip_rule"][:] = SkipRule.NEWTON if jumped else SkipRule.CONVERGED
         if end.outcome is not Outcome.COMPLETE:
-            store_failure(row, self._after(z, end.outcome), cycles, end.outcome)
+            store_failure(row, z, cycles, end.outcome)
             return
         seen = self.solver.observe(
             z,
@@ -243,8 +243,7 @@ class FrameRuns:
         )
         cycles += len(seen.points)
         if seen.outcome is not Outcome.COMPLETE:
-            z = seen.points[-1] if len(seen.points) else z
-            store_failure(row, self._after(z, seen.outcome), cycles, seen.outcome)
+            store_failure(row, seen.points[-1] if len(seen.points) else z, cycles, seen.outcome)
             return
         if end.period and self.structure.sliders:
             kind = MotionClass.NO_CONTACT if seen.is_free else MotionClass.PERIODIC
@@ -252,10 +251,6 @@ class FrameRuns:
         else:
             found = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
         self._store(row, amplitude, found, seen.points[-1], cycles)
-
-    def _after(self, z: np.ndarray, outcome: Outcome) -> np.ndarray:
-        """Return the state from which the run after a failed one starts: of a collapse, rest."""
-        return np.zeros_like(z) if outcome is Outcome.COLLAPSED else z
 
     def _store(self, row, amplitude: float, found: Classification, end, cycles: int) -> None:
         """Write a run and the classification of its motion into its row."""

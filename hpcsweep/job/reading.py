@@ -158,7 +158,7 @@ def read_study(source: str, tree: Mapping):
     return study.read(
         values,
         structure=structure,
-        initial_state=_initial_state(values, structure),
+        initial_state=_initial_state(values, structure, study.starts_at_rest),
         settings=settings,
         block_size=values.whole("output.block", block, *BLOCK.limits),
     )
@@ -227,9 +227,10 @@ def _name(values: Values, default: str) -> str:
     return name.encode(errors="replace").decode()
 
 
-def _initial_state(values: Values, structure: Structure) -> np.ndarray:
+def _initial_state(values: Values, structure: Structure, at_rest: bool) -> np.ndarray:
     given = values.get("sweep.initial_state", "rest")
-    size, sliders = structure.state_units.size, structure.sliders
+    sliders = () if at_rest else structure.sliders
+    size = 2 * structure.n_floors + len(sliders)
     if given == "rest":
         return np.zeros(size)
     if not isinstance(given, list) or len(given) != size:
@@ -240,8 +241,8 @@ def _initial_state(values: Values, structure: Structure) -> np.ndarray:
         limit = f"must be finite, and at most {MAX_STATE:g}"
         raise values.error("sweep.initial_state", given, limit)
     moved, lasting = state[: structure.n_floors], state[size - len(sliders) :]
-    stretched = structure.slider_directions @ moved - lasting
-    for name, one, d in zip(structure.slider_names, sliders, np.abs(stretched), strict=True):
+    stretched = structure.slider_directions[: len(sliders)] @ moved - lasting
+    for name, one, d in zip(structure.slider_names, sliders, np.abs(stretched), strict=False):
         if d > one.limit * (1.0 + AT_STRENGTH):
             limit = f"must have |b . u - p| of slider {name} at most {one.limit:.6g}, is {d:.6g}"
             raise values.error("sweep.initial_state", given, limit)

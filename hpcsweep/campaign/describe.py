@@ -118,10 +118,11 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
     if not numbers:
         return
     where = ", ".join(f"{u:.6g}" for u in structure.rest[: structure.n_floors])
+    initial = study.initial_state[: structure.rest.size]
     start = "the initial state is not there"
     if study.starts_at_rest:
         start = "every run starts there"
-    elif np.allclose(study.initial_state, structure.rest, 1e-9, 1e-12 * structure.length_unit):
+    elif np.allclose(initial, structure.rest, 1e-9, 1e-12 * structure.length_unit):
         start = "the initial state"
     yield (
         f"contact {', '.join(names[k] for k in numbers)} pressed, static equilibrium at u = "

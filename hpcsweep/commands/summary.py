@@ -98,6 +98,7 @@ P{value[period]}: {value[reason]}
 more seeds on none | {more_missed}
 file | {gigabytes:.4g} GB, {on_disk:.4g} GB on disk
 kinds: {key} | {value}
+shakedown: shakedown {key} | {value:share}
 chaotic | {untold}
 chaos that lasts | {transients[share]:percent} of chaotic runs outlive {transients[periods]} more \
 periods ({transients[outlive]} of {transients[samples]} drawn, {transients[undecided]} undecided; \

@@ -62,13 +62,26 @@ PEAK_WIDTH = 0.12
 """Half width of the range tried, in 1 / N: twice the error of a peak of the padded spectrum."""
 
 
+class Shakedown(IntEnum):
+    """What the sliders do over the orbit of a run."""
+
+    UNKNOWN = 0
+    """No orbit is known."""
+    ELASTIC = 1
+    """None slips: their lasting elongations are constant."""
+    PLASTIC = 2
+    """They slip forth and back: lasting elongations repeat."""
+    RATCHETING = 3
+    """Lasting elongations grow each time; relative to that the motion repeats."""
+
+
 class MotionClass(IntEnum):
     """Class of the motion of a run."""
 
     NOT_COMPUTED = 0
     """No committed result."""
     NO_CONTACT = 1
-    """No contact in the steady window (only where the file holds ``contact``)."""
+    """No contact, and no slip, in the steady window (only where the file holds ``contact``)."""
     PERIODIC = 2
     """The variable ``orbit_period`` holds the period."""
     LONG_PERIOD = 3
@@ -126,7 +139,8 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
     classes[(period == 0) & (growth > CHAOS_GROWTH)] = MotionClass.CHAOTIC
     classes[(period > 0) & ~(growth > UNSTABLE)] = MotionClass.PERIODIC
     if "contact" in results:
-        classes[results["contact"].values == 0] = MotionClass.NO_CONTACT
+        slips = results["slider_energy"].values.any(-1) if "slider_energy" in results else False
+        classes[(results["contact"].values == 0) & ~np.asarray(slips)] = MotionClass.NO_CONTACT
     classes = _with_failures(classes, outcome)
     if "poincare" in results:
         points, counts = results["poincare"].values, results["n_points"].values

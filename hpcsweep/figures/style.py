@@ -38,6 +38,12 @@ class PlotError(ValueError):
     """Raised where a request cannot be drawn; the message is one line for the user."""
 
 
+def refuse_sliders(what: str, structure) -> None:
+    """Refuse to integrate between the points of a structure that yields."""
+    if structure.sliders:
+        raise PlotError(f"{what}: follows no motion of springs that yield; --kind orbit draws them")
+
+
 def set_name(contact: int, labels: int | Sequence[str], room: int | None = LEGEND_ROOM) -> str:
     """Return the name of a contact set in a legend, 'no contact' if it is empty."""
     return contact_name(contact, labels, room) if contact else "no contact"

@@ -181,7 +181,8 @@ KEYS: Tables = {
         Key(
             "initial_state",
             '`"rest"`, u = v = 0, or 2n numbers u_1 .. u_n, v_1 .. v_n: the start of each frame, '
-            "of points of each run; of basins the components that the slice does not span",
+            "of points of each run; of basins the components that the slice does not span; of L "
+            "sliders p_1 .. p_L behind",
             "rest",
         ),
     ),

@@ -22,7 +22,8 @@ from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts, read_varied, unused
 from hpcsweep.model import arguments
-from hpcsweep.solvers.arguments import MAX_PERIOD
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
@@ -147,17 +148,21 @@ def read_study(source: str, tree: Mapping):
     values.check_tables(keys_of(study), partial(_keys_of_others, study))
     structure = structures.read_structure(values)
     settings = _settings(values, study.skip_rules)
-    if settings.solver == "bdf" and structure.contact_damping.any():
-        limit = "must be 'flow' where contacts have dashpots"
+    if settings.solver == "bdf" and (structure.contact_damping.any() or structure.sliders):
+        limit = "must be 'flow' where contacts have dashpots, or springs yield"
         raise values.error("solver.method", settings.solver, limit)
-    if structure.sliders and not study.starts_at_rest:
-        limit = "must be 'records' where springs yield: harmonic studies of them are to come"
+    if structure.sliders and not study.yields:
+        known = ", ".join(name for name in KINDS if KINDS[name].yields)
+        limit = f"must be one of {known} where springs yield ({len(structure.sliders)} sliders)"
         raise values.error("study.kind", study.kind, limit)
+    if structure.sliders and "lyapunov" in settings.metrics:
+        limit = "must be false where springs yield: their motions have no tangent map"
+        raise values.error("output.lyapunov", True, limit)
     block = values.get("output.block", _default_block(values, study))
     return study.read(
         values,
         structure=structure,
-        initial_state=_initial_state(values, structure.n_floors),
+        initial_state=_initial_state(values, structure, study.starts_at_rest),
         settings=settings,
         block_size=values.whole("output.block", block, *BLOCK.limits),
     )
@@ -230,18 +235,25 @@ def _name(values: Values, default: str) -> str:
     return name.encode(errors="replace").decode()
 
 
-def _initial_state(values: Values, n: int) -> np.ndarray:
+def _initial_state(values: Values, structure: Structure, at_rest: bool) -> np.ndarray:
     given = values.get("sweep.initial_state", "rest")
+    sliders = () if at_rest else structure.sliders
+    size = 2 * structure.n_floors + len(sliders)
     if given == "rest":
-        return np.zeros(2 * n)
-    if not isinstance(given, list) or len(given) != 2 * n:
-        raise values.error(
-            "sweep.initial_state", given, f'must be "rest" or a list of 2 n = {2 * n} numbers'
-        )
+        return np.zeros(size)
+    if not isinstance(given, list) or len(given) != size:
+        form = f"2 n + L = {size} numbers, u, v and p" if sliders else f"2 n = {size} numbers"
+        raise values.error("sweep.initial_state", given, f'must be "rest" or a list of {form}')
     state = np.array([values.number("sweep.initial_state", value) for value in given])
     if not np.all(np.abs(state) <= MAX_STATE):
         limit = f"must be finite, and at most {MAX_STATE:g}"
         raise values.error("sweep.initial_state", given, limit)
+    moved, lasting = state[: structure.n_floors], state[size - len(sliders) :]
+    stretched = structure.slider_directions[: len(sliders)] @ moved - lasting
+    for name, one, d in zip(structure.slider_names, sliders, np.abs(stretched), strict=False):
+        if d > one.limit * (1.0 + AT_STRENGTH):
+            limit = f"must have |b . u - p| of slider {name} at most {one.limit:.6g}, is {d:.6g}"
+            raise values.error("sweep.initial_state", given, limit)
     return state
 
 

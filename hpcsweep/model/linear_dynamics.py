@@ -18,6 +18,8 @@ from hpcsweep.model.system import System, frozen
 
 MAX_OMEGA = 1e150
 """Of the closed forms, which square it."""
+ROUNDED = 1e-12
+"""Part of a stiffness, of its trace say, that is rounding."""
 
 
 class LinearDynamics(System):
@@ -54,9 +56,36 @@ class LinearDynamics(System):
 
     @cached_property
     def state_units(self) -> np.ndarray:
-        """Units of the displacements and velocities of a state, shape (2n,)."""
-        speed = self.length_unit * self.frequency_unit
-        return frozen(np.repeat((self.length_unit, speed), self.n_floors))
+        """Units of the displacements and velocities of a state, shape (2n,).
+
+        Behind them those of the lasting elongations p of the L sliders, of which the state of a
+        motion under a harmonic forcing is made, too: (2n + L,).
+        """
+        n, length = self.n_floors, self.length_unit
+        units = (length, length * self.frequency_unit, length)
+        return frozen(np.repeat(units, (n, n, len(self.sliders))))
+
+    @cached_property
+    def free_drifts(self) -> np.ndarray:
+        """Displacements that neither springs nor contacts oppose once all sliders slip, (n, m).
+
+        With N^T K N = 1. Along these alone a motion can drift for good, its forces periodic.
+        """
+        from scipy.linalg import eigh
+
+        d, size = self.directions, np.trace(self.stiffness_matrix)
+        held = self.elastic_stiffness + size * (d.T / (d**2).sum(axis=1)) @ d
+        values, vectors = eigh(held, self.stiffness_matrix)
+        return frozen(vectors[:, np.abs(values) <= ROUNDED])
+
+    def without_drift(self, states: np.ndarray) -> np.ndarray:
+        """Return states (u, u', p), (..., 2n + L), less their displacement along `free_drifts`."""
+        if not self.sliders or not self.free_drifts.size:
+            return states
+        n, along = self.n_floors, self.free_drifts
+        moved = states[..., :n] @ (self.stiffness_matrix @ along @ along.T)
+        own = (moved, np.zeros_like(moved), moved @ self.slider_directions.T)
+        return states - np.concatenate(own, -1)
 
     @property
     def damping_ratios(self) -> np.ndarray:

@@ -142,7 +142,7 @@ class MeasuredDynamics(LinearDynamics):
         return np.where(known, np.exp2(exponents), self.length_unit)
 
     def units_at(self, omega: float, amplitudes) -> np.ndarray:
-        """Return the units of states, like `state_units`, of motions at k amplitudes, (k, 2n)."""
+        """Return `state_units`, (k, 2n + L), of motions at k amplitudes."""
         speeds = self.state_units / self.length_unit
         return self.lengths(omega, amplitudes)[..., None] * speeds
 
@@ -173,6 +173,7 @@ class MeasuredDynamics(LinearDynamics):
     def within_reach(self, amplitude: float, states: np.ndarray) -> Self:
         """Return the structure without the contacts that no motion can reach.
 
+        The bound knows no sliders: with these all are kept.
         Contacts keep their numbers. Those left out change no bit of any result: no unit, layer or
         bound depends on them.
 
@@ -183,6 +184,8 @@ class MeasuredDynamics(LinearDynamics):
         states : ndarray, shape (m, 2n)
             Initial states of motions.
         """
+        if self.sliders:
+            return self
         bound = reach_of_motions(self, amplitude, states)
         pairs = zip(self.contact_numbers, self.contacts, bound.tolist(), strict=True)
         out = tuple(number for number, contact, most in pairs if contact.gap > most)

@@ -27,6 +27,7 @@ from hpcsweep.model.arguments import (
 )
 from hpcsweep.model.dashpot import refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
+from hpcsweep.model.linear_dynamics import ROUNDED
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
     MAX_FLOORS,
@@ -44,10 +45,6 @@ FOREIGN = (
 """Parameters that the building of the paper leaves at their defaults."""
 AT_LEAST_0 = "finite and at least 0", 0.0, LARGEST
 ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
-
-
-ROUNDED = 1e-12
-"""Negative eigenvalue of a stiffness, over its trace, that is rounding."""
 
 
 def _above_0(name: str, value: Any) -> float:

@@ -17,7 +17,7 @@ class Units:
 
     def __init__(self, structure: Structure, model: Model):
         self._n = structure.n_floors
-        self._units = structure.state_units
+        self._units = structure.state_units[: 2 * self._n]
         self._rows = model.rows
         self.amplitude_unit = structure.length_unit * structure.frequency_unit**2
         self._is_plain = not len(self._rows) and bool(np.all(self._units == 1.0))

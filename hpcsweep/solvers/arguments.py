@@ -10,6 +10,8 @@ from hpcsweep.model.structure import Structure
 MAX_PERIOD = 10_000
 """Longest orbit period to look for, in forcing periods: the mutual distances of as many points take
 0.8 GB."""
+AT_STRENGTH = 1e-9
+"""Part by which a slider may start beyond its strength: rounding of a state put there."""
 
 
 def solver_arguments(
@@ -25,8 +27,9 @@ def solver_arguments(
     instance("structure", structure, Structure)
     if structure.sliders and not yields:
         raise ValueError(
-            "a structure with sliders moves under ground-motion records alone (hpcsweep.response), "
-            "not yet under a harmonic forcing"
+            "a structure with sliders moves under ground-motion records, and in sweeps and points "
+            "under a harmonic forcing (hpcsweep.stroboscopic_points); orbits, branches and "
+            "attractors of it are not followed"
         )
     omega = positive("omega", omega)
     rtol = number("rtol", rtol)
@@ -63,7 +66,7 @@ def motion(solver, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]
     ValueError
         One line that names the argument.
     """
-    z = vector("state", state, 2 * solver.structure.n_floors)
+    z = vector("state", state, solver.structure.state_units.size)
     return z, real("amplitude", amplitude), count("n_periods", n_periods)
 
 

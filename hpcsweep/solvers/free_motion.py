@@ -31,7 +31,7 @@ class FreeMotion:
     def __init__(
         self, structure: Structure, omega: float, transient: int, sampling: int, same: float
     ):
-        self.orbit = LinearOrbit(structure, omega)
+        self.orbit, self._size = LinearOrbit(structure, omega), 2 * structure.n_floors
         free = NOT_KNOWN
         if self.orbit.is_known:
             free = _tables(structure, self.orbit, omega, transient, sampling, same)
@@ -40,10 +40,10 @@ class FreeMotion:
     def window(self, state: np.ndarray, amplitude: float) -> Observation | None:
         """Return the steady window of the run from `state`, or None if it is not proved linear.
 
-        The point of the window is the state at its end.
+        The point of the window is the state at its end. No slider may have slipped.
         """
-        end = np.array(state, dtype=float)
-        if not is_free(self.packed, end.copy(), amplitude, end):
+        end, size = np.array(state, dtype=float), self._size
+        if end[size:].any() or not is_free(self.packed, end[:size].copy(), amplitude, end[:size]):
             return None
         return self.orbit.observation(amplitude, end)
 
@@ -58,7 +58,7 @@ def _tables(
 ) -> Free:
     n = structure.n_floors
     phi, frequencies = structure.modes, structure.frequencies
-    modal = structure.directions @ phi
+    modal = orbit.directions @ phi
     once = period_map(structure, structure.forcing.period(omega))
     left, end = (np.linalg.matrix_power(once, count) for count in (transient, transient + sampling))
     shapes = np.kron(np.eye(2), phi)
@@ -72,7 +72,7 @@ def _tables(
         reach=np.abs(modal),
         softness=np.sqrt(((modal / frequencies) ** 2).sum(axis=1)),
         coupled=not structure.is_modal,
-        left=left / np.repeat(structure.state_units[[0, -1]], n)[:, None],
+        left=left / np.repeat(structure.state_units[[0, n]], n)[:, None],
         end=shapes @ end,
         most=DECAYED * same / float(np.abs(phi).max()),
         modal=np.empty(2 * n),

@@ -37,9 +37,10 @@ class LinearOrbit:
     def __init__(self, structure: Structure, omega: float):
         self._structure = structure
         self._omega = omega
-        directions = structure.directions
+        b, limits = structure.slider_directions, [one.limit for one in structure.sliders]
+        self.directions = directions = np.concatenate((structure.directions, b, -b))
         gaps = np.array([contact.gap for contact in structure.contacts])
-        self.levels = gaps - structure.layer_half_width
+        self.levels = np.append(gaps - structure.layer_half_width, 2 * limits)
         self._peaks: np.ndarray | None = None
         self.is_known = False
         """Whether there is a steady state, and at rest no contact is in its layer."""
@@ -54,8 +55,8 @@ class LinearOrbit:
         self.largest = np.array(
             [trigonometric_maxima(*steady, sign * directions) for sign in (1.0, -1.0)]
         )
-        """Shape (2, C): largest displacement of the steady state at A = 1, and at A = -1, towards
-        each contact."""
+        """Shape (2, C + 2 L): largest displacement of the steady state at A = 1, and at A = -1,
+        towards each contact, and along each slider and against it."""
         self._drift = structure.steady_drift(omega)
 
     def state(self, amplitude: float) -> np.ndarray:
@@ -85,7 +86,19 @@ class LinearOrbit:
             self.peak_drift(amplitude),
             self.modal_norm(amplitude),
             Outcome.COMPLETE,
+            slid=self._slid(amplitude),
         )
+
+    def _slid(self, amplitude: float) -> dict[str, np.ndarray]:
+        """Return what sliders do that do not slip, see `Observation`."""
+        sliders = self._structure.sliders
+        if not sliders:
+            return {}
+        ways = self.largest[:, len(self._structure.contacts) :].max(axis=0)
+        ductility = np.maximum(*np.split(ways, 2)) / [one.limit for one in sliders]
+        nothing = np.zeros(len(sliders))
+        rest = {"slider_energy": nothing, "plastic_drift": nothing}
+        return {"ductility": abs(amplitude) * ductility, **rest}
 
     def peak_drift(self, amplitude):
         """Return the largest interstorey drift at amplitudes A."""
@@ -106,8 +119,9 @@ class LinearOrbit:
             ]
             self._peaks = np.maximum(*both)
         size = np.abs(amplitudes)
-        towards = size * np.where(amplitudes >= 0, self.largest[0], self.largest[1])
         gaps = np.array([contact.gap for contact in self._structure.contacts])
+        largest = self.largest[:, : gaps.size]
+        towards = size * np.where(amplitudes >= 0, *largest)
         no_impacts = np.zeros((len(size), 4 * gaps.size))
         return np.hstack((size * self._peaks, np.maximum(towards - gaps, 0.0), no_impacts))
 

@@ -16,15 +16,16 @@ class Outcome(IntEnum):
     """One forcing period needed more steps than the solver's limit."""
     SOLVER_FAILED = 4
     """The integrator gave up: its step became too small or its iteration diverged."""
+    COLLAPSED = 5
+    """A motion under a harmonic forcing has left the limits of a drift, and ended."""
 
 
 COMPLETE = int(Outcome.COMPLETE)
 NON_FINITE = int(Outcome.NON_FINITE)
 STEP_LIMIT = int(Outcome.STEP_LIMIT)
 SOLVER_FAILED = int(Outcome.SOLVER_FAILED)
-"""The same as the kernels return them."""
-COLLAPSED = -1
-"""A motion has left the limits of a drift: it is complete, and ends there. Not stored."""
+COLLAPSED = int(Outcome.COLLAPSED)
+"""The same as the kernels return them. A response to a record that has collapsed is complete."""
 
 REMEDIES = {
     Outcome.NON_FINITE: "the motion left double precision: check structure and amplitude",
@@ -32,5 +33,6 @@ REMEDIES = {
     "solver.method",
     Outcome.SOLVER_FAILED: "the integrator gave up: a larger solver.rtol, or solver.method = "
     '"flow"',
+    Outcome.COLLAPSED: "the structure has collapsed under this amplitude: no remedy is needed",
 }
 """Remedies for failed runs; the rest of the job is valid without them."""

@@ -121,7 +121,8 @@ class Observation:
     Attributes
     ----------
     points : ndarray, shape (k, 2n)
-        Stroboscopic points z(T), ..., z(kT); k is less than requested only after a failure.
+        Stroboscopic points z(T), ..., z(kT); k is less than requested only after a failure. With L
+        sliders states are (u, u', p), of size 2n + L.
     contact : int
         Bit i - 1 is set if u_i >= 1 at any time of the window.
     peak_drift : float
@@ -143,6 +144,10 @@ class Observation:
         period, its largest closing speed, the integral of its force over its stiffness, a forcing
         period, and the share of the time in which it is closed. Those that the flags (`PEAK_FLAGS`,
         `IMPACT_FLAG`) do not request have their initial values; empty if none is requested.
+    slid : dict of str to ndarray, shape (L,)
+        Of each slider, if there are any: ``ductility``, its largest elongation over that at which
+        it first slips; ``slider_energy``, what it dissipates a forcing period; ``plastic_drift``,
+        the growth of its lasting elongation a forcing period.
     """
 
     points: np.ndarray
@@ -153,6 +158,12 @@ class Observation:
     growth: float = math.nan
     logarithms: np.ndarray = field(default_factory=lambda: np.empty(0))
     measures: np.ndarray = field(default_factory=lambda: np.empty(0))
+    slid: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether no contact has closed and no slider has slipped."""
+        return not self.contact and not np.any(self.slid.get("slider_energy", 0.0))
 
 
 @dataclass(frozen=True)

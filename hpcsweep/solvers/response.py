@@ -21,11 +21,10 @@ import numpy as np
 from hpcsweep.model.arguments import finite, finite_vector, flag, instance, number
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.arguments import AT_STRENGTH
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Response
 
-AT_STRENGTH = 1e-9
-"""Part by which a slider may start beyond its strength: rounding of a state put there."""
 __all__ = ["Response", "first_contact_scale", "linear_response", "response"]
 
 

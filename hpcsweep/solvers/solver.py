@@ -7,7 +7,7 @@ start at phase tau = 0 of the forcing and advance whole forcing periods T = 2 pi
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -69,9 +69,9 @@ SOLVERS = {
 def witness_of(name: str, structure: Structure) -> str:
     """Return the solver that recomputes the runs of another one: the other one if it can.
 
-    ``bdf`` knows no dashpots: there `flow` computes again, at a tight tolerance.
+    ``bdf`` knows no dashpots and no sliders: there `flow` computes again, at a tight tolerance.
     """
-    alone = name == "flow" and structure.contact_damping.any()
+    alone = name == "flow" and (structure.contact_damping.any() or structure.sliders)
     return name if alone else next(other for other in SOLVERS if other != name)
 
 
@@ -166,15 +166,24 @@ class Solver(Protocol):
         ...
 
 
-def make_solver(name: str, structure: Structure, omega: float, rtol: float) -> Solver:
+def make_solver(
+    name: str, structure: Structure, omega: float, rtol: float, yields: bool = False
+) -> Solver:
     """Return the solver `name` for one structure and frequency.
+
+    With `yields` one that knows sliders, but no tangent, where there are some.
 
     Raises
     ------
     ValueError
         If there is no solver of that name, or another argument is outside its range.
     """
-    return SOLVERS[choice("solver", name, SOLVERS)].load()(structure, omega, rtol)
+    kind = SOLVERS[choice("solver", name, SOLVERS)]
+    if yields and kind.follows_orbits and structure.sliders:
+        from hpcsweep.solvers.yielding_map import YieldingMap
+
+        return cast("Solver", YieldingMap(structure, omega, rtol))
+    return kind.load()(structure, omega, rtol)
 
 
 def stroboscopic_points(
@@ -194,7 +203,7 @@ def stroboscopic_points(
     amplitude, omega : float
         A and Omega of the ground acceleration A sin(Omega tau) (10).
     state : array_like, shape (2 n_floors,)
-        (u, v) at tau = 0, in gaps and gaps omega_0.
+        (u, v) at tau = 0, in gaps and gaps omega_0; of L sliders the lasting elongations p behind.
     n_periods : int
     solver : {"flow", "bdf"}
     rtol : float
@@ -202,7 +211,7 @@ def stroboscopic_points(
 
     Returns
     -------
-    ndarray, shape (n_periods, 2 n_floors)
+    ndarray, shape (n_periods, 2 n_floors), of L sliders 2 n_floors + L
 
     Raises
     ------
@@ -222,11 +231,12 @@ def stroboscopic_points(
            [0.5, 0. ]])
     """
     instance("structure", structure, Structure)
-    z = finite_vector("state", state, 2 * structure.n_floors)
+    z = finite_vector("state", state, structure.state_units.size)
     amplitude = finite("amplitude", amplitude)
     structure = structure.within_reach(amplitude, z)
     structure = structure.measured_at(positive("omega", omega), amplitude)
-    points, outcome = make_solver(solver, structure, omega, rtol).points(z, amplitude, n_periods)
+    made = make_solver(solver, structure, omega, rtol, yields=True)
+    points, outcome = made.points(z, amplitude, n_periods)
     if outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{solver}: {outcome.name} in forcing period {len(points) + 1}")
     return points

@@ -11,6 +11,7 @@ from hpcsweep.model.equations import MODEL, derivative
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
+from hpcsweep.solvers.arguments import solver_arguments
 
 RTOL, ATOL = 1e-12, 1e-14
 MAX_STEP = 1 / 64
@@ -91,6 +92,7 @@ def _one_period(structure: Structure, amplitude: float, omega: float, state: np.
     """Integrate one forcing period; return scipy's solution, its units and the period."""
     instance("structure", structure, Structure)
     amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
+    solver_arguments(structure, omega, RTOL)
     z = finite_vector("state", state, 2 * structure.n_floors)
     structure = structure.measured_at(omega, amplitude)
     model = kernel_model(structure, omega)

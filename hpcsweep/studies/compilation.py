@@ -92,10 +92,10 @@ def warm_up(
             from hpcsweep.solvers.flow.specialised import use
 
             use(example)
-    solver = make_solver(settings.solver, example, 1.0, settings.rtol)
-    z = np.zeros(2 * example.n_floors)
+    solver = make_solver(settings.solver, example, 1.0, settings.rtol, yields=True)
+    z = np.zeros(example.state_units.size)
     amplitude = 0.0 if specialised else 1.0
-    if settings.solver == "flow":
+    if settings.solver == "flow" and not example.sliders:
         from hpcsweep.solvers.flow import FlowMap
         from hpcsweep.solvers.flow.orbit.batch import Rules
 

@@ -99,13 +99,14 @@ class RunGrid(Part):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
-        return variables.run_variables(self.settings)
+        return variables.run_variables(self.settings, self.structure)
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         return {
             **variables.measure_coordinates(self.structure, self.settings),
+            **variables.slider_names(self.structure),
             "direction": variables.named(self.directions, self.direction_name),
             "omega": Coordinate(self.omega.astype("<f8"), *variables.OMEGA),
             "amplitude": Coordinate(self.amplitude.astype("<f8"), *variables.AMPLITUDE),

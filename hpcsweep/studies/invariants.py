@@ -164,6 +164,8 @@ def _of_motion(rows: Rows) -> Broken:
     }
     if "contact" in rows:
         free = (rows["contact"] == 0) & complete
+        if "slider_energy" in rows:
+            free &= ~rows["slider_energy"].any(axis=-1)
         broken["motion is free of contact where contact is empty"] = free != (
             motion == MotionClass.NO_CONTACT
         )

@@ -40,6 +40,7 @@ class Points(RunGrid):
     listed: bool = False
     refine: Refinement | None = None
 
+    yields: ClassVar[bool] = True
     kind: ClassVar[str] = "points"
     summary: ClassVar[str] = (
         "every amplitude at every frequency, or a list of points, each from the initial state"

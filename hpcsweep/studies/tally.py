@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, classify, contact_name
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, Shakedown, classify, contact_name
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -93,6 +93,8 @@ class RunTally(BaseTally):
     ``wrong``, and those ``missed``.
     """
 
+    measures = (*MEASURES, "ductility")
+
     def add(self, frame, study: Study) -> None:
         """Count the runs of one frame; see `BaseTally.add`."""
         super().add(frame, study)
@@ -105,6 +107,8 @@ class RunTally(BaseTally):
             self._compare(frame)
         periodic = classes == MotionClass.PERIODIC
         self.count("orbit_period", frame["orbit_period"].values[:, 0][periodic])
+        if "shakedown" in frame:
+            self.count("shakedown", frame["shakedown"].values[:, 0][outcome == Outcome.COMPLETE])
         if "contact" in frame:
             self.count("contact", frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
 
@@ -133,6 +137,11 @@ class RunTally(BaseTally):
             "classes": class_shares(classes),
             "by_direction": {name: class_shares(counts[name]) for name in study.directions},
             "periods": shares(counts["orbit_period"], self.done),
+            "shakedown": {
+                kind.name.lower(): share(counts["shakedown"][kind], self.done)
+                for kind in Shakedown
+                if study.structure.sliders
+            },
             "window_test": window if study.settings.classify_cycles else None,
             "contact_sets": contact_shares(counts["contact"], self.done, study),
         }

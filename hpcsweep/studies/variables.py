@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.classify import MotionClass, Shakedown
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -31,7 +31,7 @@ RUN = ("direction", "omega", "amplitude")
 CYCLES = count("cycles", RUN, "forcing periods integrated", "forcing periods", failed=VALID)
 OUTCOME = code(
     *("outcome", RUN, Outcome),
-    "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed",
+    "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed, 5 collapsed",
     failed=VALID,
 )
 SKIP_RULE = code(
@@ -63,6 +63,22 @@ RUN_VARIABLES = (
     # a contact with a layer also pulls as it closes
     real("impulse", (*RUN, "stop"), "impulse", "impulse of each contact a period", FINITE),
     real("contact_time", (*RUN, "stop"), "1", "share of time each contact is closed", SHARE),
+    real(
+        *("ductility", (*RUN, "slider"), "1"),
+        "peak elongation of each slider over that of yielding",
+    ),
+    real("slider_energy", (*RUN, "slider"), "energy", "energy each slider takes a forcing period"),
+    real(
+        *("plastic_drift", (*RUN, "slider"), "length"),
+        "growth of the lasting elongation of each slider a forcing period",
+        FINITE,
+    ),
+    code(
+        *("shakedown", RUN, Shakedown),
+        "what the sliders do over the orbit: 1 elastic, none slips, 2 plastic, 3 ratcheting; 0 "
+        "without an orbit",
+        limits=COUNT,
+    ),
     LYAPUNOV,
     real("lyapunov_low", RUN, "rate", "its 95 % confidence interval, lower end", None),
     real("lyapunov_high", RUN, "rate", "its 95 % confidence interval, upper end", None),
@@ -97,6 +113,7 @@ RUN_VARIABLES = (
     OUTCOME,
     SKIP_RULE,
 )
+OF_SLIDERS = ("ductility", "slider_energy", "plastic_drift", "shakedown")
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")
 STOREY_HEIGHT = real("storey_height", ("storey",), "length", "height of each storey", by_part=True)
 DRIFT_RATIO = "peak storey drift ratio"
@@ -105,9 +122,9 @@ OMEGA = ("frequency", "forcing frequency Omega")
 """Units and long names."""
 
 
-def run_variables(settings: SweepSettings) -> list[Variable]:
+def run_variables(settings: SweepSettings, structure: Structure) -> list[Variable]:
     """Return the variables of each run, in the order of the file."""
-    wanted = set(ALWAYS) | set(settings.metrics)
+    wanted = set(ALWAYS) | set(settings.metrics) | set(OF_SLIDERS if structure.sliders else ())
     if "poincare" in wanted:
         wanted.add("n_points")
     if settings.classify_cycles is not None:
@@ -129,7 +146,7 @@ def empty_results(
     variables : list of Variable
         Of a run: their first three dimensions are those of all runs.
     structure : Structure
-        Gives the sizes of states, modes, storeys, floors and contacts.
+        Gives the sizes of states, modes, storeys, floors, contacts and sliders.
     n_runs : int
     **sizes
         Those of other dimensions.
@@ -141,7 +158,8 @@ def empty_results(
     """
     n = structure.n_floors
     n_contacts, n_storeys = len(structure.all_contact_numbers), len(structure.drift_rows)
-    sizes |= {"mode": n, "state": 2 * n, "floor": n, "stop": n_contacts, "storey": n_storeys}
+    sizes |= {"mode": n, "floor": n, "stop": n_contacts, "storey": n_storeys}
+    sizes |= {"state": structure.state_units.size, "slider": len(structure.sliders)}
     return {
         each.name: np.full((n_runs, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
         for each in variables
@@ -204,13 +222,19 @@ def named(names: list[str] | tuple[str, ...], long_name: str) -> Coordinate:
 
 
 def state_names(structure: Structure) -> list[str]:
-    """Return the names of the components of a state: u_1 .. v_n, of buildings u_A1 ..."""
-    return [f"{letter}_{floor}" for letter in "uv" for floor in structure.floor_names]
+    """Return the names of the components of a state: u_1 .. v_n, of buildings u_A1 ..., and p."""
+    of_floors = [f"{letter}_{floor}" for letter in "uv" for floor in structure.floor_names]
+    return of_floors + [f"p_{name}" for name in structure.slider_names]
 
 
-def states(structure: Structure) -> Coordinate:
-    """Make the coordinate of the components of a state."""
-    return named(state_names(structure), "state component")
+def states(structure: Structure, size: int | None = None) -> Coordinate:
+    """Make the coordinate of the components of a state, or of the first `size` of them."""
+    return named(state_names(structure)[:size], "state component")
+
+
+def slider_names(structure: Structure) -> dict[str, Coordinate]:
+    """Return the dimension of the sliders, if there are any."""
+    return {"slider": named(structure.slider_names, "slider")} if structure.sliders else {}
 
 
 def measure_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:

@@ -36,6 +36,27 @@ steps = 300
 max_points = 2000
 max_seeds = 40
 """
+YIELDING = """
+[structure]
+mass = 1.0
+n_floors = 2
+sharpness = inf
+gap = 1.5
+stiffness_ratio = 20.0
+yield_drift = 0.3
+hardening = 0.05
+[sweep]
+omega = {from = 0.3, to = 0.9, count = 4}
+amplitude = {from = 0.05, to = 0.5, count = 9}
+directions = ["up", "down"]
+transient_cycles = 300
+sampling_cycles = 20
+classify_cycles = 500
+[solver]
+skip = "none"
+[output]
+block = 2
+"""
 LINES = SEEDS.replace("[0.9, 1.0, 1.1]", "{from = 0.9, to = 1.1, count = 12}")
 ONE = """
 [structure]
@@ -89,6 +110,7 @@ REUSE = ("--reuse", "old.h5")
 CASES = {
     "amplitude_sweep": Case(faults.JOB),
     "vary": Case(faults.JOB + VARY),
+    "storeys that yield": Case(YIELDING),
     "points": Case(slow(GRID, 30, 5000)),
     "attractors": Case(ATTRACTORS),
     "basins": Case(BASINS.replace("count = 7", "count = 60")),

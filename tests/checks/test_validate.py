@@ -210,7 +210,7 @@ def altered(**changes):
 @pytest.mark.parametrize(
     ("name", "change", "promise"),
     [
-        ("outcome", lambda v: v * 0, "outcome is one of 1 to 4"),
+        ("outcome", lambda v: v * 0, "outcome is one of 1 to 5"),
         ("skip_rule", lambda v: v + 4, "skip_rule is a rule the job allows"),
         ("orbit_period", lambda v: v + 7, "orbit_period is at most max_orbit_period"),
         ("orbit_period", lambda v: v * 0, "a run that was cut short has an orbit_period"),

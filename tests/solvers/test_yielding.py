@@ -256,7 +256,7 @@ def test_structures_refuse_what_sliders_cannot_do():
     with pytest.raises(ValueError, match="positive definite"):
         hpcsweep.Structure.from_matrices([1.0], [[-2.0]], [], sliders=[slider])
     structure = hpcsweep.Structure.from_matrices(*given, [], sliders=[slider])
-    with pytest.raises(ValueError, match="not yet under a harmonic forcing"):
+    with pytest.raises(ValueError, match="orbits, branches and attractors of it"):
         FlowMap(structure, 1.0)
 
 

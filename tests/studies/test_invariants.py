@@ -35,7 +35,7 @@ SOUND = {
 @pytest.mark.parametrize(
     ("name", "at", "value", "invariant"),
     [
-        ("outcome", 1, 5, "outcome is one of 1 to 4"),
+        ("outcome", 1, 6, "outcome is one of 1 to 5"),
         ("rule", 0, 4, "rule is one of 0 to 3"),
         ("rule", 2, 1, "rule of a failed run is 0"),
         ("size", (0, 1), -1.0, "size is finite and not negative"),

@@ -12,7 +12,7 @@ from hpcsweep.figures.inferred import drawn_classes, filled, inferred, is_by_per
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
 from hpcsweep.solvers.outcome import Outcome
 
-VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov")
+VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov", "ductility")
 NAME = "map"
 DRAWS = "motions"
 HELP = "motion classes over amplitude and frequency, or --value of each run"
@@ -58,7 +58,7 @@ def draw(
     Parameters
     ----------
     results : xarray.Dataset
-    value : {"period", "drift", "contact", "modal_norm", "lyapunov"}
+    value : {"period", "drift", "contact", "modal_norm", "lyapunov", "ductility"}
         Meaning of the colours; period: the motion classes.
     direction : {"up", "down"}, optional
         Default the first.
@@ -116,7 +116,7 @@ def _contact_sets(figure, axes, results) -> None:
 
 def _numbers(figure, axes, results, value: str) -> None:
     """Draw numbers of the runs, those of modes on a panel each."""
-    from matplotlib.colors import Normalize, TwoSlopeNorm
+    from matplotlib.colors import LogNorm, Normalize, TwoSlopeNorm
 
     numbers = np.ma.masked_invalid(results[value].values[0])
     inside = numbers.compressed()
@@ -124,6 +124,9 @@ def _numbers(figure, axes, results, value: str) -> None:
     if value == "drift":
         norm = Normalize(0, np.percentile(inside, 99) if inside.size else 1.0)
         bar = {"label": labels.DRIFT, "extend": "max"}
+    if value == "ductility":
+        numbers = np.ma.masked_less_equal(numbers.max(axis=-1), 0.0)
+        norm, bar = LogNorm(), {"label": "largest ductility of the sliders"}
     if value == "lyapunov":
         low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
         norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))

@@ -81,6 +81,7 @@ def draw(
         raise style.PlotError("--kind phase needs --amplitude or --period")
     one = open_frame(results, omega, "poincare")
     frame, classes, structure = one.runs, one.classes, one.structure
+    style.refuse_sliders("--kind phase", structure)
     index = palette.motion_index(classes, frame["orbit_period"].values)
     motions = [_at_amplitude(frame, value, direction) for value in amplitudes]
     motions += [find_period(frame, classes, period, direction) for period in periods]

@@ -105,6 +105,7 @@ def gather(
 
     reader = Frames(path, ("motions", "attractors"), at)
     study, grid = as_kind(reader.study, RunGrid), Grid(reader)
+    style.refuse_sliders(f"{path}: explore", study.structure)
     rows = range(0, grid.omega.size, frame_step)
     if len(rows) * grid.amplitude.size > MAX_CELLS:
         raise style.PlotError(

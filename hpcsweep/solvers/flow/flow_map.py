@@ -60,8 +60,13 @@ class FlowMap:
         Linear steps, fast passages, layer steps, layer visits and tables built so far.
     """
 
+    yields = False
+    """Whether it knows sliders."""
+
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
-        self.structure, self.omega, self.rtol = solver_arguments(structure, omega, rtol)
+        self.structure, self.omega, self.rtol = solver_arguments(
+            structure, omega, rtol, yields=self.yields
+        )
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
         made = shared_at(structure, self.omega, tolerance, MAX_STEPS)
         self._shared, self._packed, shapes = made

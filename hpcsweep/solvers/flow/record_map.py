@@ -6,7 +6,6 @@ import numpy as np
 
 from hpcsweep.kernels.compile.entry_points import with_called
 from hpcsweep.kernels.compile.warm import load_all
-from hpcsweep.model.elements import TAKES
 from hpcsweep.model.kernel_model import record_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
@@ -33,6 +32,7 @@ from hpcsweep.solvers.record_response import (
     intervals,
     response_of,
 )
+from hpcsweep.solvers.sliders import Sliders
 
 KERNELS = with_called(march_record, measure_layer_step)
 """All that responses to records call."""
@@ -78,6 +78,8 @@ class RecordMap:
         watched[last - one_sided : last, 2] = 1
         model = model._replace(watched=watched)
         self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
+        if structure.sliders:
+            self._sliders = Sliders(structure, model.elements)
         self._told = model.watched[:, 3] > 0
         self._polling = Polling()
         load_all(KERNELS)
@@ -126,27 +128,14 @@ class RecordMap:
         sliders = structure.sliders
         if not sliders:
             return NONE_SLID
-        elements, own = model.elements, slice(-len(sliders), None)
-        rows = elements.rows[own].tolist()
-        y = np.array([z[i] - (z[below] if below >= 0 else 0.0) for i, below in rows])
-        mode = modes.mode[own]
-        load, share = elements.load[mode].T
-        load = load + share * modes.state[own]
-        takes = np.array(
-            [elements.guard[slice(*elements.guards[k : k + 2]), TAKES].any() for k in mode], bool
-        )
-        state = np.where(takes, load + y, modes.state[own])
-        change = np.abs(state - modes.state[own])
+        elements, own = model.elements, self._sliders.own
+        mode, load = modes.mode[own], self._sliders.load(modes)
+        y = self._sliders.elongation(z[: z.size // 2])
+        state, change = self._sliders.plastic(z, modes)
         spring, taken = np.array([(one.spring, one.taken) for one in sliders]).reshape(-1, 2).T
         force = np.where(elements.sets[mode, 1] > 0, spring - taken, spring) * y - taken * load
-        # the kernels' rows are directions of sliders, or against them
-        sign = np.array(
-            [
-                1.0 if np.array_equal(reach, slider.direction) else -1.0
-                for reach, slider in zip(elements.reach, sliders, strict=True)
-            ]
-        )
-        drifts = model.drift_rows.tolist()
+        rows, drifts = elements.rows[own].tolist(), model.drift_rows.tolist()
+        sign = self._sliders.sign
         slips = change > ROUNDING * np.maximum(np.abs(state), np.abs(load))
         return Slid(
             elongation=self._shared.tally.peaks[[drifts.index(row) for row in rows]],

@@ -53,6 +53,7 @@ class Records(RecordGrid):
     holds: ClassVar[str] = "responses"
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     starts_at_rest: ClassVar[bool] = True
+    yields: ClassVar[bool] = True
     kernels: ClassVar[tuple] = ()
 
     @classmethod
@@ -110,7 +111,7 @@ class Records(RecordGrid):
             **place_coordinates(self.structure, self.settings),
             "record": named([one.name for one in self.suite], "ground-motion record"),
             "scale": Coordinate(self.scale.astype("<f8"), self.measure.quantity, str(self.measure)),
-            "state": states(self.structure),
+            "state": states(self.structure, 2 * self.structure.n_floors),
             "block": numbered(self.n_blocks, "block of scales"),
             **self.instants,
             **self.floors.dimensions,

@@ -27,6 +27,7 @@ DIRECTIONS = Key(
 class AmplitudeSweep(AlongAmplitudes):
     """Amplitude sweeps, a frame a task; see `RunGrid`."""
 
+    yields: ClassVar[bool] = True
     kind: ClassVar[str] = "amplitude_sweep"
     summary: ClassVar[str] = (
         "at each frequency the amplitudes in their order, each from where the one before it ended"

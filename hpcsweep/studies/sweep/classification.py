@@ -16,7 +16,7 @@ import numpy as np
 from hpcsweep.dynamics import stability
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
-from hpcsweep.dynamics.classify_motion import classify_motion
+from hpcsweep.dynamics.classify_motion import LONGEST, SETTLED, classify_motion
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
@@ -78,9 +78,12 @@ def classify_window(
     poll : callable, optional
         Called within long work; may raise to leave.
     """
-    points = seen.points / solver.structure.state_units
+    structure = solver.structure
+    points = structure.without_drift(seen.points) / structure.state_units
     longest, same = settings.max_orbit_period, settings.period_tolerance
     window = orbit_period(points, longest, same)
+    if structure.sliders:
+        return _classify_yielding(solver, amplitude, seen, settings, points, poll)
     if settings.classify_cycles:
         motion = classify_motion(
             solver,
@@ -114,6 +117,36 @@ def classify_window(
     return Classification(seen, period, exponent, window_period=window)
 
 
+def _classify_yielding(
+    solver, amplitude: float, seen: Observation, settings: SweepSettings, points, poll: Poll
+) -> Classification:
+    """Classify a window of a structure with sliders, or the orbit on which it closes later.
+
+    No tangent is at hand: what does not close is undecided.
+    """
+    longest, same = settings.max_orbit_period, settings.period_tolerance
+    window, cycles, shown = orbit_period(points, longest, same), 0, MotionClass.NOT_COMPUTED
+    period = window if settings.classify_cycles is None else closed_period(points, longest, same)
+    if settings.classify_cycles:
+        shown = window_class(seen, window)
+        rules = settings.classify_cycles, LONGEST, SETTLED, same
+        end, period = solver.settle(seen.points[-1], amplitude, *rules, poll=poll), 0
+        cycles = end.n_periods
+        if end.outcome is Outcome.COMPLETE and end.period:
+            length = end.period if end.period <= longest else settings.sampling_cycles
+            found = solver.observe(
+                *(end.state, amplitude, length, "modal_norm" in settings.metrics),
+                poll=poll,
+                measures=settings.measures,
+            )
+            if found.outcome is Outcome.COMPLETE:
+                seen, cycles, period = found, cycles + length, end.period
+    kind = MotionClass.PERIODIC if period <= longest else MotionClass.LONG_PERIOD
+    kind = _kind(kind if period else MotionClass.UNDECIDED, seen)
+    period = period if period <= longest else 0
+    return Classification(seen, period, stability.UNKNOWN, kind, window, shown, cycles)
+
+
 def window_class(seen: Observation, period: int) -> MotionClass:
     """Return the class of motion that a window shows by itself.
 
@@ -129,7 +162,7 @@ def window_class(seen: Observation, period: int) -> MotionClass:
         Chaotic windows are those whose small differences grew by `CHAOS_GROWTH`; closed curves are
         not looked for.
     """
-    if not seen.contact:
+    if seen.is_free:
         return MotionClass.NO_CONTACT
     if period:
         return MotionClass.PERIODIC
@@ -160,7 +193,7 @@ def _classify_known(
 
 
 def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
-    return kind if seen.contact else MotionClass.NO_CONTACT
+    return MotionClass.NO_CONTACT if seen.is_free else kind
 
 
 def exponent_of_orbit(solver, z: np.ndarray, amplitude: float, period: int) -> float:

@@ -19,8 +19,11 @@ steady-state window. Rules that spare periods whose result is known (`skip`):
 
 A motion that the window leaves open may be classified after it (`classification`).
 
+Motions of sliders (`solvers.yielding_map`) have no tangent: `newton` finds nothing, and `linear`
+needs that none has slipped before.
+
 A run that fails is data: its results are NaN, its outcome says why, and its final state is the
-last one that was reached.
+last one that was reached. After a collapse the path goes on from rest.
 """
 
 import math
@@ -31,7 +34,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.stability import MeanInterval
+from hpcsweep.dynamics.classify_motion import SETTLED
+from hpcsweep.dynamics.stability import UNKNOWN, MeanInterval
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
@@ -40,7 +44,13 @@ from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import Classification, classify_window
-from hpcsweep.studies.sweep.rows import EXPONENTS, empty_rows, store, store_failure
+from hpcsweep.studies.sweep.rows import (
+    EXPONENTS,
+    empty_rows,
+    store,
+    store_failure,
+    told_of_sliders,
+)
 
 if TYPE_CHECKING:
     from hpcsweep.solvers.flow.flow_map import FlowMap
@@ -72,7 +82,7 @@ class FrameRuns:
         self._given = solver is not None
         self._measured: dict[float, FrameRuns] = {}
         made = settings.solver, structure, omega, settings.rtol
-        self.solver: Solver = solver or make_solver(*made)
+        self.solver: Solver = solver or make_solver(*made, yields=True)
         self._free = None
         if "linear" in settings.skip:
             # imported here: reading results needs no kernels
@@ -86,7 +96,8 @@ class FrameRuns:
                 settings.period_tolerance,
             )
         self._batch = None
-        if "converged" in settings.skip and SOLVERS[settings.solver].follows_orbits:
+        closes = "converged" in settings.skip and not structure.sliders
+        if closes and SOLVERS[settings.solver].follows_orbits:
             from hpcsweep.studies.sweep.batch import Batch
 
             self._batch = Batch(cast("FlowMap", self.solver), settings, self._free)
@@ -98,7 +109,7 @@ class FrameRuns:
         ----------
         amplitudes : sequence of k floats
             In the order in which they are followed.
-        state : ndarray, shape (2n,) or (2n + 1,)
+        state : ndarray, shape (2n,) or (2n + 1,), of L sliders (2n + L,) or (2n + L + 1,)
             State at tau = 0 of the first run; or what `end_of` tells of the run before it.
         poll : callable, optional
             Called before each run and within long ones; may raise to leave.
@@ -144,7 +155,7 @@ class FrameRuns:
     def _stretch(self, amplitudes, state, poll, follow: bool) -> Rows:
         """Compute runs from a state, or from the end of the previous one."""
         result = empty_rows(self.structure, len(amplitudes), self.settings)
-        size = 2 * self.structure.n_floors
+        size = self.structure.state_units.size
         start, index, before = np.array(state[:size], dtype=float), 0, int(sum(state[size:]))
         while index < len(amplitudes):
             if self._batch is None:
@@ -168,6 +179,8 @@ class FrameRuns:
     def _transient(self, result, index, amplitude: float, z, poll: Poll) -> Approach | None:
         """Integrate the transient of a run; return None if it is proved linear, and stored."""
         closed = self._free.window(z, amplitude) if self._free is not None else None
+        if closed is None and self.structure.sliders and "converged" in self.settings.skip:
+            return self._settled(z, amplitude, poll)
         if self._free is None or closed is None:
             done = self.solver.advance(z, amplitude, self.settings.transient_cycles, poll=poll)
             return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
@@ -179,6 +192,18 @@ class FrameRuns:
         self._store(row, amplitude, found, closed.points[-1], 0)
         row["skip_rule"][:] = SkipRule.LINEAR
         return None
+
+    def _settled(self, z, amplitude: float, poll: Poll) -> Approach:
+        """Advance until the orbit has closed, then to the point at which its window would end."""
+        of = self.settings
+        rules = of.transient_cycles, of.max_orbit_period, SETTLED, of.period_tolerance
+        end = self.solver.settle(z, amplitude, *rules, poll=poll)
+        if not end.period or end.outcome is not Outcome.COMPLETE:
+            return end
+        more = (of.transient_cycles + of.sampling_cycles - end.n_periods) % end.period
+        done = self.solver.advance(end.state, amplitude, more, poll)
+        cycles = end.n_periods + done.n_periods
+        return replace(end, state=done.state, n_periods=cycles, outcome=done.outcome)
 
     def _outlived(self, amplitude: float, follow: bool, before: int) -> int:
         """Return the forcing periods that chaos must outlive.
@@ -212,7 +237,7 @@ class FrameRuns:
             amplitude,
             end.period or settings.sampling_cycles,
             "modal_norm" in settings.metrics,
-            bool("lyapunov" in row or settings.classify_cycles),
+            bool("lyapunov" in row or settings.classify_cycles) and not self.structure.sliders,
             poll,
             settings.measures,
         )
@@ -220,7 +245,11 @@ class FrameRuns:
         if seen.outcome is not Outcome.COMPLETE:
             store_failure(row, seen.points[-1] if len(seen.points) else z, cycles, seen.outcome)
             return
-        found = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
+        if end.period and self.structure.sliders:
+            kind = MotionClass.NO_CONTACT if seen.is_free else MotionClass.PERIODIC
+            found = Classification(seen, end.period, UNKNOWN, kind)
+        else:
+            found = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
         self._store(row, amplitude, found, seen.points[-1], cycles)
 
     def _store(self, row, amplitude: float, found: Classification, end, cycles: int) -> None:
@@ -229,6 +258,9 @@ class FrameRuns:
         n_points = min(found.orbit_period or len(seen.points), self.settings.stored_points)
         result = vars(seen) | vars(found) | dict(zip(EXPONENTS, found.exponent, strict=True))
         result |= {"cycles": cycles, "final_state": end}
+        if seen.slid:
+            limit = self.settings.period_tolerance * self.structure.length_unit
+            result |= told_of_sliders(self.structure, seen.slid, found.orbit_period, limit)
         result |= {"points": seen.points[-n_points:], "n_points": n_points}
         store(row, self.structure, self.solver.omega, amplitude, result)
 

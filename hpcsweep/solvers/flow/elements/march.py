@@ -263,7 +263,8 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
         index = table_of(key, tables, packed)
         segment = Segment(key, index, tables.h[index], tau, end)
         known = False
-        if tangent is not None and wanted == NO_TALLY and past == np.uint64(0):
+        coasts = tangent is not None and wanted == NO_TALLY and elements.stiffness.shape[0] == 0
+        if coasts and past == np.uint64(0):
             tau, coasted, known = coast(segment, shared.max_steps - steps, model, tables, work)
             coasted_tangent(tables, index, coasted, tangent, work.tangent)
             segment = Segment(key, index, segment.h, tau, end)

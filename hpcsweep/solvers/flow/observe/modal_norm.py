@@ -102,7 +102,7 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
     if n == 1:
         tally.modal[0] += s
         return
-    if s == h:
+    if s == h and tables.keys[index] == np.uint64(0):  # with sliders that slip it is not
         product(tables.modal, 0, x, work.modal_nodes)
         if _add_interval(s, False, n, tally, work):
             return

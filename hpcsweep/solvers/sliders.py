@@ -1,0 +1,66 @@
+"""The sliders of a structure between the kernels' modes and their lasting elongations p.
+
+At a moment the state (u, u', p) tells the mode of each: a slider slips where its force is at its
+strength, to rounding, and its elongation goes on; p then follows it, y -+ delta.
+"""
+
+import numpy as np
+
+from hpcsweep.model.elements import LEVEL, SHARE, SIGN, SPRING, TAKES, Elements
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.measures import ROUNDING
+
+
+class Sliders:
+    """Sliders of a structure, the last L elements of a model.
+
+    Parameters
+    ----------
+    structure : Structure
+    elements : Elements
+    """
+
+    def __init__(self, structure: Structure, elements: Elements):
+        self._elements, count = elements, len(structure.sliders)
+        self.own = slice(len(elements.rows) - count, None)
+        self._above, below = elements.rows[self.own].T
+        self._below, self._lower = np.maximum(below, 0), np.where(below >= 0, 1.0, 0.0)
+        # the kernels' rows are directions of sliders, or against them
+        along = (elements.reach == structure.slider_directions).all(axis=1)
+        self.sign = np.where(along, 1.0, -1.0)
+        takes = np.split(elements.guard[:, TAKES] > 0.0, elements.guards[1:-1])
+        self._takes = np.array([one.any() for one in takes], bool)
+        spans = np.split(np.arange(len(elements.guard)), elements.guards[1:-1])
+        self._first = elements.first[self.own]
+        own = [spans[mode] for mode in self._first]
+        self._guards = np.concatenate(own)
+        self._of = np.repeat(np.arange(count), [len(one) for one in own])
+
+    def elongation(self, half: np.ndarray) -> np.ndarray:
+        """Return y of each, or y' where `half` are the velocities of a state of the kernels."""
+        return half[self._above] - self._lower * half[self._below]
+
+    def load(self, modes) -> np.ndarray:
+        """Return the load q of each."""
+        load, share = self._elements.load[modes.mode[self.own]].T
+        return load + share * modes.state[self.own]
+
+    def plastic(self, z: np.ndarray, modes) -> tuple[np.ndarray, np.ndarray]:
+        """Return p of each in a state, and by how much it has changed since it last stuck."""
+        state, y = modes.state[self.own], self.elongation(z[: z.size // 2])
+        found = np.where(self._takes[modes.mode[self.own]], self.load(modes) + y, state)
+        return found, np.abs(found - state)
+
+    def place(self, z: np.ndarray, plastic: np.ndarray, modes) -> None:
+        """Write p and the modes of a state; paths begin anew."""
+        modes.mode[:], modes.path[:], modes.taken[:] = self._elements.first, 0.0, 0
+        modes.state[self.own] = plastic
+        y, speed = (self.elongation(half)[self._of] for half in np.split(z, 2))
+        guard = self._elements.guard[self._guards].T
+        sign, spring, level, share = guard[[SIGN, SPRING, LEVEL, SHARE]]
+        value = sign * (spring * y - level - share * plastic[self._of])
+        near = ROUNDING * np.maximum(np.abs(level), np.abs(y))
+        passed = (value > near) | ((value > -near) & (sign * spring * speed > 0.0))
+        mode = self._first.copy()
+        mode[self._of[passed]] = self._elements.after[self._guards[passed]]
+        modes.mode[self.own] = mode

@@ -1,0 +1,149 @@
+"""Motions of structures with sliders under a harmonic forcing: the state is (u, u', p).
+
+The kernels take (u, u') over a period, with the modes of sliders beside it. Those of contacts
+follow from a state where a period begins, and so do here those of sliders (`solvers.sliders`): a
+period depends on the state where it begins, and on nothing else.
+
+A slider that slips forgets its p, one that does not keeps it: multipliers of 0, and of 1 in a
+family of motions that have shaken down. No tangent map is taken. An orbit is told by its closing in
+(u, u') and p, relative to what drifts along directions that no spring opposes
+(`Structure.without_drift`): there a motion that ratchets repeats, each time farther on.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hpcsweep.model.kernel_model import DRIFT
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.arguments import closing_arguments, motion, points_array
+from hpcsweep.solvers.flow.flow_map import FlowMap
+from hpcsweep.solvers.flow.observe.gathered import reset
+from hpcsweep.solvers.flow.orbit.transient import ROUNDING
+from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.records import Advance, Approach, Observation
+from hpcsweep.solvers.sliders import Sliders
+
+
+class YieldingMap(FlowMap):
+    """Advance states (u, u', p), shape (2n + L,), by the exact flow; otherwise like `FlowMap`."""
+
+    yields = True
+
+    def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
+        super().__init__(structure, omega, rtol)
+        self._sliders = Sliders(structure, self._shared.model.elements)
+        self._strength = np.array([one.strength for one in structure.sliders])
+
+    def advance(self, state, amplitude, n_periods, poll=None) -> Advance:
+        """Integrate `n_periods`, keeping only the last state."""
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        done, outcome, _ = self._follow(z, amplitude, n_periods, poll)
+        return Advance(z, done, outcome)
+
+    def points(self, state, amplitude, n_periods, poll=None) -> tuple[np.ndarray, Outcome]:
+        """Return the stroboscopic points, shape (n_periods, 2n + L)."""
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        points = points_array(n_periods, z.size)
+        done, outcome, _ = self._follow(z, amplitude, n_periods, poll, points.__setitem__)
+        return points[:done], outcome
+
+    def settle(
+        self, state, amplitude, n_periods, max_period, settled, same, near=0.0, poll=None
+    ) -> Approach:
+        """Advance until the orbit has closed; as `flow.orbit.transient.watch_motion` tells it."""
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        max_period, settled, same, _ = closing_arguments(max_period, settled, same, near)
+        units, ring, size = self.structure.state_units, max_period + 1, 2 * max_period + 1
+        history, distance = np.empty((size, z.size)), np.full((ring, ring), np.inf)
+        history[0] = self.structure.without_drift(z) / units
+        close, found = np.zeros(ring, int), 0
+
+        def closed(done: int, z: np.ndarray) -> bool:
+            nonlocal found
+            k, p = done + 1, np.arange(1, min(max_period, done + 1) + 1)
+            point = history[k % size] = self.structure.without_drift(z) / units
+            e = np.abs(point - history[(k - p) % size]).max(axis=1)
+            before = np.where(k >= 2 * p, distance[(k - p) % ring, p], -np.inf)
+            to_go = np.full(p.size, np.inf)
+            falls = e < before
+            to_go[falls] = e[falls] ** 2 / (before - e)[falls]
+            rounded = ROUNDING * (1.0 + np.abs(point).max())
+            to_go[(e <= rounded) & (k >= 2 * p)] = 0.0
+            distance[k % ring, p] = e
+            close[p] = np.where(to_go <= settled, close[p] + 1, 0)
+            known = np.flatnonzero(close[1:] >= 2 * np.arange(1, ring) + 1)
+            if known.size:
+                last = int(known[0]) + 1
+                shorter = (q for q in range(1, last) if last % q == 0 and e[q - 1] <= same)
+                found = next(shorter, last)
+            return found > 0
+
+        done, outcome, _ = self._follow(z, amplitude, n_periods, poll, closed)
+        return Approach(z, done, 0, found, np.nan, outcome)
+
+    def observe(
+        self, state, amplitude, n_periods, modal_norm=False, growth=False, poll=None, measures=0
+    ) -> Observation:
+        """Integrate `n_periods` and gather; without the growth of a tangent vector."""
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        start, points = z.copy(), points_array(n_periods, z.size)
+        tally, model, structure = self._shared.tally, self._shared.model, self.structure
+        reset(tally)
+        wanted = (NORMS if modal_norm else MAXIMA) + (measures & ANY_MEASURE | DRIFT)
+        done, outcome, path = self._follow(
+            z, amplitude, n_periods, poll, points.__setitem__, wanted
+        )
+        seen = self._gathered(points[:done], outcome, modal_norm, measures)
+        # drifts of the kernels are those of the structure, then elongations of sliders
+        n, rows = len(structure.drift_rows), model.drift_rows.tolist()
+        drifts = tally.peaks[: len(rows)] * structure.length_unit
+        own = [rows.index(row) for row in model.elements.rows[self._sliders.own].tolist()]
+        limits, periods = np.array([one.limit for one in structure.sliders]), max(done, 1)
+        slid = {
+            "ductility": drifts[own] / limits,
+            "slider_energy": self._strength * path / periods,
+            "plastic_drift": (z - start)[2 * structure.n_floors :] / periods,
+        }
+        cut = np.delete(seen.measures, np.s_[n : len(rows)]) if measures else seen.measures
+        return replace(seen, peak_drift=float(drifts[:n].max()), measures=cut, slid=slid)
+
+    def _follow(
+        self,
+        state: np.ndarray,
+        amplitude: float,
+        n_periods: int,
+        poll: Callable[[], None] | None = None,
+        told: Callable[[int, np.ndarray], bool | None] | None = None,
+        wanted: int = NO_TALLY,
+    ) -> tuple[int, Outcome, np.ndarray]:
+        """Advance a state in place, until `told` of the number and the end of a period is true.
+
+        Returns
+        -------
+        done : int
+            Periods integrated.
+        outcome : Outcome
+        path : ndarray, shape (L,)
+            Sum of |dp| of each slider.
+        """
+        shared, sliders, length = self._shared, self._sliders, self.structure.length_unit
+        size, amplitude = 2 * self.structure.n_floors, amplitude / self._units.amplitude_unit
+        nothing = shared.no_points, wanted, shared.no_tangent, shared.no_growth
+        path = np.zeros(state.size - size)
+        for first, last in self._polling.cut(n_periods, poll):
+            for number in range(first, last):
+                z = self._units.into(state[:size])
+                sliders.place(z, sliders.sign * state[size:] / length, shared.modes)
+                _, outcome = self._kernels.march(self._packed, z, amplitude, 1, *nothing)
+                if outcome != Outcome.COMPLETE:
+                    return number, Outcome(outcome), path
+                plastic, change = sliders.plastic(z, shared.modes)
+                path += (shared.modes.path[sliders.own] + change) * length
+                state[:size] = self._units.out_of(z)
+                state[size:] = sliders.sign * plastic * length
+                if told is not None and told(number, state):
+                    return number + 1, Outcome.COMPLETE, path
+        return n_periods, Outcome.COMPLETE, path

@@ -140,12 +140,7 @@ class RecordMap:
         spring, taken = np.array([(one.spring, one.taken) for one in sliders]).reshape(-1, 2).T
         force = np.where(elements.sets[mode, 1] > 0, spring - taken, spring) * y - taken * load
         # the kernels' rows are directions of sliders, or against them
-        sign = np.array(
-            [
-                1.0 if np.array_equal(reach, slider.direction) else -1.0
-                for reach, slider in zip(elements.reach, sliders, strict=True)
-            ]
-        )
+        sign = np.sign(np.sum(elements.reach * structure.slider_directions, axis=1))
         drifts = model.drift_rows.tolist()
         slips = change > ROUNDING * np.maximum(np.abs(state), np.abs(load))
         return Slid(

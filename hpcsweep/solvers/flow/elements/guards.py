@@ -81,23 +81,30 @@ def offset_of(g, modes, elements):
 
 
 @kernel
-def write_windows(modes, elements, windows):
+def write_windows(modes, elements, work):
     """Write within which elongations and speeds the guards of each element are not passed.
 
-    That of a guard on both is empty.
+    That of a guard on both is empty. Elements that are as they were are left alone.
     """
+    windows, known = work.windows, work.known
     for e in range(windows.shape[1]):
-        windows[0, e] = windows[2, e] = -math.inf
+        if e >= modes.mode.shape[0]:
+            windows[1, e] = windows[3, e] = math.inf
+            windows[0, e] = windows[2, e] = -math.inf
+            continue
+        mode = modes.mode[e]
+        if known[0, e] == mode + 1.0 and known[1, e] == modes.state[e]:
+            continue
+        known[0, e], known[1, e] = mode + 1.0, modes.state[e]
         windows[1, e] = windows[3, e] = math.inf
-    for mode in modes.mode:
+        windows[0, e] = windows[2, e] = -math.inf
         for g in range(elements.guards[mode], elements.guards[mode + 1]):
-            guard, e = elements.guard[g], elements.owner[g]
-            first = 0 if guard[SPEED] == 0.0 else 2
-            slope = guard[SIGN] * (guard[SPRING] + guard[SPEED])
-            end = offset_of(g, modes, elements) / (guard[SPRING] + guard[SPEED])
+            guard = elements.guard[g]
+            first, slope = 0 if guard[SPEED] == 0.0 else 2, guard[SPRING] + guard[SPEED]
+            end = offset_of(g, modes, elements) / slope
             if guard[SPRING] != 0.0 and guard[SPEED] != 0.0:
                 windows[0, e] = math.inf
-            elif slope > 0.0:
+            elif guard[SIGN] * slope > 0.0:
                 windows[first + 1, e] = min(windows[first + 1, e], end)
             else:
                 windows[first, e] = max(windows[first, e], end)
@@ -217,6 +224,16 @@ def _passage(g, segment, end, modes, tables, elements, work):
 
 
 @inlined
+def _out_of_reach(g, d, modes, elements, ends):
+    """Return whether a guard on y alone is not passed within d of a step; True is proved."""
+    guard, e = elements.guard[g], elements.owner[g]
+    way, end = guard[SIGN] * guard[SPRING], guard[SIGN] * offset_of(g, modes, elements)
+    g0, slope0 = way * ends[0, e] - end, way * ends[1, e]
+    g1, slope1 = way * ends[2, e] - end, way * ends[3, e]
+    return guard[SPEED] == 0.0 and not may_reach(d, g0, slope0, g1, slope1, ends[4, e])
+
+
+@inlined
 def first_change(segment, span, modes, tables, elements, work):
     """Find the first guard that is passed along a step, from ``work.x`` to ``work.z_end``.
 
@@ -236,6 +253,8 @@ def first_change(segment, span, modes, tables, elements, work):
                 continue
             mode = modes.mode[e]
             for g in range(elements.guards[mode], elements.guards[mode + 1]):
+                if _out_of_reach(g, span, modes, elements, work.ends):
+                    continue
                 found = _passage(g, segment, time, modes, tables, elements, work)
                 if found == UNDECIDED:
                     return UNDECIDED, time

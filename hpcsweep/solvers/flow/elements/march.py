@@ -227,7 +227,7 @@ def settle(tau, past, key, z, amplitude, shared):
     model, work, modes = shared.model, shared.work, shared.modes
     past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
     set_contacts(past, key, modes, model.contacts)
-    write_windows(modes, model.elements, work.windows)
+    write_windows(modes, model.elements, work)
     return past, key
 
 

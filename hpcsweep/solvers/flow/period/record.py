@@ -165,7 +165,7 @@ def _table_at_start(z, amplitude, packed, shared):
         _, key = sets_of(shared.modes, model.elements)
         if not is_tabled(key, model):
             return key, NO_TABLE
-        write_windows(shared.modes, model.elements, work.windows)
+        write_windows(shared.modes, model.elements, work)
     elif inside_layer(z, model):
         return key, NO_TABLE
     else:

@@ -134,7 +134,9 @@ class Workspace(NamedTuple):
     """Elongations of elements: at the start of the present step, their speeds, both at its end, and
     bounds of their fourth derivatives ..."""
     windows: np.ndarray = zeros(4, "padded E")
-    """... and within which elongations, below and above, and speeds they keep their modes."""
+    """... and within which elongations, below and above, and speeds they keep their modes, ..."""
+    known: np.ndarray = zeros(2, "padded E")
+    """... from 1 on these, and in these states."""
     modal_rows: np.ndarray = zeros("n", N_COEFFICIENTS)
     modal_nodes: np.ndarray = zeros("padded n nodes")
     """Modal coordinates at the nodes of an interval, by mode, then node."""

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.kernel_contacts import DASHPOT, LETS_GO
+from hpcsweep.model.kernel_contacts import DASHPOT, LETS_GO, wide
 from hpcsweep.model.kernel_contacts import SPRING as LAW
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
@@ -148,8 +148,7 @@ def kernel_elements(
         table.add((i, below), *slider.modes(len(contacts.row) + j, length))
     stiffness = np.array([slider.taken for slider in sliders], float) * softness / rate**2
     kick = per_mass(structure.mass_matrix, directions.T).T / softness.reshape(-1, 1)
-    wide = np.concatenate((kick, kick @ extra.T), axis=-1)
-    return table.packed(stiffness, directions, wide)
+    return table.packed(stiffness, directions, wide(kick, extra))
 
 
 def _contact(k: int, contacts) -> list[tuple[tuple, list[tuple]]]:

@@ -14,8 +14,9 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.elements import LET_GO, OPEN, PUSHING
 from hpcsweep.model.kernel_contacts import DASHPOT, DRAG, LETS_GO, SPRING
-from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
-from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.linear.forcing import forcing_at
+from hpcsweep.solvers.flow.linear.series import accelerations_of
+from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance, start
 from hpcsweep.solvers.measures import ROUNDING
 
 AT_REST = 2.0**-40
@@ -74,9 +75,9 @@ def past_stops(tau, z, amplitude, model, work):
             resting |= contact_bit(k)
     if resting != np.uint64(0):
         forcing_at(tau, amplitude, model, work.forcing, 0)
-        _accelerations(pushing(past, z, contacts), z, model, work)
+        accelerations(pushing(past, z, contacts), z, model, work)
         for k in range(contacts.row.shape[0]):
-            if resting & contact_bit(k) and contacts.sign[k] * work.a[contacts.row[k]] > 0.0:
+            if resting & contact_bit(k) and contacts.sign[k] * work.series.a[contacts.row[k]] > 0.0:
                 past |= contact_bit(k)
     return past
 
@@ -107,12 +108,12 @@ def rest_at_stops(tau, past, key, z, amplitude, model, work):
     if resting == np.uint64(0):
         return past, key
     forcing_at(tau, amplitude, model, work.forcing, 0)
-    _accelerations(key & ~resting, z, model, work)
+    accelerations(key & ~resting, z, model, work)
     for k in range(contacts.row.shape[0]):
         bit = contact_bit(k)
         if resting & bit == np.uint64(0):
             continue
-        way = contacts.sign[k] * work.a[contacts.row[k]]
+        way = contacts.sign[k] * work.series.a[contacts.row[k]]
         if way == 0.0:
             continue
         own = math.copysign(ROUNDING * max(size, abs(contacts.gap[k])), way)
@@ -122,33 +123,11 @@ def rest_at_stops(tau, past, key, z, amplitude, model, work):
     return past, key
 
 
-@kernel
-def _accelerations(key, z, model, work):
-    """Evaluate y'' into ``work.a`` where the contacts of a set push; ``work.forcing`` shakes."""
-    contacts, a = model.contacts, work.a
-    n = a.shape[0]
-    ground = total_forcing(work.forcing, 0, model)
-    for i in range(n):
-        force = model.forcing[i] * ground
-        for j in range(n):
-            force -= model.stiffness[i, j] * z[j] + model.damping[i, j] * z[n + j]
-        a[i] = force
-    for k in range(contacts.row.shape[0]):
-        if key & contact_bit(k):
-            x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
-            force = contacts.beta[k] * x + contacts.edges[k, DRAG] * w
-            for p in range(contacts.first[k], contacts.first[k + 1]):
-                a[contacts.push_row[p]] -= contacts.push[p] * force
-    elements, m = model.elements, contacts.row.shape[0]
-    n_loads = elements.stiffness.shape[0]
-    own = elements.rows.shape[0] - n_loads
-    for j in range(n_loads):
-        along = work.forcing[work.forcing.shape[0] - n_loads + j]
-        if key & contact_bit(m + j):
-            i, below = elements.rows[own + j]
-            along += z[i] - (z[below] if below >= 0 else 0.0)
-        for i in range(n):
-            a[i] += elements.stiffness[j] * elements.kick[j, i] * along
+@inlined
+def accelerations(key, z, model, work):
+    """Evaluate y'' in state z for the set of a table; ``work.forcing`` shakes and loads."""
+    start(work.series.x, z, work.forcing)
+    accelerations_of(key, model, work)
 
 
 @inlined

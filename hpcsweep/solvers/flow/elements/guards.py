@@ -1,24 +1,31 @@
 r"""The modes of elements along a motion, and the guard that is passed first.
 
 A guard (`hpcsweep.model.elements`) is a polynomial along a step, as displacements and velocities
-are. It holds if it is proved not to rise through 0: one on y by the Hermite bound of `search` with
-the bound of y'''' at hand, one on y' where y is proved to be monotonic. One that may be passed is
-searched as a distance is, with the bound |g''''| <= sum_p |c_p| p (p - 1) (p - 2) (p - 3) (2 / h)^4
-of its own coefficients, and in units that grow with its offset: what rounding hides is a part of
-the size of a motion.
+are. It holds if it is proved not to rise through 0, those of `LANES` elements at once: y stays
+within a window by the Hermite bound of `search` with the bound of y'''' at hand, and y' by that of
+are. It holds if it is proved not to rise through 0, those of `LANES` elements at once: y keeps
+within a window by the Hermite bound of `search` with the bound of y'''' at hand, and y' by that of
+what rounding hides is a part of the size of a motion.
 """
+
+import math
 
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, negative
 from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
 from hpcsweep.solvers.flow.linear.polynomials import (
     evaluate_rows,
-    expand_row,
     expand_rows,
+    fourth_derivative,
     value_and_slope,
 )
+from hpcsweep.solvers.flow.observe.dense_output import expand
+from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.search.search import (
+    HERMITE_MIDDLE,
+    HERMITE_SLOPE,
     SAME_INSTANT,
     UNDECIDED,
     Bracket,
@@ -28,11 +35,14 @@ from hpcsweep.solvers.flow.search.search import (
     first_passage,
     leaves,
     may_reach,
-    rises_throughout,
     rising_root,
 )
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.measures import ROUNDING
+
+ALL_LANES = (1 << LANES) - 1
+NEAR = 2.0**-20
+"""Part of the speed in a step within which the one of a guard may be passed at the same instant."""
 
 
 @inlined
@@ -64,49 +74,93 @@ def difference(e, first, elements, z):
     return value - z[first + below] if below >= 0 else value
 
 
-@kernel
-def holds(g, d, x, modes, elements, work):
-    """Return whether guard g is not passed within d of a step from x to ``work.z_end``.
+@inlined
+def offset_of(g, modes, elements):
+    """Return c + r p of a guard."""
+    return elements.guard[g, LEVEL] + elements.guard[g, SHARE] * modes.state[elements.owner[g]]
 
-    True is proved.
+
+@kernel
+def write_windows(modes, elements, work):
+    """Write within which elongations and speeds the guards of each element are not passed.
+
+    That of a guard on both is empty. Elements that are as they were are left alone.
     """
-    e = elements.owner[g]
-    sign, spring, speed = (
-        elements.guard[g, SIGN],
-        elements.guard[g, SPRING],
-        elements.guard[g, SPEED],
-    )
-    if spring != 0.0 and speed != 0.0:
-        return False
-    half = work.z_end.shape[0] // 2
-    i, below = elements.rows[e]
-    bound4 = work.bounds[i] + (work.bounds[below] if below >= 0 else 0.0)
-    sign = -sign if spring == 0.0 else sign
-    level = elements.guard[g, LEVEL] + elements.guard[g, SHARE] * modes.state[e]
-    g0 = sign * (difference(e, 0, elements, x) - level)
-    g1 = sign * (difference(e, 0, elements, work.z_end) - level)
-    slope0 = sign * difference(e, half, elements, x)
-    slope1 = sign * difference(e, half, elements, work.z_end)
-    if spring == 0.0:
-        return rises_throughout(d, g0, slope0, g1, slope1, bound4)
-    return not may_reach(d, g0, slope0, g1, slope1, bound4) or leaves(
-        d, g0, slope0, g1, slope1, bound4
-    )
+    windows, known = work.windows, work.known
+    for e in range(windows.shape[1]):
+        if e >= modes.mode.shape[0]:
+            windows[1, e] = windows[3, e] = math.inf
+            windows[0, e] = windows[2, e] = -math.inf
+            continue
+        mode = modes.mode[e]
+        if known[0, e] == mode + 1.0 and known[1, e] == modes.state[e]:
+            continue
+        known[0, e], known[1, e] = mode + 1.0, modes.state[e]
+        windows[1, e] = windows[3, e] = math.inf
+        windows[0, e] = windows[2, e] = -math.inf
+        for g in range(elements.guards[mode], elements.guards[mode + 1]):
+            guard = elements.guard[g]
+            first, slope = 0 if guard[SPEED] == 0.0 else 2, guard[SPRING] + guard[SPEED]
+            end = offset_of(g, modes, elements) / slope
+            if guard[SPRING] != 0.0 and guard[SPEED] != 0.0:
+                windows[0, e] = math.inf
+            elif guard[SIGN] * slope > 0.0:
+                windows[first + 1, e] = min(windows[first + 1, e], end)
+            else:
+                windows[first, e] = max(windows[first, e], end)
+
+
+@kernel
+def write_ends(elements, work):
+    """Write elongations and speeds at both ends of a step from ``work.x`` to ``work.z_end``."""
+    for e in range(elements.rows.shape[0]):
+        row = (elements.rows[e, 0], elements.rows[e, 1], 0, 0.0)
+        values, work.ends[4, e] = row_at_ends(row, work.x, work.z_end, work.bounds)
+        work.ends[0, e], work.ends[1, e], work.ends[2, e], work.ends[3, e] = values
 
 
 @inlined
-def all_hold(d, modes, elements, work):
+def _within(value, error, row, first, windows):
+    """Return which of `LANES` values are proved to be within their windows, see `negative`."""
+    width = windows.shape[1]
+    below = negative(value + error - load(windows, (row + 1) * width + first))
+    return below & negative(load(windows, row * width + first) - value + error)
+
+
+@kernel
+def keep_modes(first, d, work):
+    """Return which of `LANES` elements keep their modes within d of a step, see `negative`.
+
+    That is proved, by the bounds of `search`; `write_ends` has told of the step.
+    """
+    ends, windows = work.ends, work.windows
+    width = ends.shape[1]
+    y0, w0 = load(ends, first), load(ends, width + first)
+    y1, w1 = load(ends, 2 * width + first), load(ends, 3 * width + first)
+    cube = load(ends, 4 * width + first) * (d * d * d)
+    more, error, none = cube * (d * HERMITE_MIDDLE), cube * HERMITE_SLOPE, cube * 0.0
+    middle = fma(w0 - w1, d * (1.0 / 6.0), 0.5 * (y0 + y1))
+    kept = _within(y0, none, 0, first, windows) & _within(y1, none, 0, first, windows)
+    kept &= _within(fma(w0, 0.25 * d, y0), none, 0, first, windows)
+    kept &= _within(middle, more, 0, first, windows)
+    kept &= _within(fma(w1, -0.25 * d, y1), none, 0, first, windows)
+    kept &= _within(w0, error, 2, first, windows) & _within(w1, error, 2, first, windows)
+    return kept & _within((y1 - y0) * (3.0 / d) - w0 - w1, error, 2, first, windows)
+
+
+@inlined
+def all_keep_modes(d, elements, work):
     """Return whether no guard is passed within d of a step; True is proved."""
-    for mode in modes.mode:
-        for g in range(elements.guards[mode], elements.guards[mode + 1]):
-            if not holds(g, d, work.x, modes, elements, work):
-                return False
+    write_ends(elements, work)
+    for first in range(0, work.ends.shape[1], LANES):
+        if keep_modes(first, d, work) != ALL_LANES:
+            return False
     return True
 
 
 @kernel
-def write_row(row, law, index, tables, work):
-    """Write spring y + dashpot y' - level along a step into ``work.drift_rows``.
+def write_row(row, law, segment, tables, work):
+    """Write spring y + dashpot y' - level along the present step into ``work.drift_rows``.
 
     Parameters
     ----------
@@ -124,24 +178,17 @@ def write_row(row, law, index, tables, work):
     for p in range(N_COEFFICIENTS):
         out[0, p] = 0.0
     for end in range(2):
-        if row[end] < 0:
-            continue
         for part in range(2):
             factor = dashpot if part else spring
             i = row[end] + part * half
-            if factor == 0.0:
+            if row[end] < 0 or factor == 0.0:
                 continue
-            if not work.expanded[i]:
-                expand_row(tables.poly, index, i, work.x, rows)
-                work.expanded[i] = True
+            expand(i, segment, tables, work)
             factor = -factor if end else factor
             for p in range(N_COEFFICIENTS):
                 out[0, p] += factor * rows[i, p]
-    bound4 = 0.0
-    for p in range(4, N_COEFFICIENTS):
-        bound4 += abs(out[0, p]) * (p * (p - 1.0) * (p - 2.0) * (p - 3.0))
     out[0, 0] -= level
-    return bound4 * (2.0 / tables.h[index]) ** 4
+    return fourth_derivative(out, segment.h)
 
 
 @kernel
@@ -153,30 +200,37 @@ def _passage(g, segment, end, modes, tables, elements, work):
     e, h = elements.owner[g], segment.h
     i, below = elements.rows[e]
     guard = elements.guard[g]
-    offset = guard[LEVEL] + guard[SHARE] * modes.state[e]
+    offset = offset_of(g, modes, elements)
     size = max(abs(work.x[i]), abs(work.x[below]) if below >= 0 else 0.0)
-    unit = 1.0 / max(1.0, abs(offset), size)
+    unit = guard[SIGN] / max(1.0, abs(offset), size)
     law = (guard[SPRING] * unit, guard[SPEED] * unit, offset * unit)
-    bound4 = write_row((i, below), law, segment.index, tables, work)
-    curve, level = Curve(work.drift_rows, 0, h), Level(guard[SIGN], 0.0)
+    bound4 = write_row((i, below), law, segment, tables, work)
+    curve, level = Curve(work.drift_rows, 0, h), Level(1.0, 0.0)
     g0, slope0 = value_and_slope(curve.rows, 0, h, 0.0)
     g1, slope1 = value_and_slope(curve.rows, 0, h, end)
-    part = Part(
-        0.0, level.sign * g0, level.sign * slope0, end, level.sign * g1, level.sign * slope1
-    )
-    _, g0, slope0, _, g1, slope1 = part
     if guard[SHARE] != 0.0 and abs(g0) < ROUNDING and abs(slope0) * h < ROUNDING:
         # a slider that has just stuck, at its guard and at rest to rounding, moves on, if at all,
         # by its acceleration
-        part = Part(0.0, min(g0, 0.0), min(slope0, 0.0), end, g1, slope1)
+        g0, slope0 = min(g0, 0.0), min(slope0, 0.0)
     if not may_reach(end, g0, slope0, g1, slope1, bound4) or leaves(
         end, g0, slope0, g1, slope1, bound4
     ):
         return -1.0
+    part = Part(0.0, g0, slope0, end, g1, slope1)
     a, ga, b, gb = first_passage(curve, part, level, bound4, work.stack)
     if a < 0.0:
         return a
     return rising_root(curve, Bracket(a, ga, b, gb), level)
+
+
+@inlined
+def _out_of_reach(g, d, modes, elements, ends):
+    """Return whether a guard on y alone is not passed within d of a step; True is proved."""
+    guard, e = elements.guard[g], elements.owner[g]
+    way, end = guard[SIGN] * guard[SPRING], guard[SIGN] * offset_of(g, modes, elements)
+    g0, slope0 = way * ends[0, e] - end, way * ends[1, e]
+    g1, slope1 = way * ends[2, e] - end, way * ends[3, e]
+    return guard[SPEED] == 0.0 and not may_reach(d, g0, slope0, g1, slope1, ends[4, e])
 
 
 @inlined
@@ -191,15 +245,21 @@ def first_change(segment, span, modes, tables, elements, work):
         When, or `span`. ``work.z_end`` is the state then.
     """
     first, time = -1, span
-    for mode in modes.mode:
-        for g in range(elements.guards[mode], elements.guards[mode + 1]):
-            if first == UNDECIDED or holds(g, span, work.x, modes, elements, work):
+    write_ends(elements, work)
+    for block in range(0, work.ends.shape[1], LANES):
+        kept = keep_modes(block, span, work)
+        for e in range(block, min(block + LANES, modes.mode.shape[0])):
+            if kept >> (e - block) & 1:
                 continue
-            found = _passage(g, segment, time, modes, tables, elements, work)
-            if found == UNDECIDED:
-                first = UNDECIDED
-            elif found >= 0.0:
-                first, time = g, found
+            mode = modes.mode[e]
+            for g in range(elements.guards[mode], elements.guards[mode + 1]):
+                if _out_of_reach(g, span, modes, elements, work.ends):
+                    continue
+                found = _passage(g, segment, time, modes, tables, elements, work)
+                if found == UNDECIDED:
+                    return UNDECIDED, time
+                if found >= 0.0:
+                    first, time = g, found
     if first >= 0:
         index, n = segment.index, work.z_end.shape[0]
         expand_rows(tables.poly, index, work.x, work.rows, work.expanded, n)
@@ -210,13 +270,11 @@ def first_change(segment, span, modes, tables, elements, work):
 @kernel
 def pass_guard(g, z, modes, elements):
     """Let an element pass a guard in a state z, in which the guard is put where it is."""
-    e = elements.owner[g]
+    e, guard, half = elements.owner[g], elements.guard[g], z.shape[0] // 2
     i, below = elements.rows[e]
-    half = z.shape[0] // 2
-    guard = elements.guard[g]
     modes.mode[e] = elements.after[g]
     if guard[SPEED] == 0.0:
-        level = guard[LEVEL] + guard[SHARE] * modes.state[e]
+        level = offset_of(g, modes, elements)
         z[i] = level + z[below] if below >= 0 else level
     elif guard[SPRING] == 0.0:
         z[half + i] = z[half + below] if below >= 0 else 0.0
@@ -229,31 +287,38 @@ def pass_guard(g, z, modes, elements):
 
 
 @kernel
-def change(first, segment, time, z, modes, elements, work):
+def change(first, segment, time, z, modes, elements, shared):
     """Let elements pass their guards in a state z at that time of a step.
 
     With `first` all that are passed at the same instant: separately, each would need a segment
-    without length and a table of its own.
+    without length.
     """
     passed = elements.owner[first]
     pass_guard(first, z, modes, elements)
-    half = z.shape[0] // 2
     for e in range(modes.mode.shape[0]):
         mode = modes.mode[e]
         for g in range(elements.guards[mode], elements.guards[mode + 1]):
-            guard = elements.guard[g]
             if e == passed or modes.mode[e] != mode:
                 continue
-            y, w = difference(e, 0, elements, z), difference(e, half, elements, z)
-            level = guard[LEVEL] + guard[SHARE] * modes.state[e]
-            value = guard[SIGN] * (guard[SPRING] * y + guard[SPEED] * w - level)
-            rate = guard[SPRING] * w
-            if guard[SPEED] != 0.0:
-                i, below = elements.rows[e]
-                _, a = value_and_slope(work.rows, half + i, segment.h, time)
-                if below >= 0:
-                    a -= value_and_slope(work.rows, half + below, segment.h, time)[1]
-                rate += guard[SPEED] * a
-            rate *= guard[SIGN]
+            value, rate = _guard_and_rate(g, segment, time, z, modes, shared)
             if rate > 0.0 and abs(value) <= SAME_INSTANT * segment.h * rate:
                 pass_guard(g, z, modes, elements)
+
+
+@inlined
+def _guard_and_rate(g, segment, time, z, modes, shared):
+    """Return a guard in a state z and its rate; 0 where it is far from being passed."""
+    elements, work, half = shared.model.elements, shared.work, z.shape[0] // 2
+    guard, e = elements.guard[g], elements.owner[g]
+    y, w = difference(e, 0, elements, z), difference(e, half, elements, z)
+    value = guard[SPRING] * y + guard[SPEED] * w - offset_of(g, modes, elements)
+    rate = guard[SPRING] * w
+    fastest = max(abs(work.ends[1, e]), abs(work.ends[3, e]))
+    if guard[SPEED] != 0.0 and (guard[SPRING] != 0.0 or abs(value) <= NEAR * fastest):
+        for end in range(2):
+            i = elements.rows[e, end]
+            if i >= 0:
+                expand(half + i, segment, shared.tables, work)
+                _, a = value_and_slope(work.rows, half + i, segment.h, time)
+                rate += guard[SPEED] * (-a if end else a)
+    return guard[SIGN] * value, guard[SIGN] * rate

@@ -27,15 +27,17 @@ from hpcsweep.solvers.flow.elements.guards import (
     sets_of,
     write_loads,
     write_row,
+    write_windows,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import (
     evaluate,
-    expand_rows,
+    evaluate_rows,
     integral,
     value_and_slope,
 )
-from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.linear.propagators import is_tabled, table_of
+from hpcsweep.solvers.flow.linear.series import IN_SERIES, expand_series
 from hpcsweep.solvers.flow.observe.dense_output import expand
 from hpcsweep.solvers.flow.observe.drift import (
     Peak,
@@ -48,8 +50,8 @@ from hpcsweep.solvers.flow.observe.drift import (
 from hpcsweep.solvers.flow.observe.impacts import note_closed, record
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
-from hpcsweep.solvers.flow.passage.tangent import coasted_tangent, linear_tangent
-from hpcsweep.solvers.flow.search.events import coast, take_step
+from hpcsweep.solvers.flow.passage.tangent import coast_on, linear_tangent
+from hpcsweep.solvers.flow.search.events import take_step
 from hpcsweep.solvers.flow.search.search import UNDECIDED
 from hpcsweep.solvers.flow.state.shared import (
     ENERGY,
@@ -116,7 +118,7 @@ def _force_peaks(segment, span, shared):
         edges, row = model.contacts.edges[k], (model.contacts.row[k], -1)
         spring, dashpot = edges[SPRING], edges[DASHPOT]
         law = (edges[0] * spring, edges[0] * dashpot, spring * model.contacts.gap[k])
-        bound4 = write_row(row, law, segment.index, tables, work)
+        bound4 = write_row(row, law, segment, tables, work)
         g0, v0 = value_and_slope(rows, 0, h, 0.0)
         g1, v1 = value_and_slope(rows, 0, h, span)
         ends = (g0, v0, g1, v1)
@@ -167,7 +169,8 @@ def _square(coefficients, h, span):
 def energies_on_segment(segment, span, model, tables, work, tally):
     """Add the integrals of u_i' u_j' and of G u_i' over the first `span` of a step, exactly."""
     v, size, n = work.a_end, work.z_end.shape[0], tally.energy.shape[1]
-    expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, size)
+    for row in range(size):
+        expand(row, segment, tables, work)
     for node in range(N_MODAL):
         s = 0.5 * span * (MODAL_NODES[node] + 1.0)
         weight = 0.5 * span * MODAL_WEIGHTS[node]
@@ -194,7 +197,7 @@ def record_passing(passing, past, model, tally, z):
 def start_next(segment, place, span, z, amplitude, model, tables, work):
     """Write the start of the next segment, in state z, into ``work.x``."""
     tau = segment.tau + span
-    if place >= 0:
+    if place >= 0 or segment.index == IN_SERIES:
         forcing_after(span, tau, amplitude, work.x, z.shape[0], model, work.forcing)
         start(work.x, z, work.forcing)
     else:
@@ -215,9 +218,36 @@ def begin(tau, z, amplitude, shared):
     key = pushing(past, z, model.contacts)
     set_contacts(past, key, modes, model.contacts)
     past, key = sets_of(modes, model.elements)
+    return settle(tau, past, key, z, amplitude, shared)
+
+
+@inlined
+def settle(tau, past, key, z, amplitude, shared):
+    """Let contacts that rest at their stops go; return the sets, and write the windows, of all."""
+    model, work, modes = shared.model, shared.work, shared.modes
     past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
     set_contacts(past, key, modes, model.contacts)
+    write_windows(modes, model.elements, work)
     return past, key
+
+
+@inlined
+def _step(packed, key, stretch, coasts, steps, tangent, shared):
+    """Take a step to ``work.z_end``, after those that `coast_on` takes.
+
+    Under records those of sets without a table are series. Return the segment, the length of the
+    step and the number of steps.
+    """
+    model, tables, work = shared.model, shared.tables, shared.work
+    if tangent is None and not is_tabled(key, model):
+        h = expand_series(key, stretch.end - stretch.tau, model, work)
+        evaluate_rows(work.rows, h, h, work.z_end)
+        shared.counts[LINEAR_STEPS] += 1
+        return Segment(key, IN_SERIES, h, stretch.tau, stretch.end), h, steps
+    index = table_of(key, tables, packed)
+    segment = Segment(key, index, tables.h[index], stretch.tau, stretch.end)
+    segment, known, steps = coast_on(segment, coasts, steps, tangent, shared)
+    return segment, take_step(segment, known, tables, work), steps
 
 
 @inlined
@@ -260,18 +290,11 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
         steps += 1
         if steps > shared.max_steps:
             return STEP_LIMIT
-        index = table_of(key, tables, packed)
-        segment = Segment(key, index, tables.h[index], tau, end)
-        known = False
-        coasts = tangent is not None and wanted == NO_TALLY and elements.stiffness.shape[0] == 0
-        if coasts and past == np.uint64(0):
-            tau, coasted, known = coast(segment, shared.max_steps - steps, model, tables, work)
-            coasted_tangent(tables, index, coasted, tangent, work.tangent)
-            segment = Segment(key, index, segment.h, tau, end)
-            counts[LINEAR_STEPS] += coasted
-            steps += coasted
-        counts[LINEAR_STEPS] += 1
-        span = take_step(segment, known, tables, work)
+        coasts = wanted == NO_TALLY and elements.stiffness.shape[0] == 0
+        coasts = coasts and past == np.uint64(0)
+        part = Stretch(tau, end)
+        segment, span, steps = _step(packed, key, part, coasts, steps, tangent, shared)
+        tau = segment.tau
         place, span = first_change(segment, span, modes, tables, elements, work)
         if place == UNDECIDED:
             return SOLVER_FAILED
@@ -287,22 +310,20 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
                 energies_on_segment(segment, span, model, tables, work, shared.tally)
         else:
             if tangent.shape[1] > 0:
-                linear_tangent(tables, index, span, tangent, work.tangent)
+                linear_tangent(tables, segment.index, span, tangent, work.tangent)
             if wanted != NO_TALLY:
                 observe_segment(segment, past, span, amplitude, wanted, shared)
         if place >= 0:
             counts[PASSAGES] += 1
             before = past
-            change(place, segment, span, work.z_end, modes, elements, work)
+            change(place, segment, span, work.z_end, modes, elements, shared)
             if elements.guard[place, ENDS] > 0.0:
                 modes.path[elements.owner[place]] = time_of(segment.tau + span, model)
                 copy_state(work.z_end, z)
                 return COLLAPSED
             past, key = sets_of(modes, elements)
             write_loads(modes, elements, work.forcing)
-            now = segment.tau + span
-            past, key = rest_at_stops(now, past, key, work.z_end, amplitude, model, work)
-            set_contacts(past, key, modes, model.contacts)
+            past, key = settle(segment.tau + span, past, key, work.z_end, amplitude, shared)
             passing = past ^ before
             if tangent is not None:
                 change_tangent(passing, before, segment.key, model, tangent)

@@ -1,8 +1,15 @@
 """Motion along a linear step as polynomials in sigma = 2 s / h - 1, from the tables."""
 
+import math
+
+import numpy as np
+
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, combine, fma
+from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, modulus, total
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+
+FOURTH = np.array([math.perm(p, 4) for p in range(N_COEFFICIENTS)], float)
+"""Factors of the coefficients in the fourth derivative by sigma."""
 
 
 @kernel
@@ -143,3 +150,13 @@ def value_and_slope(rows, row, h, s):
     """Evaluate like `value_slope_bend`, without the second derivative."""
     value, slope, _ = value_slope_bend(rows, row, h, s)
     return value, slope
+
+
+@inlined
+def fourth_derivative(rows, h):
+    """Bound |d^4/ds^4| of polynomial 0 on the step by the moduli of its coefficients."""
+    own = modulus(load(rows, 0)) * load(FOURTH, 0)
+    for p in range(LANES, N_COEFFICIENTS, LANES):
+        own = fma(modulus(load(rows, p)), load(FOURTH, p), own)
+    rate = 2.0 / h
+    return total(own) * ((rate * rate) * (rate * rate))

@@ -36,6 +36,7 @@ from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
     ECONOMISATION,
+    MAX_TABLES,
     MODAL_NODES,
     N_COEFFICIENTS,
     N_MODAL,
@@ -46,6 +47,9 @@ from hpcsweep.solvers.flow.state.tables import (
     ZERO,
     forget,
 )
+
+LARGEST_STORE = MAX_TABLES.bit_length() - 1
+"""Most contacts and sliders of which all sets have a table."""
 
 
 @kernel
@@ -126,6 +130,18 @@ def _find(key, tables):
         if tables.keys[index] == key:
             return index
     return -1
+
+
+@inlined
+def is_tabled(key, model):
+    """Return whether a set has a table: none slips, or all sets of the structure fit in the store.
+
+    That does not depend on the motions before.
+    """
+    m, n_sliders = model.contacts.row.shape[0], model.elements.stiffness.shape[0]
+    if n_sliders == 0 or m + n_sliders <= LARGEST_STORE:
+        return True
+    return key >> np.uint64(m) == np.uint64(0)
 
 
 @inlined

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, total
 from hpcsweep.solvers.flow.linear.polynomials import (
     expand_rows,
+    fourth_derivative,
     value_and_slope,
     value_slope_bend,
 )
@@ -35,10 +35,6 @@ beside a turning point of the slope, an extremum differs from its neighbours by 
 
 NOTHING = 1e-200
 """Of drifts below this the ends of the steps are enough."""
-
-
-FOURTH = np.array([math.perm(p, 4) for p in range(N_COEFFICIENTS)], float)
-"""Factors of the coefficients in the fourth derivative by sigma."""
 
 
 REPEATED = 0.02
@@ -266,16 +262,6 @@ def raise_peak(rows, h, s, ends, bound4, side, peak, stack):
             t -= v / bend
     found = search_peak(rows, h, s, bound4, side, peak, stack)
     return found if found >= 0.0 else time
-
-
-@inlined
-def fourth_derivative(rows, h):
-    """Bound |d^4/ds^4| of polynomial 0 on the step by the moduli of its coefficients."""
-    own = modulus(load(rows, 0)) * load(FOURTH, 0)
-    for p in range(LANES, N_COEFFICIENTS, LANES):
-        own = fma(modulus(load(rows, p)), load(FOURTH, p), own)
-    rate = 2.0 / h
-    return total(own) * ((rate * rate) * (rate * rate))
 
 
 @kernel

@@ -13,13 +13,10 @@ and bounds of |q''''| from these: what the Hermite bound of `search` needs to te
 cannot be exceeded.
 """
 
-import numpy as np
-
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES
-from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.linear.propagators import max_fourth_derivative
-from hpcsweep.solvers.flow.state.state import contact_bit
+from hpcsweep.solvers.flow.linear.series import write_field
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 
 
@@ -36,7 +33,7 @@ def _fill(index, model, tables, outputs):
     key = tables.keys[index]
     outputs.filled[index], outputs.key[index] = True, key
     rows, n_rows = outputs.accelerations, model.stiffness.shape[0]
-    _write_accelerations(key, model, rows)
+    write_field(key, model, rows)
     _write_pairs(rows, model, outputs.pair[index])
     poly, h = tables.poly[index], tables.h[index]
     loads = poly.shape[1] - 1 - model.elements.stiffness.shape[0]
@@ -49,11 +46,11 @@ def _fill(index, model, tables, outputs):
                 differentiate(poly[n_rows + i, column], h, own[column])
             else:
                 for j in range(2 * n_rows):
-                    if rows[i, j] != 0.0:
+                    if rows[j, i] != 0.0:
                         for c in range(N_COEFFICIENTS):
-                            own[column, c] += rows[i, j] * poly[j, column, c]
+                            own[column, c] += rows[j, i] * poly[j, column, c]
                 if column >= loads:
-                    own[column, 0] += rows[i, column]
+                    own[column, 0] += rows[column, i]
             outputs.bound4[index, column, i] = max_fourth_derivative(own[column], h)
 
 
@@ -66,38 +63,9 @@ def differentiate(polynomial, h, out):
 
 
 @kernel
-def _write_accelerations(key, model, out):
-    """Write y'' of all rows as rows of the augmented state."""
-    n_rows = model.stiffness.shape[0]
-    contacts = model.contacts
-    last, elements = out.shape[1] - 1, model.elements
-    loads = last - elements.stiffness.shape[0]
-    for i in range(n_rows):
-        for j in range(n_rows):
-            out[i, j] = -model.stiffness[i, j]
-            out[i, n_rows + j] = -model.damping[i, j]
-        for pair in range(2 * n_rows, loads, 2):
-            out[i, pair], out[i, pair + 1] = model.forcing[i], 0.0
-        out[i, last] = 0.0
-        for k in range(contacts.row.shape[0]):
-            if key & contact_bit(k) != np.uint64(0):
-                push = contacts.beta[k] * contacts.kick[k, i]
-                out[i, contacts.row[k]] -= push * contacts.sign[k]
-                drag = contacts.edges[k, DRAG] * contacts.kick[k, i]
-                out[i, n_rows + contacts.row[k]] -= drag * contacts.sign[k]
-                out[i, last] += push * contacts.gap[k]
-        for j in range(elements.stiffness.shape[0]):
-            push = elements.stiffness[j] * elements.kick[j, i]
-            out[i, loads + j] = push
-            if key & contact_bit(contacts.row.shape[0] + j):
-                for k in range(elements.reach.shape[1]):
-                    out[i, k] += push * elements.reach[j, k]
-
-
-@kernel
 def _write_pairs(rows, model, pair):
     """Write the columns of values and slopes."""
-    n_rows = rows.shape[0]
+    n_rows = rows.shape[1]
     last = pair.shape[0] - 1
     loads = last - model.elements.stiffness.shape[0]
     for i in range(model.ground.shape[0]):
@@ -105,10 +73,10 @@ def _write_pairs(rows, model, pair):
         slope_at = value_at + LANES
         for column in range(last + 1):
             forced = 2 * n_rows <= column < loads
-            value = rows[i, column] if not forced else 0.0
-            slope = rows[i, column - n_rows] if n_rows <= column < 2 * n_rows else 0.0
+            value = rows[column, i] if not forced else 0.0
+            slope = rows[column - n_rows, i] if n_rows <= column < 2 * n_rows else 0.0
             for j in range(n_rows):
-                slope += rows[i, n_rows + j] * rows[j, column]
+                slope += rows[n_rows + j, i] * rows[column, j]
             pair[column, value_at], pair[column, slope_at] = value, slope
         # of a harmonic the pair (sine, cosine), of a ramp (G, G')
         own = model.forcing[i] + model.ground[i]

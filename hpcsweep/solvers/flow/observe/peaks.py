@@ -9,11 +9,21 @@ bound of `search` allows more.
 
 import numpy as np
 
-from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
-from hpcsweep.solvers.flow.linear.forcing import forcing_after, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import expand_row
+from hpcsweep.solvers.flow.linear.forcing import (
+    forcing_after,
+    forcing_rate,
+    total_forcing,
+    turn_forcing,
+)
+from hpcsweep.solvers.flow.linear.polynomials import (
+    expand_row,
+    fourth_derivative,
+    value_and_slope,
+)
+from hpcsweep.solvers.flow.linear.series import IN_SERIES
 from hpcsweep.solvers.flow.observe.drift import (
     SAME_PEAK,
     Peak,
@@ -23,7 +33,7 @@ from hpcsweep.solvers.flow.observe.drift import (
     row_at_ends,
     row_may_be_higher,
 )
-from hpcsweep.solvers.flow.observe.outputs import fill_outputs
+from hpcsweep.solvers.flow.observe.outputs import differentiate, fill_outputs
 from hpcsweep.solvers.flow.search.search import HERMITE_MIDDLE
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, time_of
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
@@ -95,26 +105,11 @@ def displacements_on_segment(segment, span, wanted, only_look, shared):
 @inlined
 def _accelerations_on_segment(segment, span, amplitude, shared):
     """Raise the peaks of absolute accelerations; arguments of `peaks_on_segment`."""
-    model, tables, work, outputs = shared.model, shared.tables, shared.work, shared.outputs
-    index, size = segment.index, work.z_end.shape[0]
-    fill_outputs(index, model, tables, outputs)
-    if outputs.place[0] == index and outputs.place[1] == segment.tau:
-        copy_state(outputs.end, outputs.start)
+    outputs = shared.outputs
+    if segment.index == IN_SERIES:
+        _ends_in_series(segment, span, shared)
     else:
-        product(outputs.pair, index, work.x, outputs.start)
-    x_end = outputs.x_end
-    copy_state(work.x, x_end)
-    for row in range(size):
-        x_end[row] = work.z_end[row]
-    if span == segment.h:
-        turn_forcing(x_end, size, tables, index)
-    else:
-        forcing_after(span, segment.tau + span, amplitude, work.x, size, model, outputs.pairs)
-        for k in range(outputs.pairs.shape[0]):
-            x_end[size + k] = outputs.pairs[k]
-    product(outputs.pair, index, x_end, outputs.end)
-    outputs.place[0], outputs.place[1] = index, segment.tau + span
-    product_of_moduli(outputs.bound4, index, work.x, outputs.bounds)
+        _ends_by_tables(segment, span, amplitude, shared)
     start, end, bounds = outputs.start, outputs.end, outputs.bounds
     quarter, sixth = 0.25 * span, span * (1.0 / 6.0)
     fourth = HERMITE_MIDDLE * (span * span) * (span * span)
@@ -138,6 +133,49 @@ def _accelerations_on_segment(segment, span, amplitude, shared):
 
 
 @inlined
+def _ends_by_tables(segment, span, amplitude, shared):
+    """Write accelerations and slopes at both ends of a step of a table, and their bounds."""
+    model, tables, work, outputs = shared.model, shared.tables, shared.work, shared.outputs
+    index, size = segment.index, work.z_end.shape[0]
+    fill_outputs(index, model, tables, outputs)
+    if outputs.place[0] == index and outputs.place[1] == segment.tau:
+        copy_state(outputs.end, outputs.start)
+    else:
+        product(outputs.pair, index, work.x, outputs.start)
+    x_end = outputs.x_end
+    copy_state(work.x, x_end)
+    for row in range(size):
+        x_end[row] = work.z_end[row]
+    if span == segment.h:
+        turn_forcing(x_end, size, tables, index)
+    else:
+        forcing_after(span, segment.tau + span, amplitude, work.x, size, model, outputs.pairs)
+        for k in range(outputs.pairs.shape[0]):
+            x_end[size + k] = outputs.pairs[k]
+    product(outputs.pair, index, x_end, outputs.end)
+    outputs.place[0], outputs.place[1] = index, segment.tau + span
+    product_of_moduli(outputs.bound4, index, work.x, outputs.bounds)
+
+
+@kernel
+def _ends_in_series(segment, span, shared):
+    """Write the same of a step that is a series, and the polynomials."""
+    model, work, outputs, h = shared.model, shared.work, shared.outputs, segment.h
+    size = work.z_end.shape[0]
+    slope = 0.5 * h * forcing_rate(work.x, size, model)
+    middle = total_forcing(work.x, size, model) + slope
+    for p in range(outputs.rows.shape[0]):
+        rows, at = outputs.rows[p : p + 1], p + p // LANES * LANES
+        differentiate(work.rows[size // 2 + p], h, rows[0])
+        rows[0, 0] += model.ground[p] * middle
+        rows[0, 1] += model.ground[p] * slope
+        outputs.start[at], outputs.start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
+        outputs.end[at], outputs.end[at + LANES] = value_and_slope(rows, 0, h, span)
+        outputs.bounds[p] = fourth_derivative(rows, h)
+    outputs.place[0] = IN_SERIES
+
+
+@inlined
 def _raise_acceleration(p, segment, span, shared):
     """Raise the peak of floor p by its extrema on a step."""
     work, outputs, peaks = shared.work, shared.outputs, shared.tally.peaks
@@ -148,8 +186,9 @@ def _raise_acceleration(p, segment, span, shared):
     peak = Peak(peaks, w, shared.tally.times[w] - time)
     reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
-        expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
         rows = outputs.rows[p : p + 1]
+        if segment.index != IN_SERIES:
+            expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
         found = raise_peak(rows, segment.h, span, ends, bound4, 0, peak, work.stack)
         reached = found if found >= 0.0 else reached
     if reached >= 0.0:

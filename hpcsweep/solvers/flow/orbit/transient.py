@@ -18,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from hpcsweep.kernels.arena import as_long_as
-from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
 from hpcsweep.solvers.flow.orbit.newton import newton_orbit
 from hpcsweep.solvers.flow.period.march import advance
@@ -55,6 +55,23 @@ class Closing(NamedTuple):
     """Distance between points that count as one."""
     near: float
     """Distance between points a period apart below which a jump is tried; 0: never."""
+
+
+@inlined
+def _to_go(e, before, rounding):
+    """Return the distance that remains to an orbit, by e_k and e_(k-p), -inf if there is none."""
+    if before >= 0.0 and e <= rounding:
+        return 0.0
+    return e * e / (before - e) if e < before else math.inf
+
+
+@inlined
+def _smallest_period(p, distance, same):
+    """Return the smallest divisor of a period for which the last two points are the same."""
+    for divisor in range(1, p):
+        if p % divisor == 0 and distance[divisor] <= same:
+            return divisor
+    return p
 
 
 @kernel
@@ -109,23 +126,13 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
             e = 0.0
             for k in range(size):
                 e = max(e, abs(z[k] - history[place, k]))
-            to_go = math.inf
-            approached = False
-            if period >= 2 * p:
-                before = distance[past, p]
-                approached = e <= near and e < before
-                if e <= ROUNDING * (1.0 + largest):
-                    to_go = 0.0
-                elif e < before:
-                    to_go = e * e / (before - e)
+            before = distance[past, p] if period >= 2 * p else -math.inf
+            rounding = ROUNDING * (1.0 + largest)
             distance[slot, p] = e
-            close[p] = close[p] + 1 if to_go <= settled else 0
+            close[p] = close[p] + 1 if _to_go(e, before, rounding) <= settled else 0
             if close[p] >= 2 * p + 1:
-                for divisor in range(1, p):
-                    if p % divisor == 0 and distance[slot, divisor] <= same:
-                        return period - first, divisor, COMPLETE
-                return period - first, p, COMPLETE
-            falling[p] = falling[p] + 1 if approached else 0
+                return period - first, _smallest_period(p, distance[slot], same), COMPLETE
+            falling[p] = falling[p] + 1 if e <= near and e < before else 0
             if falling[p] >= 2 * p + 1:
                 return period - first, -p, COMPLETE
         if _steps(common.counts, size) > most:

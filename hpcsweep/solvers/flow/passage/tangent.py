@@ -36,7 +36,45 @@ from hpcsweep.solvers.flow.passage.crossing import (
     since_linear,
     sums,
 )
+from hpcsweep.solvers.flow.search.events import coast
+from hpcsweep.solvers.flow.state.shared import LINEAR_STEPS
+from hpcsweep.solvers.flow.state.state import Segment
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, N_POWERS, ZERO
+
+
+@inlined
+def coast_on(segment, coasts, steps, tangent, shared):
+    """Take the steps of a table that no contact can end, if nothing is observed along them.
+
+    Parameters
+    ----------
+    segment : Segment
+    coasts : bool
+        Whether that is so.
+    steps : int
+        Taken so far.
+    tangent : ndarray, shape (2R, m), or None
+        Multiplied by the tangent map. None, in compiling: steps are taken one by one.
+
+    Returns
+    -------
+    segment : Segment
+        What is left.
+    known : bool
+        See `coast`.
+    steps : int
+    """
+    known = False
+    if tangent is not None and coasts:
+        tables, work = shared.tables, shared.work
+        left = shared.max_steps - steps
+        tau, coasted, known = coast(segment, left, shared.model, tables, work)
+        coasted_tangent(tables, segment.index, coasted, tangent, work.tangent)
+        segment = Segment(segment.key, segment.index, segment.h, tau, segment.end)
+        shared.counts[LINEAR_STEPS] += coasted
+        steps += coasted
+    shared.counts[LINEAR_STEPS] += 1
+    return segment, known, steps
 
 
 @inlined

@@ -33,14 +33,13 @@ from hpcsweep.solvers.flow.passage.passage import (
     pass_layer,
     time_at_stop,
 )
-from hpcsweep.solvers.flow.passage.tangent import coasted_tangent
+from hpcsweep.solvers.flow.passage.tangent import coast_on
 from hpcsweep.solvers.flow.period.gather import (
     measure_segment,
     observe_segment,
     segment_tangent,
 )
 from hpcsweep.solvers.flow.search.events import (
-    coast,
     contact_key,
     first_event,
     layer_edge,
@@ -56,7 +55,6 @@ from hpcsweep.solvers.flow.search.search import (
 )
 from hpcsweep.solvers.flow.state.shared import (
     LAYER_STEPS,
-    LINEAR_STEPS,
     NO_TALLY,
     PASSAGES,
     VISITS,
@@ -273,15 +271,8 @@ def march_segments(packed, part, z, amplitude, shared, wanted, tangent, measures
             forcing_at(tau, amplitude, model, work.forcing, 0)
             start(work.x, z, work.forcing)
         segment = Segment(key, index, tables.h[index], tau, end)
-        known = False
-        if tangent is not None and wanted == NO_TALLY:
-            steps_left = shared.max_steps - steps
-            tau, coasted, known = coast(segment, steps_left, model, tables, work)
-            coasted_tangent(tables, index, coasted, tangent, work.tangent)
-            segment = Segment(key, index, segment.h, tau, end)
-            counts[LINEAR_STEPS] += coasted
-            steps += coasted
-        counts[LINEAR_STEPS] += 1
+        segment, known, steps = coast_on(segment, wanted == NO_TALLY, steps, tangent, shared)
+        tau = segment.tau
         ending = take_segment(segment, known, promised, z, amplitude, packed, shared)
         if ending.contact == UNDECIDED:
             return SOLVER_FAILED

@@ -23,12 +23,18 @@ from hpcsweep.kernels.compile.entry_points import (
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
+from hpcsweep.solvers.flow.elements.contacts import accelerations as elements_accelerations
 from hpcsweep.solvers.flow.elements.contacts import by_elements, past_stops, pushing, set_contacts
-from hpcsweep.solvers.flow.elements.guards import all_hold, sets_of, write_loads
+from hpcsweep.solvers.flow.elements.guards import (
+    all_keep_modes,
+    sets_of,
+    write_loads,
+    write_windows,
+)
 from hpcsweep.solvers.flow.elements.march import march_elements
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
-from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.linear.propagators import is_tabled, table_of
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
 from hpcsweep.solvers.flow.observe.outputs import fill_outputs
@@ -98,11 +104,7 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
     if with_elements:
         write_loads(common.modes, model.elements, work.forcing)
     for j in range(first, last):
-        model.ramp[0, 0] = model.ramp[0, 1] = 0.0
-        model.ramp[0, 2] = j * model.period
-        if j + 1 < samples.shape[0]:
-            model.ramp[0, 0] = samples[j]
-            model.ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
+        _set_ramp(j, samples, model)
         if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
             return j - first, NON_FINITE
         if model.rows.shape[0] > 0:
@@ -140,6 +142,16 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
 
 
 @inlined
+def _set_ramp(j, samples, model):
+    """Let the ground go from sample j to the next one."""
+    model.ramp[0, 0] = model.ramp[0, 1] = 0.0
+    model.ramp[0, 2] = j * model.period
+    if j + 1 < samples.shape[0]:
+        model.ramp[0, 0] = samples[j]
+        model.ramp[0, 1] = (samples[j + 1] - samples[j]) / model.period
+
+
+@inlined
 def _table_at_start(z, amplitude, packed, shared):
     """Return the set of an interval's start and its table; `NO_TABLE` where steps are none of it.
 
@@ -151,6 +163,9 @@ def _table_at_start(z, amplitude, packed, shared):
             return key, NO_TABLE
         set_contacts(nothing, nothing, shared.modes, model.contacts)
         _, key = sets_of(shared.modes, model.elements)
+        if not is_tabled(key, model):
+            return key, NO_TABLE
+        write_windows(shared.modes, model.elements, work)
     elif inside_layer(z, model):
         return key, NO_TABLE
     else:
@@ -182,7 +197,7 @@ def _coast(segment, amplitude, wanted, shared):
             work.expanded[row] = False
             work.z_end[row] = wide[row]
         if with_elements:
-            if not all_hold(h, shared.modes, model.elements, work):
+            if not all_keep_modes(h, model.elements, work):
                 return step * h
         else:
             for k in range(places.shape[0]):
@@ -218,6 +233,11 @@ def _sample_peaks(packed, j, z, amplitude, shared):
         if by_elements(model):
             _, sliding = sets_of(shared.modes, model.elements)
             key = pushing(key, z, model.contacts) | sliding >> m << m
+    if not within and model.elements.stiffness.shape[0] > 0:
+        write_loads(shared.modes, model.elements, work.forcing)
+        elements_accelerations(key, z, model, work)
+        copy_state(work.series.a[: work.a.shape[0]], work.a)
+    elif not within:
         index = table_of(key, tables, packed)
         fill_outputs(index, model, tables, outputs)
         start(outputs.x_end, z, work.forcing)
@@ -227,7 +247,7 @@ def _sample_peaks(packed, j, z, amplitude, shared):
         k = p - outputs.first_contact
         if flag == ACCELERATION:
             value = outputs.end[i + i // LANES * LANES]
-            if within:
+            if within or model.elements.stiffness.shape[0] > 0:
                 value = work.a[i] + model.ground[i] * ground
         elif flag == CONTACT:
             edges = model.contacts.edges

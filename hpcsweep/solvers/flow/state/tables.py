@@ -103,7 +103,7 @@ def sizes_of(model: Model) -> dict[str, int]:
     sizes |= {"E": model.elements.first.size, "n+1": n + 1, "F": len(model.ground)}
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
-    sizes["2 padded F"] = 2 * sizes["padded F"]
+    sizes |= {"2 padded F": 2 * sizes["padded F"], "R+padded R": rows + padded(rows)}
     return sizes
 
 
@@ -222,7 +222,7 @@ class Outputs(NamedTuple):
     rows: np.ndarray = zeros("F", N_COEFFICIENTS)
     x_end: np.ndarray = zeros("N")
     pairs: np.ndarray = zeros("2H")
-    accelerations: np.ndarray = zeros("R", "N")
+    accelerations: np.ndarray = zeros("N", "R")
     """Workspace: a step, the state and the forcing at its end, and what builds a table."""
 
 

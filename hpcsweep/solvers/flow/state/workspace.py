@@ -97,6 +97,24 @@ class TangentWorkspace(NamedTuple):
     """M_+ k"""
 
 
+N_TERMS = 24
+"""Most terms of a Taylor series of a step."""
+
+
+class SeriesWorkspace(NamedTuple):
+    """A step as a Taylor series, see `linear.series`."""
+
+    field: np.ndarray = zeros("N", "padded R")
+    """y'' of all rows in the augmented state, by its columns ..."""
+    key: np.ndarray = zeros(2, dtype=np.uint64)
+    """... for this set, if the second is 1."""
+    terms: np.ndarray = zeros(N_TERMS, "R+padded R")
+    """Term k of all rows of y, then of y'."""
+    x: np.ndarray = zeros("N")
+    a: np.ndarray = zeros("padded R")
+    """An augmented state, and its accelerations."""
+
+
 class Workspace(NamedTuple):
     """Workspace for the kernels; contents mean nothing between calls."""
 
@@ -112,6 +130,13 @@ class Workspace(NamedTuple):
     """Polynomials of the present step, valid where `expanded`."""
     expanded: np.ndarray = zeros("2R", dtype=bool)
     drift_rows: np.ndarray = zeros(1, N_COEFFICIENTS)
+    ends: np.ndarray = zeros(5, "padded E")
+    """Elongations of elements: at the start of the present step, their speeds, both at its end, and
+    bounds of their fourth derivatives ..."""
+    windows: np.ndarray = zeros(4, "padded E")
+    """... and within which elongations, below and above, and speeds they keep their modes, ..."""
+    known: np.ndarray = zeros(2, "padded E")
+    """... from 1 on these, and in these states."""
     modal_rows: np.ndarray = zeros("n", N_COEFFICIENTS)
     modal_nodes: np.ndarray = zeros("padded n nodes")
     """Modal coordinates at the nodes of an interval, by mode, then node."""
@@ -131,3 +156,4 @@ class Workspace(NamedTuple):
     tangent: TangentWorkspace = part(TangentWorkspace)
     layer: LayerWorkspace = part(LayerWorkspace)
     solitary: SolitaryWorkspace = part(SolitaryWorkspace)
+    series: SeriesWorkspace = part(SeriesWorkspace)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.job.job import JobError
-from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_indexed, write_value
+from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, merge, with_indexed, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
@@ -29,6 +29,8 @@ NEVER = {
     "sweep.amplitude": "is an axis of every study; give sweep.amplitude its values",
     "sweep.initial_state": "must be one and the same of all runs",
 }
+TABLES_WITHIN = ("rayleigh.",)
+"""Tables in these whose keys may be varied, too."""
 SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
 
@@ -73,7 +75,9 @@ class Parts:
                 tree = with_indexed(tree, axis.key, axis.given[at], self.source)
             else:
                 table, _, key = axis.key.partition(".")
-                tree[table] = {**tree.get(table, {}), key: axis.given[at]}
+                outer, _, inner = key.rpartition(".")
+                own = {inner: axis.given[at]}
+                tree[table] = merge(tree.get(table, {}), {outer: own} if outer else own)
         return tree
 
 
@@ -105,10 +109,10 @@ def read_varied(
         read(values.source, parts.tree_as_given())
     for axis in axes:
         owner, _, name = axis.key.rpartition(".")
-        if name in SETS_FREQUENCIES and "rayleigh" in _table(rest, owner):
+        if name in SETS_FREQUENCIES and isinstance(_table(rest, owner).get("rayleigh"), list):
             limit = (
                 f"changes the damping ratios that {owner}.rayleigh gives: its alpha and beta "
-                "belong to one set of frequencies; give damping_ratio"
+                "belong to one set of frequencies; give it ratio and modes"
             )
             raise values.error(f"vary.{axis.key}", given[axis.key], limit)
     study = Varied(base, axes, parts)
@@ -146,10 +150,10 @@ def _flat(values: Values, table: object) -> dict[str, object]:
     given: dict[str, object] = {}
     for key, value in table.items():
         below = value if isinstance(value, Mapping) and not set(value) & set(RANGE_KEYS) else None
-        if "." in key or not below:
-            given[key] = value
+        if below and ("." not in key or f"{key}.".endswith(TABLES_WITHIN)):
+            given |= _flat(values, {f"{key}.{name}": one for name, one in below.items()})
         else:
-            given.update({f"{key}.{name}": one for name, one in below.items()})
+            given[key] = value
     return given
 
 
@@ -159,6 +163,8 @@ def _axis(values: Values, key: str, given: object) -> Axis:
     if indexed:
         table = indexed[1] or indexed[2]
         name = f"{indexed[2]}_{indexed[3]}_{indexed[4].replace('.', '_')}"
+    elif name.startswith(TABLES_WITHIN):
+        name = name.replace(".", "_")
     is_building = indexed is not None and key.startswith("building[")
     if not (table in TABLES or is_building) or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"

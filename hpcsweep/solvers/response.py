@@ -15,7 +15,7 @@ on ratios alone as before, but it is linear at no scale: the contact is closed f
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Response
+
+if TYPE_CHECKING:
+    from hpcsweep.solvers.flow.record_map import RecordMap
 
 AT_STRENGTH = 1e-9
 """Part by which a slider may start beyond its strength: rounding of a state put there."""
@@ -109,13 +112,11 @@ def response(
                     f"state: slider {one.name or 'of the structure'} would be extended by {y:.6g}, "
                     f"slips at {one.limit:.6g}: sliders start without having slipped"
                 )
-    from hpcsweep.solvers.flow.record_map import RecordMap  # reading results needs no kernels
-
     if energy and at_samples:
         raise ValueError("energy and at_samples must not be asked for both")
     shear = bool(structure.sliders) if base_shear is None else flag("base_shear", base_shear)
     wanted = {"base_shear": shear, "energy": flag("energy", energy)}
-    solver = RecordMap(structure, record.dt, rtol, **wanted)
+    solver = record_map(structure, record.dt, rtol, **wanted)
     return _complete(solver.respond(record.acceleration, scale, tail, state, at_samples=at_samples))
 
 
@@ -145,8 +146,6 @@ def linear_response(
         drift that has a limit.
     """
     structure, record, tail = _arguments(structure, record, tail)
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
     slides = structure.slider_directions
     n_drifts, n_contacts = len(structure.drift_rows), len(structure.contacts)
     free = Structure.from_matrices(
@@ -158,7 +157,7 @@ def linear_response(
         drift=np.vstack((structure.drift_rows, slides, structure.directions)),
     )
     more = {"base_shear": base_shear, "energy": energy}
-    solver = RecordMap(free, record.dt, one_sided=n_contacts, **more)
+    solver = record_map(free, record.dt, one_sided=n_contacts, **more)
     found = _complete(solver.respond(record.acceleration, 1.0, tail))
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
     drifts, slid, past = np.split(found.drift, [n_drifts, n_drifts + len(slides)])
@@ -233,6 +232,16 @@ def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
         for gap, way in zip(gaps, reach.tolist(), strict=True)
     ]
     return min(scales, default=math.inf)
+
+
+def record_map(structure: Structure, dt: float, *arguments: Any, **options: Any) -> "RecordMap":
+    """Return what responds to records, and say it if its kernels have to be compiled."""
+    # reading results needs no kernels
+    from hpcsweep.solvers.compiling import load_aloud
+    from hpcsweep.solvers.flow.record_map import KERNELS, RecordMap
+
+    load_aloud(KERNELS)
+    return RecordMap(structure, dt, *arguments, **options)
 
 
 def _arguments(structure, record, tail) -> tuple[Structure, Record, float]:
@@ -323,9 +332,7 @@ def history(
     dt = record.dt / parts
     fine = np.arange(parts * (record.n_samples - 1) + 1) / parts
     ground = np.interp(fine, np.arange(record.n_samples), record.acceleration)
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
-    own = RecordMap(structure, dt, rtol)
+    own = record_map(structure, dt, rtol)
     last, n_all = ground.size - 1, ground.size - 1 + int(tail / dt + SAME_STEP)
     count, n = n_all // samples + 1, structure.n_floors
     states, peaks = np.empty((count, 2 * n)), np.zeros((count, len(structure.contacts)))

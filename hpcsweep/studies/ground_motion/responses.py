@@ -38,6 +38,7 @@ from hpcsweep.solvers.response import (
     Response,
     history,
     linear_response,
+    record_map,
     scale_of_contact,
 )
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -268,9 +269,7 @@ def with_lengths_in(structure: Structure, unit: float) -> Structure:
 
 @lru_cache(maxsize=8)
 def _map(structure: Structure, dt: float, rtol: float, base_shear: bool, energy: bool):
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
-    return RecordMap(structure, dt, rtol, base_shear=base_shear, energy=energy)
+    return record_map(structure, dt, rtol, base_shear=base_shear, energy=energy)
 
 
 class _Kept:

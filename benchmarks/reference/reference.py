@@ -493,11 +493,24 @@ def _restitution(xi, tension):
 def _damping(structure, mass, stiffness):
     if structure.matrices is not None and structure.matrices.damping is not None:
         return np.array(structure.matrices.damping)
-    if structure.rayleigh is not None:
-        return structure.rayleigh[0] * mass + structure.rayleigh[1] * stiffness
     squares, phi = eigh(stiffness, mass)
+    if structure.rayleigh is not None:
+        factors = structure.rayleigh
+        if len(factors) > 2:
+            w = np.array([2 * np.pi / period for period in factors.periods or ()])
+            w = w if w.size else np.sqrt(squares)[np.array(factors.modes) - 1]
+            factors = np.linalg.solve(np.column_stack((1 / w, w)) / 2, [factors.ratio] * 2)
+        return factors[0] * mass + factors[1] * stiffness + _dashpots(structure)
     zeta = np.broadcast_to(np.asarray(structure.damping_ratio, dtype=float), squares.shape)
-    return mass @ phi @ np.diag(2 * zeta * np.sqrt(squares)) @ phi.T @ mass
+    modal = mass @ phi @ np.diag(2 * zeta * np.sqrt(squares)) @ phi.T @ mass
+    return modal + _dashpots(structure)
+
+
+def _dashpots(structure):
+    n = structure.n_floors
+    steps = np.eye(n) - np.eye(n, k=-1)
+    own = 0.0 if structure.matrices is not None else structure.storey_damping
+    return steps.T @ np.diag(np.broadcast_to(own, n)) @ steps
 
 
 def reference_points(structure, amplitude, omega, state, n_periods, part=PART_OF_RADIUS):

@@ -3,15 +3,18 @@
 from pathlib import Path
 
 from hpcsweep.commands.outputs import write_job
+from hpcsweep.studies.kinds import DEFAULT_KIND, STUDIES
 
 SUMMARY = "write a job to start from"
 HELP = """\
 Write a job to start from: every key with its meaning, unit, range and default. The job
-is complete and runs in seconds. A file that exists is not touched."""
+is complete and runs in seconds. A file that exists is not touched. --kind chooses what is
+computed: records are ground motions."""
 
 EXAMPLES = """\
 example:
   hpcsweep new study.toml
+  hpcsweep new pair.toml --kind records
   mpirun -n 2 hpcsweep run study.toml
   hpcsweep plot study.h5 -o study.png"""
 
@@ -19,10 +22,16 @@ example:
 def configure(parser) -> None:
     """Add the options of the command."""
     parser.add_argument("file", type=Path, metavar="FILE.toml", help="must not exist")
+    parser.add_argument(
+        "--kind",
+        choices=tuple(STUDIES),
+        default=DEFAULT_KIND,
+        help="kind of study (default: %(default)s)",
+    )
 
 
 def run(options) -> int:
     """Run the command."""
     from hpcsweep.job.template import template
 
-    return write_job(options.file, template())
+    return write_job(options.file, template(options.kind))

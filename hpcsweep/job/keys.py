@@ -43,8 +43,14 @@ STRUCTURE: Tables = {
         ),
         Key(
             "rayleigh",
-            "[alpha, beta] of the damping matrix alpha M + beta K, in place of "
-            "`structure.damping_ratio`",
+            "Rayleigh damping alpha M + beta K in place of `structure.damping_ratio`: "
+            "`{ratio = 0.05, modes = [1, 3]}`, a damping ratio and the two modes that have it, or "
+            "`periods = [0.8, 0.2]` for the modes; or `[alpha, beta]`",
+        ),
+        Key(
+            "storey_damping",
+            "c of a dashpot in each storey, besides, at least 0: a number, or a list of n",
+            0.0,
         ),
         Key(
             "restitution",
@@ -138,7 +144,8 @@ KEYS: Tables = {
             "tables `[[building]]`, one, or several from left to right: `mass` of each floor, "
             "`storey_stiffness` (or `period`, the longest natural period of the building alone, "
             "with stiffnesses in proportion), `storey_height`, `damping_ratio` of its own modes or "
-            "`rayleigh`, `name` ([how](structures.md#buildings-that-pound-each-other)), "
+            "`rayleigh`, `storey_damping`, `name` "
+            "([how](structures.md#buildings-that-pound-each-other)), "
             "`yield_drift` or `yield_force`, `hardening`, `p_delta`, `weight` and `collapse_drift` "
             "([storeys that yield](yielding.md)), and a table `[building.isolation]` "
             "([base isolation](yielding.md#base-isolation))",

@@ -44,7 +44,7 @@ MAX_LABEL = 100
 """Characters of the name of a building."""
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 SIZED = re.compile(
-    r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact|pounding)\.damping|strength|"
+    r"(mass|stiffness|gap(_left)?|direction|amplitude|((contact|pounding)\.|storey_)damping|strength|"
     r"yield_(force|drift)|weight|storey_height|collapse_drift|"
     r"isolation\.(period|radius|friction))$"
 )
@@ -194,6 +194,9 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         by_period = isinstance(table, Mapping) and "period" in table
         needed = ("mass", "storey_stiffness")[: 1 if by_period else 2]
         _check_table(values, "building", table, BUILDING, needed)
+        if {"rayleigh", "damping_ratio"} <= set(table):
+            limit = "is given beside damping_ratio"
+            raise values.error("building.rayleigh", table["rayleigh"], limit)
         name = table.get("name", "")
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
             limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"

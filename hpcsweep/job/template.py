@@ -2,10 +2,10 @@
 
 import re
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from hpcsweep.job.keys import declared
-from hpcsweep.studies.keys import Key
+from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 
 HEAD = """\
@@ -16,16 +16,49 @@ HEAD = """\
 #
 # A key behind a # has its default, which is shown; take the # away to give it another value.
 #
-# Lengths are in gaps, from a floor at rest to the stop, so that the stop is at 1. Time is in
-# 1/omega_0, where omega_0 = sqrt(k/m) of one storey. With u the floors' displacements
-#
-#     u'' + 2 gamma C u' + K u + beta S(u) (u - 1) = -A sin(Omega tau)
-
+{}
 # Another job, whose path is relative to this file: what is given here replaces what is there.
 #extends = "other.toml"
 
 # Name of the results, without folder; default: the name of this file.
 #name = "other"
+"""
+IN_GAPS = """\
+# Lengths are in gaps, from a floor at rest to the stop, so that the stop is at 1. Time is in
+# 1/omega_0, where omega_0 = sqrt(k/m) of one storey. With u the floors' displacements
+#
+#     u'' + 2 gamma C u' + K u + beta S(u) (u - 1) = -A sin(Omega tau)
+"""
+SEEDS = """\
+# It begins at the motions of study.h5: hpcsweep new study.toml, hpcsweep run study.toml.
+#
+"""
+IN_OWN = """\
+# Quantities are in any consistent units, here in m, kg and s.
+"""
+BUILDINGS = """\
+[[building]]
+name = "A"
+mass = [2.5e5, 2.5e5, 2.0e5]
+storey_stiffness = [3e8, 3e8, 2e8]
+storey_height = 3.2
+damping_ratio = 0.05
+
+[[building]]
+name = "B"
+mass = [2.5e5, 2.5e5, 2.5e5, 2.5e5, 2.0e5]
+storey_stiffness = 2e8
+storey_height = 3.2
+damping_ratio = 0.05
+
+[pounding]
+gap = 0.05
+stiffness = 2e9
+
+[units]
+length = "m"
+mass = "kg"
+time = "s"
 """
 VARY = """\
 # Keys of study, structure, pounding, sweep or solver with several values each: a list or a range.
@@ -35,26 +68,68 @@ VARY = """\
 #structure.gap = {from = 0.5, to = 2.0, count = 16}
 """
 TABLES = ("study", "structure", "forcing", "sweep", "solver", "output")
-REQUIRED = ("sweep.omega", "sweep.amplitude")
+AT_ONE_FREQUENCY = {"omega": "0.445", "amplitude": "{from = 0.1, to = 0.2, count = 3}"}
+SLICE = "{from = -1.0, to = 1.0, count = 40}"
+GIVEN: dict[str, dict[str, dict[str, str]]] = {
+    DEFAULT_KIND: {"sweep": {"omega": "0.445", "amplitude": OMEGA[2].example}},
+    "points": {"sweep": {**AT_ONE_FREQUENCY, "omega": "{from = 0.4, to = 0.5, count = 3}"}},
+    "attractors": {"study": {"starts": "60"}, "sweep": AT_ONE_FREQUENCY},
+    "basins": {
+        "study": {"components": '["u_1", "u_2"]', "horizontal": SLICE, "vertical": SLICE},
+        "sweep": {"omega": "0.445", "amplitude": "0.128"},
+    },
+    "records": {
+        "records": {
+            "synthetic": "{count = 5, seed = 1, duration = 30.0}",
+            "scale": '{by = "sa", period = 0.78, from = 1.0, to = 12.0, count = 12}',
+            "tail": "5.0",
+        },
+    },
+    "branches": {
+        "sweep": {"omega": "0.445", "amplitude": OMEGA[2].example},
+        "branches": {"seeds": '"study.h5"', "max_branches": "8"},
+    },
+}
+"""Values of keys, by kind of study and table, that make the job complete."""
 
 
 LINK = re.compile(r"(?: \()?\[([^]]+)\]\([^)]*\)\)?")
-POINTERS = ("how", "which", "dashpots", "formats", "what they do", "what they spare", "what it is")
+POINTERS = (
+    *("how", "which", "dashpots", "formats", "what they do", "what they spare", "what it is"),
+    "size and price",
+)
 """Links that only point to a page, left out of comments."""
 
 
-def template() -> str:
-    """Write the job: the keys of an amplitude sweep, then those of other studies."""
-    parts, every = [HEAD], declared(KINDS[DEFAULT_KIND])
-    for table in TABLES:
+def template(kind: str = DEFAULT_KIND) -> str:
+    """Write a job of a kind of study; that of an amplitude sweep tells the keys of others, too."""
+    every, given = declared(KINDS[kind]), {"study": {}, **GIVEN[kind]}
+    if kind != DEFAULT_KIND:
+        given["study"] = {"kind": f'"{kind}"', **given["study"]}
+    shaken = kind == "records"
+    parts = [HEAD.format(SEEDS * (kind == "branches") + (IN_OWN if shaken else IN_GAPS))]
+    for table in (*TABLES, "records", "branches"):
+        if not every[table]:
+            continue
+        if shaken and table == "structure":
+            parts.append(BUILDINGS)
+            continue
         parts.append(f"[{table}]")
         if table == "study":
-            parts += [_comment(f'"{kind}": {study.summary}') for kind, study in KINDS.items()]
-        parts += [*_given(table, every[table]), ""]
+            parts += [_comment(f'"{other}": {study.summary}') for other, study in KINDS.items()]
+        parts += [*_given(every[table], given.get(table, {})), ""]
     parts.append("# Tables of other structures, see docs/structures.md:")
     for table in ("building", "pounding", "units"):
         keys = every.get(table) or [key for key in every[""] if key.name == table]
         parts += [f"#[{table}]", *(_mentioned("", key) for key in keys)]
+    if kind == DEFAULT_KIND:
+        parts += _of_others(every)
+    return "\n".join([*parts, "", VARY])
+
+
+def _of_others(every: Tables) -> list[str]:
+    """Write the keys of other studies."""
+    parts: list[str] = []
     told = {(table, key.name) for table, keys in every.items() for key in keys}
     for kind, study in KINDS.items():
         further = {
@@ -70,15 +145,15 @@ def template() -> str:
             if new and table not in TABLES:
                 parts.append(f"#[{table}]")
             parts += [_mentioned(f"{table}." * (table in TABLES), key) for key in new]
-    return "\n".join([*parts, "", VARY])
+    return parts
 
 
-def _given(table: str, keys: Iterable[Key]) -> Iterator[str]:
+def _given(keys: Iterable[Key], given: Mapping[str, str]) -> Iterator[str]:
     """Write keys, each after its comment; of one without a value only the comment."""
     for key in keys:
-        value = key.example or key.shown
+        value = given.get(key.name) or key.example or key.shown
         if value:
-            mark = "#" * (f"{table}.{key.name}" not in REQUIRED)
+            mark = "#" * (key.name not in given)
             default = f"; default: {key.told}" * bool(key.told)
             yield f"{_comment(key.description + default)}\n{mark}{key.name} = {value}\n"
         else:

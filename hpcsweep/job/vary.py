@@ -33,6 +33,8 @@ NEVER = {
     "sweep.amplitude": "is an axis of every study; give sweep.amplitude its values",
     "sweep.initial_state": "must be one and the same of all runs",
 }
+TABLES_WITHIN = ("rayleigh.",)
+"""Tables in these whose keys may be varied, too."""
 SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
 
@@ -173,10 +175,11 @@ def read_varied(
         read(values.source, parts.tree_as_given())
     for one in (one for axis in parts.axes for one in axis.keys):
         owner, _, name = one.key.rpartition(".")
-        if name.split("[")[0] in SETS_FREQUENCIES and "rayleigh" in _table(parts.tree, owner):
+        sets = name.split("[")[0] in SETS_FREQUENCIES
+        if sets and isinstance(_table(parts.tree, owner).get("rayleigh"), list):
             limit = (
                 f"changes the damping ratios that {owner}.rayleigh gives: its alpha and beta "
-                "belong to one set of frequencies; give damping_ratio"
+                "belong to one set of frequencies; give it ratio and modes"
             )
             raise values.error(f"vary.{one.key}", [*one.given], limit)
     study = Varied(base, parts.axes, parts)
@@ -223,10 +226,10 @@ def _flat(values: Values, table: object) -> dict[str, object]:
     given: dict[str, Any] = {}
     for key, value in table.items():
         below = value if isinstance(value, Mapping) and not set(value) & set(RANGE_KEYS) else None
-        if "." in key or not below:
-            given[key] = value
+        if below and ("." not in key or f"{key}.".endswith(TABLES_WITHIN)):
+            given |= _flat(values, {f"{key}.{name}": one for name, one in below.items()})
         else:
-            given.update({f"{key}.{name}": one for name, one in below.items()})
+            given[key] = value
     return given
 
 
@@ -253,6 +256,8 @@ def _axis(values: Values, key: str, given: object, together: bool = False) -> Ax
     if indexed := INDEXED.fullmatch(key):
         table = key.partition("[")[0].partition(".")[0]
         name = "_".join(re.findall(r"\w+", key.removeprefix(f"{table}.")))
+    elif name.startswith(TABLES_WITHIN):
+        name = name.replace(".", "_")
     is_building = indexed is not None and key.startswith("building[")
     if not (table in TABLES or is_building) or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"

@@ -15,6 +15,7 @@ from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
 from hpcsweep.model.matrices import Contact, each, vector
+from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.structure import Structure
 
 SAME_HEIGHT = 1e-6
@@ -37,8 +38,10 @@ class Building:
         Heights determine the floors that face each other.
     damping_ratio : float or sequence of n floats
         Of the building's own modes.
-    rayleigh : (float, float), optional
-        (alpha, beta) of its damping matrix alpha M + beta K, in place of `damping_ratio`.
+    rayleigh : dict or (float, float), optional
+        In place of `damping_ratio`, as of `hpcsweep.model.structure.Structure`.
+    storey_damping : float or sequence of n floats
+        Coefficient of a dashpot in each storey, besides.
     name : str
     yield_force, yield_drift : float or sequence of n floats, optional
         Force, or drift, at which each storey yields, above 0; ``math.inf`` for one that does not.
@@ -70,7 +73,7 @@ class Building:
     storey_stiffness: float | Sequence[float] = 1.0
     storey_height: float | Sequence[float] | None = None
     damping_ratio: float | Sequence[float] = 0.05
-    rayleigh: tuple[float, float] | None = None
+    rayleigh: tuple[float, float] | Rayleigh | Mapping[str, Any] | None = None
     name: str = ""
     period: float | None = None
     yield_force: float | Sequence[float] | None = None
@@ -79,6 +82,7 @@ class Building:
     p_delta: bool = False
     weight: float | Sequence[float] | None = None
     collapse_drift: float | Sequence[float] | None = None
+    storey_damping: float | Sequence[float] = 0.0
     isolation: Isolation | None = None
 
     def __post_init__(self) -> None:
@@ -87,6 +91,8 @@ class Building:
         if not masses:
             raise ValueError("building.mass must not be empty")
         object.__setattr__(self, "mass", masses)
+        rayleigh = read_rayleigh("building.rayleigh", self.rayleigh, self.n_floors)
+        object.__setattr__(self, "rayleigh", rayleigh)
         if self.storey_height is not None:
             heights = each("building.storey_height", self.storey_height, self.n_floors, "mass")
             if min(heights) <= 0:
@@ -129,6 +135,7 @@ class Building:
             storey_stiffness=self.storey_stiffness,
             damping_ratio=self.damping_ratio,
             rayleigh=self.rayleigh,
+            storey_damping=self.storey_damping,
             gap=math.inf,
             sharpness=math.inf,
             yield_force=self.yield_force,

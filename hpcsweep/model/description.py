@@ -97,11 +97,13 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
     if structure.sliders:
         words.append(("", f"{len(structure.sliders)} sliders"))
     elif structure.rayleigh is not None:
-        words.append(("", "Rayleigh damping " + few(structure.rayleigh)))
+        words.append(("", "Rayleigh damping " + few(structure.rayleigh_factors)))
     else:
         ratios = structure.damping_ratios.tolist()
         same = all(value == ratios[0] for value in ratios)
         words.append(("zeta" if same else "zeta_i", _listed(ratios[:1] if same else ratios)))
+    if structure.storey_dashpots.any():
+        words.append(("", "dashpots of storeys"))
     if structure.harmonics != ONE_HARMONIC:
         orders = ", ".join(str(order) for order, _, _ in structure.harmonics)
         words.append(("", f"harmonic{'s' if len(structure.harmonics) > 1 else ''} {orders}"))

@@ -2,6 +2,7 @@
 
 import math
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from hpcsweep.model.modes import (
     power_of_two,
     trigonometric_maxima,
 )
+from hpcsweep.model.rayleigh import Rayleigh
 from hpcsweep.model.system import System, frozen
 
 MAX_OMEGA = 1e150
@@ -90,12 +92,29 @@ class LinearDynamics(System):
     @property
     def damping_ratios(self) -> np.ndarray:
         """zeta_i of every mode, shape (n,); the diagonal part of a damping matrix."""
-        if self.rayleigh is not None:
-            alpha, beta = self.rayleigh
-            return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
-        if self.matrices is not None and self.matrices.damping is not None:
+        if not self._is_by_ratios:
             return 0.5 * np.diag(self.modal_damping) / self.frequencies
+        if self.rayleigh is not None:
+            alpha, beta = self.rayleigh_factors
+            return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
+        return self._given_ratios
+
+    @property
+    def _given_ratios(self) -> np.ndarray:
         return np.array(self._ratios)
+
+    @property
+    def rayleigh_factors(self) -> tuple[float, float]:
+        """(alpha, beta) of Rayleigh damping, 0 without."""
+        if isinstance(self.rayleigh, Rayleigh):
+            return self.rayleigh.factors(self.frequencies)
+        return cast(tuple[float, float], self.rayleigh or (0.0, 0.0))
+
+    @property
+    def _is_by_ratios(self) -> bool:
+        """Whether damping is given by ratios of the modes, or Rayleigh's, alone."""
+        of_matrix = self.matrices is not None and self.matrices.damping is not None
+        return not (of_matrix or self.storey_dashpots.any())
 
     @cached_property
     def modal_damping(self) -> np.ndarray:
@@ -105,7 +124,7 @@ class LinearDynamics(System):
     @cached_property
     def is_modal(self) -> bool:
         """Whether damping leaves the modes uncoupled."""
-        if self.matrices is None or self.matrices.damping is None:
+        if self._is_by_ratios:
             return True
         off = self.modal_damping - np.diag(np.diag(self.modal_damping))
         return bool(np.abs(off).max() <= 1e-13 * np.abs(self.modal_damping).max())
@@ -242,14 +261,16 @@ class LinearDynamics(System):
 
     @cached_property
     def damping_matrix(self) -> np.ndarray:
-        """C = M Phi diag(2 zeta_i omega_i) Phi^T M, 2 gamma C of (8), shape (n, n)."""
+        """C = M Phi diag(2 zeta_i omega_i) Phi^T M, 2 gamma C of (8), and dashpots, (n, n)."""
         if self.matrices is not None and self.matrices.damping is not None:
             return frozen(np.array(self.matrices.damping))
         if self.rayleigh is not None:
-            alpha, beta = self.rayleigh
-            return frozen(alpha * self.mass_matrix + beta * self.stiffness_matrix)
-        back = self.modal_transform.T
-        return frozen(back @ np.diag(2 * self.damping_ratios * self.frequencies) @ back.T)
+            alpha, beta = self.rayleigh_factors
+            found = alpha * self.mass_matrix + beta * self.stiffness_matrix
+        else:
+            back = self.modal_transform.T
+            found = back @ np.diag(2 * self._given_ratios * self.frequencies) @ back.T
+        return frozen(found + self.storey_dashpots if self.storey_dashpots.any() else found)
 
     def linear_steady_state(self, omega: float, order: int = 1) -> np.ndarray:
         """Return the complex response U of the free structure at unit amplitude, shape (n,).

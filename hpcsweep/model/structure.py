@@ -20,7 +20,6 @@ from hpcsweep.model.arguments import (
     LARGEST,
     count,
     flag,
-    not_negative,
     number,
     plain,
     refused,
@@ -35,11 +34,12 @@ from hpcsweep.model.matrices import (
     read_matrices,
     vector,
 )
+from hpcsweep.model.rayleigh import read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.unit_names import Names
 
 FOREIGN = (
-    *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh"),
+    *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh", "storey_damping"),
     *("stiffness_ratio", "harmonics", "restitution", "yield_force", "yield_drift", "p_delta"),
 )
 """Parameters that the building of the paper leaves at their defaults."""
@@ -60,7 +60,10 @@ def _gap(name: str, value: Any) -> float:
 
 
 PER_FLOOR: dict[str, Callable[[str, Any], float]] = {
-    "stiffness_ratio": lambda name, value: number(name, value, *AT_LEAST_0),
+    **dict.fromkeys(
+        ("stiffness_ratio", "storey_damping"),
+        lambda name, value: number(name, value, *AT_LEAST_0),
+    ),
     **dict.fromkeys(
         ("mass", "storey_stiffness", "weight", "storey_height"),
         lambda name, value: number(name, value, *ABOVE_0),
@@ -99,8 +102,12 @@ class Structure(MeasuredDynamics):
     gap, gap_left : float or sequence of n floats
         Distance of each floor at rest from the stop on its right, and on its left; of any sign.
         ``math.inf``: no stop there.
-    rayleigh : (float, float), optional
-        (alpha, beta) of the damping matrix alpha M + beta K, in place of `damping_ratio`.
+    rayleigh : dict or (float, float), optional
+        ``{"ratio": 0.05, "modes": (1, 3)}``, a damping ratio and the two modes that have it, or
+        ``"periods"`` for the modes: damping alpha M + beta K in place of `damping_ratio`, K with
+        the springs of all sliders. Or (alpha, beta) themselves.
+    storey_damping : float or sequence of n floats
+        Coefficient c >= 0 of a dashpot in each storey, besides.
     restitution : float or sequence of n floats, optional
         Coefficient of restitution of the stops of every floor, above 0 and at most 1: a dashpot
         beside the spring, see `hpcsweep.model.dashpot`. It needs sharpness = inf.
@@ -164,9 +171,7 @@ class Structure(MeasuredDynamics):
         if self.storey_height is not None and not self.names.storey_heights:
             heights = np.broadcast_to(self.storey_height, n).tolist()
             self._set("names", self.names._replace(storey_heights=tuple(heights)))
-        if self.rayleigh is not None:
-            pair = vector("rayleigh", self.rayleigh, 2, "numbers: alpha, beta", read=not_negative)
-            self._set("rayleigh", pair)
+        self._set("rayleigh", read_rayleigh("rayleigh", self.rayleigh, n))
         self._set("tension", flag("tension", self.tension))
         told = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth(self._all_contacts, self.sharpness, told)
@@ -207,7 +212,7 @@ class Structure(MeasuredDynamics):
         sharpness: float = math.inf,
         harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC,
         drift: Any = None,
-        rayleigh: tuple[float, float] | None = None,
+        rayleigh: Any = None,
         sliders: Any = (),
         collapse_drift: Any = None,
     ) -> "Structure":
@@ -233,8 +238,8 @@ class Structure(MeasuredDynamics):
             Of the forcing, see `Structure`.
         drift : array_like, shape (any, n), optional
             Rows whose largest |row . u| is the drift. Default: each coordinate.
-        rayleigh : (float, float), optional
-            (alpha, beta) of C = alpha M + beta K, K with the springs of all sliders.
+        rayleigh : dict or (float, float), optional
+            See `Structure`.
         sliders : sequence of Slider, optional
             They need sharpness = inf. Modes and damping ratios are those of the structure whose
             sliders stick.

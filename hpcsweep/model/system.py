@@ -4,7 +4,7 @@ Contacts have numbers: bits of a contact set in files, and names, as floors have
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 from hpcsweep.model.dashpot import dashpots_of_floors
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, Matrices, Slider
+from hpcsweep.model.rayleigh import Rayleigh
 from hpcsweep.model.unit_names import Names, UnitNames
 from hpcsweep.model.yielding import storey_sliders, weight_stiffness
 
@@ -26,6 +27,12 @@ def frozen(array: np.ndarray) -> np.ndarray:
     """Return the array, read-only."""
     array.setflags(write=False)
     return array
+
+
+def _of_storeys(own: np.ndarray) -> np.ndarray:
+    """Return the matrix of springs, or dashpots, of storeys from the lowest on."""
+    above = np.append(own[1:], 0.0)
+    return np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1)
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,7 +52,8 @@ class System:
     gap: PerFloor | Sequence[float] = 1.0
     gap_left: PerFloor | Sequence[float] = math.inf
     _: KW_ONLY
-    rayleigh: tuple[float, float] | None = None
+    rayleigh: tuple[float, float] | Rayleigh | Mapping[str, Any] | None = None
+    storey_damping: PerFloor | Sequence[float] = 0.0
     restitution: PerFloor | Sequence[float] | None = None
     tension: bool = False
     yield_force: float | Sequence[float] | None = None
@@ -104,8 +112,13 @@ class System:
         own = np.array(self._floors(self.storey_stiffness))
         if self.p_delta:
             own = own - weight_stiffness(own.tolist(), self.weight, self.storey_height)
-        above = np.append(own[1:], 0.0)
-        return frozen(np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1))
+        return frozen(_of_storeys(own))
+
+    @cached_property
+    def storey_dashpots(self) -> np.ndarray:
+        """Damping matrix of the dashpots of storeys alone, shape (n, n)."""
+        given = 0.0 if self.matrices is not None else self.storey_damping
+        return frozen(_of_storeys(np.array(self._floors(given))))
 
     @cached_property
     def sliders(self) -> tuple[Slider, ...]:

@@ -14,7 +14,7 @@ on ratios alone as before, but it is linear at no scale: the contact is closed f
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import AT_STRENGTH
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Response
+
+if TYPE_CHECKING:
+    from hpcsweep.solvers.flow.record_map import RecordMap
 
 __all__ = ["Response", "first_contact_scale", "linear_response", "response"]
 
@@ -101,13 +104,11 @@ def response(
                     f"state: slider {one.name or 'of the structure'} would be extended by {y:.6g}, "
                     f"slips at {one.limit:.6g}: sliders start without having slipped"
                 )
-    from hpcsweep.solvers.flow.record_map import RecordMap  # reading results needs no kernels
-
     if energy and at_samples:
         raise ValueError("energy and at_samples must not be asked for both")
     shear = bool(structure.sliders) if base_shear is None else flag("base_shear", base_shear)
     wanted = {"base_shear": shear, "energy": flag("energy", energy)}
-    solver = RecordMap(structure, record.dt, rtol, **wanted)
+    solver = record_map(structure, record.dt, rtol, **wanted)
     return _complete(solver.respond(record.acceleration, scale, tail, state, at_samples=at_samples))
 
 
@@ -137,8 +138,6 @@ def linear_response(
         drift that has a limit.
     """
     structure, record, tail = arguments(structure, record, tail)
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
     slides = structure.slider_directions
     n_drifts, n_contacts = len(structure.drift_rows), len(structure.contacts)
     free = Structure.from_matrices(
@@ -150,7 +149,7 @@ def linear_response(
         drift=np.vstack((structure.drift_rows, slides, structure.directions)),
     )
     more = {"base_shear": base_shear, "energy": energy}
-    solver = RecordMap(free, record.dt, one_sided=n_contacts, **more)
+    solver = record_map(free, record.dt, one_sided=n_contacts, **more)
     found = _complete(solver.respond(record.acceleration, 1.0, tail))
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
     drifts, slid, past = np.split(found.drift, [n_drifts, n_drifts + len(slides)])
@@ -225,6 +224,16 @@ def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
         for gap, way in zip(gaps, reach.tolist(), strict=True)
     ]
     return min(scales, default=math.inf)
+
+
+def record_map(structure: Structure, dt: float, *arguments: Any, **options: Any) -> "RecordMap":
+    """Return what responds to records, and say it if its kernels have to be compiled."""
+    # reading results needs no kernels
+    from hpcsweep.solvers.compiling import load_aloud
+    from hpcsweep.solvers.flow.record_map import KERNELS, RecordMap
+
+    load_aloud(KERNELS)
+    return RecordMap(structure, dt, *arguments, **options)
 
 
 def arguments(structure, record, tail) -> tuple[Structure, Record, float]:

@@ -183,7 +183,23 @@ def make_solver(
         from hpcsweep.solvers.yielding_map import YieldingMap
 
         return cast("Solver", YieldingMap(structure, omega, rtol))
-    return kind.load()(structure, omega, rtol)
+    solver = kind.load()(structure, omega, rtol)
+    if name == "flow" and not getattr(solver, "is_specialised", True):
+        from hpcsweep.solvers.compiling import load_aloud
+        from hpcsweep.solvers.flow.specialised import FOR_ANY, with_called
+
+        load_aloud(with_called(FOR_ANY.march))
+    return solver
+
+
+def loaded(structure: Structure, name: str = "flow", branches: bool = False) -> Structure:
+    """Return a structure; load what its motions, or branches, call, and say what is compiled."""
+    if name == "flow":
+        from hpcsweep.solvers.compiling import load_aloud
+        from hpcsweep.solvers.flow.specialised import branch_kernels, needed_kernels
+
+        load_aloud((branch_kernels if branches else needed_kernels)(structure))
+    return structure
 
 
 def stroboscopic_points(

@@ -5,8 +5,6 @@ The kernels for any structure are compiled once. Kernels specialised to the stru
 user requests them.
 """
 
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +13,7 @@ import numpy as np
 from hpcsweep.dynamics.classify_motion import SETTLED
 from hpcsweep.kernels.compile.warm import load_all, missing, processors
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.compiling import announced
 from hpcsweep.solvers.solver import SOLVERS, make_solver
 from hpcsweep.studies.blocks import Say
 from hpcsweep.studies.settings import METRICS, SweepSettings
@@ -27,24 +26,6 @@ processes compile them."""
 
 REFINED_SHARE = 0.1
 """Share of the histories of a refined map that are computed, about."""
-
-SILENCE = 10.0
-"""Seconds between two lines."""
-
-
-def announced(say: Callable[[str], None], kernels: str) -> Callable[[int, int], None]:
-    """Return a callback that reports the progress of compilation, at its start and now and then."""
-    last = time.monotonic()
-
-    def tell(done: int, total: int) -> None:
-        nonlocal last
-        if done == 0:
-            say(f"compiling {total} {kernels}, once for this type of processor: up to a minute")
-        elif done < total and time.monotonic() - last >= SILENCE:
-            last = time.monotonic()
-            say(f"compiled {done} of {total} {kernels}")
-
-    return tell
 
 
 def is_compiled(

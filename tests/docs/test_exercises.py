@@ -99,7 +99,7 @@ def test_a_metric_is_three_files(copy):
 
 def test_a_field_of_the_structure(copy):
     folder, hpcsweep, run = copy("field")
-    job = SMALL.replace("damping_ratio = 0.05", "damping_ratio = 0.05\nstorey_damping = 0.3")
+    job = SMALL.replace("damping_ratio = 0.05", "damping_ratio = 0.05\nretardation = 0.3")
     (folder / "damped.toml").write_text(job)
     (folder / "small.toml").write_text(SMALL)
     hpcsweep("run", "damped.toml")
@@ -111,7 +111,7 @@ def test_a_field_of_the_structure(copy):
         "-c",
         "import numpy as np, hpcsweep\n"
         "from reference import reference_points\n"
-        "s = hpcsweep.Structure(2, 300.0, 4e3, 0.05, storey_damping=0.3)\n"
+        "s = hpcsweep.Structure(2, 300.0, 4e3, 0.05, retardation=0.3)\n"
         "z = [0.9, 0.8, 1.0, 0.5]\n"
         "own = hpcsweep.stroboscopic_points(s, 0.3, 0.6, z, 1)\n"
         "print(abs(own - reference_points(s, 0.3, 0.6, z, 1)).max())\n",

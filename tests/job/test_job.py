@@ -123,6 +123,7 @@ OTHER = {
     "gap": 0.5,
     "gap_left": 0.7,
     "rayleigh": (0.1, 0.01),
+    "storey_damping": 0.1,
     "restitution": 1.0,
     "tension": True,
     "yield_force": math.inf,

@@ -133,6 +133,27 @@ def test_it_is_written_runs_and_completes(tmp_path):
     assert state["runs_total"] == 198
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_of_every_kind_is_valid_small_and_tells_all_its_keys(kind, tmp_path):
+    done = hpcsweep(0, "new", "study.toml", "--kind", kind, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "study.toml").read_text()
+    study = parse_job(text, "x", "x").study
+    assert (study.kind, study.n_runs < 2000) == (kind, True)
+    for table, keys in declared(KINDS[kind]).items():
+        if not table or (kind == "records" and table == "structure"):
+            continue
+        assert [key.name for key in keys if not re.search(rf"\b{key.name}\b", text)] == []
+    assert "](" not in text
+
+
+def test_a_kind_that_is_not_known_is_one_line(tmp_path):
+    done = hpcsweep(0, "new", "study.toml", "--kind", "record", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "argument --kind: invalid choice: 'record'" in done.stderr
+    assert (done.stderr.count("\n"), list(tmp_path.iterdir())) == (1, [])
+
+
 @pytest.mark.mpi
 def test_on_many_ranks_one_writes(tmp_path):
     done = hpcsweep(2, "new", "study.toml", cwd=tmp_path)

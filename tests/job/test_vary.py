@@ -264,6 +264,26 @@ def test_what_changes_the_ratios_of_rayleigh_is_refused(table, job, owner):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("table", "job", "label"),
+    [
+        ("structure.rayleigh.ratio = [0.02, 0.07]", SMALL, "rayleigh_ratio"),
+        ("structure.mass = [1.0, 2.0]", SMALL, "mass"),
+        ('"building[0].rayleigh.ratio" = [0.02, 0.07]', PAIR, "building_0_rayleigh_ratio"),
+        ('"building[0].period" = [0.5, 0.8]', PAIR, "building_0_period"),
+    ],
+)
+def test_rayleigh_by_a_ratio_belongs_to_each_part(table, job, label):
+    given = "rayleigh = {ratio = 0.05, modes = [1, 2]}"
+    study = parse(table, re.sub("(damping_ratio|rayleigh) = .*", given, job))
+    (axis,) = study.axes
+    assert axis.name == label
+    for place, value in zip(study.places(), axis.values, strict=True):
+        ratio = value if "ratio" in table else 0.05
+        found = study.part(place).structure.damping_ratios
+        assert (abs(found - ratio) < 1e-9).sum() >= 2
+
+
 def test_where_the_damping_is_a_ratio_it_stays_one():
     study = parse('"building[1].period" = [0.3, 0.6]', PAIR)
     for place in study.places():

@@ -15,11 +15,13 @@ import pytest
 import tools
 from tools import JOBS, assert_same_datasets, environment
 
+import hpcsweep
 from hpcsweep.kernels import folders
 from hpcsweep.kernels.compile import entry_points, warm
 from hpcsweep.kernels.compile.cache import SUFFIX, cache_folder
+from hpcsweep.solvers import response
+from hpcsweep.solvers.compiling import SILENCE, announced
 from hpcsweep.solvers.flow import flow_map, record_map
-from hpcsweep.studies.compilation import SILENCE, announced
 
 if numba.config.DISABLE_JIT:
     pytest.skip("nothing is compiled", allow_module_level=True)
@@ -126,15 +128,29 @@ def test_the_garbage_collector_is_as_it_was_before(reported):
 
 def test_there_is_a_line_at_the_start_and_now_and_then(monkeypatch):
     times = iter([0.0, 1.0, SILENCE + 1.0, SILENCE + 1.0])
-    monkeypatch.setattr("hpcsweep.studies.compilation.time.monotonic", lambda: next(times))
+    monkeypatch.setattr("hpcsweep.solvers.compiling.time.monotonic", lambda: next(times))
     lines: list[str] = []
     tell = announced(lines.append, "kernels")
     for done in range(4):
         tell(done, 3)
     assert lines == [
-        "compiling 3 kernels, once for this type of processor: up to a minute",
+        "compiling 3 kernels, once for this type of processor: some minutes",
         "compiled 2 of 3 kernels",
     ]
+
+
+def test_python_says_on_one_line_what_is_compiled_and_nothing_where_nothing_is(
+    monkeypatch, tmp_path, capsys
+):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(record_map, "KERNELS", [Fake("a"), Fake("b"), Fake("c", kept=True)])
+    monkeypatch.setattr(record_map, "RecordMap", lambda *of: of)
+    made = response.record_map(hpcsweep.Structure(1), 0.1)
+    assert made == (hpcsweep.Structure(1), 0.1)
+    said = capsys.readouterr().err
+    assert said == "hpcsweep: compiling 2 kernels, once for this type of processor: some minutes\n"
+    response.record_map(*made)
+    assert capsys.readouterr().err == ""
 
 
 def command(*arguments, **variables) -> subprocess.CompletedProcess:

@@ -1,5 +1,6 @@
 """General structures: what their parameters mean, and what is said of wrong ones."""
 
+import dataclasses
 import math
 from fractions import Fraction
 
@@ -107,6 +108,49 @@ def test_damping_by_ratios_rayleigh_or_matrix():
     assert of().damping_matrix.tolist() == [[0.0, 0.0], [0.0, 0.0]]
 
 
+ODD = {"mass": (2.0, 1.0, 3.0, 1.5), "storey_stiffness": (50.0, 40.0, 30.0, 20.0)}
+
+
+def ratios_of(structure) -> np.ndarray:
+    """Return the damping ratios of the free vibrations, from the matrices alone."""
+    m, n = structure.mass_matrix, structure.n_floors
+    lower = -np.linalg.solve(m, np.hstack((structure.stiffness_matrix, structure.damping_matrix)))
+    roots = np.linalg.eigvals(np.vstack((np.eye(n, 2 * n, n), lower)))
+    roots = roots[roots.imag > 0]
+    return (-roots.real / abs(roots))[np.argsort(abs(roots))]
+
+
+def test_rayleigh_by_a_ratio_at_two_modes_or_periods_has_it_there():
+    """zeta (w v + w_i^2) / (w_i (w + v)), w and v the frequencies that have zeta."""
+    w = Structure(4, **ODD).frequencies
+    for given in ({"periods": (2 * np.pi / w[0], 2 * np.pi / w[2])}, {"modes": (3, 1)}):
+        structure = Structure(4, **ODD, rayleigh={"ratio": 0.04, **given})
+        right = 0.04 * (w[0] * w[2] + w**2) / (w * (w[0] + w[2]))
+        assert right[[0, 2]] == pytest.approx(0.04)
+        assert structure.damping_ratios == pytest.approx(right, rel=1e-12)
+        assert ratios_of(structure) == pytest.approx(right, rel=1e-10)
+        assert structure.is_modal
+    # a structure that is made of it has an alpha and a beta of its own
+    heavier = dataclasses.replace(structure, mass=8.0)
+    assert ratios_of(heavier)[[0, 2]] == pytest.approx(0.04)
+    assert heavier.rayleigh_factors[0] < 0.7 * structure.rayleigh_factors[0]
+
+
+def test_dashpots_of_storeys():
+    steps = np.eye(4) - np.eye(4, k=-1)
+    c = (0.0, 0.3, 0.0, 0.1)
+    structure = Structure(4, **ODD, damping_ratio=0.02, storey_damping=c)
+    more = structure.damping_matrix - Structure(4, **ODD, damping_ratio=0.02).damping_matrix
+    assert np.abs(more - steps.T @ np.diag(c) @ steps).max() < 1e-14
+    assert not structure.is_modal
+    # in proportion to the stiffness they add c w / 2 to the ratios, and keep the modes
+    equal = Structure(3, damping_ratio=0.02, storey_damping=0.01)
+    assert equal.is_modal
+    right = 0.02 + 0.005 * equal.frequencies
+    assert equal.damping_ratios == pytest.approx(right, rel=1e-12)
+    assert ratios_of(equal) == pytest.approx(right, rel=1e-10)
+
+
 @pytest.mark.parametrize("structure", [of(damping=[[0.3, 0], [0, 0.1]]), Structure(2, mass=(1, 3))])
 def test_steady_state_solves_the_equation(structure):
     for order in (1, 3):
@@ -160,6 +204,21 @@ WRONG = [
     (lambda: Structure(2, (1.0, -1.0)), "stiffness_ratio must be finite and at least 0, is -1.0"),
     (lambda: Structure(2, rayleigh=(0.1,)), "rayleigh must have 2 numbers: alpha, beta, has 1"),
     (lambda: Structure(2, rayleigh=(0.1, -1.0)), "rayleigh must be at least 0, is -1.0"),
+    (lambda: Structure(2, storey_damping=-1.0), "storey_damping must be finite and at least 0"),
+    (lambda: Structure(2, rayleigh={"ratio": 0.1}), "must be .alpha, beta., or ratio and modes"),
+    (lambda: Structure(2, rayleigh={"ratio": 0.1, "mode": (1, 2)}), "or ratio .*, has 'mode'"),
+    (
+        lambda: Structure(2, rayleigh={"ratio": 5, "modes": (1, 2)}),
+        "rayleigh.ratio must be from 0 to 1, a share of critical, is 5.0",
+    ),
+    (
+        lambda: Structure(2, rayleigh={"ratio": 0.1, "modes": (1, 3)}),
+        "rayleigh.modes must be a whole number from 1 to 2, is 3",
+    ),
+    (
+        lambda: Structure(2, rayleigh={"ratio": 0.1, "periods": (0.5, 0.5)}),
+        "rayleigh.periods must differ, are both 0.5",
+    ),
     (lambda: Structure(2, harmonics=()), "harmonics must be 1 to 16, are 0"),
     (lambda: Structure(2, harmonics=((0, 1.0, 0.0),)), "harmonics.order must be a whole number"),
     (lambda: Structure(2, harmonics=((1.5, 1.0, 0.0),)), "harmonics.order must be a whole number"),

@@ -11,6 +11,7 @@ from hpcsweep.dynamics.verification import REACH, Verdict, VerifiedOrbit, verify
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import MAX_PERIOD
+from hpcsweep.solvers.solver import loaded
 from hpcsweep.solvers.trajectory import Crossing, crossings
 
 SHOWN = 6
@@ -132,6 +133,7 @@ def find(
     period = count("period", period, 1, MAX_PERIOD)
     forced = ForcedMap(structure, amplitude, omega, parameter)
     solver, amplitude = forced.solver(forced.value)
+    loaded(structure, branches=True)
     found = verify_orbit(solver, z, amplitude, period)
     if found.orbit is None:
         near = f"no orbit of period {period} within {REACH} of the state"

@@ -12,7 +12,7 @@ from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.solver import SOLVERS, make_solver
+from hpcsweep.solvers.solver import SOLVERS, loaded, make_solver
 from hpcsweep.studies.attractors.search import UNSTORED, SearchLimits, store_attractor
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
@@ -255,7 +255,7 @@ def attractors(
     )
     amplitude = arguments.finite("amplitude", amplitude)
     reach = np.vstack((np.abs(np.array(limits.box)).max(axis=1), seeds))
-    moving = structure.within_reach(amplitude, reach)
+    moving = loaded(structure.within_reach(amplitude, reach), name)
     runs = AttractorRuns(moving, arguments.positive("omega", omega), settings, limits)
     found = runs.at(amplitude, seeds)
     if found.outcome is not Outcome.COMPLETE:

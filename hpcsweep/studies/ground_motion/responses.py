@@ -36,7 +36,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import history
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Energy
-from hpcsweep.solvers.response import Response, linear_response, scale_of_contact
+from hpcsweep.solvers.response import Response, linear_response, record_map, scale_of_contact
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, FloorSpectra
@@ -292,9 +292,7 @@ def with_lengths_in(structure: Structure, unit: float) -> Structure:
 
 @lru_cache(maxsize=8)
 def _map(structure: Structure, dt: float, rtol: float, base_shear: bool, energy: bool):
-    from hpcsweep.solvers.flow.record_map import RecordMap
-
-    return RecordMap(structure, dt, rtol, base_shear=base_shear, energy=energy)
+    return record_map(structure, dt, rtol, base_shear=base_shear, energy=energy)
 
 
 class _Kept:

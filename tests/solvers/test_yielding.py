@@ -55,6 +55,23 @@ def test_random_storeys_move_as_the_reference(seed):
     np.testing.assert_allclose(found.slider_energy, reference.strength * found.plastic_path)
 
 
+@pytest.mark.parametrize("dt", [0.1, 2.5])
+def test_sets_without_a_table_move_as_the_reference(dt):
+    """More sliders than all of whose sets have tables; in long intervals the series are halved."""
+    rng = np.random.default_rng(7)
+    stop = hpcsweep.Contact([0.0] * 7 + [1.0], 0.8, 50.0)
+    structure, reference = bilinear_storeys(8, rng, 0.05, contacts=[stop])
+    record = hpcsweep.Record(rng.standard_normal(30) * 4.0, dt=dt)
+    end = reference.run(record.acceleration, dt)
+    found = hpcsweep.response(structure, record)
+    same(found, reference, end)
+    assert (found.excursions > 0).sum() > 4
+    sampled = hpcsweep.response(structure, record, at_samples=True)
+    np.testing.assert_array_equal(sampled.final_state, found.final_state)
+    assert (sampled.floor_acceleration <= found.floor_acceleration * (1 + 1e-12)).all()
+    assert (sampled.floor_acceleration > 0.3 * found.floor_acceleration).all()
+
+
 def test_springs_and_sliders_between_any_coordinates_move_as_the_reference():
     """Two of unlike directions, one row with two sliders, and a damper without a spring beside."""
     rng = np.random.default_rng(5)

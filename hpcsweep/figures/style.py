@@ -19,6 +19,7 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.points import START
 from hpcsweep.studies.study import Kind, Study, as_kind
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
+from hpcsweep.studies.variables import OF_SLIDERS
 
 DPI = 200
 """Pixels an inch, unless `resolution` says other."""
@@ -214,7 +215,10 @@ def need(results, *names: str) -> None:
     """
     for name in names:
         if name not in results:
-            raise PlotError(f"the results hold no {name}: set output.{name} = true in the job")
+            limit = f"set output.{name} = true in the job"
+            if name in OF_SLIDERS:
+                limit = "nothing of the structure yields"
+            raise PlotError(f"the results hold no {name}: {limit}")
 
 
 def need_amplitudes(study: Study) -> None:

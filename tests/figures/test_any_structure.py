@@ -139,10 +139,12 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
         (frames, {}),
         (metrics, {}),
         (benefit, {}),
-        *((period_map, {"value": value}) for value in period_map.VALUES),
+        *((period_map, {"value": value}) for value in period_map.VALUES if value != "ductility"),
     ):
         style.save(module.draw(results, **options), picture)
         assert picture.stat().st_size > 10_000
+    with pytest.raises(style.PlotError, match="no ductility: nothing of the structure yields"):
+        period_map.draw(results, value="ductility")
     found = summarize(path)
     assert found["structure"] == CAPTIONS[name]
     json.dumps(found, allow_nan=False)

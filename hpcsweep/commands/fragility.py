@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+import re
 from typing import TYPE_CHECKING
 
 from hpcsweep.commands import CommandError, add_at, add_file, listing
@@ -153,12 +154,15 @@ def _finite(found):
     return None if isinstance(found, float) and not math.isfinite(found) else found
 
 
+NO_FLOOR = re.compile(r"\bisolation$|\bcolumn at ")
+"""Names of slabs on bearings, and of points of columns."""
+
+
 def _demands(options, results, study: "Records") -> int:
     """Write the table of demands of a building at the scale nearest to one."""
     import numpy as np
 
     from hpcsweep.earthquakes.demands import write_demands
-    from hpcsweep.model.isolation import SLAB
     from hpcsweep.studies.ground_motion.stripes import places_of
 
     check_overwriting(options.demands, DEMANDS)
@@ -170,7 +174,7 @@ def _demands(options, results, study: "Records") -> int:
     at = int(np.argmin(np.abs(scales - (options.scale or scales[0]))))
     one = results.isel(scale=at)
     storeys, floors = (
-        [i for i in places_of(names, options.place) if not names[i].endswith(SLAB)]
+        [i for i in places_of(names, options.place) if not NO_FLOOR.search(names[i])]
         for names in ([*map(str, results[dim].values)] for dim in ("storey", "floor"))
     )
     height = results["storey_height"].values[storeys]

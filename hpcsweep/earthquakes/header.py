@@ -17,14 +17,6 @@ from hpcsweep.model.arguments import shown
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
 NUMBERS = re.compile(NUMBER)
-FOREIGN = {
-    "K-NET": r"^\s*scale factor\s+\S*\(gal\)\s*/",
-    "SMC": r"\A\s*\d\s+(?:un)?corrected accelerogram",
-    "COSMOS": r"\bformat v?\d\d?\.\d\d\b",
-    "CSMIP": r"^\s*\d+\s+points of (?:veloc|displ)",
-    "GSE": r"^(?:wid[12]|begin gse)",
-}
-"""Signatures of formats that are more than a header and columns."""
 
 
 def _pattern(text: str) -> re.Pattern:
@@ -111,20 +103,6 @@ class Header(NamedTuple):
     """Of a column of times."""
     unknown: str | None
     """Words that name a unit which is not known."""
-
-
-def refuse_foreign(text: str) -> None:
-    """Refuse a file with the signature of a format that is not read.
-
-    Raises
-    ------
-    ValueError
-    """
-    for name, pattern in FOREIGN.items():
-        if re.search(pattern, text, re.IGNORECASE | re.MULTILINE):
-            raise ValueError(
-                f"is a file of the format {name}, which is not read: write its samples as columns"
-            )
 
 
 def says(line: str) -> bool:

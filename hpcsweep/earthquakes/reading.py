@@ -5,7 +5,8 @@ of samples and the time between them, as in AT2 files of PEER, samples follow ro
 number of columns, which may touch where a value is negative. Else there is one column of samples,
 or two, of times and samples. What the header says is compared with what follows.
 
-Other formats (SAC, miniSEED, those of national networks) are read by obspy, a package of its own:
+Formats with rules of their own are those of `hpcsweep.earthquakes.formats`. Others (SAC, miniSEED,
+those of national networks) are read by obspy, a package of its own:
 ``Record(trace.data, trace.stats.delta, trace.id)``.
 """
 
@@ -19,12 +20,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.earthquakes.formats import format_of, read_format
 from hpcsweep.earthquakes.header import (
     NUMBERS,
     Header,
     number,
     read_header,
-    refuse_foreign,
     says,
 )
 from hpcsweep.earthquakes.units import (
@@ -75,12 +76,14 @@ def read_record(
     gravity: float = STANDARD_GRAVITY,
     dt: float | None = None,
     time: str = "s",
+    channel: int | None = None,
 ) -> Record:
     """Read a ground-motion record from a text file.
 
     After header lines there are two columns, time and acceleration, at equal steps, one column of
     acceleration, or as many samples as the header says, in any number of columns. Columns are
-    separated by blanks, tabs, commas or semicolons. The first sample is at t = 0 of the record,
+    separated by blanks, tabs, commas or semicolons. Files of K-NET, SMC, COSMOS and CSMIP are read
+    by their own rules (`hpcsweep.earthquakes.formats`). The first sample is at t = 0 of the record,
     whatever its time in the file. What the header says of the unit, the number of samples and the
     time between them must agree with the arguments and the samples.
 
@@ -103,6 +106,8 @@ def read_record(
         compared with the file's.
     time : str
         Unit of time of the structure, to which the seconds of the file are converted.
+    channel : int, optional
+        Which of several channels of acceleration of a COSMOS or CSMIP file, from 1.
 
     Returns
     -------
@@ -129,10 +134,13 @@ def read_record(
         dt = positive("dt", dt)
     file = Path(file_name("path", path))
     try:
-        table = _parse(file, dt)
+        table = _parse(file, dt, channel)
         if asked:
             _compare_units(table.header, asked, unit)
-        return Record(table.values * factor, in_unit_of_time(table.dt, time), file.stem)
+        # of K-NET the ending is the direction
+        name = file.name if "K-NET" in table.header.steps else file.stem
+        name += "" if channel is None else f"-{channel}"
+        return Record(table.values * factor, in_unit_of_time(table.dt, time), name)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
 
@@ -148,13 +156,20 @@ def _compare_units(header: Header, asked: Unit, name: str) -> None:
             raise ValueError(f"unit must be that of the file, {said}, is {name}")
 
 
-def _parse(file: Path, dt: float | None) -> Table:
+def _parse(file: Path, dt: float | None, channel: int | None) -> Table:
     """Parse a file; `dt` if it is known."""
     with file.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
         raise ValueError(f"must have {MAX_BYTES} bytes at most, has more")
-    lines = _text(content).splitlines()
+    text = _text(content)
+    if name := format_of(text):
+        values, header = read_format(name, text, channel)
+        _compare_steps(dt, header.steps)
+        return Table(np.array(values), header.steps[name], header)
+    if channel is not None:
+        raise ValueError(f"channel goes with files of several channels, is {channel}")
+    lines = text.splitlines()
     while lines and _is_closing(lines[-1]):
         lines.pop()
     if not lines:
@@ -191,7 +206,6 @@ def _text(content: bytes) -> str:
             text = content.decode("latin-1")
     if "\0" in text:
         raise ValueError("must be a text, has bytes of 0")
-    refuse_foreign(text)
     return text
 
 
@@ -235,11 +249,7 @@ def _table(rows: list[Row], header: Header, known: float | None) -> Table:
     for label, count in counts.items():
         if count > MAX_SAMPLES:
             raise ValueError(f"{label} must be from 2 to {MAX_SAMPLES}, is {count}")
-    said = {**({} if known is None else {"dt": known}), **steps}
-    for label, step in steps.items():
-        first, value = next(iter(said.items()))
-        if abs(value - step) > SAME_STEP * step:
-            raise ValueError(f"{first} must be that of the file, {step!r}, is {value!r} ({label})")
+    said = _compare_steps(known, steps)
     total, widths = sum(len(cells) for _, cells in rows), {len(cells) for _, cells in rows}
     has_times = widths == {2} and (
         total not in counts.values() or _are_times(rows, header.time, said)
@@ -262,6 +272,16 @@ def _table(rows: list[Row], header: Header, known: float | None) -> Table:
         raise ValueError("dt must be given with one column of samples, is None")
     values = np.array([number(cell) for _, cells in rows for cell in cells])
     return Table(values, next(iter(said.values())), header)
+
+
+def _compare_steps(known: float | None, steps: dict[str, float]) -> dict[str, float]:
+    """Return all steps that are known, which must be one."""
+    said = {**({} if known is None else {"dt": known}), **steps}
+    for label, step in steps.items():
+        first, value = next(iter(said.items()))
+        if abs(value - step) > SAME_STEP * step:
+            raise ValueError(f"{first} must be that of the file, {step!r}, is {value!r} ({label})")
+    return said
 
 
 def _without_count(rows: list[Row], counts: dict, steps: dict) -> list[Row]:

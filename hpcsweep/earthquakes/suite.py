@@ -8,7 +8,7 @@ the records are not, and a rank's memory does not grow with their number.
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hpcsweep.earthquakes.intensity import average_spectral_acceleration, intensity
 from hpcsweep.earthquakes.reading import read_record
@@ -111,6 +111,7 @@ class Files:
     gravity: float
     dt: float | None = None
     time: str = "s"
+    channel: int | None = None
 
     def record(self, i: int) -> Record:
         """Read record i.
@@ -123,7 +124,7 @@ class Files:
         path = self.paths[i]
         state = Path(path).stat()
         changed = state.st_mtime_ns, state.st_size
-        return _read(path, self.unit, self.gravity, self.dt, self.time, changed)
+        return _read(path, self.unit, self.gravity, self.dt, self.time, self.channel, changed)
 
 
 @dataclass(frozen=True)
@@ -165,11 +166,8 @@ def checked_record(source: Files | Synthetic, facts: Facts, i: int) -> Record:
 
 
 @lru_cache(maxsize=KEPT)
-def _read(
-    path: str, unit: str, gravity: float, dt: float | None, time: str, changed: tuple
-) -> Record:
-    del changed  # a file that has been rewritten is read again
-    return read_record(path, unit, gravity, dt, time)
+def _read(*given: Any) -> Record:
+    return read_record(*given[:-1])  # a file that has been rewritten is read again
 
 
 @lru_cache(maxsize=2)

@@ -147,8 +147,9 @@ KEYS: Tables = {
             "`rayleigh`, `storey_damping`, `name` "
             "([how](structures.md#buildings-that-pound-each-other)), "
             "`yield_drift` or `yield_force`, `hardening`, `p_delta`, `weight` and `collapse_drift` "
-            "([storeys that yield](yielding.md)), and a table `[building.isolation]` "
-            "([base isolation](yielding.md#base-isolation))",
+            "([storeys that yield](yielding.md)), and tables `[building.isolation]` "
+            "([base isolation](yielding.md#base-isolation)) and `[building.column]` "
+            "([floors that hit columns](structures.md#floors-that-hit-columns))",
         ),
         *(Key(table, "") for table in ("pounding", "records")),
         Key(

@@ -15,7 +15,7 @@ import numpy as np
 
 from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
-from hpcsweep.model.buildings import Building, adjacent
+from hpcsweep.model.buildings import Building, Column, adjacent
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import Contact, Slider
@@ -201,6 +201,9 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
             limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"
             raise values.error("building.name", name, limit)
+    for table in tables:
+        if "column" in table:
+            _check_table(values, "building.column", table["column"], *(Column._fields,) * 2)
     tables = [_with_isolation(values, _weighed(values, "building", table)) for table in tables]
     buildings = [_building(k, table) for k, table in enumerate(tables)]
     pounding = dict(values.table("pounding"))

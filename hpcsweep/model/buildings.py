@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import instance, number, plain
+from hpcsweep.model.arguments import instance, number, plain, refused
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
@@ -20,6 +20,23 @@ from hpcsweep.model.structure import Structure
 
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
+COLUMN = "column at"
+"""In the name of a point of a column, before its height."""
+
+
+class Column(NamedTuple):
+    """Column of each storey that floors of a neighbour hit between two floors.
+
+    A beam fixed at both ends, of the share s of the stiffness k of its storey, 12 EI/h^3 = s k. At
+    the part x of its height a free point moves as the floors say, by 1 - H of the lower and H of
+    the upper one, H = 3 x^2 - 2 x^3, and resists by 3 EI / (h^3 x^3 (1 - x)^3) what moves it from
+    there. So a coordinate w beside those of the floors adds a spring to the stiffness of the
+    building, along w - (1 - H) u_low - H u_up, and nothing else: its rotation is condensed out.
+    """
+
+    share: float
+    mass: float
+    """That moves with the point."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +73,10 @@ class Building:
     collapse_drift : float or sequence of n floats, optional
         Drift of each storey beyond which a motion has collapsed and ends, see
         `hpcsweep.model.structure.Structure`.
+    column : dict, optional
+        ``{"share": 0.1, "mass": 400.0}``: share of the stiffness of each storey that the column has
+        which a floor of a neighbour hits between two floors, and the mass that moves with the point
+        that is hit, see `Column`. It needs `storey_height`.
     isolation : Isolation or dict, optional
         Bearings and slab beneath it; `period` and damping remain those on a fixed base.
 
@@ -82,8 +103,9 @@ class Building:
     p_delta: bool = False
     weight: float | Sequence[float] | None = None
     collapse_drift: float | Sequence[float] | None = None
-    storey_damping: float | Sequence[float] = 0.0
     isolation: Isolation | None = None
+    storey_damping: float | Sequence[float] = 0.0
+    column: Column | Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         given = plain(self.mass)
@@ -105,6 +127,8 @@ class Building:
             found = 2.0 * math.pi / float(bare.structure.frequencies[0])
             factor = (found / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
+        if self.column is not None:
+            object.__setattr__(self, "column", _column(self.column))
         bearings: Any = self.isolation
         if isinstance(bearings, Mapping):
             for key in set(bearings) - {field.name for field in fields(Isolation)}:
@@ -121,9 +145,13 @@ class Building:
     @functools.cached_property
     def structure(self) -> Structure:
         """Structure of the building alone, on its bearings if it has some."""
-        fixed = self.on_fixed_base
+        return self.struck([])
+
+    def struck(self, heights: Sequence[float]) -> Structure:
+        """Return the structure with a coordinate for each point of its columns at some heights."""
+        fixed = self._with_points(heights) if heights else self.on_fixed_base
         made = fixed if self.isolation is None else self.isolation.beneath(fixed)
-        return made.named(*made.names[:2], fixed.names.storey_heights, fixed.floor_names)
+        return made.named(*made.names[:2], fixed.names.storey_heights, fixed.storey_names)
 
     @functools.cached_property
     def on_fixed_base(self) -> Structure:
@@ -147,6 +175,37 @@ class Building:
             collapse_drift=self.collapse_drift,
         )
 
+    def _with_points(self, heights: Sequence[float]) -> Structure:
+        """Return the structure on the ground, with points of columns behind its floors."""
+        fixed, n = self.on_fixed_base, self.n_floors
+        assert isinstance(self.column, Column)
+        share, mass = self.column
+        levels, springs = (0.0, *self.heights), each("", self.storey_stiffness, n, "mass")
+        rows, stiffness = [], []
+        for p, height in enumerate(heights):
+            i = int(np.searchsorted(levels, height)) - 1
+            x = (height - levels[i]) / (levels[i + 1] - levels[i])
+            up = x * x * (3.0 - 2.0 * x)
+            row = np.eye(1, n + len(heights), n + p)[0]
+            row[i] -= up
+            row[i - 1 : i] -= 1.0 - up  # empty above the ground, which does not move
+            rows.append(row)
+            stiffness.append(share * springs[i] / (4.0 * (x * (1.0 - x)) ** 3))
+        points, kept = np.array(rows), np.eye(n, n + len(heights))
+        ratio = float(np.min(fixed.damping_ratios))
+        drag = 2.0 * ratio * np.sqrt(np.multiply(stiffness, mass))
+        made = Structure.from_matrices(
+            np.append(np.diag(fixed.mass_matrix), [mass] * len(heights)),
+            kept.T @ fixed.elastic_stiffness @ kept + points.T @ np.diag(stiffness) @ points,
+            [],
+            damping=kept.T @ fixed.damping_matrix @ kept + points.T @ np.diag(drag) @ points,
+            drift=fixed.drift_rows @ kept,
+            sliders=[replace(s, direction=np.dot(s.direction, kept)) for s in fixed.sliders],
+            collapse_drift=fixed.collapse_drift,
+        )
+        names = (*fixed.floor_names, *map(_floor, heights))
+        return made.named(names, (), fixed.names.storey_heights, fixed.floor_names)
+
     @property
     def heights(self) -> tuple[float, ...]:
         """Height of each floor above the ground; by default the number of the floor."""
@@ -168,7 +227,8 @@ def adjacent(
 ) -> Structure:
     """Return the structure of buildings that pound each other, from left to right.
 
-    Floors of equal height, or number without `storey_height`, touch. Units are those of the
+    Floors of equal height, or number without `storey_height`, touch; one that faces a column of a
+    building hits that (`Building`, column). Units are those of the
     buildings.
 
     Parameters
@@ -194,7 +254,7 @@ def adjacent(
     Raises
     ------
     ValueError
-        If a value is outside its range, or a floor faces a column.
+        If a value is outside its range, or a floor faces a column of which nothing is known.
 
     References
     ----------
@@ -215,10 +275,9 @@ def adjacent(
     from scipy.linalg import block_diag  # reading results does not need scipy
 
     names = _names(buildings)
-    alone = [one.structure for one in buildings]
+    alone, first, levels = _side_by_side(buildings, names)
     of = functools.partial(_labels, alone, names)
-    first = np.cumsum([0, *(one.n_floors for one in alone)]).tolist()
-    lowest = [end - one.n_floors for end, one in zip(first[1:], buildings, strict=True)]
+    floors = of("floor_names")
     unit = np.eye(first[-1])
     if restitution is not None and damping is not None:
         raise ValueError("pounding.restitution and pounding.damping must not be given both")
@@ -230,14 +289,12 @@ def adjacent(
         ("pounding.damping", 0.0 if damping is None else damping),
     )
     contacts, labels = [], []
-    for k in range(len(buildings) - 1):
-        pairs = _facing(buildings[k], buildings[k + 1], names[k], names[k + 1])
-        levels = (each(name, given, len(pairs), "level") for name, given in of_levels)
-        for (i, j), own_gap, kappa, e, c in zip(pairs, *levels, strict=True):
-            direction = unit[lowest[k] + i] - unit[lowest[k + 1] + j]
-            contact = Contact(direction, own_gap, kappa, c, tension)
+    for pairs in levels:
+        values = (each(name, given, len(pairs), "level") for name, given in of_levels)
+        for (i, j), own_gap, kappa, e, c in zip(pairs, *values, strict=True):
+            contact = Contact(unit[i] - unit[j], own_gap, kappa, c, tension)
             contacts.append(contact if restitution is None else _rebounding(contact, e, masses))
-            labels.append(f"{names[k]}{i + 1}-{names[k + 1]}{j + 1}")
+            labels.append(f"{floors[i]}-{floors[j]}")
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     sliders = _beside([one.sliders for one in alone], first)
     falls = any(one.collapse_drift is not None for one in alone)
@@ -255,7 +312,7 @@ def adjacent(
     )
     heights = [height for one in alone for height in one.names.storey_heights]
     labels += of("names.contacts")
-    return made.named(of("floor_names"), labels, heights, of("storey_names"))
+    return made.named(floors, labels, heights, of("storey_names"))
 
 
 def _rebounding(contact: Contact, e: float, masses: np.ndarray) -> Contact:
@@ -295,24 +352,64 @@ def _names(buildings: Sequence[Building]) -> list[str]:
     return names
 
 
-def _facing(left: Building, right: Building, left_name: str, right_name: str) -> list:
-    """Return the floors of two buildings that are at equal heights."""
+def _facing(one: tuple[Building, str], other: tuple[Building, str]) -> list[list[Any]]:
+    """Return what meets of two buildings, upwards: floors, and heights of points of columns."""
+    (left, _), (right, _) = one, other
     if (left.storey_height is None) != (right.storey_height is None):
         raise ValueError("building.storey_height must be given of all buildings or of none")
-    pairs = [
-        (i, j)
+    found: list[tuple[float, list[Any]]] = [
+        (height, [i, j])
         for i, height in enumerate(left.heights)
-        for j, other in enumerate(right.heights)
-        if abs(other - height) <= SAME_HEIGHT * height
+        for j, met in enumerate(right.heights)
+        if abs(met - height) <= SAME_HEIGHT * height
     ]
+    floors = [ends for _, ends in found]
     lower = min(left.heights[-1], right.heights[-1])
-    sides = (left, left_name, right_name), (right, right_name, left_name)
-    for side, (building, name, other_name) in enumerate(sides):
-        met = {pair[side] for pair in pairs}
+    for side, ((building, name), (hit, hit_name)) in enumerate(((one, other), (other, one))):
+        met = {ends[side] for ends in floors}
         for i, height in enumerate(building.heights):
-            if i not in met and height < lower:
+            if i in met or height > lower * (1.0 + SAME_HEIGHT):
+                continue
+            if hit.column is None:
                 raise ValueError(
                     f"building.storey_height: floor {i + 1} of {name} at height {height:g} faces a "
-                    f"column of {other_name}: floors must be at equal heights"
+                    f"column of {hit_name}: give {hit_name} column = {{share, mass}}, the share of "
+                    "a storey's stiffness that the column has, and the mass that moves with it"
                 )
-    return pairs
+            found.append((height, [height, i] if side else [i, height]))
+    return [ends for _, ends in sorted(found, key=lambda level: level[0])]
+
+
+def _floor(end: int | float) -> str:
+    """Return the name of a floor of a building, from its number, or of a point of a column."""
+    return f"{COLUMN} {end:g}" if isinstance(end, float) else str(end + 1)
+
+
+def _side_by_side(
+    buildings: Sequence[Building], names: Sequence[str]
+) -> tuple[list[Structure], list[int], list[list[list[int]]]]:
+    """Return buildings alone, their first coordinates, and the coordinates that meet, by gap."""
+    levels = [_facing(*pair) for pair in pairwise(zip(buildings, names, strict=True))]
+    points: list[set[float]] = [set() for _ in buildings]
+    for k, ends in enumerate(levels):
+        for side in (0, 1):
+            points[k + side] |= {end[side] for end in ends if isinstance(end[side], float)}
+    alone = [one.struck(sorted(own)) for one, own in zip(buildings, points, strict=True)]
+    first = np.cumsum([0, *(one.n_floors for one in alone)]).tolist()
+    meets = [
+        [
+            [first[k + s] + alone[k + s].floor_names.index(_floor(end[s])) for s in (0, 1)]
+            for end in ends
+        ]
+        for k, ends in enumerate(levels)
+    ]
+    return alone, first, meets
+
+
+def _column(given: Any) -> Column:
+    """Read what is known of the columns of a building."""
+    given = given._asdict() if isinstance(given, Column) else given
+    if not isinstance(given, Mapping) or set(given) != set(Column._fields):
+        raise refused("building.column", "share and mass", given)
+    share = number("building.column.share", given["share"], "above 0, to 1", math.ulp(0.0), 1.0)
+    return Column(share, number("building.column.mass", given["mass"], POSITIVE, *RANGE))

@@ -95,7 +95,8 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
     if structure.matrices is not None and structure.matrices.damping is not None:
         words.append(("", "damping matrix"))
     if structure.sliders:
-        words.append(("", f"{len(structure.sliders)} sliders"))
+        count = len(structure.sliders)
+        words.append(("", f"{count} slider{'' if count == 1 else 's'}"))
     elif structure.rayleigh is not None:
         words.append(("", "Rayleigh damping " + few(structure.rayleigh_factors)))
     else:

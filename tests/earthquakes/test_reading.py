@@ -306,9 +306,6 @@ def _says_unit_step_and_count(path, text, unit):
         ("6" + FIVE, {"dt": 0.01}, "must have the 6 samples that its first line says, has 5"),
         ("0.00 x\n.01 .1\n.02 .3", {}, "every sample must be a number, line 1 has 'x'"),
         ("0 .1\n.01 .2\n.02 *****", {}, r"must be a number, line 3 has '\*\*\*\*\*'"),
-        ("Scale Factor  2940(gal)/6170270\n 1 2\n", {}, "of the format K-NET, which is not read"),
-        ("2 CORRECTED ACCELEROGRAM\n*\n 1 2\n", {}, "of the format SMC, which is not read"),
-        (" 5 points of veloc data" + FIVE, {}, "of the format CSMIP, which is not read"),
         ("\0\1" + FIVE, {}, "must be a text, has bytes of 0"),
     ],
 )

@@ -57,6 +57,14 @@ def test_frequencies_are_given_in_hertz():
     assert job.study.omega == pytest.approx(2 * math.pi * parse(OWN).study.omega)
 
 
+STRUCK = "column = {share = 0.1, mass = 300.0}\n"
+UNEVEN = (
+    TWO.replace("[3.0, 3.0, 4.0]", "[3.0, 2.0, 4.0]")
+    .replace("[0.02, 0.05]", "0.02")
+    .replace("storey_height", f"{STRUCK}storey_height")
+)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -67,7 +75,14 @@ def test_frequencies_are_given_in_hertz():
         (SMALL.replace("damping_ratio", "zeta"), "'structure.zeta'; did you mean 'damping_ratio'?"),
         (SMALL.replace("stiffness_ratio", "beta"), "'structure.beta'; did you mean 'stiffness_ra"),
         ('[study]\nkind = "sweep"\n' + SMALL, "did you mean 'amplitude_sweep'?"),
-        (TWO.replace("[3.0, 3.0, 4.0]", "[3.0, 2.0, 4.0]"), "floor 2 of B at height 5 faces a col"),
+        (TWO.replace("[3.0, 3.0, 4.0]", "[3.0, 2.0, 4.0]"), "floor 2 of A at height 6 faces a col"),
+        (UNEVEN.replace(STRUCK, "", 1), "B at height 5 faces a column of A: give A column ="),
+        (
+            UNEVEN.replace("share = 0.1", "share = 0.0", 1),
+            "building[0].column.share must be above 0, to 1, is 0.0",
+        ),
+        (UNEVEN.replace("mass = 300.0", "weight = 300.0"), "unknown key 'building.column.weight'"),
+        (UNEVEN.replace(", mass = 300.0", ""), "building.column.mass is missing"),
         (TWO.replace("storey_height = 3.0\n", ""), "must be given of all buildings or of none"),
         (TWO.replace("[0.02, 0.05]", "[0.02]"), "pounding.gap must have 2 numbers, one per level"),
         (TWO.replace('"B"', '"A"'), "building.name must be of one building each"),
@@ -112,6 +127,51 @@ def test_buildings_are_their_matrices_side_by_side():
         2e9,
     )
     assert made == structure
+
+
+def beam(length: float, rigidity: float) -> np.ndarray:
+    """Stiffness of (v, theta) at both ends, by Hermite's polynomials."""
+    a = length
+    shape = [[12, 6 * a, -12, 6 * a], [0, 4 * a * a, -6 * a, 2 * a * a], [0, 0, 12, -6 * a]]
+    upper = np.array([*shape, [0, 0, 0, 4 * a * a]], float) * rigidity / a**3
+    return upper + np.triu(upper, 1).T
+
+
+def test_a_floor_that_faces_a_column_hits_a_point_of_a_beam():
+    """Of two Hermite beams whose rotation at the point is condensed out; 3 E I h^3 / (a b)^3."""
+    structure = parse(UNEVEN).structure
+    assert structure.names.floors == (
+        *("A1", "A2", "A column at 5"),
+        *("B1", "B2", "B3", "B column at 6"),
+    )
+    assert structure.names.contacts == ("A1-B1", "A column at 5-B2", "A2-B column at 6")
+    assert structure.storey_names == ("A1", "A2", "B1", "B2", "B3")
+    assert structure.directions[1:].tolist() == [[0, 0, 1, 0, -1, 0, 0], [0, 1, 0, 0, 0, 0, -1]]
+    share, h, a = 0.1 * 2e8, 3.0, 2.0
+    rigidity = share * h**3 / 12
+    two = np.zeros((6, 6))
+    two[:4, :4] += beam(a, rigidity)
+    two[2:, 2:] += beam(h - a, rigidity)
+    kept, theta = two[np.ix_([0, 4, 2], [0, 4, 2])], two[[0, 4, 2], 3]
+    column = kept - np.outer(theta, theta) / two[3, 3]
+    assert column[2, 2] == pytest.approx(3 * rigidity * h**3 / (a * (h - a)) ** 3, rel=1e-13)
+    sway = share * np.array([[1.0, -1.0, 0], [-1.0, 1.0, 0], [0, 0, 0]])
+    alone = Structure(2, mass=(2.5e5, 2e5), storey_stiffness=(3e8, 2e8)).stiffness_matrix
+    right = np.pad(alone, (0, 1)) - sway + column
+    np.testing.assert_allclose(structure.stiffness_matrix[:3, :3], right, rtol=1e-12, atol=1e-4)
+    # in the lowest storey the ground does not move
+    low = adjacent(
+        [
+            Building([1.0, 1.0], 12.0, 2.0, column={"share": 1, "mass": 0.1}),
+            Building([1.0] * 3, 5, 1),
+        ],
+        gap=0.1,
+        stiffness=1e3,
+    )
+    assert low.names.contacts == ("A column at 1-B1", "A1-B2", "A column at 3-B3")
+    # E I = 8: 192 E I / h^3 in the middle of a beam fixed at both ends
+    assert low.stiffness_matrix[2, 2] == pytest.approx(192.0)
+    assert low.stiffness_matrix[2, :2].tolist() == [-96.0, 0.0]
 
 
 def test_a_job_is_described_in_its_units_and_warned_of(tmp_path, capsys):

@@ -5,6 +5,7 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.model.buildings import COLUMN
 from hpcsweep.model.isolation import SLAB
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, stripes_of
@@ -25,7 +26,7 @@ def draw(results, response: str = "drift", scale: float | None = None):
     at, study = responses.scale_index(results, scale), style.study_of(results, Records)
     whole = responses.opened(results, response, None)
     dim = str(results[RESPONSES[response][0]].dims[-1])
-    names = [str(one) for one in results[dim].values]
+    names = [name for one in results[dim].values if COLUMN not in (name := str(one))]
     found = responses.buildings(names)
     figure, axes = style.new_grid(1, len(found), (1.2 + 2.6 * len(found), 4.2), sharex=True)
     for axis, (building, places) in zip(axes[0], found.items(), strict=True):

@@ -64,6 +64,7 @@ KEYS = (
         told="by `units`, or 9.80665",
     ),
     Key("dt", "time in seconds between samples, for files that do not say it"),
+    Key("channel", "which channel of acceleration of files with several, from 1 on"),
     Key("tail", "time of free motion after each record", 0.0),
     Key(
         "scale",
@@ -219,10 +220,13 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
             limit = str(error).partition(", is ")[0].removeprefix("unit ")
             raise values.error("records.unit", unit, limit) from None
         dt = values.positive("records.dt", given["dt"]) if "dt" in given else None
-        return Files(paths, unit, read_gravity(values), dt, _units(values)[1])
+        channel = given.get("channel")
+        if channel is not None:
+            values.whole("records.channel", channel, 1, MAX_FILES)
+        return Files(paths, unit, read_gravity(values), dt, _units(values)[1], channel)
     if "synthetic" not in given:
         raise values.error("records", sorted(given), "must have files, or synthetic")
-    for key in ("unit", "dt"):
+    for key in ("unit", "dt", "channel"):
         if key in given:
             raise values.error(f"records.{key}", given[key], "goes with records.files")
     return _synthetic(values, given["synthetic"])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hpcsweep.commands import CommandError, add_at, add_file, listing
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.commands.rows import rows_of
-from hpcsweep.figures.options import UNITS, file_name
+from hpcsweep.figures.options import UNITS, file_name, positive
 
 if TYPE_CHECKING:
     from hpcsweep.studies.ground_motion.records import Records
@@ -54,7 +54,9 @@ def configure(parser) -> None:
     parser.add_argument(
         "--place", metavar="NAME", help="storey, floor, contact or building (default: the largest)"
     )
-    parser.add_argument("--scale", type=float, help="intensity of the table; the nearest there is")
+    parser.add_argument(
+        "--scale", type=positive, help="intensity of the table; the nearest there is"
+    )
     UNITS.add(parser)
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)

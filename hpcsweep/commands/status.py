@@ -100,7 +100,7 @@ memory | rank 0 {memory[0]:.0f} MB, largest rank {memory[1]:.0f} MB
 last heard of | {silent:.0f} s ago
 periods | {periods_per_run:.3g} integrated a run, of {periods_per_run_window}; runs spared: {spared}
 no period found | in {no_period_found} runs
-linear | {runs_below_contact} runs below first contact
+linear | {runs_below_contact} runs, in which nothing touches or slips
 found | {attractors_per_point:.3g} attractors a point, several in {points_with_several} points, \
 at most {most_attractors}
 starts | {starts} of {periods_per_start:.3g} periods; undecided {starts_undecided}, failed \

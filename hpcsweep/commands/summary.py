@@ -67,7 +67,7 @@ core seconds | {cost[core_seconds]:.4g} s
 {run_noun}s per second | {cost[runs_per_second]:.4g}
 {run_noun}s per core second | {cost[runs_per_core_second]:.4g}
 scaled by | {measure}
-below first contact | {below_contact:share}
+linear | {below_contact:share}, nothing touches or slips
 of equal ratio | {equal_ratio:share}
 with contact | {with_contact:share}
 collapsed | {collapsed:share}

@@ -8,11 +8,13 @@ WIDEST = 0.98
 """Share of a figure's width that its head or its legend may take."""
 SMALL, SMALLER = 8, 7.5
 """Sizes of the entries of a legend, and of the words above them (points)."""
+BETWEEN = r"(?<=,)  |(?<=;) (?![^(]*\))"
+"""Two blanks after a comma, or one after a semicolon that is not in brackets."""
 LEGEND: dict[str, Any] = {"fontsize": SMALL, "frameon": False}
 """Style of legends."""
 
 
-def broken(text: str, fits: Callable[[str], bool], between: str = "(?<=,)  |(?<=;) ") -> str:
+def broken(text: str, fits: Callable[[str], bool], between: str = BETWEEN) -> str:
     """Break lines between their parts wherever they do not fit.
 
     Parameters

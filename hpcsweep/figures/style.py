@@ -171,7 +171,8 @@ def save(figure, path: Path) -> None:
 def head(figure, *lines: str, fontsize: float = 10):
     """Write the head of a figure, without empty lines, broken where it is too wide; return it."""
     text = "\n".join(filter(None, lines))
-    figure.suptitle(broken(text, fitter(figure, fontsize)), fontsize=fontsize)
+    fits = fitter(figure, fontsize)
+    figure.suptitle(broken(broken(text, fits), fits, "(?<=,) "), fontsize=fontsize)
     return figure
 
 

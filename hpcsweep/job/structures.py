@@ -44,8 +44,8 @@ MAX_LABEL = 100
 """Characters of the name of a building."""
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 SIZED = re.compile(
-    r"(mass|stiffness|gap(_left)?|direction|amplitude|((contact|pounding)\.|storey_)damping|strength|"
-    r"yield_(force|drift)|weight|storey_height|collapse_drift|"
+    r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact\[\d+\]\.|pounding\.|storey_)damping|"
+    r"strength|yield_(force|drift)|weight|storey_height|collapse_drift|"
     r"isolation\.(period|radius|friction))$"
 )
 """Ends of the keys whose values, where they are not 0, are of such a size."""
@@ -122,22 +122,28 @@ def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> 
         if key not in WITH_MATRICES:
             raise values.error(f"structure.{key}", given[key], "does not go with matrices")
     _check_table(values, "structure.matrices", matrices, MATRICES, ("mass", "stiffness"))
-    if not isinstance(contacts, list):
-        raise values.error("structure.contact", contacts, "must be tables, [[structure.contact]]")
-    for contact in contacts:
-        _check_table(values, "structure.contact", contact, CONTACT, CONTACT[:3])
-    sliders = given.get("slider", [])
-    if not isinstance(sliders, list):
-        raise values.error("structure.slider", sliders, "must be tables, [[structure.slider]]")
-    for slider in sliders:
-        _check_table(values, "structure.slider", slider, SLIDER, SLIDER[:3])
     return Structure.from_matrices(
-        contacts=[Contact(**contact) for contact in contacts],
-        sliders=[Slider(**slider) for slider in sliders],
+        contacts=_elements(values, "contact", contacts, Contact, CONTACT),
+        sliders=_elements(values, "slider", given.get("slider", []), Slider, SLIDER),
         harmonics=harmonics,
         **matrices,
         **{key: _tuples(given[key]) for key in WITH_MATRICES[3:] if key in given},
     )
+
+
+def _elements(values: Values, name: str, tables: Any, kind: Any, known: tuple) -> list:
+    """Read contacts or sliders; an error names its table, counted from 0."""
+    if not isinstance(tables, list):
+        raise values.error(f"structure.{name}", tables, f"must be tables, [[structure.{name}]]")
+    made = []
+    for k, table in enumerate(tables):
+        _check_table(values, f"structure.{name}[{k}]", table, known, known[:3])
+        try:
+            made.append(kind(**table))
+        except ValueError as error:
+            said = str(error).replace(f"{name}.", f"{name}[{k}].", 1)
+            raise ValueError(said) from None
+    return made
 
 
 def _weighed(values: Values, place: str, table: dict) -> dict:
@@ -316,7 +322,7 @@ def _numbers(key: str, given: Any) -> Iterator[tuple[str, Any]]:
         for name, value in given.items():
             yield from _numbers(f"{key}.{name}", value)
     elif isinstance(given, list):
-        for value in given:
-            yield from _numbers(key, value)
+        for k, value in enumerate(given):
+            yield from _numbers(f"{key}[{k}]" if isinstance(value, Mapping) else key, value)
     elif isinstance(given, int | float):
         yield key, given

@@ -42,14 +42,12 @@ name = "A"
 mass = [2.5e5, 2.5e5, 2.0e5]
 storey_stiffness = [3e8, 3e8, 2e8]
 storey_height = 3.2
-damping_ratio = 0.05
 
 [[building]]
 name = "B"
 mass = [2.5e5, 2.5e5, 2.5e5, 2.5e5, 2.0e5]
 storey_stiffness = 2e8
 storey_height = 3.2
-damping_ratio = 0.05
 
 [pounding]
 gap = 0.05
@@ -68,32 +66,23 @@ VARY = """\
 #structure.gap = {from = 0.5, to = 2.0, count = 16}
 """
 TABLES = ("study", "structure", "forcing", "sweep", "solver", "output")
-AT_ONE_FREQUENCY = {"omega": "0.445", "amplitude": "{from = 0.1, to = 0.2, count = 3}"}
+OF_SWEEP = {"sweep.omega": "0.445", "sweep.amplitude": OMEGA[2].example}
 SLICE = "{from = -1.0, to = 1.0, count = 40}"
-GIVEN: dict[str, dict[str, dict[str, str]]] = {
-    DEFAULT_KIND: {"sweep": {"omega": "0.445", "amplitude": OMEGA[2].example}},
-    "points": {"sweep": {**AT_ONE_FREQUENCY, "omega": "{from = 0.4, to = 0.5, count = 3}"}},
-    "attractors": {"study": {"starts": "60"}, "sweep": AT_ONE_FREQUENCY},
-    "basins": {
-        "study": {"components": '["u_1", "u_2"]', "horizontal": SLICE, "vertical": SLICE},
-        "sweep": {"omega": "0.445", "amplitude": "0.128"},
-    },
-    "records": {
-        "records": {
-            "synthetic": "{count = 5, seed = 1, duration = 30.0}",
-            "scale": '{by = "sa", period = 0.78, from = 1.0, to = 12.0, count = 12}',
-            "tail": "5.0",
-        },
-    },
-    "branches": {
-        "sweep": {"omega": "0.445", "amplitude": OMEGA[2].example},
-        "branches": {"seeds": '"study.h5"', "max_branches": "8"},
-    },
+SCALE = '{by = "sa", period = 0.78, from = 1.0, to = 12.0, count = 12}'
+FEW = {"sweep.amplitude": "{from = 0.1, to = 0.2, count = 3}"}
+GIVEN: dict[str, dict[str, str]] = {
+    DEFAULT_KIND: OF_SWEEP,
+    "points": {"sweep.omega": "{from = 0.4, to = 0.5, count = 3}", **FEW},
+    "attractors": {**OF_SWEEP, **FEW, "study.starts": "60"},
+    "basins": {**OF_SWEEP, "sweep.amplitude": "0.128"}
+    | {"study.components": '["u_1", "u_2"]', "study.horizontal": SLICE, "study.vertical": SLICE},
+    "records": {"records.synthetic": "{count = 5, seed = 1}", "records.scale": SCALE},
+    "branches": {**OF_SWEEP, "branches.seeds": '"study.h5"', "branches.max_branches": "8"},
 }
-"""Values of keys, by kind of study and table, that make the job complete."""
+"""Values of keys, by kind of study, that make the job complete."""
 
 
-LINK = re.compile(r"(?: \()?\[([^]]+)\]\([^)]*\)\)?")
+LINK = re.compile(r"( ?\()?\[([^]]+)\]\([^)]*\)(?(1)\))")
 POINTERS = (
     *("how", "which", "dashpots", "formats", "what they do", "what they spare", "what it is"),
     "size and price",
@@ -103,10 +92,8 @@ POINTERS = (
 
 def template(kind: str = DEFAULT_KIND) -> str:
     """Write a job of a kind of study; that of an amplitude sweep tells the keys of others, too."""
-    every, given = declared(KINDS[kind]), {"study": {}, **GIVEN[kind]}
-    if kind != DEFAULT_KIND:
-        given["study"] = {"kind": f'"{kind}"', **given["study"]}
-    shaken = kind == "records"
+    every, shaken = declared(KINDS[kind]), kind == "records"
+    given = GIVEN[kind] if kind == DEFAULT_KIND else {"study.kind": f'"{kind}"', **GIVEN[kind]}
     parts = [HEAD.format(SEEDS * (kind == "branches") + (IN_OWN if shaken else IN_GAPS))]
     for table in (*TABLES, "records", "branches"):
         if not every[table]:
@@ -117,14 +104,14 @@ def template(kind: str = DEFAULT_KIND) -> str:
         parts.append(f"[{table}]")
         if table == "study":
             parts += [_comment(f'"{other}": {study.summary}') for other, study in KINDS.items()]
-        parts += [*_given(every[table], given.get(table, {})), ""]
+        parts += [*_given(table, every[table], given), ""]
     parts.append("# Tables of other structures, see docs/structures.md:")
     for table in ("building", "pounding", "units"):
         keys = every.get(table) or [key for key in every[""] if key.name == table]
         parts += [f"#[{table}]", *(_mentioned("", key) for key in keys)]
     if kind == DEFAULT_KIND:
         parts += _of_others(every)
-    return "\n".join([*parts, "", VARY])
+    return "\n".join([*parts, "", VARY.replace("#structure", "#pounding") if shaken else VARY])
 
 
 def _of_others(every: Tables) -> list[str]:
@@ -148,12 +135,13 @@ def _of_others(every: Tables) -> list[str]:
     return parts
 
 
-def _given(keys: Iterable[Key], given: Mapping[str, str]) -> Iterator[str]:
+def _given(table: str, keys: Iterable[Key], given: Mapping[str, str]) -> Iterator[str]:
     """Write keys, each after its comment; of one without a value only the comment."""
     for key in keys:
-        value = given.get(key.name) or key.example or key.shown
+        name = f"{table}.{key.name}"
+        value = given.get(name) or key.example or key.shown
         if value:
-            mark = "#" * (key.name not in given)
+            mark = "#" * (name not in given)
             default = f"; default: {key.told}" * bool(key.told)
             yield f"{_comment(key.description + default)}\n{mark}{key.name} = {value}\n"
         else:
@@ -170,6 +158,9 @@ def _mentioned(prefix: str, key: Key) -> str:
 
 def _comment(text: str, indent: str = "# ") -> str:
     """Write a text as a comment, without the marks of Markdown."""
-    text = LINK.sub(lambda link: "" if link[1] in POINTERS else link[1], text).replace("`", "")
+    told = LINK.sub(
+        lambda link: "" if link[2] in POINTERS else f" ({link[2]})" if link[1] else link[2], text
+    )
+    text = told.replace("`", "")
     lines = textwrap.wrap(text, 98 - len(indent), break_long_words=False, break_on_hyphens=False)
     return "\n".join([f"# {lines[0]}", *(f"{indent}{line}" for line in lines[1:])])

@@ -278,11 +278,23 @@ class Structure(MeasuredDynamics):
             listed = given if hasattr(given, "__len__") else (given,)
             size = n if hasattr(given, "__len__") else 1
             vector("collapse_drift", listed, size, "numbers, one per storey", read=_above_0)
-        if self.sliders and np.isinf(self.drift_limits).all():
-            values = np.linalg.eigvalsh(self.elastic_stiffness)
-            if values[0] < -ROUNDED * np.trace(self.stiffness_matrix):
+        rows, limits = self.drift_rows, self.drift_limits
+        for one in self.sliders:
+            least = limits[(rows == one.direction).all(axis=1)].min(initial=math.inf)
+            if least <= one.limit:
                 raise ValueError(
-                    "collapse_drift is missing: the structure softens once all sliders slip, its "
+                    f"collapse_drift must be above the drift at which the storey yields, "
+                    f"{one.limit:.4g}, is {least:.4g}"
+                )
+        if self.sliders:
+            # motions whose drifts are bounded may leave in directions that none of these has
+            _, size_of, axes = np.linalg.svd(rows[np.isfinite(limits)])
+            free = axes[np.count_nonzero(size_of > ROUNDED * size_of.max(initial=0.0)) :]
+            values = np.linalg.eigvalsh(free @ self.elastic_stiffness @ free.T)
+            if values.min(initial=0.0) < -ROUNDED * np.trace(self.stiffness_matrix):
+                what = "is missing" if given is None else "must be finite for each that softens"
+                raise ValueError(
+                    f"collapse_drift {what}: the structure softens once all sliders slip, its "
                     f"stiffness then has the eigenvalue {values[0]:.4g}"
                 )
 

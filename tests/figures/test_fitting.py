@@ -45,7 +45,16 @@ def test_a_legend_has_as_many_columns_as_fit():
 def test_lines_break_between_parts_only_where_they_must():
     assert broken("a b c\nd", lambda line: len(line) < 4, " ") == "a b\nc\nd"
     assert broken("one; two; three", lambda line: len(line) < 10, "(?<=;) ") == "one; two;\nthree"
+    part = "Sa(1 s; 5 %) = 2,  yes; no"
+    assert broken(part, lambda line: len(line) < 12) == "Sa(1 s; 5 %) = 2,\nyes; no"
     assert broken("unbreakable", lambda line: False, " ") == "unbreakable"
+
+
+def test_a_head_of_many_varied_keys_stays_within_the_picture():
+    figure, _ = new_grid(1, 1, (4.0, 3.0))
+    keys = [f"building_{k}_damping_ratio = 0.02" for k in range(4)]
+    assert within(style.head(figure, ", ".join(keys)))
+    assert figure._suptitle.get_text().split(",") == [keys[0], *(f"\n{key}" for key in keys[1:])]
 
 
 @pytest.mark.parametrize("module", [frames, orbit_diagram])

@@ -10,8 +10,19 @@ import numpy as np
 import pytest
 from tools import RECORDS, hpcsweep
 
-from hpcsweep import floor_spectra, open_results, response, separation, synthetic_records
+from hpcsweep import (
+    Building,
+    Slider,
+    Structure,
+    adjacent,
+    floor_spectra,
+    open_results,
+    response,
+    separation,
+    synthetic_records,
+)
 from hpcsweep.figures import labels
+from hpcsweep.figures.diagrams.hysteresis import springs
 from hpcsweep.figures.diagrams.responses import buildings, within
 from hpcsweep.figures.options import figures
 from hpcsweep.figures.style import PlotError
@@ -64,6 +75,8 @@ def test_every_figure_is_drawn(folder, kind):
         (["plot", "job.h5", "--kind", "orbit"], "holds responses"),
         (["plot", "job.h5", "--kind", "hysteresis"], "the structure has no sliders"),
         (["plot", "hysteresis.h5", "--kind", "hysteresis", "--place", "B1"], "of A1, A2"),
+        (["plot", "job.h5", "--scale", "nan"], "argument --scale: must be greater than 0, is nan"),
+        (["fragility", "job.h5", "--scale", "nan", "--demands", "new.csv"], "is nan"),
         (["fragility", "job.h5", "--threshold", "1e9"], "of 8 records 0 reach"),
         (["fragility", "job.h5", "--threshold", "nan"], "must be finite"),
         (["fragility", "job.h5", "--threshold", "0.5", "--place", "Z"], "or a building"),
@@ -77,6 +90,25 @@ def test_what_cannot_be_drawn_is_one_line(folder, arguments, said):
     assert len(done.stderr.splitlines()) == 1
     assert said in done.stderr
     assert not (folder / "new.csv").exists()
+
+
+def test_loops_are_of_the_whole_force_of_storeys_and_bearings():
+    """alpha k less P / h, that of bearings after yielding, 0 beside other sliders."""
+    given = {"storey_stiffness": [100.0, 80.0], "yield_drift": 0.1, "hardening": [0.3, 0.5]}
+    heavy = {"p_delta": True, "weight": [20.0, 10.0], "storey_height": [3.0, 2.5]}
+    column = {"share": 0.2, "mass": 0.01}
+    frame = Building([2.0, 1.0], **given, **heavy, column=column, name="A")
+    assert springs(frame.structure) == pytest.approx([30.0 - 10.0, 40.0 - 4.0])
+    other = Building([2.0, 1.0], 50.0, [3.0, 1.0], name="B")
+    pair = adjacent([frame, other], gap=0.1, stiffness=1e3)
+    assert "A column at 4" in pair.floor_names
+    assert springs(pair) == pytest.approx([20.0, 36.0])
+    bearings = {"slab_mass": 1.0, "stiffness": 3.0, "strength": 0.2}
+    isolated = Building([2.0, 1.0], **given, isolation=bearings).structure
+    assert springs(isolated) == pytest.approx([3.0, 30.0, 40.0])
+    brace = Slider((-1.0, 1.0), 5.0, 1.0, "brace")
+    free = Structure.from_matrices([1, 1], [[2, -1], [-1, 1]], [], sliders=[brace])
+    assert springs(free).tolist() == [0.0]
 
 
 def test_stripes_are_the_largest_of_their_places(folder):

@@ -157,15 +157,28 @@ WRONG = [
     (MATRICES, "forcing = [0.0, 1.0]", "forcing = [1, inf]", "matrices.forcing must be finite"),
     (MATRICES, "forcing = [0.0, 1.0]", "force = [1, 1]", "unknown key 'structure.matrices.force'"),
     (MATRICES, "[[1.0, 0.0], [-1.0, 1.0]]", "[[1.0]]", "matrices.drift must have 2 entries"),
-    (MATRICES, "direction = [1, -1]", "direction = [0, 0]", "contact.direction must not be 0"),
+    (MATRICES, "direction = [1, -1]", "direction = [0, 0]", "contact[0].direction must not be 0"),
     (MATRICES, "direction = [1, -1]", "direction = [1]", "structure.contact.direction of contact"),
-    (MATRICES, "direction = [1, -1]", "direction = 1", "structure.contact.direction must be"),
-    (MATRICES, "direction = [1, -1]\n", "", "structure.contact.direction is missing"),
-    (MATRICES, "gap = 0.1", "gap = inf", "structure.contact.gap must be finite, is inf"),
-    (MATRICES, "gap = 0.1", "gap = 'none'", "structure.contact.gap must be a number"),
-    (MATRICES, "gap = 0.1", "gpa = 0.1", "unknown key 'structure.contact.gpa'"),
-    (MATRICES, "stiffness = 50", "stiffness = -50", "structure.contact.stiffness must be at least"),
-    (MATRICES, "stiffness = 50", "stiffness = 1e40", "structure.contact.stiffness = 1e+40"),
+    (
+        MATRICES,
+        "[[structure.contact]]",
+        "[[structure.slider]]\ndirection = [1, 0]\nstiffness = 1.0\nstrength = 1.0\n"
+        "[[structure.slider]]\ndirection = [1, 0]\nstiffness = 1.0\nstrength = -1.0\n"
+        "[[structure.contact]]",
+        "structure.slider[1].strength must be finite and positive, is -1.0",
+    ),
+    (MATRICES, "direction = [1, -1]", "direction = 1", "structure.contact[0].direction must be"),
+    (MATRICES, "direction = [1, -1]\n", "", "structure.contact[0].direction is missing"),
+    (MATRICES, "gap = 0.1", "gap = inf", "structure.contact[0].gap must be finite, is inf"),
+    (MATRICES, "gap = 0.1", "gap = 'none'", "structure.contact[0].gap must be a number"),
+    (MATRICES, "gap = 0.1", "gpa = 0.1", "unknown key 'structure.contact[0].gpa'"),
+    (
+        MATRICES,
+        "stiffness = 50",
+        "stiffness = -50",
+        "structure.contact[0].stiffness must be at least",
+    ),
+    (MATRICES, "stiffness = 50", "stiffness = 1e40", "structure.contact[0].stiffness = 1e+40"),
     (MATRICES, "sharpness", "n_floors = 2\nsharpness", "structure.n_floors = 2: does not go with"),
     (MATRICES, "sharpness", "gap = 1.0\nsharpness", "structure.gap = 1.0: does not go with"),
     (MATRICES, "sharpness", "damping_ratio = 0.1\nsharpness", "damping_ratio and damping must not"),
@@ -176,7 +189,7 @@ WRONG = [
     (MATRICES, "{order = 1}, ", "1, ", "forcing.harmonics = 1: must be a table"),
     (MATRICES, "phase = -1.0", "phase = inf", "forcing.harmonics.phase must be finite"),
     (MATRICES, "phase = -1.0", "fase = 1.0", "unknown key 'forcing.harmonics.fase'"),
-    (MATRICES, "amplitude = 0.5", "amplitude = 1e40", "forcing.harmonics.amplitude = 1e+40"),
+    (MATRICES, "amplitude = 0.5", "amplitude = 1e40", "forcing.harmonics[1].amplitude = 1e+40"),
     (MATRICES, "harmonics = [", "harmonics = []\nx = [", "unknown key 'forcing.x'"),
     (BUILDING, "[structure]", "[forcing]\nharmonics = []\n[structure]", "forcing.harmonics = []"),
     (BUILDING, "[structure]", "[forcing]\nharmonics = 3\n[structure]", "forcing.harmonics = 3"),
@@ -232,7 +245,7 @@ def test_what_is_extended_and_set_keeps_matrices_contacts_and_harmonics(tmp_path
     assert load_job(own).structure.contacts == (Contact((0.0, 1.0), 1.0, 9.0),)
     assert load_job(own).structure.matrices.stiffness == MADE.matrices.stiffness
     given = ("structure.contact=[{direction = [0, -1], gap = inf, stiffness = 9}]",)
-    with pytest.raises(JobError, match=r"structure\.contact\.gap must be finite"):
+    with pytest.raises(JobError, match=r"structure\.contact\[0\]\.gap must be finite"):
         load_job(own, given)
     given = (
         "structure.contact=[{direction = [0, -1], gap = 2, stiffness = 9}]",

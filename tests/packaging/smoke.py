@@ -141,7 +141,7 @@ def check(hpcsweep: Installed) -> None:
     summary = json.loads(hpcsweep("summary", "study.h5", "--json"))
     assert summary
     assert hpcsweep("validate", "study.h5", "--samples", "6")
-    kinds = re.search(r"--kind \{([\w,]+)\}", hpcsweep("plot", "--help"))[1].split(",")
+    kinds = re.search(r"--kind \{([\w,-]+)\}", hpcsweep("plot", "--help"))[1].split(",")
     own = {*VARY_PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS, *RECORD_PLOTS, *BRANCH_PLOTS}
     assert set(kinds) == {*PLOTS, *own}
     own = [word for setting in ATTRACTORS for word in ("--set", setting)]

@@ -300,6 +300,13 @@ def test_weights_take_their_part_of_the_stiffness():
     assert frame(period=2.0).frequencies[0] < 0.97 * math.pi
 
 
+def test_a_limit_is_needed_of_storeys_that_soften_alone():
+    given = {"yield_drift": 0.1, "hardening": [0.0, 0.5]}  # 0 - 10, and 40 - 4
+    assert frame(**given, collapse_drift=[0.3, math.inf]).drift_limits[1] == math.inf
+    with pytest.raises(ValueError, match="must be finite for each that softens"):
+        frame(**given, collapse_drift=[math.inf, 0.3])
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -309,6 +316,14 @@ def test_weights_take_their_part_of_the_stiffness():
         ({"yield_drift": 0.1}, "collapse_drift is missing: the structure softens"),
         ({"collapse_drift": 0.1}, "collapse_drift goes with storeys that yield"),
         ({"yield_drift": 0.1, "collapse_drift": 0.0}, r"collapse_drift must be above 0 .* 0\.0"),
+        (
+            {"yield_drift": 0.1, "collapse_drift": 0.05},
+            "collapse_drift must be above the drift at which the storey yields, 0.1, is 0.05",
+        ),
+        *(
+            ({"yield_drift": 0.1, "collapse_drift": limits}, "must be finite for each that softens")
+            for limits in ([0.3, math.inf], [math.inf, 0.3], math.inf)
+        ),
         ({"yield_drift": 0.1, "hardening": -0.2}, r"hardening must be from -0\.1 to below 1"),
         ({"p_delta": 1}, "p_delta must be true or false, is 1"),
     ],

@@ -1,15 +1,23 @@
-"""Hysteresis loops: the force of each slider against its elongation, of one record at one scale."""
+"""Hysteresis loops of one record at one scale: force of each storey that yields against its drift.
+
+Of a storey, and of bearings, that is the force of the slider and of the elastic spring beside it,
+less what P-Delta takes; of another slider its own.
+"""
 
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh, responses
+from hpcsweep.model.buildings import COLUMN
+from hpcsweep.model.isolation import SLAB
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "hysteresis"
 DRAWS = "responses"
 HELP = """\
-force of each slider against its elongation, of one record at one intensity; needs the record"""
+force of each storey that yields against its drift, and of other sliders, of one record at
+one intensity; needs the record"""
 OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE, responses.TIME)
 IN_A_ROW = 4
 """Panels."""
@@ -22,6 +30,23 @@ ONE = EACH[0] + MORE[0], EACH[1] + MORE[1]
 def load(frames, **_options):
     """Read the facts about the records of one structure."""
     return frames.gather(["outcome", *responses.COLLAPSE_NAMES])
+
+
+def springs(structure: Structure) -> np.ndarray:
+    """Return the stiffness of the elastic spring beside each slider of a storey, or of bearings."""
+    stiffness = structure.elastic_stiffness
+    for i, name in enumerate(structure.floor_names):
+        if COLUMN in name:
+            own = stiffness[i] / np.sqrt(stiffness[i, i])
+            stiffness = stiffness - np.outer(own, own)
+    rows = dict(zip(structure.storey_names, structure.drift_rows.tolist(), strict=True))
+    found = np.zeros(len(structure.sliders))
+    for k, (name, one) in enumerate(zip(structure.slider_names, structure.sliders, strict=True)):
+        ends = np.flatnonzero(one.direction)
+        if rows.get(name) == list(one.direction) or name.endswith(SLAB):
+            # two floors, or one and the ground
+            found[k] = -stiffness[ends[0], ends[1]] if ends.size > 1 else stiffness[ends[0]].sum()
+    return found
 
 
 def draw(
@@ -43,16 +68,17 @@ def draw(
     shown = [names.index(place)] if place else range(len(names))
     figure, axes = mesh.panels(len(shown), ONE, EACH, MORE, columns=IN_A_ROW)
     elongation = seen.displacement @ structure.slider_directions.T
+    forces = seen.slider_force + springs(structure) * elongation
     x_unit, length = labels.sized(structure, "length", elongation[:, shown])
-    y_unit, force = labels.sized(structure, "force", seen.slider_force[:, shown])
+    y_unit, force = labels.sized(structure, "force", forces[:, shown])
     for axis, j in zip(axes, shown, strict=True):
         ductility = np.abs(elongation[:, j]).max() / structure.sliders[j].limit
-        loop = elongation[:, j] / length, seen.slider_force[:, j] / force
+        loop = elongation[:, j] / length, forces[:, j] / force
         axis.plot(*loop, color=palette.series_colour(0), lw=0.7)
         axis.set_title(f"{names[j]}, ductility {ductility:.1f}", fontsize=9)
         axis.grid(True, color="0.92", linewidth=0.6)
     for axis in axes[::IN_A_ROW]:
         axis.set_ylabel("force" + y_unit, fontsize=8)
     for axis in axes[(len(axes) - 1) // IN_A_ROW * IN_A_ROW :]:
-        axis.set_xlabel("elongation" + x_unit, fontsize=8)
+        axis.set_xlabel("drift" + x_unit, fontsize=8)
     return style.head(figure, responses.run_title(results, study, i, at), fontsize=9)

@@ -7,7 +7,7 @@ import numpy as np
 
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.options import Option
+from hpcsweep.figures.options import Option, positive
 from hpcsweep.model.isolation import SLAB
 from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
@@ -19,7 +19,9 @@ PLACE = Option(
     "storey, floor or contact, or a building, of which it is (default: the largest of all)",
     metavar="NAME",
 )
-SCALE = Option("--scale", "intensity; the nearest there is (default: the middle one)", type=float)
+SCALE = Option(
+    "--scale", "intensity; the nearest there is (default: the middle one)", type=positive
+)
 RECORD = Option("--record", "record drawn, by name (default: the first)")
 TIME = Option(
     "--time",

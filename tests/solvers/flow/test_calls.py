@@ -1,7 +1,8 @@
 """What calls within the kernels of the flow map hand over.
 
-A plain kernel that LLVM does not make part of its caller gets the whole `Model` as words on the
-stack, 250 to 470 of them, which takes as long as what most such kernels do.
+A plain kernel that LLVM does not make part of its caller gets a placed tuple as three addresses
+(`kernels.arena`). As its values, 250 to 470 words on the stack, that took as long as what most such
+kernels do.
 """
 
 import platform
@@ -12,7 +13,6 @@ import pytest
 from hpcsweep.kernels.compile import entry_points
 from hpcsweep.kernels.compile.inline import KernelDispatcher
 from hpcsweep.solvers import flow
-from hpcsweep.solvers.flow.linear.propagators import lookup
 
 if numba.config.DISABLE_JIT:
     pytest.skip("nothing is compiled", allow_module_level=True)
@@ -47,6 +47,4 @@ def words_on_the_stack(kernel) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("kernel", KERNELS, ids=lambda kernel: kernel.name.rpartition(".")[2])
 def test_calls_hand_over_little(kernel):
-    # a table that is missing is built once: there the words do not matter, and are found
-    builds = kernel is lookup
-    assert (words_on_the_stack(kernel) > MOST) is builds
+    assert words_on_the_stack(kernel) <= MOST

@@ -576,7 +576,8 @@ def test_a_head_breaks_between_its_parts_where_it_is_too_wide():
     assert figure.get_suptitle().split("\n") == [
         "n = 3,",
         "beta = 1000",
-        "0.51 % of the points computed, the others inferred;",
+        "0.51 % of the points computed,",
+        "the others inferred;",
         "0.04 % wrong",
     ]
     figure.set_size_inches(9, 1)

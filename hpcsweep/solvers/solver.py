@@ -6,6 +6,7 @@ start at phase tau = 0 of the forcing and advance whole forcing periods T = 2 pi
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import Protocol, cast
 
@@ -185,11 +186,17 @@ def make_solver(
         return cast("Solver", YieldingMap(structure, omega, rtol))
     solver = kind.load()(structure, omega, rtol)
     if name == "flow" and not getattr(solver, "is_specialised", True):
-        from hpcsweep.solvers.compiling import load_aloud
-        from hpcsweep.solvers.flow.specialised import FOR_ANY, with_called
-
-        load_aloud(with_called(FOR_ANY.march))
+        _load_march()
     return solver
+
+
+@cache
+def _load_march() -> None:
+    """Load, once in a process, what motions of any structure call, and say what is compiled."""
+    from hpcsweep.solvers.compiling import load_aloud
+    from hpcsweep.solvers.flow.specialised import FOR_ANY, with_called
+
+    load_aloud(with_called(FOR_ANY.march))
 
 
 def loaded(structure: Structure, name: str = "flow", branches: bool = False) -> Structure:

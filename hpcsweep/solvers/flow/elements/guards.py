@@ -3,9 +3,9 @@ r"""The modes of elements along a motion, and the guard that is passed first.
 A guard (`hpcsweep.model.elements`) is a polynomial along a step, as displacements and velocities
 are. It holds if it is proved not to rise through 0, those of `LANES` elements at once: y stays
 within a window by the Hermite bound of `search` with the bound of y'''' at hand, and y' by that of
-are. It holds if it is proved not to rise through 0, those of `LANES` elements at once: y keeps
-within a window by the Hermite bound of `search` with the bound of y'''' at hand, and y' by that of
-what rounding hides is a part of the size of a motion.
+the slope. One that may be passed is searched as a distance is, with the bound of the fourth
+derivative by its own coefficients, and in units that grow with its offset: what rounding hides is a
+part of the size of a motion.
 """
 
 import math

@@ -116,7 +116,11 @@ class SeriesWorkspace(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Workspace for the kernels; contents mean nothing between calls."""
+    """Workspace for the kernels; contents mean nothing between calls.
+
+    But for what says of itself for which elements, or set, it was written, and is kept for these:
+    `windows` and the field of `series`.
+    """
 
     x: np.ndarray = zeros("N")
     z_end: np.ndarray = zeros("2R")

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import math
-import re
 from typing import TYPE_CHECKING
 
 from hpcsweep.commands import CommandError, add_at, add_file, listing
@@ -156,15 +155,13 @@ def _finite(found):
     return None if isinstance(found, float) and not math.isfinite(found) else found
 
 
-NO_FLOOR = re.compile(r"\bisolation$|\bcolumn at ")
-"""Names of slabs on bearings, and of points of columns."""
-
-
 def _demands(options, results, study: "Records") -> int:
     """Write the table of demands of a building at the scale nearest to one."""
     import numpy as np
 
     from hpcsweep.earthquakes.demands import write_demands
+    from hpcsweep.model.buildings import COLUMN
+    from hpcsweep.model.isolation import SLAB
     from hpcsweep.studies.ground_motion.stripes import places_of
 
     check_overwriting(options.demands, DEMANDS)
@@ -176,7 +173,11 @@ def _demands(options, results, study: "Records") -> int:
     at = int(np.argmin(np.abs(scales - (options.scale or scales[0]))))
     one = results.isel(scale=at)
     storeys, floors = (
-        [i for i in places_of(names, options.place) if not NO_FLOOR.search(names[i])]
+        [
+            i
+            for i in places_of(names, options.place)
+            if not names[i].endswith(SLAB) and COLUMN not in names[i]
+        ]
         for names in ([*map(str, results[dim].values)] for dim in ("storey", "floor"))
     )
     height = results["storey_height"].values[storeys]

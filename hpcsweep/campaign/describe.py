@@ -7,6 +7,7 @@ import numpy as np
 from hpcsweep.job import Job
 from hpcsweep.model.description import few, one_line
 from hpcsweep.model.equilibrium import pressed
+from hpcsweep.model.reduction import absurd
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
 from hpcsweep.studies.run_names import count
 from hpcsweep.studies.study import Lines, Study
@@ -32,6 +33,7 @@ def describe(job: Job) -> Lines:
     study, structure = job.study, job.structure
     yield from (("note", text) for text in job.notes)
     yield "structure", one_line(structure)
+    yield from _model(structure)
     yield "units", _units(structure)
     yield from (("varied", f"{axis.key}: {_listed(axis.values)}") for axis in study.axes)
     if study.n_parts > 1:
@@ -72,6 +74,26 @@ def _cycles(structure, omega: float) -> str:
     if not structure.unit_names.time:
         return ""
     return f" = {omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
+
+
+def _model(structure) -> Lines:
+    """Yield what became of the coordinates of a finite element model, and effective masses."""
+    if (found := structure.reduction) is None:
+        return
+    yield (
+        "model",
+        f"{found.coordinates} coordinates, {found.empty} of them fixed or empty, {found.massless} "
+        "without mass condensed",
+    )
+    highest = found.frequencies[-1]
+    yield (
+        "reduced to",
+        f"{found.modes} modes, up to omega = {highest:.6g}{_cycles(structure, highest)}; estimated "
+        f"error {found.error:.2g} of a motion with contact",
+    )
+    shares = ", ".join(f"{share:.3g}" for share in found.shares[:MAX_MODES])
+    more = ", ..." if found.modes > MAX_MODES else ""
+    yield "mass", f"effective shares of the modes {shares}{more}, together {sum(found.shares):.4g}"
 
 
 def _modes(structure) -> Lines:
@@ -131,6 +153,8 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
 
 def _warnings(structure) -> Iterator[str]:
     ratios = structure.damping_ratios
+    if structure.reduction is not None and (text := absurd(structure.frequencies[0])):
+        yield text
     if ratios.max() > 1:
         yield f"mode {int(ratios.argmax()) + 1} has the damping ratio {ratios.max():.4g}, above 1"
     if structure.matrices is None and not np.all(np.array(structure.stiffness_ratio) >= 1):

@@ -109,8 +109,8 @@ def _drop_inherited(whole: dict, own: set[str]) -> list[str]:
 def parse_job(text: str, source: str, default_name: str, folder: Path | None = None) -> Job:
     """Validate the text of a job; `source` is named in errors.
 
-    Records are looked for in the folder, if one is given, or if the job does not say what they are:
-    then it says so afterwards (`hpcsweep.job.suites`).
+    Records, and the files of a model, are looked for in the folder, if one is given, or if the job
+    does not say what they are: then it says so afterwards (`hpcsweep.job.suites`, `models`).
 
     Raises
     ------
@@ -125,6 +125,13 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
         from hpcsweep.job.suites import with_found
 
         whole = with_found(Values(source, tree), tree, folder)
+        if whole is not tree:
+            tree, text = whole, write(whole, every_key())
+    model = tree.get("structure")
+    if isinstance(model, Mapping) and "model" in model:
+        from hpcsweep.job.models import with_model
+
+        whole = with_model(Values(source, tree), tree, folder)
         if whole is not tree:
             tree, text = whole, write(whole, every_key())
     values = Values(source, tree)

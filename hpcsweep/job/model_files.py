@@ -110,7 +110,9 @@ def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
                 raise ValueError(f"{role} is missing: {limit}, here is {here}")
         own = found.pop(NAMES, None)
         return FiniteElements(**found, names=own if names is None else names)
-    except (ValueError, KeyError, IndexError, EOFError, AttributeError, TypeError) as error:
+    except OSError:
+        raise
+    except Exception as error:  # whatever a library says of a file that it cannot read
         said = " ".join(str(error).split()) or type(error).__name__
         where = str(paths[0]) if paths else "path"
         raise ValueError(said if said.startswith(where) else f"{where}: {said}") from None

@@ -55,7 +55,9 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
         ]
         content = [hashlib.sha256(one.read_bytes()).hexdigest() for one in files if one.is_file()]
     except (OSError, ValueError) as error:
-        said = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+        said = str(error)
+        if isinstance(error, OSError) and error.filename:
+            said = f"{error.filename}: {error.strerror}"
         raise JobError(f"{values.source}: {place}: {said}") from None
     try:
         arguments = (table.get(key) for key in ("influence", "outputs", "reduce", "fixed"))

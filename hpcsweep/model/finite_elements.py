@@ -77,7 +77,7 @@ class FiniteElements:
         self.is_empty = ~self._has_mass & (np.abs(self.stiffness).sum(axis=1) == 0)
         used = ~self.is_empty
         if _negative(_part(self.mass, self._has_mass)):
-            raise ValueError("mass must be positive definite, it has negative eigenvalues")
+            raise ValueError("mass must be positive definite, it has an eigenvalue of 0 or less")
         if count := self._below(used, _part(self.stiffness, used), -1.0):
             raise ValueError(f"stiffness must not be negative, it has {count} negative eigenvalues")
 
@@ -121,7 +121,7 @@ class FiniteElements:
             given = ((key.removeprefix("-"), -1.0 if key.startswith("-") else 1.0),)
         elif isinstance(given, Mapping):
             given = tuple((str(key), value) for key, value in given.items())
-        elif len(given) == 2 and all(isinstance(one, str | int) for one in given):
+        elif _is_pair(given):
             given = (str(given[0]), 1.0), (str(given[1]), -1.0)
         if not is_named(given):
             return np.array(vector(name, given, n))
@@ -220,6 +220,9 @@ class FiniteElements:
     ) -> Reduced:
         """Return what a structure is made of, from tables of its contacts and sliders."""
         contacts, sliders = [Contact(**o) for o in contacts], [Slider(**o) for o in sliders]
+        for name, listed in (("outputs", outputs), ("fixed", fixed)):
+            if isinstance(listed, str):
+                raise ValueError(f"{name} must be a list of coordinates, is {listed!r}")
         used = ~self.is_empty
         for key in fixed:
             used[self.number_of("fixed", str(key))] = False
@@ -304,7 +307,8 @@ class FiniteElements:
 
 
 def _is_pair(output: Any) -> bool:
-    return isinstance(output, Sequence) and not isinstance(output, str) and len(output) == 2
+    is_list = isinstance(output, list | tuple) and len(output) == 2
+    return is_list and all(isinstance(one, str | int) for one in output)
 
 
 def _array(rows: Sequence[np.ndarray], used: np.ndarray) -> np.ndarray:
@@ -335,7 +339,10 @@ def _table(element: Any) -> dict:
 def _negative(matrix: Any) -> int:
     """Count negative eigenvalues: by Sylvester's law those are negative pivots without exchange."""
     kept = {"SymmetricMode": True}
-    found = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=kept)
+    try:
+        found = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=kept)
+    except RuntimeError:  # a pivot is 0
+        return 1
     return int((found.U.diagonal() < 0).sum())
 
 
@@ -343,9 +350,11 @@ def _matrix(name: str, given: Any) -> Any:
     """Return a symmetric sparse matrix, of both triangles."""
     try:
         found = sparse.csr_array(given) if sparse.issparse(given) else np.asarray(given)
+        if np.iscomplexobj(found):
+            raise TypeError
         found = sparse.csr_array(np.diag(found) if found.ndim == 1 else found, dtype=float)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a matrix of numbers, is {shown(given)}") from None
+        raise ValueError(f"{name} must be a matrix of real numbers, is {shown(given)}") from None
     if found.ndim != 2 or found.shape[0] != found.shape[1] or not found.nnz:
         raise ValueError(f"{name} must be square, and not 0, has the shape {found.shape}")
     if not np.isfinite(found.data).all():

@@ -229,10 +229,13 @@ class System:
 
     @property
     def building_names(self) -> tuple[str, ...]:
-        """Name of each building: that of its first floor without the number, or its own number."""
+        """Name of each building: that of its first floor without the number, or its own number.
+
+        Coordinates of a model have names of their own.
+        """
         first = np.unique(self.buildings, return_index=True)[1].tolist()
         names = tuple(self.floor_names[i].rstrip("0123456789") for i in first)
-        whole = all(names) and len(set(names)) == len(names)
+        whole = all(names) and len(set(names)) == len(names) and self.reduction is None
         return names if whole else tuple(map(str, range(1, len(first) + 1)))
 
     @property

@@ -7,7 +7,14 @@ import pytest
 from beams import beam
 from scipy import sparse
 
-from hpcsweep import Contact, Slider, Structure, stroboscopic_points
+from hpcsweep import (
+    Contact,
+    Slider,
+    Structure,
+    response,
+    stroboscopic_points,
+    synthetic_records,
+)
 from hpcsweep.model import reduction
 from hpcsweep.model.finite_elements import FiniteElements
 from hpcsweep.model.modes import per_mass
@@ -66,6 +73,19 @@ def test_absolute_accelerations_are_those_of_the_rows_that_are_asked_for():
     assert found.base_masses == pytest.approx([r @ mass @ r])
     assert found.names.floors[:4] == ("1.UY", "15.UY", "20.RZ", "30.UY")
     assert found.frequencies[-1] == pytest.approx(found.frequencies[-2])
+
+
+def test_accelerations_and_base_shear_under_a_record_are_those_of_the_full_model():
+    record = synthetic_records(1, seed=1, duration=5.0)[0]
+    wanted = ["1.UY", "5.UY", "10.UY"]
+    given = {"influence": "UY", "damping_ratio": 0.02, "outputs": wanted}
+    full, few = (model(10).structure(reduce=one, **given) for one in (None, {"modes": 6}))
+    found = [response(one, record, base_shear=True) for one in (full, few)]
+    places = [[one.floor_names.index(name) for name in wanted] for one in (full, few)]
+    whole, own = (r.floor_acceleration[at] for r, at in zip(found, places, strict=True))
+    assert own == pytest.approx(whole, rel=0.02)
+    assert found[1].base_shear == pytest.approx(found[0].base_shear, rel=2e-3)
+    assert few.building_names == ("1",)
 
 
 def test_coordinates_without_mass_are_condensed():
@@ -167,7 +187,10 @@ WRONG = [
     (lambda: of(stiffness=[[1, 2, 0], [1, 9, 0], [0, 0, 1]]), r"\(1, 2\) is 2, \(2, 1\) is 1"),
     (lambda: of(stiffness=np.ones((3, 2))), r"stiffness must be square, and not 0, .*\(3, 2\)"),
     (lambda: of(stiffness=np.full((3, 3), math.nan)), "stiffness must be finite, holds nan"),
-    (lambda: of(stiffness="K"), "stiffness must be a matrix of numbers, is 'K'"),
+    (lambda: of(mass=[[1, 1, 0], [1, 1, 0], [0, 0, 1]]), "mass must be positive .* 0 or less"),
+    (lambda: of(stiffness=np.eye(3) * (1 + 1j)), "stiffness must be a matrix of real numbers"),
+    (lambda: of().structure(outputs="1"), "outputs must be a list of coordinates, is '1'"),
+    (lambda: of(stiffness="K"), "stiffness must be a matrix of real numbers, is 'K'"),
     (lambda: of(names=["a", "b"]), "names must be 3, one per coordinate, are 2"),
     (lambda: of(names=["a", "b", "a"]), "names must differ, 'a' is given twice"),
     (lambda: of(stiffness=FREE).structure(outputs=[1]), "leaves 1 motions free: fix some coord"),

@@ -193,10 +193,9 @@ def _full(path: Path) -> Found:
         places, stiffness, mass = FullFile(path).load_km(sort=True)
     except NotImplementedError as error:
         raise ValueError(str(error)) from None
-    if mass is None or stiffness is None:
-        return {name: one for name, one in (("K", stiffness), ("M", mass)) if one is not None}
     names = [f"{node}.{COMPONENTS[dof] if dof < 6 else dof + 1}" for node, dof in places.tolist()]
-    return {"K": stiffness, "M": mass, NAMES: names}
+    found = {"K": stiffness, "M": mass, NAMES: names}
+    return {name: one for name, one in found.items() if one is not None}
 
 
 def _text(path: Path) -> Found:

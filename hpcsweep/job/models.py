@@ -76,4 +76,6 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
         return tree
     told = {key: value for key, value in reduced._asdict().items() if value is not None}
     found = {"origin": origin, "settings": settings, **told}
-    return {**tree, "structure": {**structure, "model": {**table, "found": found}}}
+    places = [str(path.absolute()) for path in paths]
+    table = {**table, "file": places if isinstance(given, list) else places[0], "found": found}
+    return {**tree, "structure": {**structure, "model": table}}

@@ -12,7 +12,6 @@ from hpcsweep.model.arguments import shown
 from hpcsweep.model.matrices import MAX_FLOORS, Contact, Slider, is_named, vector
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.reduction import (
-    Reduction,
     absurd,
     basis_of,
     choose,
@@ -85,7 +84,7 @@ class FiniteElements:
     def problem(self) -> str:
         """A warning if the first period looks like mixed units, else nothing."""
         used = ~self.is_empty
-        held = _part(self.mass, used) * 1.0
+        held = _part(self.mass, used)
         stiffness = _part(self.stiffness, used) + RIGID * self._largest(used) * held
         if self._below(used, stiffness, 1.0):
             return ""
@@ -272,15 +271,15 @@ class FiniteElements:
             names = [self.label(rows[j]) if j >= 0 else _modal(-1 - j, k, size) for j in x.names]
             x = x._replace(stiffness=x.stiffness - _springs(x.pushed[len(hits) :], sliders))
         labels = [self.label(row) for row in hits], [self.label(row) for row in drifts]
-        facts = Reduction(
-            k,
-            tuple(np.sqrt(modes.squares[:k]).tolist()),
-            error,
-            tuple(((modes.shapes[:, :k].T @ push) ** 2 / moved).tolist()),
-            len(used),
-            int((~used).sum()),
-            int((used & ~self._has_mass).sum()),
-        )
+        facts = {
+            "modes": k,
+            "frequencies": np.sqrt(modes.squares[:k]).tolist(),
+            "error": error,
+            "shares": ((modes.shapes[:, :k].T @ push) ** 2 / moved).tolist(),
+            "coordinates": len(used),
+            "empty": int((~used).sum()),
+            "massless": int((used & ~self._has_mass).sum()),
+        }
         return Reduced(
             names,
             x.mass.tolist(),
@@ -291,7 +290,7 @@ class FiniteElements:
             x.drift.tolist(),
             labels[0] if len(set(labels[0])) == len(labels[0]) else [],
             labels[1],
-            {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(facts).items()},
+            facts,
             None if x.damping is None else x.damping.tolist(),
         )
 

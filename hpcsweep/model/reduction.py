@@ -43,7 +43,6 @@ KINDS = ("modes", "error", "up_to")
 """Of reductions: what says how many modes are kept."""
 TIMES, MORE = 3, 16
 """The error of k modes is taken from `TIMES` k + `MORE` modes."""
-
 SMALL = 512
 """Coordinates from which on modes are found by sparse shift-invert."""
 MASSLESS = 1e-13
@@ -55,7 +54,6 @@ DISTINCT = 1e-3
 """Part of a row that no other row has, from which on it is a coordinate of its own."""
 SAMPLES = 1000
 """Instants of the motion that the error is taken from."""
-
 MIN_PERIOD, MAX_PERIOD = 1e-5, 100.0
 """First period, in units of time, that is no sign of mixed units."""
 
@@ -124,11 +122,12 @@ def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -
     Massless rows are condensed: 1 / omega^2 is an eigenvalue of M - mu K, of these 0.
     """
     from scipy.linalg import eigh
-    from scipy.sparse.linalg import LinearOperator, eigsh, splu
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
     n = len(push)
+    is_whole = n <= SMALL or 2 * most >= n
     solve = splu(stiffness.tocsc()).solve
-    if n <= SMALL or 2 * most >= n:
+    if is_whole:
         inverse, shapes = eigh(mass.toarray(), stiffness.toarray())
         inverse, shapes = inverse[::-1], shapes[:, ::-1]
         has_mass = inverse > MASSLESS * inverse[0]
@@ -137,14 +136,14 @@ def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -
     else:
         first = mass @ np.cos(np.arange(n))  # any, but always the same
         inverted = LinearOperator((n, n), matvec=solve, dtype=float)
-        squares, shapes = eigsh(stiffness, most, mass, 0.0, v0=solve(first), OPinv=inverted)
+        try:
+            squares, shapes = eigsh(stiffness, most, mass, 0.0, v0=solve(first), OPinv=inverted)
+        except ArpackError as error:
+            raise ValueError(f"stiffness and mass: modes are not found ({error})") from None
         order = np.argsort(squares)
         squares, shapes = squares[order], shapes[:, order]
     static = solve(np.ascontiguousarray(rows.T)) if len(rows) else np.zeros((n, 0))
-    return Modes(
-        squares, shapes, n <= SMALL or 2 * most >= n, rows, static, mass, stiffness, push,
-        solve(push),
-    )  # fmt: skip
+    return Modes(squares, shapes, is_whole, rows, static, mass, stiffness, push, solve(push))
 
 
 def basis_of(modes: Modes, k: int) -> Basis:

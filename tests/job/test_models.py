@@ -146,6 +146,7 @@ def test_what_is_no_model_is_told_in_one_line(folder):
 def test_a_job_holds_its_model_from_then_on(folder):
     job = load_job("beam.toml")
     assert job.structure.reduction.modes == 6
+    assert f'file = "{folder}/beam.npz"' in job.text
     assert job.structure.names.floors[:2] == ("15.UY", "30.UY")
     shutil.move("beam.npz", "moved.npz")
     again = parse_job(job.text, "results", "beam")

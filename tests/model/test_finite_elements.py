@@ -165,6 +165,33 @@ def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(seeds, mon
         assert exact / 3 < estimate < 3 * exact, seed
 
 
+def test_a_damping_matrix_is_projected_as_the_others():
+    mass, stiffness = beam(20)
+    found = FiniteElements(mass, stiffness, 0.2 * mass + 1e-4 * stiffness)
+    row = np.eye(40)[20].tolist()
+    stop = Contact(direction=row, gap=0.1, stiffness=10.0)
+    few = found.structure([stop], reduce={"modes": 5}, outputs=[row, 39], influence=[1, 0] * 20)
+    omega = np.array(few.reduction.frequencies)
+    assert few.damping_ratios[:5] == pytest.approx(0.1 / omega + 0.5e-4 * omega, rel=1e-9)
+    assert few.names.floors[:2] == ("21", "39")
+    bare = found.structure([stop], reduce={"modes": 5}, influence=[1, 0] * 20, damping_ratio=0.03)
+    assert bare.damping_ratios == pytest.approx(0.03)
+
+
+def test_a_free_body_on_a_slider_is_a_structure():
+    free = FiniteElements([1.0, 2.0], [[5.0, -5.0], [-5.0, 5.0]])
+    slider = Slider(direction="1", stiffness=4.0, strength=1.0)
+    exact = Structure.from_matrices(
+        [1.0, 2.0],
+        free.stiffness.toarray(),
+        [],
+        sliders=[Slider(direction=(1.0, 0.0), stiffness=4.0, strength=1.0)],
+    )
+    for reduce in (None, {"modes": 2}):
+        found = free.structure((), [slider], reduce=reduce)
+        assert found.frequencies == pytest.approx(exact.frequencies, rel=1e-12)
+
+
 def test_one_triangle_and_a_vector_of_masses_will_do():
     _, stiffness = beam(3)
     found = FiniteElements(np.ones(6), sparse.csc_array(np.triu(stiffness)))

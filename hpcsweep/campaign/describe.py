@@ -14,6 +14,8 @@ from hpcsweep.studies.study import Lines, Study
 
 MAX_MODES = 12
 """Number of lowest modes that are listed."""
+ROUNDING = 1e-12
+"""Entry of a mode, over its largest, that is 0."""
 
 
 def title(job: Job) -> str:
@@ -102,6 +104,7 @@ def _modes(structure) -> Lines:
     for i, omega in enumerate(frequencies[:MAX_MODES]):
         shape = structure.modes[:, i]
         shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
+        shape[np.abs(shape) < ROUNDING] = 0.0
         entries = ", ".join(f"{value:.3g}" for value in shape[:MAX_MODES])
         more = ", ..." if shape.size > MAX_MODES else ""
         yield (

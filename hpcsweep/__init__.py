@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.earthquakes.stripes import fractiles as fractiles
     from hpcsweep.earthquakes.synthetic import synthetic_records as synthetic_records
     from hpcsweep.job import load_job as load_job
+    from hpcsweep.job.model_files import read_model as read_model
     from hpcsweep.model.buildings import Building as Building
     from hpcsweep.model.buildings import adjacent as adjacent
     from hpcsweep.model.isolation import Isolation as Isolation
@@ -56,6 +57,7 @@ _NAMES = {
     "earthquakes.stripes": "capacity fractiles",
     "earthquakes.synthetic": "synthetic_records",
     "job": "load_job",
+    "job.model_files": "read_model",
     "model.buildings": "Building adjacent",
     "model.isolation": "Isolation",
     "model.matrices": "Contact Slider",

@@ -7,12 +7,15 @@ import numpy as np
 from hpcsweep.job import Job
 from hpcsweep.model.description import few, one_line
 from hpcsweep.model.equilibrium import pressed
+from hpcsweep.model.reduction import absurd
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
 from hpcsweep.studies.run_names import count
 from hpcsweep.studies.study import Lines, Study
 
 MAX_MODES = 12
 """Number of lowest modes that are listed."""
+ROUNDING = 1e-12
+"""Entry of a mode, over its largest, that is 0."""
 
 
 def title(job: Job) -> str:
@@ -32,6 +35,7 @@ def describe(job: Job) -> Lines:
     study, structure = job.study, job.structure
     yield from (("note", text) for text in job.notes)
     yield "structure", one_line(structure)
+    yield from _model(structure)
     yield "units", _units(structure)
     yield from (("varied", f"{axis.key}: {_listed(axis.values)}") for axis in study.axes)
     if study.n_parts > 1:
@@ -74,12 +78,33 @@ def _cycles(structure, omega: float) -> str:
     return f" = {omega / (2 * np.pi):.6g} {unit_of(structure, 'cycles')}"
 
 
+def _model(structure) -> Lines:
+    """Yield what became of the coordinates of a finite element model, and effective masses."""
+    if (found := structure.reduction) is None:
+        return
+    yield (
+        "model",
+        f"{found.coordinates} coordinates, {found.empty} of them fixed or empty, {found.massless} "
+        "without mass condensed",
+    )
+    highest = found.frequencies[-1]
+    yield (
+        "reduced to",
+        f"{found.modes} modes, up to omega = {highest:.6g}{_cycles(structure, highest)}; estimated "
+        f"error {found.error:.2g} of a motion with contact",
+    )
+    shares = ", ".join(f"{share:.3g}" for share in found.shares[:MAX_MODES])
+    more = ", ..." if found.modes > MAX_MODES else ""
+    yield "mass", f"effective shares of the modes {shares}{more}, together {sum(found.shares):.4g}"
+
+
 def _modes(structure) -> Lines:
     """Yield natural frequencies, periods, damping ratios and mode shapes."""
     frequencies, ratios = structure.frequencies, structure.damping_ratios
     for i, omega in enumerate(frequencies[:MAX_MODES]):
         shape = structure.modes[:, i]
         shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
+        shape[np.abs(shape) < ROUNDING] = 0.0
         entries = ", ".join(f"{value:.3g}" for value in shape[:MAX_MODES])
         more = ", ..." if shape.size > MAX_MODES else ""
         yield (
@@ -132,6 +157,8 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
 
 def _warnings(structure) -> Iterator[str]:
     ratios = structure.damping_ratios
+    if structure.reduction is not None and (text := absurd(structure.frequencies[0])):
+        yield text
     if ratios.max() > 1:
         yield f"mode {int(ratios.argmax()) + 1} has the damping ratio {ratios.max():.4g}, above 1"
     if structure.matrices is None and not np.all(np.array(structure.stiffness_ratio) >= 1):

@@ -101,6 +101,8 @@ def _canonical(value: object) -> object:
         return [_canonical(item) for item in value]
     if isinstance(value, Mapping):
         return sorted((key, _canonical(item)) for key, item in value.items())
+    if (meaning := getattr(value, "meaning", None)) is not None:
+        return _canonical(meaning)
     if is_dataclass(value):
         pairs = [(f, getattr(value, f.name)) for f in fields(value)]
         return [(f.name, _canonical(v)) for f, v in pairs if not _is_later(f, v)]

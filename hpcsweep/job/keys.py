@@ -92,14 +92,20 @@ STRUCTURE: Tables = {
             "`stiffness`, and if wanted `damping`, `forcing`, `drift`",
         ),
         Key(
+            "model",
+            "table of a finite element model in place of a building ([how](models.md)): `file`, "
+            "and if wanted `names`, `influence`, `fixed`, `outputs`, `reduce` and `damping_ratio`",
+        ),
+        Key(
             "contact",
-            "tables `[[structure.contact]]`, at most 64, that go with matrices: `direction`, "
+            "tables `[[structure.contact]]`, at most 64, that go with matrices or a model: "
+            "`direction`, "
             "`gap`, `stiffness`, and if wanted `damping`, c of a dashpot, and `tension`",
             told="damping 0, tension false",
         ),
         Key(
             "slider",
-            "tables `[[structure.slider]]` that go with matrices, of springs that yield "
+            "tables `[[structure.slider]]` that go with matrices or a model, of springs that yield "
             "([how](yielding.md)): `direction`, `stiffness`, `strength`, and if wanted `name`",
         ),
     ),

@@ -111,8 +111,8 @@ def _drop_inherited(whole: dict, own: set[str]) -> list[str]:
 def parse_job(text: str, source: str, default_name: str, folder: Path | None = None) -> Job:
     """Validate the text of a job; `source` is named in errors.
 
-    Records are looked for in the folder, if one is given, or if the job does not say what they are:
-    then it says so afterwards (`hpcsweep.job.suites`).
+    Records, and the files of a model, are looked for in the folder, if one is given, or if the job
+    does not say what they are: then it says so afterwards (`hpcsweep.job.suites`, `models`).
 
     Raises
     ------
@@ -128,6 +128,11 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
         from hpcsweep.job.suites import with_found
 
         whole = with_found(Values(source, whole), whole, folder, file)
+    structure = whole.get("structure")
+    if isinstance(structure, Mapping) and "model" in structure:
+        from hpcsweep.job.models import with_model
+
+        whole = with_model(Values(source, whole), whole, folder)
     if whole is not tree:
         tree, text = whole, write(whole, every_key())
     values = Values(source, tree)

@@ -5,6 +5,7 @@ Every error is one line that names the file, the key, the value and the limit;
 """
 
 import functools
+import hashlib
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -19,6 +20,7 @@ from hpcsweep.model.buildings import Building, Column, adjacent
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import Contact, Slider
+from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.studies.ground_motion.keys import known_gravity
@@ -36,6 +38,8 @@ WITH_MATRICES = (
     "collapse_drift",
 )
 """Keys of the structure that go with its matrices; all others are those of a building."""
+MODEL = ("file", "names", "influence", "fixed", "outputs", "reduce", "damping_ratio", "found")
+"""Of the table of a model; `hpcsweep.job.models` writes the last one."""
 MAX_STIFFNESS = 1e12
 MAX_SHARPNESS = 1e300
 """Of the contact, where it is finite."""
@@ -61,21 +65,21 @@ def read_structure(values: Values) -> Structure:
     """
     given = dict(values.table("structure"))
     harmonics = read_forcing(values)
-    matrices, contacts = given.get("matrices"), given.get("contact", [])
+    by_matrices = next((key for key in ("model", "matrices") if key in given), None)
     for key in ("contact", "slider"):
-        if key in given and matrices is None:
+        if key in given and by_matrices is None:
             raise values.error(f"structure.{key}", given[key], "goes with structure.matrices")
     side_by_side = values.top("building", None) is not None
     _check_sizes(values)
     try:
         if side_by_side or values.table("pounding"):
             structure = _of_buildings(values, given, harmonics)
-        elif matrices is None:
+        elif by_matrices is None:
             given = _weighed(values, "structure", given)
             given = {key: _tuples(value) for key, value in given.items()}
             structure = Structure(**given, harmonics=harmonics)
         else:
-            structure = _of_matrices(values, given, matrices, contacts, harmonics)
+            structure = _of_matrices(values, given, by_matrices, harmonics)
         if structure.sliders:
             _ = structure.rest
     except (ValueError, OverflowError) as error:
@@ -117,33 +121,78 @@ def _unit_names(values: Values, structure: Structure) -> UnitNames:
     return UnitNames(**table)
 
 
-def _of_matrices(values: Values, given: dict, matrices, contacts, harmonics) -> Structure:
+def _of_matrices(values: Values, given: dict, by: str, harmonics) -> Structure:
+    """Read matrices, or a model, with contacts and sliders."""
     for key in given:
-        if key not in WITH_MATRICES:
-            raise values.error(f"structure.{key}", given[key], "does not go with matrices")
-    _check_table(values, "structure.matrices", matrices, MATRICES, ("mass", "stiffness"))
+        if key not in (by, *WITH_MATRICES[1:]):
+            raise values.error(f"structure.{key}", given[key], f"does not go with {by}")
+    contacts, sliders = element_tables(values, given)
+    others = {key: _tuples(given[key]) for key in WITH_MATRICES[3:] if key in given}
+    if by == "model":
+        return _of_model(values, given, contacts, sliders, {**others, "harmonics": harmonics})
+    check_table(values, "structure.matrices", given[by], MATRICES, ("mass", "stiffness"))
     return Structure.from_matrices(
-        contacts=_elements(values, "contact", contacts, Contact, CONTACT),
-        sliders=_elements(values, "slider", given.get("slider", []), Slider, SLIDER),
+        contacts=_elements("contact", contacts, Contact),
+        sliders=_elements("slider", sliders, Slider),
         harmonics=harmonics,
-        **matrices,
-        **{key: _tuples(given[key]) for key in WITH_MATRICES[3:] if key in given},
+        **given[by],
+        **others,
     )
 
 
-def _elements(values: Values, name: str, tables: Any, kind: Any, known: tuple) -> list:
-    """Read contacts or sliders; an error names its table, counted from 0."""
-    if not isinstance(tables, list):
-        raise values.error(f"structure.{name}", tables, f"must be tables, [[structure.{name}]]")
+def element_tables(values: Values, given: Mapping) -> tuple[list[dict], list[dict]]:
+    """Return the tables of contacts and sliders beside matrices."""
+    tables = []
+    for name, known in (("contact", CONTACT), ("slider", SLIDER)):
+        listed = given.get(name, [])
+        if not isinstance(listed, list):
+            limit = f"must be tables, [[structure.{name}]]"
+            raise values.error(f"structure.{name}", listed, limit)
+        for k, one in enumerate(listed):
+            check_table(values, f"structure.{name}[{k}]", one, known, known[:3])
+        tables.append(listed)
+    return tables[0], tables[1]
+
+
+def _elements(name: str, tables: list[dict], kind: Any) -> list:
+    """Make contacts or sliders; an error names its table, counted from 0."""
     made = []
     for k, table in enumerate(tables):
-        _check_table(values, f"structure.{name}[{k}]", table, known, known[:3])
         try:
             made.append(kind(**table))
         except ValueError as error:
             said = str(error).replace(f"{name}.", f"{name}[{k}].", 1)
             raise ValueError(said) from None
     return made
+
+
+def model_settings(structure: Mapping) -> str:
+    """Hash the keys that a reduced model depends on."""
+    model = {key: structure["model"].get(key) for key in MODEL[1:-2]}
+    rows = [one.get("direction") for one in structure.get("contact", [])]
+    rows += [(one.get("direction"), one.get("stiffness")) for one in structure.get("slider", [])]
+    return hashlib.sha256(repr((model, rows)).encode()).hexdigest()
+
+
+def _of_model(values: Values, given: dict, contacts, sliders, others: dict) -> Structure:
+    """Read a finite element model that `hpcsweep.job.models` has reduced."""
+    table = given["model"]
+    check_table(values, "structure.model", table, MODEL, ("file", "found"))
+    found = dict(table["found"])
+    origin, settings = found.pop("origin", ""), found.pop("settings", "")
+    if settings != model_settings(given):
+        said = "must be those that it was reduced with: [vary] of its keys, and of directions and"
+        raise JobError(f"{values.source}: structure.model: contacts {said} sliders, is not offered")
+    if "damping_ratio" in table:
+        if both := {"damping_ratio", "rayleigh"} & set(others):
+            value = table["damping_ratio"]
+            raise values.error("structure.model.damping_ratio", value, f"goes without {both.pop()}")
+        others["damping_ratio"] = _tuples(table["damping_ratio"])
+    try:
+        reduced = Reduced(**found)
+    except TypeError:
+        raise JobError(f"{values.source}: structure.model.found is not what a run wrote") from None
+    return reduced.structure(contacts, sliders, origin=origin, **others)
 
 
 def _weighed(values: Values, place: str, table: dict) -> dict:
@@ -199,7 +248,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     for table in tables:
         by_period = isinstance(table, Mapping) and "period" in table
         needed = ("mass", "storey_stiffness")[: 1 if by_period else 2]
-        _check_table(values, "building", table, BUILDING, needed)
+        check_table(values, "building", table, BUILDING, needed)
         if {"rayleigh", "damping_ratio"} <= set(table):
             limit = "is given beside damping_ratio"
             raise values.error("building.rayleigh", table["rayleigh"], limit)
@@ -209,7 +258,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
             raise values.error("building.name", name, limit)
     for table in tables:
         if "column" in table:
-            _check_table(values, "building.column", table["column"], *(Column._fields,) * 2)
+            check_table(values, "building.column", table["column"], *(Column._fields,) * 2)
     tables = [_with_isolation(values, _weighed(values, "building", table)) for table in tables]
     buildings = [_building(k, table) for k, table in enumerate(tables)]
     pounding = dict(values.table("pounding"))
@@ -230,7 +279,7 @@ def _with_isolation(values: Values, table: Mapping) -> Mapping:
     given = table.get("isolation")
     if given is None:
         return table
-    _check_table(values, "building.isolation", given, ISOLATION, ("slab_mass",))
+    check_table(values, "building.isolation", given, ISOLATION, ("slab_mass",))
     if "wall_stiffness" in given and "gap" not in given:
         key = "building.isolation.wall_stiffness"
         raise values.error(key, given["wall_stiffness"], "goes with gap, the distance of the walls")
@@ -258,7 +307,7 @@ def _harmonics(values: Values, given) -> Harmonics:
         limit = "must be a list of {order = 1, amplitude = 1.0, phase = 0.0}"
         raise values.error("forcing.harmonics", given, limit)
     for harmonic in given:
-        _check_table(values, "forcing.harmonics", harmonic, HARMONIC, ("order",))
+        check_table(values, "forcing.harmonics", harmonic, HARMONIC, ("order",))
     return tuple(
         (harmonic["order"], harmonic.get("amplitude", 1.0), harmonic.get("phase", 0.0))
         for harmonic in given
@@ -269,7 +318,7 @@ FORCINGS: dict[str, Callable[[Values, Any], Harmonics]] = {"harmonics": _harmoni
 """By the key of the table ``forcing``: what reads its value, as (order, amplitude, phase) each."""
 
 
-def _check_table(values: Values, key: str, table, known, needed) -> None:
+def check_table(values: Values, key: str, table, known, needed) -> None:
     """Refuse a value that is not a table of known keys, or lacks a required one."""
     if not isinstance(table, Mapping):
         raise values.error(key, table, f"must be a table of {', '.join(known)}")
@@ -320,7 +369,8 @@ def _numbers(key: str, given: Any) -> Iterator[tuple[str, Any]]:
     """Iterate over the numbers in a table, or in several, with the keys of each."""
     if isinstance(given, Mapping):
         for name, value in given.items():
-            yield from _numbers(f"{key}.{name}", value)
+            if name != "found":
+                yield from _numbers(f"{key}.{name}", value)
     elif isinstance(given, list):
         for k, value in enumerate(given):
             yield from _numbers(f"{key}[{k}]" if isinstance(value, Mapping) else key, value)

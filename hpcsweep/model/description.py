@@ -74,6 +74,8 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
     if structure.matrices is not None:
         count = len(structure.contacts)
         words.append(("", f"{count} contact{'' if count == 1 else 's'}, matrices"))
+        if structure.reduction is not None and structure.reduction.error:
+            words.append(("", f"reduced with an error of {structure.reduction.error:.2g}"))
     else:
         parameters: Sequence[tuple[str, Any, Any]] = (
             ("beta", structure.stiffness_ratio, None),

@@ -34,7 +34,9 @@ class LinearDynamics(System):
 
     @property
     def shakes(self) -> bool:
-        """Whether the forcing is the motion of a base, b = -M 1, and not forces on one at rest."""
+        """Whether the forcing is the motion of a base, b = -M r, and not forces on one at rest."""
+        if "influence" in self.load:
+            return True
         return bool(np.array_equal(self.forcing_vector, -self.mass_matrix.sum(axis=1)))
 
     @cached_property

@@ -7,8 +7,8 @@ right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound w
 A sharp stop may have a dashpot beside its spring (`hpcsweep.model.dashpot`).
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
 from numbers import Real
 from typing import Any
 
@@ -28,6 +28,8 @@ of the entries are mixed, or one of them is a typing error."""
 
 Vector = tuple[float, ...]
 Matrix = tuple[Vector, ...]
+Shares = tuple[tuple[str, float], ...]
+"""Names of coordinates of a model, each with its share of a direction."""
 
 
 def vector(
@@ -79,6 +81,28 @@ def check_symmetric(name: str, array: np.ndarray) -> None:
         )
 
 
+def _direction(name: str, given: Any, refusal: str) -> Any:
+    """Read a direction that is not 0: numbers, or names of coordinates of a model, as `Shares`."""
+    if isinstance(given, str | int) and not isinstance(given, bool):
+        text = str(given)
+        given = {text.removeprefix("-"): -1.0 if text.startswith("-") else 1.0}
+    if isinstance(given, Mapping):
+        given = tuple((str(key), value) for key, value in given.items())
+    if is_named(given):
+        read: Any = tuple((key, finite(f"{name}.{key}", value)) for key, value in given)
+        sizes = tuple(share for _, share in read)
+    else:
+        read = sizes = vector(name, given, None, read=finite)
+    if not any(sizes):
+        raise ValueError(f"{name} must not be 0: {refusal}")
+    return read
+
+
+def is_named(direction: Any) -> bool:
+    """Return whether a direction names coordinates of a model."""
+    return isinstance(direction, tuple) and bool(direction) and isinstance(direction[0], tuple)
+
+
 def _listed(given: Any) -> list | None:
     """Return the items of a sequence, or None if it is not one; a set has no order."""
     if isinstance(given, np.ndarray):
@@ -94,8 +118,9 @@ class Contact:
 
     Parameters
     ----------
-    direction : sequence of n floats
-        d: the displacement towards the stop, not 0.
+    direction : sequence of n floats, str, int or dict
+        d: the displacement towards the stop, not 0. Of a model (`hpcsweep.read_model`) the name or
+        number of a coordinate, after ``-`` for the opposite side, or names with their shares.
     gap : float
         g: of any sign; at 0 the structure rests at the stop, below 0 the stop pushes it.
     stiffness : float
@@ -131,10 +156,9 @@ class Contact:
     tension: bool = field(default=False, metadata={"later": True})
 
     def __post_init__(self) -> None:
-        direction = vector("contact.direction", self.direction, None, read=finite)
-        if not any(direction):
-            raise ValueError("contact.direction must not be 0: such a contact can never be reached")
-        object.__setattr__(self, "direction", direction)
+        refusal = "such a contact can never be reached"
+        given = _direction("contact.direction", self.direction, refusal)
+        object.__setattr__(self, "direction", given)
         object.__setattr__(self, "gap", finite("contact.gap", self.gap))
         for name in ("stiffness", "damping"):
             object.__setattr__(self, name, not_negative(f"contact.{name}", getattr(self, name)))
@@ -179,8 +203,8 @@ class Slider:
 
     Parameters
     ----------
-    direction : sequence of n floats
-        b: the displacement that lengthens it by 1, not 0.
+    direction : sequence of n floats, str, int or dict
+        b: the displacement that lengthens it by 1, not 0; of a model as that of a `Contact`.
     stiffness : float
         k > 0.
     strength : float
@@ -211,10 +235,8 @@ class Slider:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        direction = vector("slider.direction", self.direction, None, read=finite)
-        if not any(direction):
-            raise ValueError("slider.direction must not be 0: such a slider is never moved")
-        object.__setattr__(self, "direction", direction)
+        given = _direction("slider.direction", self.direction, "such a slider is never moved")
+        object.__setattr__(self, "direction", given)
         for name in ("stiffness", "strength"):
             object.__setattr__(self, name, positive(f"slider.{name}", getattr(self, name)))
         if self.name is not None and not (isinstance(self.name, str) and self.name):
@@ -270,10 +292,26 @@ class Matrices:
     forcing: Vector | None = None
     drift: Matrix | None = None
     sliders: tuple[Slider, ...] = field(default=(), metadata={"later": True})
+    influence: Vector | None = field(default=None, metadata={"later": True})
+    origin: str = field(default="", metadata={"later": True})
+    """What a reduced model is made of, hashed: its matrices are rounded as the machine rounds."""
+
+    @property
+    def meaning(self) -> tuple | None:
+        """What counts of matrices that are computed from a file, for the fingerprint of a job."""
+        elements: tuple[Any, ...] = (*self.contacts, *self.sliders)
+        return (self.origin, *(astuple(one)[1:] for one in elements)) if self.origin else None
 
 
 def read_matrices(
-    mass: Any, stiffness: Any, contacts: Any, damping: Any, forcing: Any, drift: Any, sliders: Any
+    mass: Any,
+    stiffness: Any,
+    contacts: Any,
+    damping: Any,
+    forcing: Any,
+    drift: Any,
+    sliders: Any,
+    influence: Any = None,
 ) -> Matrices:
     """Validate matrices; see `Structure.from_matrices`."""
     # a vector of masses stands for a diagonal matrix
@@ -283,7 +321,12 @@ def read_matrices(
     checked = matrix("matrices.mass", mass, (None, None))
     n = len(checked)
     if n > MAX_FLOORS:
-        raise ValueError(f"matrices.mass must have at most {MAX_FLOORS} rows, has {n}")
+        limit = (
+            f"at most {MAX_FLOORS} rows, has {n}: a larger model is reduced (hpcsweep.read_model)"
+        )
+        raise ValueError(f"matrices.mass must have {limit}")
+    if forcing is not None and influence is not None:
+        raise ValueError("matrices.forcing and influence must not be given both")
     found = Matrices(
         checked,
         matrix("matrices.stiffness", stiffness, (n, n)),
@@ -292,6 +335,7 @@ def read_matrices(
         None if forcing is None else vector("matrices.forcing", forcing, n, read=finite),
         None if drift is None else matrix("matrices.drift", drift, (None, n)),
         _several(Slider, sliders, n),
+        None if influence is None else vector("matrices.influence", influence, n, read=finite),
     )
     if len(found.contacts) + len(found.sliders) > MAX_CONTACTS:
         raise ValueError(
@@ -314,6 +358,11 @@ def _several(kind: Any, given: Any, n: int) -> tuple:
     for place, element in enumerate(listed, 1):
         if not isinstance(element, kind):
             raise ValueError(f"{name.lower()}s must be a list of {name}, holds {shown(element)}")
+        if is_named(element.direction):
+            raise ValueError(
+                f"{name.lower()}[{place - 1}].direction must be {n} numbers: it names coordinates, "
+                "which goes with a model"
+            )
         if len(element.direction) != n:
             raise ValueError(
                 f"{name.lower()}.direction of {name.lower()} {place} must have {n} entries, "

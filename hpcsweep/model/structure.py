@@ -129,8 +129,9 @@ class Structure(MeasuredDynamics):
         that is negative.
     harmonics : sequence of (order, amplitude, phase)
         Of the forcing: A sum_h a_h sin(h Omega tau + phi_h). Default: A sin(Omega tau).
-    matrices, motion_length, unreached
-        Set by `from_matrices`, `measured_by` and `within_reach`.
+    matrices, motion_length, unreached, reduction
+        Set by `from_matrices`, `measured_by`, `within_reach`, and that of a model
+        (`hpcsweep.read_model`).
     unit_names : UnitNames
         Names of the units of all this; `names` of floors and contacts. Labels only.
 
@@ -209,6 +210,7 @@ class Structure(MeasuredDynamics):
         damping_ratio: float | Sequence[float] | None = None,
         damping: Any = None,
         forcing: Any = None,
+        influence: Any = None,
         sharpness: float = math.inf,
         harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC,
         drift: Any = None,
@@ -232,6 +234,9 @@ class Structure(MeasuredDynamics):
             C, symmetric and positive semidefinite, in place of it.
         forcing : array_like, shape (n,), optional
             b. Default: -M 1, a base that shakes.
+        influence : array_like, shape (n,), optional
+            r of a base that shakes, b = -M r, in place of it: the displacements of the coordinates
+            where the base moves by 1. Default: 1 of all.
         sharpness : float
             rho of all contacts.
         harmonics : sequence of (order, amplitude, phase)
@@ -255,7 +260,7 @@ class Structure(MeasuredDynamics):
         used = [name for name, value in given.items() if value is not None]
         if len(used) > 1:
             raise ValueError(f"{used[0]} and {used[1]} must not be given both")
-        read = read_matrices(mass, stiffness, contacts, damping, forcing, drift, sliders)
+        read = read_matrices(mass, stiffness, contacts, damping, forcing, drift, sliders, influence)
         return cls(
             n_floors=len(read.mass),
             stiffness_ratio=0.0,

@@ -15,6 +15,7 @@ from hpcsweep.model.dashpot import dashpots_of_floors
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, Matrices, Slider
 from hpcsweep.model.rayleigh import Rayleigh
+from hpcsweep.model.reduction import Reduction
 from hpcsweep.model.unit_names import Names, UnitNames
 from hpcsweep.model.yielding import storey_sliders, weight_stiffness
 
@@ -65,6 +66,7 @@ class System:
     collapse_drift: float | Sequence[float] | None = None
     harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC
     matrices: Matrices | None = None
+    reduction: Reduction | None = field(default=None, repr=False, compare=False)
     unit_names: UnitNames = field(default=UnitNames(), compare=False)
     names: Names = field(default=Names(), compare=False)
     motion_length: float = field(default=0.0, repr=False)
@@ -188,7 +190,20 @@ class System:
         """b, shape (n,)."""
         if self.matrices is not None and self.matrices.forcing is not None:
             return frozen(np.array(self.matrices.forcing))
-        return frozen(-self.mass_matrix.sum(axis=1))
+        return frozen(-(self.mass_matrix * self.influence).sum(axis=1))
+
+    @property
+    def influence(self) -> np.ndarray:
+        """r, displacements that a base gives the coordinates where it moves by 1, shape (n,)."""
+        given = None if self.matrices is None else self.matrices.influence
+        return np.ones(self.n_floors) if given is None else np.array(given)
+
+    @property
+    def load(self) -> dict[str, Any]:
+        """The forcing as an argument of `Structure.from_matrices`."""
+        if self.matrices is not None and self.matrices.influence is not None:
+            return {"influence": self.influence}
+        return {"forcing": self.forcing_vector}
 
     @cached_property
     def drift_rows(self) -> np.ndarray:
@@ -216,15 +231,24 @@ class System:
     def base_rows(self) -> np.ndarray:
         """Row over the masses of each building, of its base shear per mass; see `buildings`."""
         own = self.buildings == np.arange(self.buildings.max() + 1)[:, None]
-        found = own @ self.mass_matrix
-        return frozen(found / found.sum(axis=1, keepdims=True))
+        found = (own * self.influence) @ self.mass_matrix
+        return frozen(found / (found * self.influence).sum(axis=1, keepdims=True))
+
+    @property
+    def base_masses(self) -> np.ndarray:
+        """Mass of each building that its base moves."""
+        of_rows = self.influence * (self.mass_matrix * self.influence).sum(axis=1)
+        return np.bincount(self.buildings, of_rows)
 
     @property
     def building_names(self) -> tuple[str, ...]:
-        """Name of each building: that of its first floor without the number, or its own number."""
+        """Name of each building: that of its first floor without the number, or its own number.
+
+        Coordinates of a model have names of their own.
+        """
         first = np.unique(self.buildings, return_index=True)[1].tolist()
         names = tuple(self.floor_names[i].rstrip("0123456789") for i in first)
-        whole = all(names) and len(set(names)) == len(names)
+        whole = all(names) and len(set(names)) == len(names) and self.reduction is None
         return names if whole else tuple(map(str, range(1, len(first) + 1)))
 
     @property

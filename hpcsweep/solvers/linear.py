@@ -130,7 +130,8 @@ class LinearOrbit:
         found = -((self._omega * self._orders[:, None]) ** 2) * self._responses
         if self._structure.shakes:
             terms = self._structure.forcing.terms
-            found = found + np.array([[a * cmath.exp(1j * phase)] for _, a, phase in terms])
+            ground = np.array([[a * cmath.exp(1j * phase)] for _, a, phase in terms])
+            found = found + ground * self._structure.influence
         return found
 
     def modal_norm(self, amplitude: float) -> np.ndarray:

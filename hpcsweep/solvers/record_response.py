@@ -207,7 +207,7 @@ def response_of(
     when = np.split(times / rate, ends)
     shear = size[2][n:] * rate**2
     if shear.size:
-        shear *= np.bincount(structure.buildings, structure.mass_matrix.sum(axis=1))
+        shear *= structure.base_masses
     unit = structure.force_per_length
     spring = np.array([slider.stiffness for slider in structure.sliders])
     strength = np.array([slider.strength for slider in structure.sliders])

@@ -145,7 +145,7 @@ def linear_response(
         structure.stiffness_matrix,
         [],
         damping=structure.damping_matrix,
-        forcing=structure.forcing_vector,
+        **structure.load,
         drift=np.vstack((structure.drift_rows, slides, structure.directions)),
     )
     more = {"base_shear": base_shear, "energy": energy}

@@ -71,6 +71,7 @@ def folder(tmp_path_factory, recorded):
     (made / "jobs").symlink_to(ROOT / "jobs")
     (made / "figure3.toml").write_text(FEW)
     (made / "gaps.toml").write_text(FEW + VARIED)
+    python(blocks((ROOT / "docs" / "models.md").read_text(), "python")[0], cwd=made)
     for job in ("figure3.toml", "gaps.toml"):
         assert hpcsweep(0, "run", job, cwd=made).returncode == 0
     assert hpcsweep(0, "run", "jobs/ci.toml", "-o", "ci.h5", cwd=made).returncode == 0

@@ -280,7 +280,7 @@ def with_lengths_in(structure: Structure, unit: float) -> Structure:
         structure.elastic_stiffness,
         [replace(contact, gap=contact.gap / unit) for contact in structure.contacts],
         damping=structure.damping_matrix,
-        forcing=structure.forcing_vector,
+        **structure.load,
         drift=structure.drift_rows,
         sharpness=structure.sharpness,
         sliders=[replace(one, strength=one.strength / unit) for one in structure.sliders],

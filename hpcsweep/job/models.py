@@ -1,0 +1,81 @@
+"""Reduce the finite element model of a job once: a loaded job holds what came out from then on.
+
+``structure.model.found`` then has matrices, rows and names (`hpcsweep.model.reduced`), with the
+hash of the files and of all keys that they depend on. That hash is what the model means; the
+matrices are rounded as the machine rounds. A results file is read without the files of the model.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hpcsweep.job.job import JobError
+from hpcsweep.job.structures import MODEL, check_table, element_tables, model_settings
+from hpcsweep.job.values import Values
+
+LISTS = ("names", "outputs", "fixed")
+
+
+def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
+    """Return a job with its model reduced, the same where that is there or it has none.
+
+    Parameters
+    ----------
+    values : Values
+        Of the job.
+    tree : dict
+    folder : Path, optional
+        To which paths are relative: the files are read again, and must be those that the job was
+        made with. Without it what was found is believed where it is there.
+
+    Raises
+    ------
+    JobError
+        If a file cannot be read or reduced; one line names file, key and limit.
+    """
+    structure = values.table("structure")
+    table = structure["model"]
+    if isinstance(table, Mapping) and folder is None and "found" in table:
+        return tree
+    check_table(values, "structure.model", table, MODEL, ("file",))
+    contacts, sliders = element_tables(values, structure)
+    for key in LISTS:
+        if not isinstance(table.get(key, []), list):
+            raise values.error(f"structure.model.{key}", table[key], "must be a list")
+    given: Any = table["file"]
+    place = "structure.model.file"
+    paths = [(folder or Path()) / one for one in values.names(place, given, "names of files")]
+    from hpcsweep.job.model_files import load_model
+
+    try:
+        model = load_model(paths, table.get("names"))
+        files = [
+            one for path in paths for one in (sorted(path.iterdir()) if path.is_dir() else [path])
+        ]
+        content = [hashlib.sha256(one.read_bytes()).hexdigest() for one in files if one.is_file()]
+    except (OSError, ValueError) as error:
+        said = str(error)
+        if isinstance(error, OSError) and error.filename:
+            said = f"{error.filename}: {error.strerror}"
+        raise JobError(f"{values.source}: {place}: {said}") from None
+    try:
+        arguments = (table.get(key) for key in ("influence", "outputs", "reduce", "fixed"))
+        influence, outputs, reduce, fixed = arguments
+        reduced = model.reduced(contacts, sliders, influence, outputs or (), reduce, fixed or ())
+    except (ValueError, TypeError) as error:
+        own = not str(error).startswith(("contact", "slider"))
+        raise JobError(f"{values.source}: structure.{'model.' * own}{error}") from None
+    settings = model_settings(structure)
+    origin = hashlib.sha256(repr((content, settings)).encode()).hexdigest()
+    before = table.get("found")
+    if before is not None:
+        if not isinstance(before, Mapping) or before.get("origin") != origin:
+            said = f"{values.source}: structure.model.found: the model is not as it was any more"
+            raise JobError(f"{said}; take structure.model.found away to use what is there")
+        return tree
+    told = {key: value for key, value in reduced._asdict().items() if value is not None}
+    found = {"origin": origin, "settings": settings, **told}
+    places = [str(path.absolute()) for path in paths]
+    table = {**table, "file": places if isinstance(given, list) else places[0], "found": found}
+    return {**tree, "structure": {**structure, "model": table}}

@@ -1,0 +1,351 @@
+r"""Reduce a linear model to its lowest modes and the residual flexibility of those left out.
+
+With the modes K phi = omega^2 M phi, Phi^T M Phi = 1, and the rows D of contacts and sliders, along
+which forces act, the displacements are those of the subspace
+
+    u = Phi q + Psi p,    Psi = (K^-1 - Phi Omega^-2 Phi^T) D^T,
+
+of MacNeal (1971) and Rubin (1975): Psi is what a static force along each row moves of the modes
+that are left out. The equations are projected on it (Ritz), with the mass of Psi. So all static
+flexibilities D K^-1 D^T are exact, M and K stay definite, and forces of any law act on it, of
+several contacts at once. Without that mass, f = D Psi would only make the spring of a contact
+softer, k / (1 + k f): one row less, but it holds for a single contact that is a spring (not for a
+dashpot, a smooth stop or coupled contacts), and the error is ten times as large on a cantilever.
+
+Phi and Psi are orthogonal with respect to M and K, since D Phi = Psi^T K Phi + D Phi, and so are
+the modes of Psi alone, so that q and p are modal coordinates of the reduced structure.
+
+The base moves by r. What r has of no mode kept, r - (Phi, Psi) (Phi, Psi)^T M r, is the *missing
+mass* of seismic practice: it rides with the base. It is a coordinate y of shape s, whose frequency
+is that of the fastest other one, so that no step becomes shorter; contacts do not move it. Then
+r lies in the space, and the absolute acceleration of a row d, d u'' + d r G, is that of the row.
+
+Rows are coordinates x of the reduced structure: x = S (q, p, y), S = [[P, P_y], [some of 1]]. The
+modal coordinates that the rows P replace are those with the pivots of QR; others keep their place,
+in lengths of their largest displacement.
+
+The *error* is that of one motion: from rest with the speeds K^-1 M r, the shape in which the base
+deflects the structure, and all contacts closed, for half the longest period that they leave. It is
+the largest difference of a displacement of the rows from that of three times as many modes and more
+(all, where the matrices are small), over the largest that the rows would reach without contacts.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpcsweep.model.arguments import count, number, positive, shown
+
+KINDS = ("modes", "error", "up_to")
+"""Of reductions: what says how many modes are kept."""
+TIMES, MORE = 3, 16
+"""The error of k modes is taken from `TIMES` k + `MORE` modes."""
+SMALL = 512
+"""Coordinates from which on modes are found by sparse shift-invert."""
+MASSLESS = 1e-13
+"""1 / omega^2 over the largest one, of a mode without mass."""
+DEPENDENT = 1e-10
+"""Mass of a residual mode, over that of others, that is rounding; of the static deflections it is
+the square of this."""
+DISTINCT = 1e-3
+"""Part of a row that no other row has, from which on it is a coordinate of its own."""
+SAMPLES = 1000
+"""Instants of the motion that the error is taken from."""
+MIN_PERIOD, MAX_PERIOD = 1e-5, 100.0
+"""First period, in units of time, that is no sign of mixed units."""
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """How a structure came from a larger model.
+
+    Attributes
+    ----------
+    modes : int
+        Free modes that are kept.
+    frequencies : tuple of float
+        Of these, in rad per unit of time.
+    error : float
+        Estimated error of a motion with contact, relative; 0 where nothing is left out.
+    shares : tuple of float
+        Effective mass of each of these modes over the mass that the base moves.
+    coordinates, empty, massless : int
+        Of the model; those of them that have neither mass nor stiffness or are fixed; and those
+        without mass, which are condensed.
+    """
+
+    modes: int
+    frequencies: tuple[float, ...]
+    error: float
+    shares: tuple[float, ...]
+    coordinates: int
+    empty: int
+    massless: int
+
+
+class Modes(NamedTuple):
+    """Lowest modes of a model, and static deflections."""
+
+    squares: np.ndarray
+    """(N,): omega^2, ascending."""
+    shapes: np.ndarray
+    """(n, N)"""
+    is_whole: bool
+    """Whether these are all modes."""
+    rows: np.ndarray
+    """(p, n): along which forces act."""
+    static: np.ndarray
+    """(n, p): K^-1 of them."""
+    mass: Any
+    stiffness: Any
+    push: np.ndarray
+    """(n,): M r."""
+    speeds: np.ndarray
+    """(n,): K^-1 M r."""
+
+
+class Basis(NamedTuple):
+    """Modal coordinates of a reduced structure: kept modes, then those of Psi."""
+
+    squares: np.ndarray
+    """(k + ...,): omega^2"""
+    shapes: np.ndarray
+    """(n, k + ...)"""
+
+
+def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -> Modes:
+    """Find the lowest modes of sparse matrices, `most` or all of them.
+
+    Massless rows are condensed: 1 / omega^2 is an eigenvalue of M - mu K, of these 0.
+    """
+    from scipy.linalg import eigh
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
+
+    n = len(push)
+    is_whole = n <= SMALL or 2 * most >= n
+    solve = splu(stiffness.tocsc()).solve
+    if is_whole:
+        inverse, shapes = eigh(mass.toarray(), stiffness.toarray())
+        inverse, shapes = inverse[::-1], shapes[:, ::-1]
+        has_mass = inverse > MASSLESS * inverse[0]
+        inverse = inverse[has_mass]
+        squares, shapes = 1.0 / inverse, shapes[:, has_mass] / np.sqrt(inverse)
+    else:
+        first = mass @ np.cos(np.arange(n))  # any, but always the same
+        inverted = LinearOperator((n, n), matvec=solve, dtype=float)
+        try:
+            squares, shapes = eigsh(stiffness, most, mass, 0.0, v0=solve(first), OPinv=inverted)
+        except ArpackError as error:
+            raise ValueError(f"stiffness and mass: modes are not found ({error})") from None
+        order = np.argsort(squares)
+        squares, shapes = squares[order], shapes[:, order]
+    static = solve(np.ascontiguousarray(rows.T)) if len(rows) else np.zeros((n, 0))
+    return Modes(squares, shapes, is_whole, rows, static, mass, stiffness, push, solve(push))
+
+
+def basis_of(modes: Modes, k: int) -> Basis:
+    """Return the basis of k modes with their residual flexibility."""
+    squares, kept = modes.squares[:k], modes.shapes[:, :k]
+    psi = modes.static - kept @ ((modes.rows @ kept).T / squares[:, None])
+    psi = psi - kept @ (kept.T @ (modes.mass @ psi))
+    size, whole = (np.einsum("ij,ij->j", v, modes.mass @ v) for v in (psi, modes.static))
+    left = size > DEPENDENT**2 * whole
+    psi = psi[:, left] / np.sqrt(size[left])
+    weights, turn = np.linalg.eigh(psi.T @ (modes.mass @ psi))
+    apart = weights > DEPENDENT
+    psi = psi @ (turn[:, apart] / np.sqrt(weights[apart]))
+    own, turn = np.linalg.eigh(psi.T @ (modes.stiffness @ psi))
+    return Basis(np.concatenate((squares, own)), np.hstack((kept, psi @ turn)))
+
+
+def error_of(modes: Modes, k: int, rows: np.ndarray, kappa: np.ndarray, whole: Basis) -> float:
+    """Estimate the error of k modes.
+
+    Parameters
+    ----------
+    modes : Modes
+    k : int
+    rows : ndarray, shape (m + any, n)
+        Of the m contacts, then others.
+    kappa : ndarray, shape (m,)
+        Stiffness of the contacts.
+    whole : Basis
+        That of all modes that are known.
+    """
+    if modes.is_whole and k >= len(modes.squares):
+        return 0.0
+    own = basis_of(modes, k)
+    most = _moves(modes, whole, rows, kappa[:0])[0]
+    end, exact = _moves(modes, whole, rows, kappa)[1:]
+    found = _moves(modes, own, rows, kappa, end)[2]
+    return float(np.abs(found - exact).max() / most) if most > 0 else 0.0
+
+
+def _moves(modes: Modes, basis: Basis, rows, kappa, end: float = 0.0):
+    """Return the largest displacement, the end of the motion, and displacements until then."""
+    along = rows @ basis.shapes
+    pushed = along[: len(kappa)] * np.sqrt(kappa)[:, None]
+    squares, turn = np.linalg.eigh(np.diag(basis.squares) + pushed.T @ pushed)
+    rates = np.sqrt(squares)
+    end = end or math.pi / rates[0]
+    start = turn.T @ (basis.shapes.T @ (modes.mass @ modes.speeds)) / rates
+    moved = (along @ turn * start) @ np.sin(np.outer(rates, np.linspace(0.0, end, SAMPLES)))
+    return np.abs(moved).max(), end, moved
+
+
+def most_modes(wanted: Any, room: int) -> int:
+    """Return the number of modes from which a reduction and its error are found."""
+    asked = wanted.get("modes") if isinstance(wanted, Mapping) else None
+    most = min(asked, room) if isinstance(asked, int) and asked > 0 else room
+    return TIMES * most + MORE
+
+
+def choose(modes: Modes, wanted: Any, room: int, rows: np.ndarray, kappa: np.ndarray):
+    """Return the number of modes that a reduction asks for, and its error; see `error_of`.
+
+    Parameters
+    ----------
+    modes : Modes
+        As many as `most_modes`.
+    wanted : dict
+        ``{"modes": k}``, ``{"error": e}`` or ``{"up_to": f}``.
+    room : int
+        Most modes.
+    rows, kappa
+        See `error_of`.
+    """
+    if not isinstance(wanted, Mapping) or len(wanted) != 1 or not set(wanted) <= set(KINDS):
+        raise ValueError(f"reduce must be one of {', '.join(KINDS)}, is {shown(wanted)}")
+    ((by, value),) = wanted.items()
+    most = min(room, len(modes.squares))
+
+    def error(k: int) -> float:
+        known = len(modes.squares) if modes.is_whole else TIMES * k + MORE
+        return error_of(modes, k, rows, kappa, basis_of(modes, known))
+
+    if by == "modes":
+        k = count("reduce.modes", value, 1, most)
+    elif by == "up_to":
+        first, last = (np.sqrt(modes.squares[[0, most - 1]]) / (2 * math.pi)).tolist()
+        limit = f"from the first frequency, {first:.4g}, to that of mode {most}, {last:.4g}"
+        number("reduce.up_to", value, limit, first * (1 - 1e-9), last * (1 + 1e-9))
+        k = int(np.sum(modes.squares[:most] <= (2 * math.pi * value) ** 2 * (1 + 1e-9)))
+    else:
+        positive("reduce.error", value)
+        k = next((k for k in range(1, most + 1) if error(k) <= value), 0)
+        if not k:
+            limit = f"at least {error(most):.2g}, that of {most} modes"
+            raise ValueError(f"reduce.error must be {limit}, is {value:g}")
+    return k, error(k)
+
+
+class Coordinates(NamedTuple):
+    """Coordinates x of a structure, and its matrices."""
+
+    names: list[int]
+    """Of the first coordinates their row among `physical`, of the others -1 - j, of mode j."""
+    mass: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray | None
+    influence: np.ndarray
+    pushed: np.ndarray
+    """(m, r): rows of contacts and sliders in x ..."""
+    drift: np.ndarray
+    """... and of drifts."""
+
+
+def coordinates(
+    modes: Modes, basis: Basis, physical: np.ndarray, drift: np.ndarray, r: Any, damping: Any
+) -> Coordinates:
+    """Make rows coordinates, as many as differ; with r the missing mass is one more."""
+    from scipy.linalg import qr
+
+    shapes = basis.shapes
+    size = shapes.shape[1]
+    base, rest = shapes.T @ modes.push, np.zeros(len(shapes))
+    if r is not None:
+        rest = r - shapes @ base
+    missing = float(rest @ (modes.mass @ rest))
+    is_more = missing > MASSLESS * float(base @ base)
+
+    def along(rows: np.ndarray, rides: bool) -> np.ndarray:
+        more = [(rows @ rest)[:, None] * rides] if is_more else []
+        return np.hstack((rows @ shapes, *more))
+
+    kept: list[int] = []
+    span = np.zeros((0, size))
+    for i, row in enumerate(physical @ shapes):
+        left = row - span.T @ (span @ row)
+        if np.linalg.norm(left) > DISTINCT * np.linalg.norm(row) and len(kept) < size:
+            kept.append(i)
+            span = np.linalg.qr(np.vstack((span, left)).T)[0].T
+    own = along(physical[kept], True)
+    pivots = qr(own[:, :size], mode="r", pivoting=True)[1] if kept else np.arange(size)
+    others = sorted(pivots[len(kept) :].tolist())
+    unit = np.eye(size + is_more)
+    scale = np.append(np.abs(shapes).max(axis=0), 1.0)[: size + is_more]
+    others += [size] * is_more
+    back = np.linalg.inv(np.vstack((own, unit[others] * scale[others, None])))
+    weights = np.append(np.ones(size), missing)[: size + is_more]
+    squares = np.append(basis.squares, basis.squares.max())[: size + is_more]
+    drag = None
+    if damping is not None:
+        inner = np.zeros_like(unit)
+        inner[:size, :size] = shapes.T @ (damping @ shapes)
+        inner[size:, size:] = rest @ (damping @ rest)
+        drag = _symmetric(back.T @ inner @ back)
+    base = np.append(base, 1.0)[: size + is_more]
+    return Coordinates(
+        [*kept, *(-1 - j for j in others)],
+        _symmetric(back.T @ (weights[:, None] * back)),
+        _symmetric(back.T @ ((weights * squares)[:, None] * back)),
+        drag,
+        clean(np.linalg.solve(back, base)),
+        clean(along(modes.rows, False) @ back),
+        clean(along(drift, True) @ back),
+    )
+
+
+def condensed(mass, stiffness, damping, push, rows, drift) -> Coordinates:
+    """Keep all coordinates with mass; the others follow them as under static loads."""
+    has = np.asarray(abs(mass).sum(axis=1)).ravel() > 0
+    if len(rows) and rows[:, ~has].any():
+        raise ValueError(
+            "reduce is missing: a contact or slider acts on coordinates without mass, "
+            "which are condensed without it"
+        )
+    full = stiffness.toarray()
+    follow = np.zeros((len(push), int(has.sum())))
+    follow[has] = np.eye(int(has.sum()))
+    follow[~has] = -np.linalg.solve(full[np.ix_(~has, ~has)], full[np.ix_(~has, has)])
+    own = _symmetric(follow.T @ (mass @ follow))
+    return Coordinates(
+        np.flatnonzero(has).tolist(),
+        own,
+        _symmetric(follow.T @ full @ follow),
+        None if damping is None else _symmetric(follow.T @ (damping @ follow)),
+        clean(np.linalg.solve(own, follow.T @ push)),
+        rows @ follow,
+        clean(drift @ follow),
+    )
+
+
+def absurd(first: float) -> str:
+    """Return a warning where the first natural frequency looks like mixed units, else nothing."""
+    period = 2 * math.pi / first
+    if MIN_PERIOD <= period <= MAX_PERIOD:
+        return ""
+    return f"the first period is {period:.4g} units of time: are mass and stiffness in one system?"
+
+
+def clean(rows: np.ndarray) -> np.ndarray:
+    """Round the entries of rows that are 0, 1 or -1 but for rounding."""
+    near = np.round(rows)
+    return np.where((np.abs(rows - near) < 1e-11) & (np.abs(near) <= 1.0), near, rows) + 0.0
+
+
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
+    return (matrix + matrix.T) / 2.0

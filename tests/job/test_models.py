@@ -1,0 +1,240 @@
+"""Finite element models: files of every format, and jobs that reduce them."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from beams import beam
+from scipy import io, sparse
+from tools import hpcsweep
+
+from hpcsweep import open_results, read_model
+from hpcsweep.job import JobError, load_job, parse_job
+
+MASS, STIFFNESS = beam(30)
+NAMES = [f"{i}.{what}" for i in range(1, 31) for what in ("UY", "RZ")]
+JOB = """\
+[structure]
+sharpness = inf
+damping_ratio = 0.02
+
+[structure.model]
+file = "beam.npz"
+influence = "UY"
+outputs = ["15.UY"]
+reduce = {modes = 6}
+
+[[structure.contact]]
+direction = "30.UY"
+gap = 0.02
+stiffness = 300.0
+
+[sweep]
+omega = 4.0
+amplitude = [0.1, 0.5]
+transient_cycles = 4
+sampling_cycles = 4
+
+[output]
+acceleration = true
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a model and a job."""
+    np.savez(tmp_path / "beam.npz", M=MASS, K=STIFFNESS, names=NAMES)
+    (tmp_path / "beam.toml").write_text(JOB)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def abaqus() -> str:
+    """Return a substructure as Abaqus writes it: lower triangles, row by row, four on a line."""
+    lines = ["**", "*USER ELEMENT, NODES=30, LINEAR", "** ELEMENT NODES", "1, 2, 3", "1, 2"]
+    for kind, matrix in (("STIFFNESS", STIFFNESS), ("MASS", MASS)):
+        lines.append(f"*MATRIX,TYPE={kind}")
+        for i, row in enumerate(matrix):
+            words = [f"{x:.16e}" for x in row[: i + 1]]
+            lines += [", ".join(words[k : k + 4]) + "," for k in range(0, len(words), 4)]
+    return "\n".join(lines)
+
+
+def markets() -> None:
+    io.mmwrite("beam_K.mtx", sparse.coo_array(np.tril(STIFFNESS)), precision=17)
+    io.mmwrite("beam_M.mtx", sparse.coo_array(MASS), precision=17)
+
+
+WRITERS = {
+    "beam.mat": lambda: io.savemat("beam.mat", {"mass": MASS, "stiffness": STIFFNESS, "x": 1.0}),
+    "sub.mtx": lambda: Path("sub.mtx").write_text(abaqus()),
+    "beam_K.mtx beam_M.mtx": markets,
+    "K.out M.out": lambda: [
+        np.savetxt(name, one) for name, one in (("K.out", STIFFNESS), ("M.out", MASS))
+    ],
+    "K.npz M.npz": lambda: [
+        sparse.save_npz(name, sparse.csc_array(one))
+        for name, one in (("K.npz", STIFFNESS), ("M.npz", MASS))
+    ],
+    "beam.npz": lambda: None,
+}
+
+
+@pytest.mark.parametrize("names", WRITERS)
+def test_every_format_gives_the_same_model(folder, names):
+    WRITERS[names]()
+    paths = names.split()
+    found = read_model(paths if len(paths) > 1 else paths[0])
+    assert np.allclose(found.mass.toarray(), MASS, rtol=1e-15)
+    assert np.allclose(found.stiffness.toarray(), STIFFNESS, rtol=1e-15)
+    assert found.damping is None
+    assert found.names[:2] == (("1.UY", "1.RZ") if names == "beam.npz" else ("1", "2"))
+
+
+def test_a_folder_holds_one_file_a_matrix(folder):
+    (folder / "beam.npz").unlink()
+    markets()
+    assert np.allclose(read_model(folder).mass.toarray(), MASS)
+
+
+def test_nastran_and_ansys_are_read_by_libraries(folder, monkeypatch):
+    op4 = pytest.importorskip("pyyeti.nastran.op4")
+    op4.write("beam.op4", {"kaa": STIFFNESS, "maa": MASS, "k4xx": np.ones((1, 1))})
+    assert np.allclose(read_model("beam.op4").mass.toarray(), MASS)
+
+
+@pytest.mark.parametrize(
+    ("name", "library", "package"),
+    [
+        ("a.op4", "pyyeti.nastran", "pyyeti"),
+        ("a.full", "ansys.mapdl.reader.full", "ansys-mapdl-reader"),
+    ],
+)
+def test_a_library_that_is_missing_is_named_with_the_way_to_install_it(
+    folder, monkeypatch, name, library, package
+):
+    (folder / name).write_text("")
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ValueError, match=rf"{package} is needed to read it: pip install 'hpcs"):
+        read_model(name)
+
+
+def test_what_is_no_model_is_told_in_one_line(folder):
+    np.savez("a.npz", M=MASS, stuff=STIFFNESS)
+    np.savez("b.npz", M=MASS, mass=MASS, K=STIFFNESS)
+    np.savez("c.npz", M=MASS[:4, :4], K=STIFFNESS)
+    np.savez("d.npz", M=1e-15 * MASS, K=STIFFNESS)
+    (folder / "e.mtx").write_text("hello")
+    for path, said in (
+        ("a.npz", "a.npz: stiffness is missing: the name of one must be stiffness, or K, here is"),
+        ("b.npz", "b.npz: mass is there twice, as 'mass' as well"),
+        ("c.npz", "c.npz: mass has 4 rows, stiffness has 60"),
+        ("e.mtx", "e.mtx: is neither MatrixMarket nor a substructure of Abaqus"),
+        ([], "path: mass is missing"),
+    ):
+        with pytest.raises(ValueError, match=said) as caught:
+            read_model(path)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(FileNotFoundError):
+        read_model("nowhere.mtx")
+    with pytest.warns(UserWarning, match=r"d.npz: the first period is 5.651e-08 units of time"):
+        read_model("d.npz")
+
+
+def test_a_job_holds_its_model_from_then_on(folder):
+    job = load_job("beam.toml")
+    assert job.structure.reduction.modes == 6
+    assert f'file = "{folder}/beam.npz"' in job.text
+    assert job.structure.names.floors[:2] == ("15.UY", "30.UY")
+    shutil.move("beam.npz", "moved.npz")
+    again = parse_job(job.text, "results", "beam")
+    assert again.structure == job.structure
+    assert again.structure.reduction == job.structure.reduction
+    assert again.fingerprint == job.fingerprint
+    # the fingerprint is that of the content, wherever it lies
+    (folder / "beam.toml").write_text(JOB.replace("beam.npz", "moved.npz"))
+    assert load_job("beam.toml").fingerprint == job.fingerprint
+
+
+def test_the_content_of_the_file_and_every_key_of_it_is_part_of_the_fingerprint(folder):
+    found = {load_job("beam.toml").fingerprint}
+    for old, new in (
+        ("modes = 6", "modes = 7"),
+        ('["15.UY"]', '["16.UY"]'),
+        ("gap = 0.02", "gap = 0.03"),
+        ("stiffness = 300.0", "stiffness = 301.0"),
+        ('"30.UY"', '"29.UY"'),
+        ("damping_ratio = 0.02", "damping_ratio = 0.03"),
+    ):
+        (folder / "beam.toml").write_text(JOB.replace(old, new))
+        found.add(load_job("beam.toml").fingerprint)
+    np.savez("beam.npz", M=MASS, K=1.001 * STIFFNESS, names=NAMES)
+    (folder / "beam.toml").write_text(JOB)
+    found.add(load_job("beam.toml").fingerprint)
+    assert len(found) == 8
+
+
+def test_a_model_that_has_changed_is_not_taken_for_the_one_of_a_job(folder):
+    (folder / "stored.toml").write_text(load_job("beam.toml").text)
+    load_job("stored.toml")
+    np.savez("beam.npz", M=MASS, K=1.001 * STIFFNESS, names=NAMES)
+    with pytest.raises(JobError, match=r"model.found: the model is not as it was any more"):
+        load_job("stored.toml")
+
+
+def test_gaps_vary_and_directions_do_not(folder):
+    (folder / "beam.toml").write_text(f'{JOB}\n[vary]\n"structure.contact[0].gap" = [0.01, 0.02]\n')
+    study = load_job("beam.toml").study
+    assert [study.part((k,)).structure.contacts[0].gap for k in range(2)] == [0.01, 0.02]
+    varied = '"structure.contact[0].direction" = ["30.UY", "29.UY"]'
+    (folder / "beam.toml").write_text(f"{JOB}\n[vary]\n{varied}\n")
+    with pytest.raises(JobError, match=r"structure.model: contacts must be those that it was"):
+        load_job("beam.toml")
+
+
+WRONG = [
+    ('"beam.npz"', '"none.npz"', "structure.model.file: none.npz: there is no such file"),
+    ('"beam.npz"', "3", "structure.model.file = 3: must be names of files"),
+    ('file = "beam.npz"\n', "", "structure.model.file is missing"),
+    ('influence = "UY"', 'influense = "UY"', "did you mean 'influence'?"),
+    ('influence = "UY"', 'influence = "UX"', "structure.model.influence must be the end of names"),
+    ('["15.UY"]', '["99.UY"]', "structure.model.outputs must be one of the 60 coordinates"),
+    ('["15.UY"]', '"15.UY"', "structure.model.outputs = '15.UY': must be a list"),
+    ("modes = 6", "modes = 99", "structure.model.reduce.modes must be a whole number from 1 to 60"),
+    ("{modes = 6}", "6", "structure.model.reduce must be one of modes, error, up_to, is 6"),
+    ('"30.UY"', '"30.UZ"', "structure.contact.direction must be one of the 60 coordinates"),
+    ("gap = 0.02\n", "", "structure.contact[0].gap is missing"),
+    ("sharpness = inf", "mass = 2.0", "structure.mass = 2.0: does not go with model"),
+    ("influence =", "damping_ratio = 0.1\ninfluence =", "damping_ratio = 0.1: goes without damp"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "said"), WRONG)
+def test_a_wrong_model_in_a_job_is_one_line_with_file_and_key(folder, old, new, said):
+    assert old in JOB
+    (folder / "beam.toml").write_text(JOB.replace(old, new, 1))
+    with pytest.raises(JobError) as caught:
+        load_job("beam.toml")
+    assert str(caught.value).startswith("beam.toml: ")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_job_is_described_run_and_read_without_its_model(folder):
+    told = hpcsweep(0, "describe", "beam.toml").stdout
+    for words in (
+        "60 coordinates, 0 of them fixed or empty, 0 without mass condensed",
+        "6 modes, up to omega = 298.578; estimated error 0.00017 of a motion with contact",
+        "effective shares of the modes 0.626, 0.192,",
+    ):
+        assert words in told
+    assert hpcsweep(0, "run", "beam.toml", "-o", "beam.h5").returncode == 0
+    (folder / "beam.npz").unlink()
+    results = open_results("beam.h5").squeeze()
+    assert results.floor.values[:2].tolist() == ["15.UY", "30.UY"]
+    refused = hpcsweep(0, "run", "beam.toml", "-o", "none.h5")
+    assert refused.returncode == 2
+    assert "beam.toml: structure.model.file: beam.npz: there is no such file" in refused.stderr
+    assert not (folder / "none.h5").exists()

@@ -1,7 +1,6 @@
 """Finite element models: a clamped beam whose frequencies are known, and 100 random models."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -248,14 +247,14 @@ WRONG = [
     (lambda: Contact({"a": 0.0}, 1, 1), "must not be 0: such a contact can never be reached"),
     (
         lambda: Structure.from_matrices([1], [[1]], [Contact("1", 1, 1)]),
-        "contact[0].direction must be 1 numbers: it names coordinates",
+        r"contact\[0\].direction must be 1 numbers: it names coordinates",
     ),
 ]
 
 
 @pytest.mark.parametrize(("make", "said"), WRONG)
 def test_a_wrong_model_is_refused_in_one_line(make, said):
-    with pytest.raises(ValueError, match=re.escape(said)) as caught:
+    with pytest.raises(ValueError, match=said) as caught:
         make()
     assert len(str(caught.value).splitlines()) == 1
 

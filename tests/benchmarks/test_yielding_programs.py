@@ -9,6 +9,7 @@ from sliding_block import slid
 import hpcsweep
 
 
+@pytest.mark.slow
 def test_a_block_slides_as_newmark_says():
     """Under -a for t it slides v^2 (1 / g - 1 / a) / 2, v = a t, and as far back under +a."""
     a, t, g, dt = 3.0, 0.5, 1.0, 1e-4

@@ -202,6 +202,7 @@ def test_arguments_are_refused_in_one_line():
             hpcsweep.attractors(PAPER, 0.1, 0.445, **arguments)
 
 
+@pytest.mark.slow
 def test_a_torus_that_is_nearly_locked_is_one_attractor():
     """Its motions meet in clusters of points, each somewhere else along it."""
     found = hpcsweep.attractors(AS_DESCRIBED, 0.1586087589903809, 0.5193235789385496, starts=150)

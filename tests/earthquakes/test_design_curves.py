@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from tools import JOBS, hpcsweep
 
 import hpcsweep as package
@@ -16,6 +17,7 @@ def drawn(folder, *arguments):
     return subprocess.run(command, capture_output=True, text=True, cwd=folder)
 
 
+@pytest.mark.slow
 def test_the_best_strength_of_a_damper_grows_with_the_shaking(tmp_path):
     text = (JOBS / "earthquakes" / "friction-damper.toml").read_text()
     text = text.replace("count = 20, seed = 1, duration = 30.0", "count = 3, seed = 1")

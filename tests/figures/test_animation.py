@@ -276,6 +276,7 @@ def test_what_is_not_there_is_refused(results, tmp_path):
         video.encode(tmp_path / "none", tmp_path / "x.mp4", 25.0, tmp_path, ())
 
 
+@pytest.mark.slow
 def test_legends_keep_to_the_picture(still_film):
     """A dozen floors have long names of contact sets: what has no room is left out."""
     sets = [*range(4095, 4065, -1)]

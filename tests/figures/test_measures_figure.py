@@ -107,6 +107,7 @@ def test_drifts_are_ratios_where_heights_are_known(buildings, drawn_figure):
         np.testing.assert_allclose(line.get_ydata(), 100.0 * own / height)
 
 
+@pytest.mark.slow
 def test_the_film_shows_a_measure(buildings, tmp_path):
     results = open_results(buildings)
     request = Request(buildings, tmp_path / "a.gif", width=480, show="storey_drift")

@@ -287,6 +287,7 @@ def test_a_motion_has_its_colour_in_every_figure(mixed, drawn_figure):
     assert {palette.MOTION_NAMES[k] for k in occur} <= set(seen)
 
 
+@pytest.mark.slow
 def test_what_is_drawn_has_the_colour_of_the_legend(mixed, drawn_figure):
     places = palette.motion_index(style.classes_of(mixed), mixed["orbit_period"].values)
     figure = drawn_figure(orbit_diagram, mixed, color="period")
@@ -327,6 +328,7 @@ def test_contact_sets_and_directions_have_their_colours_in_every_figure(mixed, d
         assert own == {name: expected[name] for name in own}
 
 
+@pytest.mark.slow
 def test_the_film_has_the_same_colours(still_film):
     def legends(*given):
         picture, _ = still_film(*given)

@@ -244,6 +244,7 @@ def test_a_contact_out_of_reach_exerts_no_force(tmp_path):
         assert results[name].values[..., 0].max() > 0
 
 
+@pytest.mark.slow
 def test_attractors_and_basins_have_those_of_a_sweep_that_ends_on_them(tmp_path):
     structure = "[structure]\nn_floors = 2\nstiffness_ratio = 300.0\nsharpness = 4e3\n"
     sweep = "[sweep]\nomega = 0.6\namplitude = 0.3\ntransient_cycles = 300\n"

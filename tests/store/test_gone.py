@@ -88,6 +88,7 @@ def test_a_place_that_cannot_be_leaves_nothing_behind(tmp_path, small_job):
         assert "fifo.h5: cannot be read: it is no regular file" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
     job = parse_job(MANY, "test", "test")
     path = tmp_path / "many.h5"

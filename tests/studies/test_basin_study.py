@@ -47,6 +47,7 @@ def test_each_row_is_computed_again_as_it_was(tmp_path, job, whole):
     assert_same_datasets(whole, path)
 
 
+@pytest.mark.slow
 def test_the_file_is_sound_and_tells_damage(tmp_path, whole):
     report = validate(whole, samples=2)
     assert report.problems == []

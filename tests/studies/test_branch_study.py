@@ -101,6 +101,7 @@ def test_points_of_branches_are_orbits_stable_or_not(whole):
         np.testing.assert_allclose(found.multipliers, own, rtol=0, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_file_is_sound_and_lines_that_contradict_themselves_are_told(folder, whole):
     report = validate(whole, samples=1)
     assert report.problems == []
@@ -182,6 +183,7 @@ def test_special_points_are_where_long_integrations_say(whole):
     assert sum(agreed.values()) >= 5
 
 
+@pytest.mark.slow
 def test_special_points_lie_over_the_map_of_a_sweep(folder, whole):
     sweep, picture = folder / "sweep.h5", folder / "map.png"
     plot = ("plot", sweep, "--kind", "map", "-o", picture, "--branches")
@@ -229,6 +231,7 @@ max_orbit_period = 1
     return folder / "curves.h5"
 
 
+@pytest.mark.slow
 def test_special_points_lie_on_curves_that_meet_where_strips_do(curves):
     results = open_results(curves)
     kinds, numbers = results["special_kind"].values[0, :, 0], results["special_curve"].values
@@ -280,9 +283,10 @@ def test_a_damaged_line_is_told(folder, whole):
     assert "damaged byte(s) in value" in report.problems[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("parameter", "span"),
-    [("omega", [0.9, 1.1]), pytest.param("gap", None, marks=pytest.mark.slow)],
+    [("omega", [0.9, 1.1]), ("gap", None)],
 )
 def test_other_parameters(folder, tmp_path, parameter, span):
     text = TWO_STOPS + f'[study]\nkind = "branches"\n[branches]\nparameter = "{parameter}"\n'

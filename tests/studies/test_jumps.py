@@ -31,6 +31,7 @@ def test_motions_of_the_whole_study_go_to_the_orbits_they_are_jumped_to(name):
     assert not [jump for jump in found if jump.is_elsewhere]
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_elsewhere_is_seen(monkeypatch):
     true = jumps.distances
 

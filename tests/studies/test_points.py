@@ -69,6 +69,7 @@ def test_larger_blocks_give_the_same_results_in_fewer_tasks(tmp_path, grid_job):
     assert parse_job(grid_job.read_text(), "", "x").study.n_tasks == 12
 
 
+@pytest.mark.slow
 def test_a_list_of_points_has_a_frame_a_point(tmp_path):
     job, path = tmp_path / "list.toml", tmp_path / "list.h5"
     job.write_text(LIST)

@@ -155,6 +155,7 @@ def test_records_that_are_multiplied_by_more_than_ten_are_warned_of():
         ] * (count > 0)
 
 
+@pytest.mark.slow
 def test_without_the_rules_the_same_is_computed(tmp_path, calls):
     job, _, results = computed(FACTORS + GAPS, tmp_path)
     spared = len(calls)
@@ -727,6 +728,7 @@ FALLEN = (
 )
 
 
+@pytest.mark.slow
 def test_collapses_are_computed_as_plainly_and_told(tmp_path):
     job, path, results = computed(FALLS, tmp_path)
     structure = job.study.structure
@@ -772,6 +774,7 @@ def test_collapses_are_computed_as_plainly_and_told(tmp_path):
         parse_job(smooth, "job", "job")
 
 
+@pytest.mark.slow
 def test_an_elastic_storey_that_collapses_is_not_linear(tmp_path):
     """Storey 2 does not yield: its limit alone bounds the rule."""
     text = FALLS.replace("yield_drift = 0.006", "yield_drift = [9.0, inf]")
@@ -800,6 +803,7 @@ def test_weights_that_are_not_known_or_not_used_are_refused(old, new, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_curves_end_flat_where_structures_collapse(tmp_path):
     job, _, results = computed(FALLS, tmp_path, "falls")
     fallen = results["collapsed"].values > 0

@@ -325,6 +325,7 @@ def test_what_cannot_be_refined_gets_one_line_and_nothing_is_written(tmp_path, c
         assert [*tmp_path.iterdir()] == [job]
 
 
+@pytest.mark.slow
 def test_a_dry_run_says_what_is_computed_at_least(refined, tmp_path):
     job = tmp_path / "job.toml"
     job.write_text(REFINED)

@@ -77,6 +77,7 @@ def beside(crossed: np.ndarray) -> np.ndarray:
     return corners
 
 
+@pytest.mark.slow
 def test_all_points_beside_a_curve_are_computed(folder):
     results = open_results(folder / "map.h5")
     source, crossed = results["source"].values[0], results["crossed"].values[0] != 0
@@ -140,6 +141,7 @@ def test_it_goes_on_with_the_same_curves_only(folder, tmp_path):
     assert_same_datasets(folder / "map.h5", tmp_path / "map.h5")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -162,6 +164,7 @@ def test_curves_that_do_not_fit_get_one_line_and_nothing_is_written(folder, chan
     assert not (folder / "bad.h5").exists()
 
 
+@pytest.mark.slow
 def test_a_file_that_is_not_complete_is_refused(folder, tmp_path):
     for path in folder.glob("*.h5"):
         shutil.copy(path, tmp_path)
@@ -206,6 +209,7 @@ def test_curves_of_one_part_cut_the_cells_on_both_sides_of_it(folder):
     assert validate(folder / "three.h5", samples=0).problems == []
 
 
+@pytest.mark.slow
 def test_a_dry_run_counts_the_cells_that_curves_cross(folder):
     said = hpcsweep(0, "run", "map.toml", "--dry-run", cwd=folder).stdout
     (line,) = (line for line in said.splitlines() if line.startswith("  refined "))

@@ -120,6 +120,7 @@ def test_values_that_are_no_finite_numbers_are_an_axis_too(
         Frames(path, at={key: other})
 
 
+@pytest.mark.slow
 def test_a_thousand_structures_cost_what_their_runs_cost():
     """Each is made, validated and thrown away; a millisecond each is a hundredth of a sweep."""
     text = SMALL + "[vary]\nstructure.gap = {from = 0.5, to = 1.5, count = 1000}\n"

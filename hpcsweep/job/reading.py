@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.job import structures
-from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.job import ABOUT, Job, JobError
 from hpcsweep.job.keys import every_key, keys_of
 from hpcsweep.job.paths import path_of
 from hpcsweep.job.rows import with_rows
@@ -139,7 +139,11 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     study = read_varied(values, tree, read_study, file)
     _check_extent(values, study)
     job = Job(
-        name=_name(values, default_name), text=text, study=study, notes=unused(study.axes, tree)
+        name=_name(values, default_name),
+        text=text,
+        study=study,
+        notes=unused(study.axes, tree),
+        about=_about(values),
     )
     if job.growth is not None and (reason := job.growth.problem()):
         raise JobError(f"{source}: {reason}")
@@ -148,7 +152,11 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
 
 def read_study(source: str, tree: Mapping):
     """Read the study of a job that varies no key; `source` is named in errors."""
-    values = Values(source, tree)
+    return read_values(Values(source, tree))
+
+
+def read_values(values: Values):
+    """Read the study of a job that varies no key."""
     study = _kind(values)
     values.check_tables(keys_of(study), partial(_keys_of_others, study))
     structure = structures.read_structure(values)
@@ -238,6 +246,14 @@ def _name(values: Values, default: str) -> str:
     if len(os.fsencode(name)) > MAX_NAME:
         raise values.error("name", name, f"must have {MAX_NAME} bytes at most")
     return name.encode(errors="replace").decode()
+
+
+def _about(values: Values) -> dict[str, str]:
+    given = {key: values.top(key, "") for key in ABOUT}
+    for key, text in given.items():
+        if not isinstance(text, str) or not text.isprintable():
+            raise values.error(key, text, "must be a text of one line")
+    return {key: str(text) for key, text in given.items() if text}
 
 
 def _initial_state(values: Values, structure: Structure, at_rest: bool) -> np.ndarray:

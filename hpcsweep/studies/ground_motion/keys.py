@@ -363,7 +363,7 @@ def read_found(
         If it is not as `hpcsweep.job.suites` writes it.
     """
     found = values.get("records.found")
-    paths = tuple(map(str, values.get("records.files", ())))
+    paths = tuple(map(str, values.table("records").get("files", ())))
     try:
         if isinstance(found, dict):
             periods = found["periods"]

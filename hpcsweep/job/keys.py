@@ -162,6 +162,12 @@ STRUCTURE: Tables = {
 KEYS: Tables = {
     "": (
         Key("name", "name of the results, without folder", told="that of the file"),
+        Key(
+            "part",
+            "`[k, n]`: part k of n of a job, every n-th frequency, listed point, line or record "
+            "([how](clusters.md#one-job-in-several-files)); `hpcsweep split` writes it",
+            told="the whole",
+        ),
         Key("title", "what the results are, for their file", told="name, study and structure"),
         Key("institution", "where they are made, for their file"),
         Key("license", "under which terms they may be used, for their file"),

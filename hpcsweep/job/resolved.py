@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.job.job import Job
-from hpcsweep.job.keys import STRUCTURE, every_key, keys_of
+from hpcsweep.job.keys import STRUCTURE, keys_of
 from hpcsweep.job.reading import read_values
 from hpcsweep.job.structures import HARMONIC
 from hpcsweep.job.tree import parse_toml, with_value, write
@@ -43,7 +43,7 @@ def resolved(job: Job) -> str:
         table, name = key.split(".", 1)
         if name in known.get(table, (name,)):
             whole = with_value(whole, key, _plain(value), job.name)
-    return write(whole, every_key())
+    return write(whole, known)
 
 
 def _along(study: Varied) -> Iterator[tuple[int, ...]]:

@@ -114,7 +114,10 @@ class Layout:
             name: one._replace(units=unit_of(structure, one.units))
             for name, one in coordinates.items()
         }
-        self.given = [(_named(variable, structure), values) for variable, values in study.given]
+        self.given = [
+            (_named(variable, structure), np.asarray(values, variable.dtype))
+            for variable, values in study.given
+        ]
         self.commit = study.commit
         changing = tuple(
             axis.name
@@ -190,6 +193,12 @@ class Layout:
 def _named(variable: Variable, structure: Structure) -> Variable:
     """Return a variable with the name of its unit filled in."""
     return replace(variable, units=unit_of(structure, variable.units))
+
+
+def notes_of(variable: Variable, structure: Structure) -> dict[str, object]:
+    """Return the attributes of a variable: units, long_name and the meaning of its numbers."""
+    named = {"units": unit_of(structure, variable.units), "long_name": variable.long_name}
+    return named | flags_of(variable, structure)
 
 
 def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:

@@ -1,5 +1,6 @@
 """A results file is understood without the program: its equation, its job, its units."""
 
+import contextlib
 import json
 
 import h5py
@@ -14,6 +15,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.resolved import resolved
 from hpcsweep.parallel.mpi import Serial
+from hpcsweep.store import Frames, Layout
 
 DASHPOT = """
 [structure]
@@ -150,8 +152,6 @@ def test_what_a_job_tells_of_its_results_is_in_the_file_and_not_in_the_fingerpri
     ],
 )
 def test_units_are_those_of_all_values_of_a_varied_key(vary, axis, velocity, tmp_path):
-    from hpcsweep.store import Layout
-
     layout = Layout(parse_job(f"{SMALL}\n[vary]\n{vary}\n", "x", "x"))
     units = {name: layout.coordinates[name].units for name in axis}
     (state,) = (v.units for v in layout.variables if v.name == "final_state")
@@ -159,8 +159,6 @@ def test_units_are_those_of_all_values_of_a_varied_key(vary, axis, velocity, tmp
 
 
 def test_units_of_a_varied_key_have_the_names_that_the_job_gives():
-    from hpcsweep.store import Layout
-
     named = DASHPOT + '[units]\nlength = "m"\nmass = "kg"\ntime = "s"\n[vary]\n'
     keys = {"gap": ([0.2, 0.3], "m"), "stiffness": ([30, 40], "N/m"), "damping": ([1, 2], "N s/m")}
     for key, (values, unit) in keys.items():
@@ -175,3 +173,20 @@ def test_every_code_of_every_study_has_words(tmp_path):
     assert {v.name for v in coded} >= {"label", "motion_class", "outcome"}
     for one in coded:
         assert "flag_meanings" in one.attrs, one.name
+
+
+@pytest.mark.parametrize("kind", ["SMALL", "RECORDS", "BASINS"])
+def test_a_frame_has_the_names_dimensions_and_words_of_the_whole(kind, tmp_path):
+    """As docs/extending.md says of what a figure is given."""
+    path = computed(getattr(tools, kind), tmp_path)
+    whole = open_results(path)
+    with contextlib.closing(Frames(path, None)) as frames:
+        found, (axis,) = frames.dataset(1), frames.study.run_dims[-2:-1]
+    assert set(whole.data_vars) - set(found.data_vars) == {"commit"}
+    right = whole.isel({axis: [1]}).drop_vars("commit")
+    for name, one in found.variables.items():
+        assert (one.dims, one.dtype) == (right[name].dims, right[name].dtype), name
+        assert {k: str(v) for k, v in one.attrs.items()} == {
+            k: str(v) for k, v in right[name].attrs.items()
+        }
+        np.testing.assert_array_equal(one, right[name])

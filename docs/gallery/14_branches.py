@@ -37,7 +37,8 @@ for amplitude, period in ((0.06, 1), (0.11, 2)):
     assert int(run.orbit_period) == period
     point, amplitude = run.poincare.values[0], float(run.amplitude)
     branches.append(hpcsweep.branch(structure, amplitude, 0.445, point, period, span=(0.005, 0.25)))
-    special = branches[-1][["special_kind", "special_value"]].to_dataframe()
+    special = branches[-1][["special_value"]]
+    special = special.assign(kind=hpcsweep.meanings(branches[-1].special_kind)).to_dataframe()
     print(f"period {period}\n{special.to_string(index=False)}\n")
 
 # %%
@@ -49,8 +50,8 @@ runs = axis.plot(
 )
 runs[0].set_label("sweeps")
 for branch, colour in zip(branches, ("C0", "C1"), strict=True):
-    points = branch.point.sel(state="u_3").values
-    stable = branch.stable.values[:, None]
+    points = branch.orbit.sel(state="u_3").values
+    stable = branch.stable.values[:, None] > 0
     axis.plot(branch.value, points, color=colour, lw=0.7)
     lines = axis.plot(branch.value, np.where(stable, points, np.nan), color=colour, lw=2)
     lines[0].set_label(f"period {points.shape[1]} (thin: unstable)")

@@ -12,7 +12,10 @@ from hpcsweep.dynamics.continuation.periodic import find
 from hpcsweep.model.arguments import count, finite_vector, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.solvers.records import normalised_drift
+from hpcsweep.store.layout import notes_of
+from hpcsweep.studies.branches.runs import store_branches
+from hpcsweep.studies.branches.variables import VARIABLES
+from hpcsweep.studies.variables import empty_results, state_names
 
 MAX_STEPS = 100_000
 
@@ -47,14 +50,17 @@ def branch(
     Returns
     -------
     xarray.Dataset
-        Over ``step``: ``value`` of the parameter, ``point`` (step, turn, state), ``multiplier``
-        (step, mode, complex), ``stable``, ``contact`` (bit k - 1 for contact k) and ``drift``. Over
-        ``special``, the special points in order: ``special_kind``, ``special_value``,
-        ``special_point``, ``special_multiplier``, ``special_step`` (of the point after it),
-        ``change`` (closings that contacts gain, special, contact), ``criticality`` (of a period
-        doubling: 1 super-, -1 subcritical) and ``leaving``, a point of the orbit of twice the
-        period, or of the crossing branch, at ``leaving_value``. Attributes ``begins`` and ``ends``
-        say why the branch goes no further.
+        The variables of a line of a file of branches, of one branch (``branch`` is of size 1): over
+        ``step`` ``value`` of the parameter, ``point`` (step, state), ``multiplier_real`` and
+        ``multiplier_imag`` (step, number), ``stable``, ``contact`` (bit k - 1 for contact k) and
+        ``drift``; over ``special``, the special points in order, ``special_kind``,
+        ``special_value``, ``special_point``, ``special_step`` (of the point after it), ``change``
+        (closings more) and ``criticality`` (of a period doubling: 1 super-, -1 subcritical).
+        `hpcsweep.meanings` puts codes into words. Besides ``orbit`` (step, turn, state) and
+        ``special_orbit``, all points of the orbits, ``multiplier`` and ``special_multiplier``
+        (complex), ``contact_change`` (special, stop) and ``leaving``, a point of the orbit of twice
+        the period, or of the crossing branch, at ``leaving_value``. Attributes ``begins`` and
+        ``ends`` say why the branch goes no further.
 
     Raises
     ------
@@ -74,7 +80,8 @@ def branch(
 
     >>> stop = hpcsweep.Structure(n_floors=1, sharpness=math.inf, damping_ratio=0.05)
     >>> branch = hpcsweep.branch(stop, 0.05, 1.0, [0.5, 0.0], period=1, span=(0.02, 0.2))
-    >>> str(branch.special_kind.values[0]), round(float(branch.special_value[0]), 12)
+    >>> kind = hpcsweep.meanings(branch.special_kind)[0].item()
+    >>> kind, round(float(branch.special_value[0]), 12)
     ('grazing', 0.1)
     """
     low, high = finite_vector("span", span, 2).tolist()
@@ -88,13 +95,20 @@ def branch(
     catalogue = Catalogue(forced, limits, scale, found.period, 1, costly=forced.is_costly)
     catalogue.add(found.points / forced.units, value)
     catalogue.grow()
-    return _of_branch(catalogue.branches[0].arc, forced)
+    return _of_branch(catalogue, forced)
 
 
-def _of_branch(arc: Arc, forced: ForcedMap):
-    """Turn a branch of a structure into a dataset; see `branch`."""
-    structure = forced.structure
+def _of_branch(catalogue: Catalogue, forced: ForcedMap):
+    """Turn the branch of a catalogue into a dataset; see `branch`."""
+    arc, structure = catalogue.branches[0].arc, forced.structure
     specials = [special for _, special in arc.specials]
+    kept = [one for one in VARIABLES if one.dims[3:4] in (("branch",), ("step",), ("special",))]
+    sizes = {"branch": 1, "step": len(arc.points), "special": len(specials)}
+    every = [*kept, *(one for one in VARIABLES if one.name == "n_branches")]
+    rows = empty_results(every, structure, 1, **sizes, number=forced.size)
+    store_branches(rows, forced, catalogue)
+    told = {one.name: (one.dims[3:], rows[one.name][0], notes_of(one, structure)) for one in kept}
+    told["value"][2]["long_name"] = forced.parameter
     leaving = np.full((len(specials), forced.size), np.nan)
     leaving_value = np.full(len(specials), np.nan)
     for k, special in enumerate(specials):
@@ -102,84 +116,62 @@ def _of_branch(arc: Arc, forced: ForcedMap):
             leaving[k] = special.leaving.y[: forced.size] * forced.units
             leaving_value[k] = special.leaving.y[-1] * arc.curve.scale
     change = [special.change or (0,) * len(structure.contacts) for special in specials]
-    return dataset_of(
-        arc,
-        forced,
-        [special.kind.name.lower() for special in specials],
-        {
-            "stable": ("step", np.array([abs(one.multipliers[0]) < 1.0 for one in arc.points])),
-            "change": (
-                ("special", "contact_number"),
-                np.array(change, int).reshape(len(specials), len(structure.contacts)),
-            ),
-            "criticality": ("special", np.array([one.criticality for one in specials], int)),
-            "leaving": (("special", "state"), leaving),
-            "leaving_value": ("special", leaving_value),
-            "contact_number": [structure.contact_names[k] for k in structure.contact_numbers],
-        },
-        {"parameter": forced.parameter},
-    )
+    more = {
+        "contact_change": (
+            ("special", "stop"),
+            np.array(change, int).reshape(len(specials), len(structure.contacts)),
+        ),
+        "leaving": (("special", "state"), leaving),
+        "leaving_value": ("special", leaving_value),
+        "stop": [structure.contact_names[k] for k in structure.contact_numbers],
+    }
+    return dataset_of(arc, forced, told | more, {"parameter": forced.parameter})
 
 
-def dataset_of(arc: Arc, forced: ForcedMap, kinds: list[str], variables: dict, attributes: dict):
+def dataset_of(arc: Arc, forced: ForcedMap, variables: dict, attributes: dict):
     """Turn a branch of a structure, or a curve over two parameters, into a dataset.
 
     Parameters
     ----------
     arc : Arc
     forced : ForcedMap
-    kinds : list of str
-        Of the special points.
     variables, attributes : dict
-        Further ones.
+        Besides the orbits and their multipliers.
     """
     import xarray
 
     curve, structure, units = arc.curve, forced.structure, forced.units
-    n, period, pair = structure.n_floors, curve.period, len(forced.parameters) == 2
-    states = [curve.split(one.y) for one in arc.points]
-    seen = [forced.observe(*state) for state in states]
-    drift = [
-        float(normalised_drift(one.peak_drift, *forced.at(value)[1:]))
-        for one, (_, value) in zip(seen, states, strict=True)
-    ]
     length, speed = (unit_of(structure, kind) for kind in ("length", "velocity"))
-    described = {"units": f"{length}, {speed}", "long_name": "stroboscopic points"}
-    named = {} if pair else {"long_name": forced.parameter}
+    described = {"units": f"{length}; {speed}", "long_name": "stroboscopic points of the orbit"}
 
     def along(dimension: str, prefix: str, solutions: list[Solution]) -> dict:
-        """Return the orbits at the points of the curve, and the values of the parameter."""
-        size, split = len(solutions), [curve.split(one.y) for one in solutions]
-        points = np.array([x * units for x, _ in split]).reshape(size, period, 2 * n)
+        """Return the orbits at the points of the curve."""
+        size = len(solutions)
+        points = np.array([curve.split(one.y)[0] * units for one in solutions])
         multipliers = np.array([one.multipliers for one in solutions], complex)
-        values = np.array([value for _, value in split], float)
         return {
-            f"{prefix}point": ((dimension, "turn", "state"), points, described),
-            f"{prefix}multiplier": (
-                (dimension, "multiplier_number"),
-                multipliers.reshape(size, 2 * n),
+            f"{prefix}orbit": (
+                (dimension, "turn", "state"),
+                points.reshape(size, curve.period, forced.size),
+                described,
             ),
-            f"{prefix}value": (
-                (dimension, "parameter")[: 1 + pair],
-                values.reshape((size, 2)[: 1 + pair]),
-                named,
+            f"{prefix}multiplier": (
+                (dimension, "number"),
+                multipliers.reshape(size, forced.size),
+                {"units": "1", "long_name": "Floquet multipliers"},
             ),
         }
 
     return xarray.Dataset(
         {
             **along("step", "", arc.points),
-            "contact": ("step", np.array([one.contact for one in seen], np.uint64)),
-            "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
             **along("special", "special_", [one.at for _, one in arc.specials]),
-            "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
-            "special_kind": ("special", kinds),
             **variables,
         },
-        coords={"state": [f"{letter}_{i}" for letter in "uv" for i in range(1, n + 1)]},
+        coords={"state": state_names(structure)[: forced.size]},
         attrs={
             **attributes,
-            "period": period,
+            "period": curve.period,
             "amplitude": forced.amplitude,
             "omega": forced.omega,
             "begins": arc.ends[0],

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.api.branches import MAX_STEPS, dataset_of
-from hpcsweep.dynamics.continuation.branch import Limits, follow
+from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
 from hpcsweep.dynamics.continuation.events import Kind, locate
 from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
@@ -17,6 +17,7 @@ from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
 from hpcsweep.model.arguments import choice, count, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.records import normalised_drift
+from hpcsweep.store import meanings
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variables import RUN_VARIABLES, empty_results, store_measures
 
@@ -58,12 +59,13 @@ def curve(
     Returns
     -------
     xarray.Dataset
-        Over ``step``: ``value`` (step, parameter), ``point`` (step, turn, state), ``multiplier``
-        (step, multiplier_number, complex), ``contact`` (bit k - 1 for contact k) and ``drift``.
-        Over ``special``, where the curve ends or meets others, or, along that of a limit, where a
-        special point is, in order: ``special_kind`` (`dynamics.continuation.meetings.Meeting`),
-        ``special_value``, ``special_point``, ``special_multiplier`` and ``special_step`` (of the
-        point after it). Attributes ``begins`` and ``ends`` say why the curve goes no further.
+        As that of `branch`, over ``step``: ``value`` (step, parameter), ``point`` (step, state),
+        ``orbit`` (step, turn, state), ``multiplier`` (step, number, complex), ``contact`` (bit k -
+        1 for contact k) and ``drift``. Over ``special``, where the curve ends or meets others, or,
+        along that of a limit, where a special point is, in order: ``special_kind``
+        (`dynamics.continuation.meetings.Meeting`), ``special_value``, ``special_point``,
+        ``special_orbit``, ``special_multiplier`` and ``special_step`` (of the point after it).
+        Attributes ``begins`` and ``ends`` say why the curve goes no further.
 
     Raises
     ------
@@ -95,7 +97,7 @@ def curve(
     if kind is None:
         points, value = first_at(along, special, str(measure), level)
     else:
-        points = special["special_point"].values / along.units
+        points = special["special_orbit"].values / along.units
         value = float(special["special_value"])
     home, amplitude, omega = along.at(value)
     forced = ForcedMap(home, amplitude, omega, _two(home, parameters))
@@ -105,7 +107,7 @@ def curve(
         measured = measure_of(forced, str(measure))
         locus = Locus(forced, period, scale, spans, None, (), lambda *at: measured(*at) - level)
     else:
-        change = tuple(special["change"].values.tolist())
+        change = tuple(special["contact_change"].values.tolist())
         locus = Locus(forced, period, scale, spans, kind, change)
     n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
     limits = Limits(-np.inf, np.inf, n_steps, largest, SMALLEST)
@@ -114,9 +116,37 @@ def curve(
     except NotConvergedError as error:
         raise ArithmeticError(f"no curve begins at the special point: {error}") from None
     arc = follow(locus, start, limits, step=step_of_locus)
-    met = [special.kind.value for _, special in arc.specials]
     followed = {"kind": kind.name.lower()} if kind else {"kind": measure, "limit": limit}
-    return dataset_of(arc, forced, met, {"parameter": list(forced.parameters)}, followed)
+    return dataset_of(arc, forced, _variables(arc, forced), followed)
+
+
+def _variables(arc: Arc, forced: ForcedMap) -> dict[str, Any]:
+    """Return the variables of a curve besides its orbits."""
+    states = [arc.curve.split(one.y) for one in arc.points]
+    there = [arc.curve.split(one.at.y) for _, one in arc.specials]
+    seen = [forced.observe(*state) for state in states]
+    drift = [
+        float(normalised_drift(one.peak_drift, *forced.at(value)[1:]))
+        for one, (_, value) in zip(seen, states, strict=True)
+    ]
+
+    def first(orbits: list) -> np.ndarray:
+        return np.array([x[0] * forced.units for x, _ in orbits]).reshape(-1, forced.size)
+
+    def values(orbits: list) -> np.ndarray:
+        return np.array([value for _, value in orbits], float).reshape(-1, 2)
+
+    return {
+        "parameter": list(forced.parameters),
+        "value": (("step", "parameter"), values(states)),
+        "point": (("step", "state"), first(states)),
+        "contact": ("step", np.array([one.contact for one in seen], np.uint64)),
+        "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
+        "special_value": (("special", "parameter"), values(there)),
+        "special_point": (("special", "state"), first(there)),
+        "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
+        "special_kind": ("special", [one.kind.value for _, one in arc.specials]),
+    }
 
 
 def _kind(special: Any) -> Kind:
@@ -124,7 +154,7 @@ def _kind(special: Any) -> Kind:
     given = getattr(special, "data_vars", {})
     if "special_kind" not in given or special["special_kind"].ndim:
         raise ValueError("special must be one special point of a branch: found.isel(special=k)")
-    name = str(special["special_kind"].item())
+    name = meanings(special["special_kind"]).item()
     if name not in KINDS:
         raise ValueError(f"special must be one of {', '.join(KINDS)}, is {name}")
     return KINDS[name]
@@ -198,7 +228,7 @@ def first_at(forced: ForcedMap, branch: Any, name: str, limit: float) -> tuple[n
     if "step" not in getattr(branch, "dims", ()):
         raise ValueError("special must be a result of branch where measure is given")
     measure = measure_of(forced, name)
-    points, values = branch["point"].values / forced.units, branch["value"].values.tolist()
+    points, values = branch["orbit"].values / forced.units, branch["value"].values.tolist()
     held = np.array([measure(x, value) for x, value in zip(points, values, strict=True)])
     passed = np.flatnonzero(np.diff(held >= limit))
     if not passed.size:

@@ -45,8 +45,8 @@ QUICK_SECONDS, TOGETHER = 2e-3, 64
 share the tables of their frame."""
 COMMIT_SECONDS = (5e-5, 1e-3)
 """Time (s) of a block besides its runs: its checksum, its writes and messages."""
-SESSION_SECONDS = 300.0
-"""Least time (s) of a session that is advised: loading and the pilot take little of it."""
+WANTED_SECONDS = 3600.0
+"""Time (s) within which the advised ranks are done, where none is wanted."""
 ROUNDING = 1e-9
 """Relative error of a sum of equal costs."""
 COPIES = 3
@@ -160,9 +160,9 @@ def whole(job: Job, samples: np.ndarray, n_least_runs: int) -> TimeInterval:
     return TimeInterval(low, n_blocks * COMMIT_SECONDS[1] + study.n_runs * mean.high)
 
 
-def advised_ranks(useful: float, total: TimeInterval) -> int:
-    """Return the most ranks that are of use and whose session is not too short."""
-    return max(int(min(useful, total.low / SESSION_SECONDS)), 1)
+def advised_ranks(useful: float, total: TimeInterval, within: float) -> int:
+    """Return the fewest ranks that are done within a time (s), or else all that are of use."""
+    return max(min(int(useful), math.ceil(total.high / within)), 1)
 
 
 def largest_rank(job: Job, peak: int) -> float:
@@ -220,14 +220,19 @@ def _hours(low: float, high: float) -> str:
     return f"{low / 3600:.2g} to {high / 3600:.2g} core-hours ({low:.2g} to {high:.2g} s)"
 
 
-def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> Lines:
+def cost_lines(
+    job: Job, pilot: Pilot, total: TimeInterval, peak: int, within: float = WANTED_SECONDS
+) -> Lines:
     """Yield what a job costs, and the lines of a batch script that fit."""
     study, noun = job.study, job.study.run_noun
     each = pilot.samples.mean(axis=(0, 2))
     kernels = "compiled, once for this type of processor" if pilot.compiled else "loaded"
     longest, useful = int(pilot.tasks.argmax()), useful_ranks(pilot.tasks) * (1 + ROUNDING)
     n_runs = sum(block.n_runs for block in study.path(longest))
-    n_ranks = advised_ranks(useful, total)
+    n_ranks = advised_ranks(useful, total, within)
+    wanted, taken = (f"{seconds / 3600:.3g} h" for seconds in (within, total.high / n_ranks))
+    fit = total.high <= n_ranks * within
+    fewest = f"the fewest for {wanted}" if fit else f"take up to {taken}, not {wanted}"
     yield (
         f"one {noun}",
         f"{1e3 * each[0]:.3g} ms of processor time, {1e3 * each[1]:.3g} ms by the clock "
@@ -245,16 +250,16 @@ def cost_lines(job: Job, pilot: Pilot, total: TimeInterval, peak: int) -> Lines:
     )
     yield "memory", memory_text(job, peak)
     yield "longest", f"{count(n_runs, noun)} that one rank computes, {study.describe_task(longest)}"
-    yield "ranks", f"{int(useful)} at most are of use, the whole over its longest part"
+    yield "ranks", f"{n_ranks}, {fewest}; no more than {int(useful)} are of use, whole over longest"
     script = slurm_lines(n_ranks, total.high, largest_rank(job, peak))
     margins = (
-        f"{count(n_ranks, 'rank')}, no more than work for {SESSION_SECONDS / 60:g} min each; the "
-        f"time of the upper end and {START_SECONDS / 60:g} min; {MEMORY_MARGIN:g} times the memory:"
+        f"{count(n_ranks, 'rank')}; the time of the upper end and {START_SECONDS / 60:g} min; "
+        f"{MEMORY_MARGIN:g} times the memory:"
     )
     yield "batch job", "\n".join([margins, *script])
 
 
-def estimate(job: Job, output: Path, sums: Counter) -> Lines:
+def estimate(job: Job, output: Path, sums: Counter, within: float = WANTED_SECONDS) -> Lines:
     """Time a sample of runs and extrapolate.
 
     Parameters
@@ -263,12 +268,14 @@ def estimate(job: Job, output: Path, sums: Counter) -> Lines:
     output : Path
     sums : Counter
         To which the job's runs, bytes, and ends of its time (s) are added.
+    within : float
+        Wall time (s) that is wanted.
 
     Yields
     ------
     str, str
-        Names and texts for people: runs, bytes, core-hours, memory, the number of ranks beyond
-        which more do not help, and the Slurm request.
+        Names and texts for people: runs, bytes, core-hours, memory, the fewest ranks for the
+        wanted time, beyond how many more do not help, and the Slurm request.
     """
     job = with_inputs(job)
     study, layout = job.study, Layout(job)
@@ -282,7 +289,7 @@ def estimate(job: Job, output: Path, sums: Counter) -> Lines:
         yield row
     total = whole(job, pilot.samples, least)
     sums.update(runs=study.n_runs, bytes=size, **total._asdict())
-    yield from cost_lines(job, pilot, total, peak)
+    yield from cost_lines(job, pilot, total, peak, within)
 
 
 def sum_lines(sums: Counter) -> Lines:

@@ -55,6 +55,8 @@ def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
     # loads numba, which `version` does not need
     from hpcsweep.kernels.compile.cache import processor
 
+    created = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+    command = shlex.join(["hpcsweep", *sys.argv[1:]]).encode(errors="replace").decode()
     return {
         "hpcsweep_version": version(),
         "git_commit": git_commit(),
@@ -63,6 +65,7 @@ def collect(mpi_library: str, hosts: list[str]) -> dict[str, str | int]:
         "mpi": mpi_library,
         "hosts": " ".join(sorted(set(hosts))),
         "ranks": len(hosts),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-        "command": shlex.join(["hpcsweep", *sys.argv[1:]]).encode(errors="replace").decode(),
+        "created": created,
+        "command": command,
+        "history": f"{created}: {command} (hpcsweep {version()})",
     }

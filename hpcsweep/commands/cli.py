@@ -11,7 +11,8 @@ from hpcsweep.commands import FAILURE, USER_ERROR, CommandError, complain, envir
 from hpcsweep.commands import one_thread as one_thread  # before numpy is loaded
 
 NAMES = (
-    "new describe run status summary fragility table zoom validate pack plot animate explore warmup"
+    "new describe run status summary fragility table zoom split merge validate pack plot animate "
+    "explore warmup"
 )
 COMMANDS = {name: import_module(f"hpcsweep.commands.{name}") for name in NAMES.split()}
 """Modules of the commands, by their names, in the order of the help."""

@@ -61,13 +61,14 @@ def configure(parser) -> None:
         "--max-hours",
         type=positive,
         metavar="H",
-        help="stop in good order shortly before H hours have passed",
+        help="stop in good order shortly before H hours have passed; with --dry-run the time in "
+        "which the advised ranks are done (default: 1)",
     )
     parser.add_argument(
         "--dry-run",
         action="store_true",
-        help="compute only a timed sample: print runs, bytes, core-hours, useful ranks, and the "
-        "#SBATCH lines that fit",
+        help="compute only a timed sample: print runs, bytes, core-hours, the fewest ranks for "
+        "--max-hours, and the #SBATCH lines that fit",
     )
 
 
@@ -80,10 +81,13 @@ def run(options) -> int:
         # on one rank, whichever MPI the launcher is of
         if launched_rank() == 0:
             from hpcsweep.campaign.describe import title
-            from hpcsweep.campaign.forecast import estimate, sum_lines
+            from hpcsweep.campaign.forecast import WANTED_SECONDS, estimate, sum_lines
 
             jobs, sums = _read(options), Counter[str]()
-            told = [listing(title(job), estimate(job, output, sums)) for job, output in jobs]
+            within = 3600 * options.max_hours if options.max_hours else WANTED_SECONDS
+            told = [
+                listing(title(job), estimate(job, output, sums, within)) for job, output in jobs
+            ]
             if len(jobs) > 1:
                 told.append(listing(f"all {len(jobs)} jobs", sum_lines(sums)))
             print("\n\n".join(told))

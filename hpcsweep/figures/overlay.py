@@ -95,8 +95,8 @@ class Overlay:
 
 
 def run_of(line) -> dict[str, np.ndarray]:
-    """Return the variables of a line, an xarray.Dataset, as arrays."""
-    return {name: line[name].values[0, 0, 0] for name in line.data_vars if line[name].ndim >= 3}
+    """Return the variables of a dataset of one line, with the dimensions of `hpcsweep.branch`."""
+    return {name: one.values for name, one in line.isel(direction=0, line=0, amplitude=0).items()}
 
 
 def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Drawn]:

@@ -1,6 +1,7 @@
 """A validated job."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from hpcsweep.job.fingerprint import fingerprint
@@ -8,6 +9,9 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.studies.refine.growth import MapGrowth, growth_of
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Study
+
+ABOUT = ("title", "institution", "license")
+"""Keys of a job that only tell about its results, and attributes of the file."""
 
 
 class JobError(ValueError):
@@ -28,12 +32,15 @@ class Job:
         Study that the job computes.
     notes : tuple of str
         Messages for the user about changes made to the text, a line each.
+    about : mapping of str to str
+        Attributes of the file that the job gives, of `ABOUT`.
     """
 
     name: str
     text: str
     study: Study
     notes: tuple[str, ...] = ()
+    about: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def structure(self) -> Structure:

@@ -19,10 +19,14 @@ OF_LEVELS = "of the contacts between buildings: a number, or a list with one per
 STRUCTURE: Tables = {
     "structure": (
         Key("n_floors", "storeys n on a fixed base", 3, (1, MAX_FLOORS)),
-        Key("mass", "mass of each floor" + OF_STOREYS, told="1"),
-        Key("storey_stiffness", "stiffness of each storey" + OF_STOREYS, told="1"),
-        Key("gap", SIDES.format("right"), 1.0),
-        Key("gap_left", SIDES.format("left"), math.inf),
+        Key("mass", "mass of each floor" + OF_STOREYS, told="1", units="mass"),
+        Key(
+            *("storey_stiffness", "stiffness of each storey" + OF_STOREYS),
+            told="1",
+            units="stiffness",
+        ),
+        Key("gap", SIDES.format("right"), 1.0, units="length"),
+        Key("gap_left", SIDES.format("left"), math.inf, units="length"),
         Key(
             "stiffness_ratio",
             "beta, stiffness of a stop over that of a storey, at least 0; 0: no stop; a number, or "
@@ -51,6 +55,7 @@ STRUCTURE: Tables = {
             "storey_damping",
             "c of a dashpot in each storey, besides, at least 0: a number, or a list of n",
             0.0,
+            units="damping",
         ),
         Key(
             "restitution",
@@ -65,8 +70,9 @@ STRUCTURE: Tables = {
             "drift at which each storey yields, above 0, `inf` for one that does not; needs "
             "`sharpness = inf` ([how](yielding.md)); a number, or a list of n",
             told="none yields",
+            units="length",
         ),
-        Key("yield_force", "force at which it yields, in place of `yield_drift`"),
+        Key("yield_force", "force at which it yields, in place of `yield_drift`", units="force"),
         Key(
             "hardening",
             "stiffness of a storey that yields over that before, from -0.1 to below 1",
@@ -78,13 +84,22 @@ STRUCTURE: Tables = {
             "([how](yielding.md#p-delta-and-collapse))",
             False,
         ),
-        Key("weight", "weight of each floor, of p_delta" + OF_STOREYS, told="mass times g"),
-        Key("storey_height", "height of each storey" + OF_STOREYS, told="not known"),
+        Key(
+            *("weight", "weight of each floor, of p_delta" + OF_STOREYS),
+            told="mass times g",
+            units="force",
+        ),
+        Key(
+            *("storey_height", "height of each storey" + OF_STOREYS),
+            told="not known",
+            units="length",
+        ),
         Key(
             "collapse_drift",
             "drift, of all storeys or of each, beyond which a motion has collapsed and ends, `inf` "
             "for none; goes with storeys that yield, or sliders",
             told="none",
+            units="length",
         ),
         Key(
             "matrices",
@@ -127,8 +142,8 @@ STRUCTURE: Tables = {
         for name, unit in zip(UnitNames._fields, ("m", "kg", "s"), strict=True)
     ),
     "pounding": (
-        Key("gap", f"distance at rest {OF_LEVELS}"),
-        Key("stiffness", f"stiffness {OF_LEVELS}"),
+        Key("gap", f"distance at rest {OF_LEVELS}", units="length"),
+        Key("stiffness", f"stiffness {OF_LEVELS}", units="stiffness"),
         Key("sharpness", "rho of these contacts", told="inf"),
         Key(
             "restitution",
@@ -136,13 +151,26 @@ STRUCTURE: Tables = {
             "number, or a list with one per level",
             told="no dashpot",
         ),
-        Key("damping", "in its place c of the dashpots themselves", told="no dashpot"),
+        Key(
+            *("damping", "in its place c of the dashpots themselves"),
+            told="no dashpot",
+            units="damping",
+        ),
         Key("tension", "whether the dashpots may pull", told="false"),
     ),
 }
 KEYS: Tables = {
     "": (
         Key("name", "name of the results, without folder", told="that of the file"),
+        Key(
+            "part",
+            "`[k, n]`: part k of n of a job, every n-th frequency, listed point, line or record "
+            "([how](clusters.md#one-job-in-several-files)); `hpcsweep split` writes it",
+            told="the whole",
+        ),
+        Key("title", "what the results are, for their file", told="name, study and structure"),
+        Key("institution", "where they are made, for their file"),
+        Key("license", "under which terms they may be used, for their file"),
         *(Key(table, "") for table in ("study", "structure", "forcing", "sweep", "solver")),
         *(Key(table, "") for table in ("output", "units")),
         Key(
@@ -237,6 +265,14 @@ KEYS: Tables = {
     "branches": (),
 }
 """Keys of every study; each adds its own (`keys` of its class)."""
+
+
+UNITS = {
+    **{key.name: key.units for table in ("structure", "pounding") for key in STRUCTURE[table]},
+    **{"strength": "force", "period": "time", "slab_mass": "mass", "radius": "length"},
+    **{"initial_stiffness": "stiffness", "wall_stiffness": "stiffness"},
+}
+"""Quantity of a key of a structure, a building, a contact, a slider or bearings, by its name."""
 
 
 def declared(study) -> Tables:

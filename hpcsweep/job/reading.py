@@ -10,11 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hpcsweep.job import structures
-from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.job import ABOUT, Job, JobError
 from hpcsweep.job.keys import every_key, keys_of
 from hpcsweep.job.paths import path_of
 from hpcsweep.job.rows import with_rows
@@ -28,6 +29,7 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
+from hpcsweep.studies.run_names import count
 from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT, SweepSettings
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
@@ -139,7 +141,11 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     study = read_varied(values, tree, read_study, file)
     _check_extent(values, study)
     job = Job(
-        name=_name(values, default_name), text=text, study=study, notes=unused(study.axes, tree)
+        name=_name(values, default_name),
+        text=text,
+        study=study,
+        notes=unused(study.axes, tree),
+        about=_about(values),
     )
     if job.growth is not None and (reason := job.growth.problem()):
         raise JobError(f"{source}: {reason}")
@@ -148,7 +154,11 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
 
 def read_study(source: str, tree: Mapping):
     """Read the study of a job that varies no key; `source` is named in errors."""
-    values = Values(source, tree)
+    return read_values(Values(source, tree))
+
+
+def read_values(values: Values):
+    """Read the study of a job that varies no key."""
     study = _kind(values)
     values.check_tables(keys_of(study), partial(_keys_of_others, study))
     structure = structures.read_structure(values)
@@ -164,13 +174,34 @@ def read_study(source: str, tree: Mapping):
         limit = "must be false where springs yield: their motions have no tangent map"
         raise values.error("output.lyapunov", True, limit)
     block = values.get("output.block", _default_block(values, study))
-    return study.read(
+    whole = study.read(
         values,
         structure=structure,
         initial_state=_initial_state(values, structure, study.starts_at_rest),
         settings=settings,
         block_size=values.whole("output.block", block, *BLOCK.limits),
     )
+    return _portion(values, whole)
+
+
+def _portion(values: Values, study):
+    """Return the part of a study that its job computes."""
+    given: Any = values.top("part", None)
+    if given is None:
+        return study
+    if not study.cut(slice(None)):
+        raise values.error("part", given, "must go: the runs of this job depend on one another")
+    if not is_part(given) or given[1] > study.n_frames:
+        frames = count(study.n_frames, study.run_dims[-2])
+        limit = f"must be [k, n], part k of n, from 1 to n, n at most that of the {frames}"
+        raise values.error("part", given, limit)
+    return replace(study, **study.cut(slice(given[0] - 1, None, given[1])))
+
+
+def is_part(given: Any) -> bool:
+    """Return whether a value is [k, n] with k from 1 to n."""
+    whole = isinstance(given, list) and len(given) == 2 and all(type(x) is int for x in given)
+    return whole and 1 <= given[0] <= given[1]
 
 
 def part_of(job: Job, place: Place) -> Job:
@@ -237,7 +268,18 @@ def _name(values: Values, default: str) -> str:
         raise values.error("name", name, "must be of characters that can be printed")
     if len(os.fsencode(name)) > MAX_NAME:
         raise values.error("name", name, f"must have {MAX_NAME} bytes at most")
+    part = values.top("part", None)
+    if isinstance(part, list) and name is not default:
+        name += "-{}of{}".format(*part)
     return name.encode(errors="replace").decode()
+
+
+def _about(values: Values) -> dict[str, str]:
+    given = {key: values.top(key, "") for key in ABOUT}
+    for key, text in given.items():
+        if not isinstance(text, str) or not text.isprintable():
+            raise values.error(key, text, "must be a text of one line")
+    return {key: str(text) for key, text in given.items() if text}
 
 
 def _initial_state(values: Values, structure: Structure, at_rest: bool) -> np.ndarray:

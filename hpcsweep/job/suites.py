@@ -105,7 +105,7 @@ def _periods(values: Values, tree: dict, file: str) -> list[float]:
 
 def with_own_period(tree: dict, study: Study) -> dict:
     """Return the job of a part without what is known of records at the periods of others."""
-    if not isinstance(tree["records"].get("found"), Mapping):
+    if "part" in tree or not isinstance(tree["records"].get("found"), Mapping):
         return tree
     own = as_kind(study, Records)
     records = [{**one._asdict(), "measure": [one.measure]} for one in own.suite]

@@ -22,6 +22,13 @@ HEAD = """\
 
 # Name of the results, without folder; default: the name of this file.
 #name = "other"
+
+# hpcsweep split FILE.toml -n 4 writes jobs of a part of it each.
+
+# What the file of the results tells of them; default: a title of name, study and structure.
+#title = "Two floors beside a stop"
+#institution = "University"
+#license = "CC-BY-4.0"
 """
 IN_GAPS = """\
 # Lengths are in gaps, from a floor at rest to the stop, so that the stop is at 1. Time is in

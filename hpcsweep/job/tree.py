@@ -22,6 +22,7 @@ UNSET = "unset"
 """Value that takes an inherited key away."""
 INDEXED = re.compile(r"(?=.*\[)\w+(?:\.\w+|\[\d{1,6}\]){1,6}")
 """A key of one of several tables, or one value of a list: structure.contact[0].gap, gap[2]."""
+NOT_INHERITED = ("name", "title", "part")
 MAX_BASES = 8
 """Files that one job may be built on; the shipped jobs need at most four."""
 MAX_TEXT = 2**24
@@ -271,7 +272,7 @@ def _check_size(tree: dict, source: str) -> None:
 def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
     """Read the files that a tree extends, nearest first; remove `extends` from all trees.
 
-    The name of a base is not inherited.
+    The name, title and part of a base are not inherited.
     """
     bases: list[tuple[Path, dict]] = []
     met = [path.resolve()]
@@ -296,7 +297,8 @@ def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
         if met[-1] in met[:-1]:
             circle = " -> ".join(file.name for file in met[met.index(met[-1]) :])
             raise TreeError(f"{where}: must not lead back to a file before it: {circle}")
-        tree.pop("name", None)
+        for key in NOT_INHERITED:
+            tree.pop(key, None)
         bases.append((path, tree))
 
 

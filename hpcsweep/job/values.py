@@ -54,11 +54,17 @@ class Values:
         Named in errors.
     tree : mapping
         The parsed job file: tables by name, and keys outside tables.
+
+    Attributes
+    ----------
+    defaults : dict of str to object
+        Of the keys that were read and are not given.
     """
 
     def __init__(self, source: str, tree: Mapping):
         self.source = source
         self._tree = tree
+        self.defaults: dict[str, object] = {}
 
     def error(self, key: str, value: object, limit: str) -> JobError:
         """Return the error for a value that is not allowed."""
@@ -119,10 +125,12 @@ class Values:
     def get(self, key: str, default: object = None) -> object:
         """Return the value of a key; one without a default is required."""
         table, name = key.split(".", 1)
-        value = self._tree.get(table, {}).get(name, default)
-        if value is None:
+        if name in self._tree.get(table, {}):
+            return self._tree[table][name]
+        if default is None:
             raise JobError(f"{self.source}: {key} is missing")
-        return value
+        self.defaults[key] = default
+        return default
 
     def read(self, table: str, key: Key) -> Any:
         """Return the value of a key as it is declared: of its default's type, within its limits."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.job.job import JobError
+from hpcsweep.job.keys import UNITS
 from hpcsweep.job.rows import FIRST_LINE, NAME
 from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_value, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
@@ -25,7 +26,8 @@ MAX_WRONG = 10
 """Wrong lines of a file that an error tells."""
 MAX_PARTS = 100_000
 """Most parts of a job: each is validated before anything is computed."""
-TABLES = ("study", "structure", "pounding", "sweep", "solver")
+STRUCTURAL = ("structure", "pounding")
+TABLES = ("study", *STRUCTURAL, "sweep", "solver")
 """Tables whose keys may be varied: all runs must store the same variables."""
 NEVER = {
     "study.kind": "must be one and the same of all runs",
@@ -268,7 +270,9 @@ def _axis(values: Values, key: str, given: object, together: bool = False) -> Ax
     labels = _labels(listed)
     if len(set(labels)) < len(labels) and not together:
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    units = "length" if re.search(r"gap(_left)?(_\d+)?$", name) else "1"
+    units = UNITS.get(re.sub(r"\[\d+\]$", "", key).rpartition(".")[2], "1")
+    if table not in STRUCTURAL and not is_building:
+        units = "1"
     return Axis(name, key, labels, units, listed)
 
 

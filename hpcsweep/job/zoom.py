@@ -13,7 +13,7 @@ import numpy as np
 from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.keys import every_key
 from hpcsweep.job.reading import parse_job
-from hpcsweep.job.tree import parse_toml, write
+from hpcsweep.job.tree import NOT_INHERITED, parse_toml, write
 from hpcsweep.job.values import Values
 
 MAX_FACTOR = 1000
@@ -47,7 +47,8 @@ def zoom(
         If the job has no grid, or no part of it lies there.
     """
     tree = copy.deepcopy(parse_toml(job.text, job.name))
-    tree.pop("name", None)
+    for key in NOT_INHERITED:
+        tree.pop(key, None)
     sweep = tree.get("sweep", {})
     if not 1 <= factor <= MAX_FACTOR:
         raise JobError(f"--factor {factor}: must be from 1 to {MAX_FACTOR}")

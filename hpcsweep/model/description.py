@@ -15,6 +15,27 @@ MAX_LISTED = 4
 """Most values listed individually."""
 DASHPOT = ("damping", "tension")
 """What is told of a dashpot."""
+MOTION = """\
+M u'' + C u' + K u + sum_k d_k F_k - sum_j k_j b_j p_j = b G(tau). u, u': displacements and \
+velocities of the coordinates relative to the base, in the order of the matrices. {forcing} \
+Contact k: x = d_k . u - gap_k is the distance past its stop, and it pushes with F_k = \
+stiffness_k S(x) x, S(x) = 1 / (1 + exp(-sharpness x)), with an infinite sharpness S = 1 where x > \
+0 and else 0; with a damping c F_k = stiffness_k x + c x' where x > 0, which without tension is at \
+least 0. Slider j of stiffness k_j, whose spring K holds: |k_j (b_j . u - p_j)| <= strength_j; p_j \
+rests, and while the limit is reached follows b_j . u."""
+HARMONIC = """\
+G = A sum_h a_h sin(h Omega tau + phi_h), with (h, a_h, phi_h) of the harmonics, A = amplitude, \
+Omega = omega; where b = -M r, r the influence, it is the acceleration of the base."""
+RECORDED = """\
+G is the acceleration of the base, b = -M r, r the influence: that of the record times its factor, \
+linear between samples, 0 after the last."""
+SIGNS = """\
+u, G and the directions d_k, b_j are positive the same way; a stop lies where d_k . u = gap_k, and \
+a contact that pushes does so against d_k. Stroboscopic points and final states are (u, u', p) at \
+whole multiples of the forcing period 2 pi / Omega, h = 1, where phases are those of the \
+harmonics; forces and accelerations are positive as their displacements. Contact sets have bit k - \
+1 for the contact of number k."""
+"""Equation of motion, its forcings and conventions in words, for files."""
 
 
 def describe(structure: Structure) -> dict:
@@ -22,12 +43,14 @@ def describe(structure: Structure) -> dict:
 
     The stiffness is that of a structure whose sliders stick.
     """
+    limits = structure.drift_limits
     return {
         "n_floors": structure.n_floors,
         "mass": structure.mass_matrix.tolist(),
         "stiffness": structure.stiffness_matrix.tolist(),
         "damping": structure.damping_matrix.tolist(),
         "forcing": structure.forcing_vector.tolist(),
+        "influence": structure.influence.tolist(),
         "harmonics": [list(harmonic) for harmonic in structure.harmonics],
         "sharpness": structure.sharpness,
         "contacts": [
@@ -42,6 +65,7 @@ def describe(structure: Structure) -> dict:
         ],
         "drift": structure.drift_rows.tolist(),
         **({"sliders": [asdict(one) for one in structure.sliders]} if structure.sliders else {}),
+        **({} if structure.collapse_drift is None else {"collapse_drift": limits.tolist()}),
     }
 
 

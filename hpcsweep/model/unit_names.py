@@ -17,6 +17,9 @@ GAPS = {
     "force": "k gaps",
     "impulse": "k gaps/omega_0",
     "energy": "k gaps^2",
+    "mass": "masses",
+    "stiffness": "k",
+    "damping": "k/omega_0",
 }
 """Units of the paper's building."""
 NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
@@ -44,7 +47,8 @@ class UnitNames(NamedTuple):
     def of(self, quantity: str) -> str:
         """Return the unit of a quantity, in the user's units."""
         length, mass, time = self.length or "length", self.mass or "mass", self.time or "time"
-        force = NEWTONS.get((length, mass, time), f"{mass} {length}/{time}^2")
+        known = NEWTONS.get((length, mass, time))
+        force = known or f"{mass} {length}/{time}^2"
         return {
             "length": length,
             "velocity": f"{length}/{time}",
@@ -56,6 +60,9 @@ class UnitNames(NamedTuple):
             "force": force,
             "impulse": f"{force} {time}",
             "energy": f"{force} {length}",
+            "mass": mass,
+            "stiffness": f"{known}/{length}" if known else f"{mass}/{time}^2",
+            "damping": f"{known} {time}/{length}" if known else f"{mass}/{time}",
         }[quantity]
 
 

@@ -4,8 +4,9 @@
 `opening` opens it, `contents` reads all but results and hashes it, `check` compares it with the
 layout, `repair` restores what follows from the job, `commit` decides which results are valid,
 `reader` returns them as a dataset, `frames` one frame at a time, `frame_grid` all of them, `reuse`
-copies them from earlier files, `inputs` reads motions and curves of others, `packing` compresses,
-`lock` keeps a second campaign out, `journal` keeps the history beside it.
+copies them from earlier files, `merging` those of all parts of a job into one, `inputs` reads
+motions and curves of others, `packing` compresses, `lock` keeps a second campaign out, `journal`
+keeps the history beside it.
 """
 
 from hpcsweep.store.commit import Campaign as Campaign
@@ -21,6 +22,7 @@ from hpcsweep.store.layout import Layout as Layout
 from hpcsweep.store.layout import StoreError as StoreError
 from hpcsweep.store.layout import WriteError as WriteError
 from hpcsweep.store.lock import Lock as Lock
+from hpcsweep.store.merging import merge as merge
 from hpcsweep.store.offsets import is_packed as is_packed
 from hpcsweep.store.opening import layout_problems as layout_problems
 from hpcsweep.store.opening import open_layout as open_layout

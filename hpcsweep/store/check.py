@@ -8,9 +8,12 @@ import h5py
 import numpy as np
 
 from hpcsweep.store.contents import CHECKSUM, notes_of, place_of, scales_of
-from hpcsweep.store.layout import Layout
+from hpcsweep.store.layout import ATTRIBUTES, IF_KNOWN, Layout
 
-PROVENANCE = ("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ranks", "created")
+PROVENANCE = (
+    *("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ranks", "created"),
+    "history",
+)
 """Attributes of provenance."""
 STRING = np.dtype([("length", "<u4"), ("heap", "<u8"), ("index", "<u4")])
 """HDF5's form of a variable-length string in a dataset."""
@@ -61,12 +64,13 @@ def file_problems(file: h5py.File, layout: Layout, size: int) -> list[str]:
 
 
 def _attribute_problems(found: Mapping[str, object], layout: Layout) -> list[str]:
-    problems = [f"attribute {key}: missing" for key in PROVENANCE if key not in found]
+    needed = (*PROVENANCE, *ATTRIBUTES)
+    problems = [f"attribute {key}: missing" for key in needed if key not in found]
     for key in ("solver", "rtol"):
-        value = layout.attributes[key]
+        value = getattr(layout.study.settings, key)
         if found.get(key) != value:
             problems.append(f"attribute {key}: is {found.get(key)!r}, the job says {value!r}")
-    known = {*layout.attributes, *PROVENANCE, *OPTIONAL}
+    known = {*needed, *IF_KNOWN, *OPTIONAL}
     problems += [f"attribute {key!s:.60}: not known" for key in found if key not in known]
     return problems
 

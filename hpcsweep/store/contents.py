@@ -54,10 +54,10 @@ def metadata_checksum(file: h5py.File, attributes: Mapping[str, object] | None =
         data = file[name]
         notes = [_plain(data.attrs[key]) for key in NOTES]
         add(name, str(data.dtype), data.shape, place_of(data), *notes)
-        if data.is_scale or len(data.shape) == 1:
+        is_text = data.dtype == object
+        if data.is_scale or is_text or len(data.shape) == 1:
             values = data[...]
-            is_text = values.dtype == object
-            digest.update(b"\0".join(values) if is_text else values.tobytes())
+            digest.update(b"\0".join(values.flat) if is_text else values.tobytes())
         if not data.is_scale:
             add(*([f"/{name}" for name in names] for names in scales_of(data)))
     return digest.hexdigest()

@@ -7,14 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from hpcsweep.store.contents import CHECKSUM, metadata_checksum
-from hpcsweep.store.layout import Layout, StoreError, flags_of
+from hpcsweep.store.layout import Layout, StoreError, notes_of
 
 LIBRARY = ("v108", "v108")
 """Oldest version of HDF5 that can read a file."""
-METADATA = 2**16
-"""Upper bound (bytes) of the names, scales and attributes of a file."""
+METADATA = 2**17
+"""Upper bound (bytes) of the names, scales and attributes of a file, without a long job."""
 
 
 def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None:
@@ -36,7 +37,7 @@ def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None
     temporary = path.with_name(path.name + ".new")
     try:
         free = shutil.disk_usage(path.parent).free
-        need = layout.file_size()
+        need = layout.file_size() + 4 * len(layout.text)
         if need > free:
             raise StoreError(
                 f"{path}: the results need {need / 1e9:.3g} GB, the file system has "
@@ -81,7 +82,7 @@ def fill(
     """Write names, coordinates and attributes, and allocate variables without committed blocks."""
     for name, (values, units, long_name) in layout.coordinates.items():
         if values.dtype == object:
-            scale = file.create_dataset(name, data=values, dtype=h5py.string_dtype())
+            scale = _texts(file, name, values)
         else:
             scale = _dataset(file, name, values.shape, values.dtype)
             scale[...] = values
@@ -89,12 +90,14 @@ def fill(
         scale.attrs["units"] = units
         scale.attrs["long_name"] = long_name
     for variable in layout.datasets:
-        data = (allocate or _dataset)(file, variable.name, layout.shape(variable), variable.dtype)
+        if variable in layout.structures:
+            data = _texts(file, variable.name, layout.described)
+        else:
+            form = layout.shape(variable), variable.dtype
+            data = (allocate or _dataset)(file, variable.name, *form)
         for axis, dim in enumerate(variable.dims):
             data.dims[axis].attach_scale(file[dim])
-        data.attrs["units"] = variable.units
-        data.attrs["long_name"] = variable.long_name
-        data.attrs.update(flags_of(variable, layout.study.structure))
+        data.attrs.update(notes_of(variable, layout.study.structure))
     for variable, values in layout.given:
         file[variable.name][...] = values
     for checksums in (layout.commit, *layout.derived[-1:]):
@@ -102,6 +105,11 @@ def fill(
     for key, value in {**layout.attributes, **provenance}.items():
         file.attrs[key] = value
     file.attrs[CHECKSUM] = metadata_checksum(file)
+
+
+def _texts(file: h5py.File, name: str, values: np.ndarray) -> h5py.Dataset:
+    """Create a dataset of texts."""
+    return file.create_dataset(name, data=values, dtype=h5py.string_dtype(), track_times=False)
 
 
 def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:

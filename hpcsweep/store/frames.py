@@ -12,7 +12,7 @@ from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, frame_variables
-from hpcsweep.store.layout import Layout, StoreError
+from hpcsweep.store.layout import Layout, StoreError, notes_of
 from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
@@ -198,25 +198,27 @@ class Frames:
             variable.name: (
                 variable.dims,
                 values[list(frames)] if variable.dims[0] == frame_dim else values,
+                notes_of(variable, study.structure),
             )
             for variable, values in self._own.given
         }
+        for name in arrays.keys() & self._variables.keys():
+            arrays[name] = (*arrays[name], notes_of(self._variables[name], study.structure))
         along = self._own.coordinates[last].values
         if last == "amplitude" and len(frames) == 1:
             # the amplitudes of one frame are its own even where frames share none
             along = as_kind(study, RunGrid).amplitudes_of(frames[0])
-        names = {"direction": list(study.directions)[directions]} if self._axis else {}
+        known = self._own.coordinates
+        values = {"direction": np.array(study.directions)[directions]} if self._axis else {}
+        values |= {frame_dim: known[frame_dim].values[list(frames)], last: along}
+        named = ("state", "storey", "floor", "stop", "slider", "building", "energy")
+        values |= {name: known[name].values for name in named if name in known}
+        texts = {name: own.astype(str) for name, own in values.items() if own.dtype == object}
         return xarray.Dataset(
             {**given, **arrays},
             coords={
-                **names,
-                frame_dim: self._own.coordinates[frame_dim].values[list(frames)],
-                last: along,
-                **{
-                    name: self._own.coordinates[name].values.astype(str)
-                    for name in ("state", "storey", "floor", "stop", "slider", "building", "energy")
-                    if name in self._own.coordinates
-                },
+                name: (name, own, {"units": known[name].units, "long_name": known[name].long_name})
+                for name, own in (values | texts).items()
             },
             attrs={"job": self.job.text, "name": self.job.name, "part": self.part},
         )

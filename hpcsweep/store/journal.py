@@ -68,6 +68,11 @@ class Journal:
         if time.monotonic() - self._last_write >= WRITE_INTERVAL:
             self._write()
 
+    def take(self, records: list[dict]) -> None:
+        """Append records of other journals; see `append`."""
+        self._kept += [json.dumps(record) + "\n" for record in records]
+        self._write()
+
     def _keep(self, kind: str, values: dict) -> None:
         self._kept.append(json.dumps({"kind": kind, "time": time.time(), **values}) + "\n")
 

@@ -22,18 +22,29 @@ same values, attributes and checksums. It is read like any other, but no longer 
 """
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from hpcsweep.job import Job
+from hpcsweep.job.resolved import resolved
 from hpcsweep.model import description
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
-LAYOUT_VERSION = 4
+LAYOUT_VERSION = 5
 FORMAT = "hpcsweep campaign"
+CONVENTIONS = "CF-1.8"
+ATTRIBUTES = (
+    *("Conventions", "title", "format", "layout_version", "fingerprint", "name", "job"),
+    *("resolved_job", "equation", "signs", "structure", "solver", "rtol"),
+)
+IF_KNOWN = ("institution", "license", "starts")
+"""Attributes that follow from the job, and those that only some have."""
+ALIKE = ("study.", "sweep.", "solver.")
+"""Keys with which the structure does not vary."""
 
 
 class StoreError(ValueError):
@@ -78,6 +89,8 @@ class Layout:
     coordinates : dict of str to Coordinate
     given : list of (Variable, ndarray)
         Variables that are known beforehand.
+    structures : list of Variable
+        The description of each part's structure, where a varied key changes it.
     derived : list of Variable
         Of a study that grows, see `hpcsweep.store.inferred`.
     commit : Variable
@@ -101,13 +114,23 @@ class Layout:
             name: one._replace(units=unit_of(structure, one.units))
             for name, one in coordinates.items()
         }
-        self.given = [(_named(variable, structure), values) for variable, values in study.given]
+        self.given = [
+            (_named(variable, structure), np.asarray(values, variable.dtype))
+            for variable, values in study.given
+        ]
         self.commit = study.commit
+        changing = tuple(
+            axis.name
+            for axis in study.axes
+            if not all(one.key.startswith(ALIKE) for one in axis.keys)
+        )
+        told = "equation of motion of the structure, JSON as the attribute structure"
+        self.structures = [Variable("structures", changing, "O", "1", told)] if changing else []
 
     @property
     def datasets(self) -> list:
         """All variables but the coordinates, in the order of the file."""
-        return [*(variable for variable, _ in self.given), *self.stored]
+        return [*self.structures, *(variable for variable, _ in self.given), *self.stored]
 
     @property
     def stored(self) -> list:
@@ -124,21 +147,37 @@ class Layout:
 
     @property
     def attributes(self) -> dict[str, object]:
-        """Attributes that identify the job."""
-        settings, structure = self.study.settings, self.study.structure
-        described = {"structure": description.as_text(structure)} if structure.foreign else {}
-        if starts := starting_range(self.study):
-            described["starts"] = "; ".join(starts) + self._of_part()
+        """Attributes that follow from the job: `ATTRIBUTES`, and some of `IF_KNOWN`."""
+        study, settings = self.study, self.study.settings
+        structure = study.part((0,) * len(study.axes)).structure
+        forcing = description.RECORDED if study.holds == "responses" else description.HARMONIC
+        told = f"{self.name}: {study.kind.replace('_', ' ')}, {description.one_line(structure)}"
+        starts = starting_range(study)
         return {
+            "Conventions": CONVENTIONS,
+            "title": told,
+            **self.job.about,
             "format": FORMAT,
             "layout_version": LAYOUT_VERSION,
             "fingerprint": self.fingerprint,
             "name": self.name,
             "job": self.text,
+            "resolved_job": resolved(self.job),
+            "equation": description.MOTION.format(forcing=forcing),
+            "signs": description.SIGNS,
+            "structure": description.as_text(structure),
             "solver": settings.solver,
             "rtol": settings.rtol,
-            **described,
+            **({"starts": "; ".join(starts) + self._of_part()} if starts else {}),
         }
+
+    @cached_property
+    def described(self) -> np.ndarray:
+        """Values of `structures`, over those of the varied keys that change them."""
+        study, (variable,) = self.study, self.structures
+        sizes = [len(axis.values) if axis.name in variable.dims else 1 for axis in study.axes]
+        texts = [description.as_text(study.part(at).structure) for at in np.ndindex(*sizes)]
+        return np.array(texts, object).reshape(self.shape(variable))
 
     def _of_part(self) -> str:
         """Name the part that an attribute is about, where there are several."""
@@ -154,6 +193,12 @@ class Layout:
 def _named(variable: Variable, structure: Structure) -> Variable:
     """Return a variable with the name of its unit filled in."""
     return replace(variable, units=unit_of(structure, variable.units))
+
+
+def notes_of(variable: Variable, structure: Structure) -> dict[str, object]:
+    """Return the attributes of a variable: units, long_name and the meaning of its numbers."""
+    named = {"units": unit_of(structure, variable.units), "long_name": variable.long_name}
+    return named | flags_of(variable, structure)
 
 
 def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:

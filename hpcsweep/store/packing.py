@@ -109,6 +109,8 @@ def _copy(path: Path, temporary: Path, layout: Layout) -> None:
     with reading(path) as source, h5py.File(temporary, "w", libver=LIBRARY) as copy:
         # its checksum covers the offsets of the datasets, which differ here
         fill(copy, layout, {k: v for k, v in source.attrs.items() if k != CHECKSUM}, _packed)
+        for variable in layout.structures:
+            copy[variable.name][...] = source[variable.name][...]
         for variable in layout.stored:
             data, packed = source[variable.name], copy[variable.name]
             for part in parts_of(packed):
@@ -159,7 +161,7 @@ def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:
 
 
 def _bytes(values: np.ndarray) -> bytes:
-    return b"\0".join(values) if values.dtype == object else values.tobytes()
+    return b"\0".join(values.flat) if values.dtype == object else values.tobytes()
 
 
 def _sync(path: Path) -> None:

@@ -31,6 +31,8 @@ class Key:
         The default in words.
     example : str
         Value in the commented job where there is no default, in TOML.
+    units : str
+        Quantity of a number, as `hpcsweep.model.unit_names` has it.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Key:
     limits: tuple = ()
     told: str = ""
     example: str = ""
+    units: str = "1"
 
     @property
     def shown(self) -> str:

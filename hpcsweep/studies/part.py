@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -50,6 +50,10 @@ class Part(ABC):
     """See `hpcsweep.studies.invariants.of_each`."""
     refine: Refinement | None = None
     """Which points of its map are computed; None: all."""
+
+    def cut(self, _frames: slice) -> dict[str, Any]:
+        """Return the fields of a study of some frames; empty where they depend on others."""
+        return {}
 
     @property
     def commit(self) -> Variable:

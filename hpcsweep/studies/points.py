@@ -6,7 +6,7 @@ blocks, so that a study scales to as many ranks as it has points.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -86,6 +86,11 @@ class Points(RunGrid):
         if np.unique(np.stack((amplitude, omega)), axis=1).shape[1] < len(pairs):
             raise values.error("study.points", pairs, "must not hold a point twice")
         return cls(omega=omega.copy(), amplitude=amplitude.copy(), listed=True, **common)
+
+    def cut(self, frames: slice) -> dict[str, Any]:
+        """Return the fields of a study of some frames; none of a map that is refined as a whole."""
+        listed = {"amplitude": self.amplitude[frames]} if self.listed else {}
+        return {} if self.refine else {"omega": self.omega[frames], **listed}
 
     @property
     def is_list(self) -> bool:  # type: ignore[override]

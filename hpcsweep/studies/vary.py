@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.unit_names import unit_of
+from hpcsweep.model.unit_names import is_in_gaps, unit_of
 from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.seeds import Reader
@@ -56,13 +56,24 @@ class Varied:
 
     @cached_property
     def structure(self) -> Any:
-        """Structure that stands for all parts; in gaps only where each of these is."""
-        at = []
-        for axis in self.axes:
-            lengths = [one.values for one in axis.keys if one.units == "length"]
-            others = (i for values in lengths for i, value in enumerate(values) if value != 1.0)
-            at.append(next(others, 0))
+        """Structure that stands for all parts; in units of its own only where each of these is."""
+        at = [self._in_other_units(i) for i in range(len(self.axes))]
         return (self.part(tuple(at)) if any(at) else self.base).structure
+
+    def _in_other_units(self, i: int) -> int:
+        """Return where on an axis a structure is not in units of its own; 0 if nowhere."""
+        axis, rest = self.axes[i], (0,) * (len(self.axes) - i - 1)
+        names = {one.key.rpartition(".")[2].partition("[")[0] for one in axis.keys}
+        if names.isdisjoint(("gap", "gap_left", "p_delta")):
+            return 0
+        found = 0
+        for k in range(len(axis.values)):
+            structure = self.part((*(0,) * i, k, *rest)).structure
+            in_gaps = is_in_gaps(structure)
+            if not structure.is_uniform or not (in_gaps or "p_delta" in names):
+                return k
+            found = found or k * (not in_gaps)
+        return found
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -41,7 +41,8 @@ def main() -> None:
         structure = hpcsweep.Structure(sharpness=sharpness)
         for start in STARTS:
             found = branch_from(structure, start)
-            kinds, values = found.special_kind.values, found.special_value.values
+            kinds = hpcsweep.meanings(found.special_kind).values
+            values = found.special_value.values
             ends = " to ".join(
                 f"A = {found.value.values[place]:.6f} ({found.attrs[name]})"
                 for place, name in ((0, "begins"), (-1, "ends"))
@@ -61,7 +62,8 @@ def main() -> None:
             found = branch_of_six(structure)
             told = "no orbit of period 6"
             if found is not None:
-                pairs = zip(found.special_kind.values, found.special_value.values, strict=True)
+                kinds = hpcsweep.meanings(found.special_kind).values
+                pairs = zip(kinds, found.special_value.values, strict=True)
                 told = f"{found.attrs['ends']}: " + " ".join(f"{k} {v:.10f}" for k, v in pairs)
             print(f"stiffness ratio {stiffness_ratio:g}, sharpness {sharpness:g}, {told}")
 

@@ -12,7 +12,6 @@ from hpcsweep.campaign import forecast
 from hpcsweep.campaign.forecast import (
     COMMIT_SECONDS,
     LOAD,
-    SESSION_SECONDS,
     SHARE,
     Pilot,
     TimeInterval,
@@ -35,17 +34,20 @@ def test_more_ranks_than_the_whole_over_the_longest_task_are_of_no_use(tasks, ex
 
 
 @pytest.mark.parametrize(
-    ("useful", "seconds", "expected"),
+    ("useful", "hours", "within", "expected"),
     [
-        (832.0, 1.26 * 3600, 15),  # 4,536 s of work: 15 sessions of five minutes
-        (832.0, 1e7, 832),
-        (2.4, 1e7, 2),
-        (832.0, 10.0, 1),
+        (832.0, 1.26, 1.0, 2),
+        (832.0, 1.26, 0.1, 13),
+        (832.0, 1.26, 2.0, 1),
+        (832.0, 2000.0, 1.0, 832),
+        (2.4, 10.0, 1.0, 2),
     ],
 )
-def test_no_rank_is_asked_for_that_has_less_than_minutes_to_do(useful, seconds, expected):
-    assert advised_ranks(useful, TimeInterval(seconds, 3 * seconds)) == expected
-    assert expected == 1 or seconds / expected >= SESSION_SECONDS
+def test_the_fewest_ranks_are_advised_that_are_done_in_time(useful, hours, within, expected):
+    total = TimeInterval(1200 * hours, 3600 * hours)
+    assert advised_ranks(useful, total, 3600 * within) == expected
+    assert expected == int(useful) or hours / expected <= within
+    assert expected == 1 or hours / (expected - 1) > within
 
 
 DRAWS = 1000
@@ -120,7 +122,10 @@ def test_dry_run_prints_the_lines_that_fit(tmp_path, small_job):
     asked = dict(line.removeprefix("#SBATCH --").split("=") for line in lines)
     assert list(asked) == ["ntasks", "cpus-per-task", "time", "mem-per-cpu"]
     # four frames, that take less than a second
-    assert 1 <= int(re.search(r"^  ranks +(\d+) at most", reported, re.MULTILINE)[1]) <= 4
+    told = re.search(
+        r"^  ranks +1, the fewest for 1 h; no more than (\d) are of use", reported, re.M
+    )
+    assert 1 <= int(told[1]) <= 4
     assert (asked["ntasks"], asked["time"]) == ("1", "00:15:00")
     low, high = map(float, re.search(r"\((\S+) to (\S+) s\)", reported).groups())
     assert 0 < LOAD * low <= 1.1 * high
@@ -129,9 +134,14 @@ def test_dry_run_prints_the_lines_that_fit(tmp_path, small_job):
     assert needed <= int(asked["mem-per-cpu"][:-1]) * 2**20 < needed + 1.1e8
 
 
-def test_a_task_of_several_points_is_told_as_that(tmp_path):
+def test_a_task_of_several_points_is_told_as_that_and_a_time_that_no_ranks_meet(tmp_path):
     (tmp_path / "job.toml").write_text(GRID.replace("[output]", "[output]\nblock = 11"))
-    reported = hpcsweep(0, "run", "job.toml", "--dry-run", cwd=tmp_path).stdout
+    options = "--dry-run", "--max-hours", "1e-9"
+    reported = hpcsweep(0, "run", "job.toml", *options, cwd=tmp_path).stdout
+    ((ranks, useful),) = re.findall(
+        r"ranks +(\d), take up to .*, not 1e-09 h; .* (\d) are", reported
+    )
+    assert ranks == useful
     assert re.search(r"longest +11 runs .*, Omega = 0\.\d, A = 0\.02 to 0\.3$", reported, re.M)
     assert "cannot be cut" not in reported
 

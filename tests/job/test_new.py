@@ -6,6 +6,7 @@ import pytest
 from tools import hpcsweep
 
 from hpcsweep.job import JobError, load_job, parse_job
+from hpcsweep.job.job import ABOUT
 from hpcsweep.job.keys import DEFAULT_KIND, KINDS, declared, every_key, keys_of
 from hpcsweep.job.template import template
 from hpcsweep.job.values import MAX_VALUES
@@ -26,8 +27,8 @@ EVERY_KEY = re.sub(r"^#(?=\w+ = )", "", TEMPLATE, flags=re.MULTILINE)
 
 def test_it_has_every_key_in_its_table_in_order_and_no_other():
     tree = tomllib.loads(EVERY_KEY)
-    assert tree.pop("extends")
-    assert tree.pop("name")
+    for key in ("extends", "name", *ABOUT):
+        assert tree.pop(key)
     found = {name: tuple(table) for name, table in tree.items()}
     right = {
         table: tuple(key for key in keys if key not in VALUELESS[table])

@@ -341,14 +341,6 @@ def test_the_file_tells_its_structure(text, tmp_path):
     assert np.array_equal(again.damping_matrix, made.damping_matrix)
 
 
-def test_the_papers_building_has_no_such_attribute(tmp_path):
-    path = tmp_path / "job.toml"
-    path.write_text(SWEEP + "transient_cycles = 3\nsampling_cycles = 4\n")
-    assert main(["run", str(path), "-o", str(tmp_path / "x.h5")]) == 0
-    with h5py.File(tmp_path / "x.h5") as file:
-        assert "structure" not in file.attrs
-
-
 # --- the shipped ones
 
 

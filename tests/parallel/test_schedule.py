@@ -242,7 +242,7 @@ def test_dry_run_states_the_bytes_the_memory_and_the_limit(tmp_path):
     size = int(re.search(r"(\d+) bytes", reported)[1])
     memory = float(re.search(r"about (\d+) MB a rank", reported)[1])
     assert "core-hours" in reported
-    assert "at most are of use" in reported
+    assert re.search(r"no more than \d+ are of use", reported)
     assert list(tmp_path.iterdir()) == []
     path = tmp_path / "ci.h5"
     assert hpcsweep(0, "run", job, "-o", path).returncode == 0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tools import SEEDS, TWO_STOPS, hpcsweep, spot
 
-from hpcsweep import Structure, meanings, open_results, orbit
+from hpcsweep import Structure, branch, meanings, open_results, orbit
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures.diagrams.special_curves import with_specials
@@ -80,6 +80,33 @@ def test_the_numbers_of_special_points_have_words(whole):
     kinds = meanings(results.special_kind).values
     assert (kinds[results.special_kind.values == 1] == "fold").all()
     assert (kinds == "fold").any()
+
+
+def test_a_branch_in_python_has_the_form_and_the_values_of_the_file(folder, whole):
+    study = load_job(folder / "job.toml").study
+    run = open_results(whole).isel(direction=0, line=1, amplitude=0)
+    first = branch(
+        study.structure,
+        *(float(run.seed_value[0]), float(run.omega), run.seed_point.values[0]),
+        *(int(run.seed_period[0]), "amplitude", study.span, study.steps, study.largest_step),
+    )
+    own = {"branch": run.branch_id == 1, "step": run.step_branch == 1}
+    own["special"] = run.special_branch == 1
+    more = {"orbit", "special_orbit", "multiplier", "special_multiplier", "contact_change"}
+    assert set(first.data_vars) - set(run.data_vars) == more | {"leaving", "leaving_value"}
+    shared = [name for name in first.data_vars if name in run]
+    assert {"point", "stable", "special_kind", "ends", "change", "drift"} < set(shared)
+    for name in shared:
+        (held,) = (own[dim] for dim in run[name].dims if dim in own)
+        assert first[name].dims == run[name].dims
+        assert first[name].dtype == run[name].dtype
+        notes = {key: value for key, value in first[name].attrs.items() if "value" not in key}
+        if name != "value":  # whose long name is that of the parameter
+            assert all(np.array_equal(run[name].attrs[key], notes[key]) for key in notes), name
+        if name != "leads_to":  # which other branches leave is not followed
+            np.testing.assert_array_equal(first[name], run[name].isel({held.dims[0]: held.values}))
+    assert meanings(first.ends).item() == first.attrs["ends"].replace(" ", "_")
+    np.testing.assert_array_equal(first.orbit.values[:, 0], first.point)
 
 
 def test_points_of_branches_are_orbits_stable_or_not(whole):

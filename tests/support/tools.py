@@ -352,7 +352,7 @@ def datasets(path: Path) -> dict[str, np.ndarray]:
     with h5py.File(path, "r", locking=False) as file:
         for name, data in file.items():
             values = data[...]
-            raw = b"\0".join(values) if values.dtype == object else values.tobytes()
+            raw = b"\0".join(values.flat) if values.dtype == object else values.tobytes()
             found[name] = np.frombuffer(raw, np.uint8)
     return found
 

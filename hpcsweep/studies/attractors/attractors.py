@@ -160,6 +160,10 @@ class Attractors(AlongAmplitudes, AttractorGrid):
 
     grid_fields: ClassVar[tuple[str, ...]] = ("omega", "amplitude", "directions", "block_size")
 
+    def cut(self, frames: slice) -> dict[str, Any]:
+        """Return the fields of a study of some frames."""
+        return {"omega": self.omega[frames]}
+
 
 @dataclass(frozen=True, eq=False)
 class RefinedAttractors(AttractorGrid):

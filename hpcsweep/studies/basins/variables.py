@@ -1,10 +1,12 @@
 """Variables of the results of a study of basins: a run is a row of starts, or one of them."""
 
 from dataclasses import replace
+from enum import IntEnum
 
+from hpcsweep.studies.attractors.search import MAX_ATTRACTORS, UNSTORED
 from hpcsweep.studies.attractors.variables import ATTRACTOR, attractor_variables
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.variable import ANY, VALID, Variable, count, real
+from hpcsweep.studies.variable import ANY, VALID, Variable, code, count, real
 from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, STATES
 
 RUN = ("direction", "row", "amplitude")
@@ -25,7 +27,11 @@ OWN = {
 }
 """Long names of what is otherwise in studies of attractors."""
 NOT_HERE = ("share", "share_low", "share_high", "lyapunov_low", "lyapunov_high")
-LABEL = Variable("label", (*RUN, "column"), "<i1", "1", OF_LABEL, failed=ANY)
+NUMBERS = range(1, int(MAX_ATTRACTORS.limits[1]) + 1)
+Label = IntEnum(  # type: ignore[misc]
+    "Label", {**UNSTORED, **{f"attractor_{number}": number for number in NUMBERS}}
+)
+LABEL = code("label", (*RUN, "column"), Label, OF_LABEL, failed=ANY)
 VARIABLES = (
     LABEL,
     *(

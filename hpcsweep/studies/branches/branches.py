@@ -94,6 +94,11 @@ class Branches(BranchGrid):
         through = f"through the periodic motions of {', '.join(self.seeds)}"
         yield "branches", f"along {self.parameter} from {low:.6g} to {high:.6g}, {through}"
 
+    def cut(self, frames: slice) -> dict[str, Any]:
+        """Return the fields of a study of some lines; none where strips lie between lines."""
+        lines = {"omega": self.omega[frames], "amplitude": self.amplitude[frames]}
+        return {} if self.curves else lines
+
     def where(self, line: int) -> Where:
         """Return of which motions of the files the seeds of a line are."""
         omega, amplitude = float(self.omega[line]), float(self.amplitude[line])

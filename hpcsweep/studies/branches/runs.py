@@ -72,9 +72,7 @@ def line_of(study: BranchGrid, line: int, seeds: Seeds, poll: Poll = None) -> Ro
         states = starting_states(box, study.starts, study.seed, omega, amplitude)
         search(catalogue, forced, states / forced.units, study.span, longest)
         catalogue.grow()
-    _store_branches(rows, catalogue)
-    _store_points(rows, forced, catalogue)
-    _store_specials(rows, study, forced, catalogue)
+    store_branches(rows, forced, catalogue)
     periods = forced.periods
     if study.curves:
         periods += _store_curves(rows, study, line, catalogue, poll)
@@ -127,7 +125,10 @@ def _checksum(seeds: Seeds) -> int:
     return int.from_bytes(hashed.digest(), "little")
 
 
-def _store_branches(rows: dict, catalogue: Catalogue) -> None:
+def store_branches(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
+    """Store all branches, their points and their special points, as many as there is room for."""
+    _store_points(rows, forced, catalogue)
+    _store_specials(rows, forced, catalogue)
     rows["n_branches"][0] = len(catalogue.branches)
     for k, branch in enumerate(catalogue.branches):
         rows["branch_id"][0, k] = k + 1
@@ -156,9 +157,9 @@ def _store_points(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
             at += 1
 
 
-def _store_specials(rows: dict, study: BranchGrid, forced: ForcedMap, catalogue: Catalogue) -> None:
+def _store_specials(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
     at = first = 0
-    numbers = study.structure.contact_numbers
+    numbers = forced.structure.contact_numbers
     for k, branch in enumerate(catalogue.branches):
         for step, one in branch.arc.specials:
             if at < rows["special_kind"].shape[1]:

@@ -53,6 +53,13 @@ class Origin(IntEnum):
     SEARCH = 3
 
 
+class Stability(IntEnum):
+    """Whether all multipliers are inside the unit circle."""
+
+    UNSTABLE = 0
+    STABLE = 1
+
+
 class Criticality(IntEnum):
     """Side to which what is born at a doubling goes."""
 
@@ -88,7 +95,10 @@ VARIABLES = (
     code("ends", BRANCH, End, "why it does not go on after its last step"),
     count("step_branch", STEP, "branch of a point, 0 for none"),
     real("value", STEP, "1", "value of the parameter", None),
-    Variable("stable", STEP, "<i1", "1", "1 where all multipliers are inside the unit circle"),
+    code(
+        *("stable", STEP, Stability, "1 where all multipliers are inside the unit circle"),
+        limits=COUNT,
+    ),
     contacts("contact", STEP),
     replace(DRIFT, dims=STEP),
     real("point", (*STEP, "state"), STATES, "a stroboscopic point of the orbit", FINITE),

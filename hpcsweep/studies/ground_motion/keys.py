@@ -148,6 +148,8 @@ class RecordGrid(Part):
         Step between the instants at which the motion is stored; 0: it is not.
     floors : FloorSpectra
         Spectra of floors that are stored.
+    numbers : tuple of int
+        Of the records in their source; empty: all.
     """
 
     structure: Structure
@@ -163,6 +165,7 @@ class RecordGrid(Part):
     gravity: float
     history: float
     floors: FloorSpectra
+    numbers: tuple[int, ...] = ()
 
     @cached_property
     def factor(self) -> np.ndarray:
@@ -178,14 +181,8 @@ class RecordGrid(Part):
         return RecordResponses(self.structure, self.settings, self.tail, *more)
 
     def record(self, i: int) -> Record:
-        """Return the samples of record i.
-
-        Raises
-        ------
-        ValueError, OSError
-            If they cannot be read, or are not those of the job.
-        """
-        return checked_record(self.source, self.suite[i], i)
+        """Return the samples of record i; errors are those of `checked_record`."""
+        return checked_record(self.source, self.suite[i], self.numbers[i] if self.numbers else i)
 
     def describe(self, run: Place) -> dict[str, Any]:
         """Describe a run: ``record``, ``scale``."""
@@ -363,7 +360,7 @@ def read_found(
         If it is not as `hpcsweep.job.suites` writes it.
     """
     found = values.get("records.found")
-    paths = tuple(map(str, values.get("records.files", ())))
+    paths = tuple(map(str, values.table("records").get("files", ())))
     try:
         if isinstance(found, dict):
             periods = found["periods"]

@@ -88,6 +88,11 @@ class Records(RecordGrid):
             **common,
         )
 
+    def cut(self, frames: slice) -> dict[str, Any]:
+        """Return the fields of a study of some records; none where all share their instants."""
+        numbers = tuple(range(self.n_frames)[frames])
+        return {} if self.history else {"suite": self.suite[frames], "numbers": numbers}
+
     @property
     def n_frames(self) -> int:
         """Records."""

@@ -1,6 +1,7 @@
 """Variables of a study of records, and how each scales with a motion."""
 
 from dataclasses import replace
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,13 @@ from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, RUN
 from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.variable import ANY, EITHER, FINITE, SIZE, Coordinate, Variable, count, real
 from hpcsweep.studies.variables import STATES, measure_coordinates, named
+
+
+class Collapse(IntEnum):
+    """What has become of the structure."""
+
+    STANDS = 0
+    COLLAPSED = 1
 
 
 class Peak(NamedTuple):
@@ -59,7 +67,10 @@ PEAKS = (
     _peak("plastic_path", "slider", "length", 1, "sum of its changes"),
     _peak("excursions", "slider", "1", 0, "how often each slider has slipped"),
     _peak("slider_energy", "slider", "energy", 2, "energy that each slider has dissipated"),
-    _peak("collapsed", "", "1", 0, "1 if the motion has collapsed and ended", EITHER),
+    _peak(
+        *("collapsed", "", "1", 0, "1 if the motion has collapsed and ended", EITHER),
+        flags=Collapse,
+    ),
     _peak("collapse_time", "", "time", 0, "when it has collapsed, NaN: not", optional=True),
     _peak(
         *("residual_drift", "storey", "length", 1, "lasting drift of each storey; NaN: collapsed"),

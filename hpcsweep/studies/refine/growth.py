@@ -16,7 +16,15 @@ from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
 from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
-from hpcsweep.studies.refine.variables import AUDIT, CELL, CROSSED, INFERRED, SOURCE, inferred_name
+from hpcsweep.studies.refine.variables import (
+    AUDIT,
+    CELL,
+    CROSSED,
+    INFERRED,
+    SOURCE,
+    Crossed,
+    inferred_name,
+)
 from hpcsweep.studies.refinement import Refinement, Source
 from hpcsweep.studies.study import ROWS, Study, as_kind
 from hpcsweep.studies.variable import Coordinate, Variable, code
@@ -81,7 +89,7 @@ class MapGrowth:
             Variable(CELL, runs, "<i1", "1", level + "0 of computed points"),
         ]
         if self.refinement.curves:
-            own.append(Variable(CROSSED, runs, "<i1", "1", crossed))
+            own.append(code(CROSSED, runs, Crossed, crossed))
         known = {variable.name: variable for variable in study.variables}
         for name in self.refinement.variables:
             words = f"{name} of inferred points, 0 of others"

@@ -1,5 +1,7 @@
 """Names of the variables of a refined map, and its last look."""
 
+from enum import IntEnum
+
 import numpy as np
 
 from hpcsweep.studies.refine.audit import Look
@@ -7,6 +9,13 @@ from hpcsweep.studies.refine.audit import Look
 SOURCE, CELL, CROSSED = "source", "cell", "crossed"
 AUDIT, INFERRED = "audit", "inferred"
 """Variable of the looks, and of the checksums."""
+
+
+class Crossed(IntEnum):
+    """Whether a known curve crosses a box of the grid."""
+
+    FREE = 0
+    CROSSED = 1
 
 
 def inferred_name(variable: str) -> str:

@@ -5,7 +5,7 @@ the paper, and the default.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -50,6 +50,10 @@ class AmplitudeSweep(AlongAmplitudes):
             directions=tuple(given),
             **common,
         )
+
+    def cut(self, frames: slice) -> dict[str, Any]:
+        """Return the fields of a study of some frames."""
+        return {"omega": self.omega[frames]}
 
     @property
     def carried(self) -> tuple[str, ...]:  # type: ignore[override]

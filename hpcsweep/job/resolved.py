@@ -1,0 +1,93 @@
+"""The text of a job with all defaults, for files that are read when these have been forgotten."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.job.job import Job
+from hpcsweep.job.keys import STRUCTURE, keys_of
+from hpcsweep.job.reading import read_values
+from hpcsweep.job.structures import HARMONIC
+from hpcsweep.job.tree import parse_toml, with_value, write
+from hpcsweep.job.values import Values
+from hpcsweep.job.vary import Parts
+from hpcsweep.model.buildings import Building
+from hpcsweep.model.matrices import Contact
+from hpcsweep.studies.study import as_kind
+from hpcsweep.studies.vary import Varied
+
+
+def resolved(job: Job) -> str:
+    """Return the same job as TOML in which every key is given that has a value.
+
+    Where keys vary, those are added whose defaults do not depend on one of them.
+    """
+    tree, study = parse_toml(job.text, job.name), job.study
+    firsts: list[dict] = [tree]
+    if isinstance(study, Varied):
+        firsts = [as_kind(study.make, Parts).tree_at(place) for place in _along(study)]
+        study = study.base
+    defaults, *others = map(_defaults, firsts)
+    for other in others:
+        defaults = {key: value for key, value in defaults.items() if other.get(key) == value}
+    if study.settings.classify_cycles is None:  # of a study that classifies in its own way
+        defaults.pop("sweep.classify_cycles", None)
+    known = keys_of(study)
+    if known["forcing"] and "forcing" not in tree:
+        terms = [dict(zip(HARMONIC, one, strict=True)) for one in job.structure.harmonics]
+        defaults["forcing.harmonics"] = terms
+    whole: dict[str, Any] = {"name": job.name} | tree
+    for key, value in defaults.items():
+        table, name = key.split(".", 1)
+        if name in known.get(table, (name,)):
+            whole = with_value(whole, key, _plain(value), job.name)
+    return write(whole, known)
+
+
+def _along(study: Varied) -> Iterator[tuple[int, ...]]:
+    """Iterate over the first part, and those in which one key has another value."""
+    first = (0,) * len(study.axes)
+    yield first
+    for i, axis in enumerate(study.axes):
+        for at in range(1, len(axis.values)):
+            yield (*first[:i], at, *first[i + 1 :])
+
+
+def _defaults(tree: Mapping[str, Any]) -> dict[str, object]:
+    """Return the defaults of a job without ``vary``, by their keys."""
+    values = Values("", tree)
+    read_values(values)
+    structure = tree.get("structure", {})
+    buildings = tree.get("building", [])
+    found: list[tuple[str, Mapping, Mapping]] = []
+    own: Mapping
+    if not buildings and not {"matrices", "model"} & set(structure):
+        own = {key.name: key.default for key in STRUCTURE["structure"]}
+        found.append(("structure", structure, own))
+    elif not buildings:
+        found.append(("structure", structure, {"sharpness": np.inf}))
+    for name, tables, kind in (
+        ("building", buildings, Building),
+        ("structure.contact", structure.get("contact", []), Contact),
+    ):
+        own = {field.name: field.default for field in fields(kind)}
+        found += [(f"{name}[{k}]", table, own) for k, table in enumerate(tables)]
+    if len(buildings) > 1:
+        found.append(("pounding", tree["pounding"], {"sharpness": np.inf, "tension": False}))
+    for place, table, own in found:
+        without = (*table, *(("damping_ratio",) if "rayleigh" in table else ()))
+        for name, default in own.items():
+            if isinstance(default, int | float) and name not in without:
+                values.defaults[f"{place}.{name}"] = default
+    return values.defaults
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as a TOML parser would."""
+    if isinstance(value, tuple | list):
+        return [_plain(one) for one in value]
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,58 @@
+"""Jobs of parts of a job, which together have its frames, and the whole that a part is of."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from hpcsweep.job.job import Job, JobError
+from hpcsweep.job.keys import every_key
+from hpcsweep.job.reading import parse_job
+from hpcsweep.job.tree import parse_toml, write
+
+MAX_PARTS = 10_000
+LINE = re.compile(r"^part = \[\d+, \d+\]\n", re.MULTILINE)
+"""As `split` and `write` have it."""
+
+
+def split(job: Job, n_parts: int, path: Path) -> dict[Path, str]:
+    """Return the jobs of all parts, by the names of their files, beside that of the whole.
+
+    Raises
+    ------
+    JobError
+        If the job cannot be cut in so many parts.
+    """
+    if not 2 <= n_parts <= MAX_PARTS:
+        raise JobError(f"-n {n_parts}: must be from 2 to {MAX_PARTS}")
+    if LINE.search(job.text):
+        raise JobError(f"{path}: is a part already")
+    named = (path.with_name(f"{path.stem}-{k + 1}of{n_parts}.toml") for k in range(n_parts))
+    texts = {name: f"part = [{k}, {n_parts}]\n{job.text}" for k, name in enumerate(named, 1)}
+    parse_job(next(iter(texts.values())), str(path), path.stem, path.parent)
+    return texts
+
+
+class Whole(NamedTuple):
+    """The job that a part is of, and which part of how many it is."""
+
+    job: Job
+    k: int
+    n: int
+
+
+def whole_of(text: str, source: str, name: str) -> Whole:
+    """Return the job of which a text is a part, named as it; `source` is named in errors.
+
+    Raises
+    ------
+    JobError
+        If it is none of a part.
+    """
+    tree = parse_toml(text, source)
+    if "part" not in tree:
+        raise JobError(f"{source}: is of a whole job, of no part as hpcsweep split makes them")
+    k, n = tree.pop("part")
+    own = LINE.sub("", text, count=1)
+    if "part" in parse_toml(own, source):
+        own = write(tree, every_key())
+    return Whole(parse_job(own, source, name.removesuffix(f"-{k}of{n}")), k, n)

@@ -284,7 +284,7 @@ def classes_of(results) -> np.ndarray:
     from hpcsweep.dynamics.classify import classify
 
     job = job_of(results)
-    return classify(results, job.settings, job.structure.units_at)
+    return classify(results, job.settings, job.study.units_at)
 
 
 def caption(results, omega: float | None = None) -> str:

@@ -20,7 +20,7 @@ from hpcsweep.job.paths import path_of
 from hpcsweep.job.rows import with_rows
 from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import Values
-from hpcsweep.job.vary import Parts, read_varied, unused
+from hpcsweep.job.vary import Parts, read_followed, read_varied, unused
 from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
@@ -151,9 +151,15 @@ def read_study(source: str, tree: Mapping):
     values = Values(source, tree)
     study = _kind(values)
     values.check_tables(keys_of(study), partial(_keys_of_others, study))
-    structure = structures.read_structure(values)
+    read, along = structures.read_structure, {}
+    if study.kind == DEFAULT_KIND:
+        along["followed"] = read_followed(values, tree, lambda one: read(Values(source, one)))
+    followed = along.get("followed")
+    each = followed.structures if followed else (read(values),)
+    structure = each[0]
     settings = _settings(values, study.skip_rules)
-    if settings.solver == "bdf" and (structure.contact_damping.any() or structure.sliders):
+    damped = any(one.contact_damping.any() for one in each)
+    if settings.solver == "bdf" and (damped or structure.sliders):
         limit = "must be 'flow' where contacts have dashpots, or springs yield"
         raise values.error("solver.method", settings.solver, limit)
     if structure.sliders and not study.yields:
@@ -170,6 +176,7 @@ def read_study(source: str, tree: Mapping):
         initial_state=_initial_state(values, structure, study.starts_at_rest),
         settings=settings,
         block_size=values.whole("output.block", block, *BLOCK.limits),
+        **along,
     )
 
 

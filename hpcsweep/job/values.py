@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.job.formula import formula
 from hpcsweep.job.job import JobError
 from hpcsweep.studies.keys import Key
 
@@ -257,6 +258,25 @@ class Values:
             raise self.error(key, amplitude[0], "must be at least 0")
         self.check_range(key, amplitude=amplitude)
         return amplitude
+
+    def tied(self, key: str, text: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return what a formula gives Omega or A, where other values are known."""
+        try:
+            value = formula(text, known)
+        except ValueError as error:
+            raise self.error(key, text, str(error)) from None
+        least, most = {"omega": (MIN_OMEGA, MAX_OMEGA)}.get(
+            key.removeprefix("sweep."), (MIN_AMPLITUDE, MAX_AMPLITUDE)
+        )
+        found = np.empty(np.shape(next(iter(known.values()))))
+        for place in np.ndindex(found.shape):
+            at = {name: float(own[place]) for name, own in known.items()}
+            found[place] = value(**at)
+            if not least <= found[place] <= most and (found[place] != 0 or least == MIN_OMEGA):
+                where = ", ".join(f"{name} = {one:.6g}" for name, one in at.items())
+                limit = f"must be from {least:g} to {most:g}, is {found[place]:.6g} at {where}"
+                raise self.error(key, text, limit)
+        return found
 
     def _range(self, key: str, given: Mapping, most: int) -> np.ndarray:
         self.check_keys(key, given, RANGE_KEYS)

@@ -206,9 +206,12 @@ class Frames:
             # the amplitudes of one frame are its own even where frames share none
             along = as_kind(study, RunGrid).amplitudes_of(frames[0])
         names = {"direction": list(study.directions)[directions]} if self._axis else {}
+        # frequency and amplitude of each run, where they are no dimension
+        steps = {name: given.pop(name) for name in ("omega", "amplitude") if name in given}
         return xarray.Dataset(
             {**given, **arrays},
             coords={
+                **steps,
                 **names,
                 frame_dim: self._own.coordinates[frame_dim].values[list(frames)],
                 last: along,

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -60,6 +60,19 @@ class Part(ABC):
     def map_axes(self) -> dict[str, np.ndarray]:
         """Values of the axes of a map that may be refined, by key of the job."""
         return {}
+
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """The structure of each run of a frame, or of all of them."""
+        return (self.structure,)
+
+    def structure_at(self, at: int) -> Structure:
+        """Return the structure of a run of a frame."""
+        return self.structures[at % len(self.structures)]
+
+    def units_at(self, omega: float, amplitude: Any, at: int = 0) -> np.ndarray:
+        """Return the units of states, `Structure.units_at`, of a run of a frame."""
+        return self.structure_at(at).units_at(omega, amplitude)
 
     @property
     @abstractmethod

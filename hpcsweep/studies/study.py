@@ -251,6 +251,12 @@ class Study(Protocol):
     def structure(self) -> Structure:
         """Structure, that of the first part."""
 
+    def structure_at(self, at: int) -> Structure:
+        """Return the structure of a run of a frame."""
+
+    def units_at(self, omega: float, amplitude: Any, at: int = 0) -> np.ndarray:
+        """Return the units of states, `Structure.units_at`, of a run of a frame."""
+
     @property
     def settings(self) -> SweepSettings:
         """How runs are computed."""

@@ -23,6 +23,7 @@ from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts, read_followed, read_varied, unused
 from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
@@ -156,7 +157,8 @@ def read_study(source: str, tree: Mapping):
         along["followed"] = read_followed(values, tree, lambda one: read(Values(source, one)))
     followed = along.get("followed")
     each = followed.structures if followed else (read(values),)
-    structure = each[0]
+    # lengths are in gaps, say, only where they are all along
+    structure = min(each, key=lambda one: (one.is_uniform, is_in_gaps(one)))
     settings = _settings(values, study.skip_rules)
     damped = any(one.contact_damping.any() for one in each)
     if settings.solver == "bdf" and (damped or structure.sliders):
@@ -173,7 +175,7 @@ def read_study(source: str, tree: Mapping):
     return study.read(
         values,
         structure=structure,
-        initial_state=_initial_state(values, structure, study.starts_at_rest),
+        initial_state=_initial_state(values, each[0], study.starts_at_rest),
         settings=settings,
         block_size=values.whole("output.block", block, *BLOCK.limits),
         **along,

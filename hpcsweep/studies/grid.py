@@ -67,6 +67,8 @@ class RunGrid(Part):
     """Dimension of the stroboscopic points."""
     status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "skip_rule")
 
+    ties: ClassVar[tuple[str, ...]] = ()
+    """Formulas of frequency and amplitude."""
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
     is_path: ClassVar[bool] = False
     """Whether a run starts from what another one left."""

@@ -251,6 +251,10 @@ class Study(Protocol):
     def structure(self) -> Structure:
         """Structure, that of the first part."""
 
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """The structure of each run of a frame, or of all of them."""
+
     def structure_at(self, at: int) -> Structure:
         """Return the structure of a run of a frame."""
 

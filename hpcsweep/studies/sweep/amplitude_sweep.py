@@ -100,6 +100,11 @@ class AmplitudeSweep(AlongAmplitudes):
         return super().given + (self.steps.given if self.steps else [])
 
     @property
+    def ties(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Formulas of frequency and amplitude."""
+        return self.steps.ties if self.steps else ()
+
+    @property
     def frames(self) -> np.ndarray:
         """Values of the dimension of the frames."""
         return self.steps.frames if self.steps else self.omega

@@ -152,11 +152,15 @@ def read_study(source: str, tree: Mapping):
     values = Values(source, tree)
     study = _kind(values)
     values.check_tables(keys_of(study), partial(_keys_of_others, study))
-    read, along = structures.read_structure, {}
-    if study.kind == DEFAULT_KIND:
-        along["followed"] = read_followed(values, tree, lambda one: read(Values(source, one)))
-    followed = along.get("followed")
-    each = followed.structures if followed else (read(values),)
+
+    def structure_of(one: Mapping) -> Structure:
+        own = Values(source, one)
+        own.check_tables(keys_of(study), partial(_keys_of_others, study))
+        return structures.read_structure(own)
+
+    followed = read_followed(values, tree, structure_of) if study.kind == DEFAULT_KIND else None
+    each = followed.structures if followed else (structures.read_structure(values),)
+    along = {"followed": followed} if followed else {}
     # lengths are in gaps, say, only where they are all along
     structure = min(each, key=lambda one: (one.is_uniform, is_in_gaps(one)))
     settings = _settings(values, study.skip_rules)

@@ -240,3 +240,20 @@ def test_other_studies_refuse_a_path_and_formulas():
     for text in (ATTRACTORS, SMALL):
         with pytest.raises(JobError, match=r"job: (unknown key 'sweep.along'|sweep.along = 'gap')"):
             parse_job(text.replace("[sweep]", '[sweep]\nalong = "gap"'), "job", "job")
+
+
+def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_path):
+    from hpcsweep.figures.explorer.page import build_page
+    from hpcsweep.figures.explorer.page_data import add_branches, gather
+
+    page = gather(folder / "gap.h5")
+    study = parse_job(GAPS, "", "job").study
+    assert page.dims == ("omega", "gap")
+    assert page.steps["amplitude"][2] == study.amplitudes_of(2).tolist()
+    assert [one.gap for one in page.steps["structures"]] == study.along_of(0).tolist()
+    assert '"key": "gap"' in build_page(page)[0]
+    page = gather(folder / "omega.h5", amplitude_step=2)
+    assert page.steps["omega"][0] == page.amplitude.tolist()
+    assert page.steps["structures"] == []
+    with pytest.raises(PlotError, match="the sweep is along omega"):
+        add_branches(page, tmp_path / "none.h5")

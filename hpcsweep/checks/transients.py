@@ -107,7 +107,7 @@ def _chaotic(frames: Frames, frame: int) -> np.ndarray:
     if name in frames:
         return frames.read(frame, (name,))[name] == MotionClass.CHAOTIC
     study = frames.study
-    found = classify(frames.dataset(frame), study.settings, study.structure.units_at)
+    found = classify(frames.dataset(frame), study.settings, study.units_at)
     return found[:, 0] == MotionClass.CHAOTIC
 
 
@@ -118,8 +118,8 @@ def _later(frames: Frames, run: Run, periods: int) -> tuple[MotionClass, int]:
     study = as_kind(frames.study, RunGrid)
     _, name = HELD[study.holds]
     state = frames.read(frame, (name,))[name][at]
-    omega, amplitude = float(study.omega[frame]), float(study.amplitudes_of(frame)[at[1]])
-    structure = study.structure.measured_at(omega, amplitude)
+    omega, amplitude = (float(of(frame)[at[1]]) for of in (study.omegas_of, study.amplitudes_of))
+    structure = study.structure_at(at[1]).measured_at(omega, amplitude)
     solver = make_solver("flow", structure, omega, study.settings.rtol)
     most = periods + SOLVERS["flow"].classify_cycles
     motion = classify_motion(solver, state, amplitude, study.settings, most, outlived=periods)

@@ -135,7 +135,9 @@ def _place(study: Study, block: Block) -> str:
         return run_name(found)
     frame = block.first[study.run_dims.index("direction") + 1]
     where = "".join(f"{axis.name} = {found[axis.name]}, " for axis in study.axes)
-    return f"{where}frame {frame} (Omega = {found['omega']:.6g}), {found['direction']}"
+    name = "amplitude" if study.run_dims[-2] == "amplitude" else "omega"
+    value = f" ({run_name({name: found[name]})})" if name in found else ""
+    return f"{where}frame {frame}{value}, {found['direction']}"
 
 
 def _along(study: Study, block: Block, row: int) -> str:

@@ -89,8 +89,9 @@ def _progress(done: int, total: int) -> None:
 def _describe(study, sizes: dict[str, int]) -> str:
     """Format the size and the contents of the page."""
     kept, stored = study.thinned["points"], study.thinned["of_points"]
+    along = count(study.amplitude.size, study.dims[1])
     return (
         f"{sum(sizes.values()) / 1e6:.3g} MB, {count(study.omega.size, 'frame')} x "
-        f"{count(study.amplitude.size, 'amplitude')} x {count(len(study.directions), study.each)}, "
+        f"{along} x {count(len(study.directions), study.each)}, "
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )

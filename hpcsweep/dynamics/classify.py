@@ -116,8 +116,8 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
         its classes are returned.
     settings : SweepSettings
         Settings of the runs: ``sampling_cycles`` and ``period_tolerance`` are used.
-    units_at : callable (omega, amplitude), optional
-        Units of states to which the tolerance is relative: `Structure.units_at`. Default: 1.
+    units_at : callable (omega, amplitude, place along the frame), optional
+        Units of states to which the tolerance is relative, as of `RunGrid`. Default: 1.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
         return _with_failures(results[MOTION].values, outcome)
     period = results["orbit_period"].values
     cycles = np.where(period > 0, period, settings.sampling_cycles)
-    time = cycles * (2 * math.pi / results["omega"].values)[None, :, None]
+    time = cycles * (2 * math.pi / _of_runs(results, "omega"))
     if "lyapunov" in results:
         growth = results["lyapunov"].values * time
     else:
@@ -144,15 +144,22 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
     classes = _with_failures(classes, outcome)
     if "poincare" in results:
         points, counts = results["poincare"].values, results["n_points"].values
-        omega, amplitude = results["omega"].values, results["amplitude"].values
-        of_frames = results["forcing_amplitude"].values if "forcing_amplitude" in results else None
+        omega = _of_runs(results, "omega")
+        # the points of a list have amplitudes of their own
+        own = "forcing_amplitude" if "forcing_amplitude" in results else "amplitude"
+        amplitude = _of_runs(results, own)
         for at in np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0)):
-            _, frame, place = run = tuple(at)
-            forcing = amplitude[place] if of_frames is None else of_frames[frame]
-            units = units_at(float(omega[frame]), float(forcing)) if units_at else 1.0
+            run = tuple(at.tolist())
+            units = units_at(float(omega[run]), float(amplitude[run]), run[-1]) if units_at else 1.0
             window = points[run][: counts[run]] / units
             classes[run] = classify_points(window, growth[run], settings.period_tolerance)
     return classes
+
+
+def _of_runs(results, name: str) -> np.ndarray:
+    """Return a frequency or an amplitude of each run, in the shape of the runs."""
+    outcome = results["outcome"]
+    return results[name].broadcast_like(outcome).transpose(*outcome.dims).values
 
 
 def _with_failures(classes: np.ndarray, outcome: np.ndarray) -> np.ndarray:

@@ -51,6 +51,30 @@ def frequency(structure) -> str:
     return r"forcing frequency $\Omega$" + unit(structure, "frequency")
 
 
+def along(study) -> str:
+    """Label the axis of the parameter along which the sweeps of a study lead."""
+    *_, (name, (_, units, _)) = study.grid.items()
+    known = {"amplitude": amplitude, "omega": frequency}
+    if name in known:
+        return known[name](study.structure)
+    return name.replace("_", " ") + unit(study.structure, units)
+
+
+def common(values: np.ndarray) -> float | None:
+    """Return the value that all have, None where they differ."""
+    return float(values.flat[0]) if np.all(values == values.flat[0]) else None
+
+
+def path_words(study, runs) -> str:
+    """Format what a sweep along another parameter than the amplitude does with that one."""
+    amplitude, over = (
+        common(runs["amplitude"].values),
+        study.run_dims[-2:] == ("omega", "amplitude"),
+    )
+    own = [] if amplitude is None or over else [f"$A$ = {amplitude:.6g}"]
+    return ",  ".join([*own, *study.ties])
+
+
 def unit(structure, quantity: str) -> str:
     """Format the unit that follows a label; empty where it has no name."""
     is_length = quantity in ("length", "velocity", "acceleration")

@@ -105,6 +105,14 @@ def positive(text: str) -> float:
 
 
 OMEGA = Option("--omega", "frequency; the nearest frame is drawn (default: the first)", type=float)
+AMPLITUDES = Option(
+    "--amplitude",
+    "amplitudes drawn; of a sweep along omega the frame nearest to it (default: the first)",
+    dest="amplitudes",
+    type=float,
+    nargs="+",
+    metavar="A",
+)
 SWEEP = Option(
     "--sweep",
     "results of an amplitude sweep over the same points, or amplitudes",

@@ -180,30 +180,30 @@ FAR_OFF = 0.1
 """Share of a frequency by which a request may lie beyond the range of frames."""
 
 
-def nearest_frame(omegas: np.ndarray, omega: float | None) -> int:
+def nearest_frame(omegas: np.ndarray, omega: float | None, name: str = "omega") -> int:
     """Return the frame nearest to a frequency, the first if none is requested.
 
     Of one frame it is that one, which a caption tells: a file was asked before (`check_omega`).
     """
     if omega is None or omegas.size == 1:
         return 0
-    check_omega(omegas, omega)
+    check_omega(omegas, omega, name)
     return int(np.argmin(np.abs(omegas - omega)))
 
 
-def check_omega(omegas: np.ndarray, omega: float) -> None:
-    """Refuse a frequency far beyond those of all frames.
+def check_omega(omegas: np.ndarray, omega: float, name: str = "omega") -> None:
+    """Refuse a frequency, or what else frames have by `name`, far beyond those of all frames.
 
     Raises
     ------
     PlotError
     """
-    if not np.isfinite(real("omega", omega)):
-        raise PlotError(f"--omega {omega}: must be finite")
+    if not np.isfinite(real(name, omega)):
+        raise PlotError(f"--{name} {omega}: must be finite")
     low, high = float(np.min(omegas)), float(np.max(omegas))
     beyond = max(low - omega, omega - high)
     if beyond > FAR_OFF * high:
-        raise PlotError(f"--omega {omega:g}: the results hold {low:.6g} to {high:.6g}")
+        raise PlotError(f"--{name} {omega:g}: the results hold {low:.6g} to {high:.6g}")
 
 
 def need(results, *names: str) -> None:
@@ -222,8 +222,8 @@ def need(results, *names: str) -> None:
             raise PlotError(f"the results hold no {name}: {limit}")
 
 
-def need_amplitudes(study: Study) -> None:
-    """Refuse a list of points, which share no amplitudes to draw over.
+def need_amplitudes(study: Study, any_path: bool = False) -> None:
+    """Refuse a list of points, which share no amplitudes to draw over, or sweeps along others.
 
     Raises
     ------
@@ -231,6 +231,11 @@ def need_amplitudes(study: Study) -> None:
     """
     if study.is_list:
         raise PlotError("a list of points is no sweep over amplitudes: draw it with --kind map")
+    if not any_path and study.run_dims[-2:] != ("omega", "amplitude"):
+        raise PlotError(
+            f"the sweep is along {study.run_dims[-1]}: only --kind orbit, frames, measures, "
+            "animate and, along omega at several amplitudes, --kind map draw it"
+        )
 
 
 def direction_index(results, direction: str | None) -> int:
@@ -284,21 +289,27 @@ def classes_of(results) -> np.ndarray:
     from hpcsweep.dynamics.classify import classify
 
     job = job_of(results)
-    return classify(results, job.settings, job.structure.units_at)
+    return classify(results, job.settings, job.study.units_at)
 
 
-def caption(results, omega: float | None = None) -> str:
-    """Format the parameters of a campaign, or of one frame if `omega` is given."""
-    words = parameters(job_of(results).structure, omega)
+def caption(results, omega: float | None = None, more: str = "") -> str:
+    """Format the parameters of a campaign, or of one frame if `omega` is given, and `more`."""
+    every = job_of(results).study.structures
+    words = ",  ".join(filter(None, (parameters(every[0], omega, other=every[-1]), more)))
     part = results.attrs.get("part")
     return f"{part}\n{words}" if part else words
 
 
-def parameters(structure, omega: float | None = None, room: int | None = CAPTION_ROOM) -> str:
-    """Format the parameters of a structure, and a frequency if given, on a line or two."""
+def parameters(
+    structure, omega: float | None = None, room: int | None = CAPTION_ROOM, other=None
+) -> str:
+    """Format the parameters of a structure, those of an `other` too, on a line or two.
+
+    A frequency, if given, is added.
+    """
     from hpcsweep.model.description import in_words
 
-    words = in_words(structure)
+    words = [one for one in in_words(structure) if other is None or one in in_words(other)]
     if omega is not None:
         words.append((r"\Omega", frequency_words(structure, omega)))
     lines, length = [""], 0

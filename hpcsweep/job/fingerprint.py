@@ -11,6 +11,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 
 import numpy as np
 
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.vary import Varied
 
@@ -101,6 +102,8 @@ def _canonical(value: object) -> object:
         return [_canonical(item) for item in value]
     if isinstance(value, Mapping):
         return sorted((key, _canonical(item)) for key, item in value.items())
+    if isinstance(value, Structure):
+        return [[name, own] for _, name, own in _fields_of("", value, EXCLUDED_FIELDS)]
     if (meaning := getattr(value, "meaning", None)) is not None:
         return _canonical(meaning)
     if is_dataclass(value):

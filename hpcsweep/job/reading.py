@@ -21,9 +21,10 @@ from hpcsweep.job.paths import path_of
 from hpcsweep.job.rows import with_rows
 from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
 from hpcsweep.job.values import Values
-from hpcsweep.job.vary import Parts, read_varied, unused
+from hpcsweep.job.vary import Parts, read_followed, read_varied, unused
 from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
@@ -161,9 +162,22 @@ def read_values(values: Values):
     """Read the study of a job that varies no key."""
     study = _kind(values)
     values.check_tables(keys_of(study), partial(_keys_of_others, study))
-    structure = structures.read_structure(values)
+
+    def structure_of(one: Mapping) -> Structure:
+        own = Values(values.source, one)
+        own.check_tables(keys_of(study), partial(_keys_of_others, study))
+        return structures.read_structure(own)
+
+    followed = None
+    if study.kind == DEFAULT_KIND:
+        followed = read_followed(values, values.tree, structure_of)
+    each = followed.structures if followed else (structures.read_structure(values),)
+    along = {"followed": followed} if followed else {}
+    # lengths are in gaps, say, only where they are all along
+    structure = min(each, key=lambda one: (one.is_uniform, is_in_gaps(one)))
     settings = _settings(values, study.skip_rules)
-    if settings.solver == "bdf" and (structure.contact_damping.any() or structure.sliders):
+    damped = any(one.contact_damping.any() for one in each)
+    if settings.solver == "bdf" and (damped or structure.sliders):
         limit = "must be 'flow' where contacts have dashpots, or springs yield"
         raise values.error("solver.method", settings.solver, limit)
     if structure.sliders and not study.yields:
@@ -177,9 +191,10 @@ def read_values(values: Values):
     whole = study.read(
         values,
         structure=structure,
-        initial_state=_initial_state(values, structure, study.starts_at_rest),
+        initial_state=_initial_state(values, each[0], study.starts_at_rest),
         settings=settings,
         block_size=values.whole("output.block", block, *BLOCK.limits),
+        **along,
     )
     return _portion(values, whole)
 

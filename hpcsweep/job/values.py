@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.job.formula import formula
 from hpcsweep.job.job import JobError
 from hpcsweep.studies.keys import Key
 
@@ -63,7 +64,7 @@ class Values:
 
     def __init__(self, source: str, tree: Mapping):
         self.source = source
-        self._tree = tree
+        self.tree = tree
         self.defaults: dict[str, object] = {}
 
     def error(self, key: str, value: object, limit: str) -> JobError:
@@ -85,11 +86,11 @@ class Values:
         elsewhere : callable
             Return full names of keys that are known in other cases, and these cases.
         """
-        self.check_keys("", self._tree, keys[""], keys, elsewhere)
+        self.check_keys("", self.tree, keys[""], keys, elsewhere)
         for table in keys:
             if not table:
                 continue
-            given = self._tree.get(table, {})
+            given = self.tree.get(table, {})
             if not isinstance(given, Mapping):
                 raise self.error(table, given, "must be a table")
             self.check_keys(table, given, keys[table], keys, elsewhere)
@@ -109,24 +110,24 @@ class Values:
     def has(self, key: str) -> bool:
         """Return whether a key of a table is given."""
         table, name = key.split(".", 1)
-        return name in self._tree.get(table, {})
+        return name in self.tree.get(table, {})
 
     def table(self, name: str) -> Mapping:
         """Return a whole table, empty if it is absent."""
-        table = self._tree.get(name, {})
+        table = self.tree.get(name, {})
         if not isinstance(table, Mapping):
             raise self.error(name, table, "must be a table")
         return table
 
     def top(self, key: str, default: object) -> object:
         """Return the value of a key outside tables."""
-        return self._tree.get(key, default)
+        return self.tree.get(key, default)
 
     def get(self, key: str, default: object = None) -> object:
         """Return the value of a key; one without a default is required."""
         table, name = key.split(".", 1)
-        if name in self._tree.get(table, {}):
-            return self._tree[table][name]
+        if name in self.tree.get(table, {}):
+            return self.tree[table][name]
         if default is None:
             raise JobError(f"{self.source}: {key} is missing")
         self.defaults[key] = default
@@ -265,6 +266,25 @@ class Values:
             raise self.error(key, amplitude[0], "must be at least 0")
         self.check_range(key, amplitude=amplitude)
         return amplitude
+
+    def tied(self, key: str, text: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return what a formula gives Omega or A, where other values are known."""
+        try:
+            value = formula(text, known)
+        except ValueError as error:
+            raise self.error(key, text, str(error)) from None
+        least, most = {"omega": (MIN_OMEGA, MAX_OMEGA)}.get(
+            key.removeprefix("sweep."), (MIN_AMPLITUDE, MAX_AMPLITUDE)
+        )
+        found = np.empty(np.shape(next(iter(known.values()))))
+        for place in np.ndindex(found.shape):
+            at = {name: float(own[place]) for name, own in known.items()}
+            found[place] = value(**at)
+            if not least <= found[place] <= most and (found[place] != 0 or least == MIN_OMEGA):
+                where = ", ".join(f"{name} = {one:.6g}" for name, one in at.items())
+                limit = f"must be from {least:g} to {most:g}, is {found[place]:.6g} at {where}"
+                raise self.error(key, text, limit)
+        return found
 
     def _range(self, key: str, given: Mapping, most: int) -> np.ndarray:
         self.check_keys(key, given, RANGE_KEYS)

@@ -16,9 +16,11 @@ from hpcsweep.job.keys import UNITS
 from hpcsweep.job.rows import FIRST_LINE, NAME
 from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_value, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import ROWS, Axis, as_kind
+from hpcsweep.studies.sweep.path import ALONG, FORCING, Followed
 from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied
 
@@ -37,6 +39,8 @@ NEVER = {
 }
 TABLES_WITHIN = ("rayleigh.",)
 """Tables in these whose keys may be varied, too."""
+SHAPE = ("names", "floor_names", "storey_names", "contact_names", "slider_names")
+"""What all structures have in common along which one sweep leads."""
 SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
 
@@ -143,6 +147,9 @@ def parts_of(
     axes: tuple[Axis, ...] = ()
     if "vary" in tree:
         given = _flat(values, tree["vary"])
+        along = values.table("sweep").get("along")
+        if isinstance(along, str) and along in given:  # the steps of a sweep, no axis
+            rest["vary"] = {along: given.pop(along)}
         table = Values(file, {}) if file else values
         axes = tuple(
             _rows(table, value) if key == ROWS else _axis(values, key, value)
@@ -171,6 +178,8 @@ def read_varied(
     if "vary" not in tree:
         return read(values.source, tree)
     parts = parts_of(values, tree, read, file)
+    if not parts.axes:
+        return parts(())
     base = parts((0,) * len(parts.axes))
     if unused(parts.axes, tree):
         # what is given beside vary is not used, but has to be right
@@ -197,6 +206,48 @@ def read_varied(
 
     parts.visit(compare)
     return replace(study, by_part=by_part)
+
+
+def read_followed(
+    values: Values, tree: Mapping, structure_of: Callable[[Mapping], Structure]
+) -> Followed | None:
+    """Read the key along which a sweep leads; None where that is the frequency or the amplitude.
+
+    Parameters
+    ----------
+    values : Values
+    tree : mapping
+        The job, its values of the key in ``vary``.
+    structure_of : callable
+        Return the structure of a job.
+
+    Raises
+    ------
+    JobError
+        If there is no such key, or structures along it cannot share a file.
+    """
+    key = values.get("sweep.along", ALONG.default)
+    if key in (*FORCING,):
+        return None
+    if not isinstance(key, str) or not key.startswith(("structure.", "pounding.", "building[")):
+        limit = f"must be {', '.join(FORCING)} or a key of structure, pounding or building[0]"
+        raise values.error("sweep.along", key, limit)
+    given = values.table("vary").get(key)
+    if given is None:
+        limit = f'needs its values: [vary] "{key}" = {{from = ..., to = ..., count = ...}}'
+        raise values.error("sweep.along", key, limit)
+    steps = values.numbers(f"vary.{key}", given, ascending=True, most=MAX_PARTS)
+    axis = _axis(values, key, steps.tolist())
+    structures: list[Structure] = []
+    for step in steps.tolist():
+        try:
+            structures.append(structure_of(with_value(tree, key, step, values.source)))
+        except TreeError as error:
+            raise JobError(f"{error}, in vary") from None
+        if any(getattr(structures[-1], name) != getattr(structures[0], name) for name in SHAPE):
+            limit = "must leave the structure the floors, contacts and heights that it has before"
+            raise values.error(f"vary.{key}", step, limit)
+    return Followed(axis.name, key, axis.units, steps, tuple(structures))
 
 
 def _table(tree: Mapping, owner: str) -> Mapping:

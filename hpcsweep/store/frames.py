@@ -209,16 +209,22 @@ class Frames:
             # the amplitudes of one frame are its own even where frames share none
             along = as_kind(study, RunGrid).amplitudes_of(frames[0])
         known = self._own.coordinates
+        # frequency and amplitude of each run, where they are no dimension
+        steps = {name: given.pop(name) for name in ("omega", "amplitude") if name in given}
         values = {"direction": np.array(study.directions)[directions]} if self._axis else {}
         values |= {frame_dim: known[frame_dim].values[list(frames)], last: along}
         named = ("state", "storey", "floor", "stop", "slider", "building", "energy")
         values |= {name: known[name].values for name in named if name in known}
         texts = {name: own.astype(str) for name, own in values.items() if own.dtype == object}
+        marks = {
+            name: {"units": known[name].units, "long_name": known[name].long_name}
+            for name in values
+        }
         return xarray.Dataset(
             {**given, **arrays},
             coords={
-                name: (name, own, {"units": known[name].units, "long_name": known[name].long_name})
-                for name, own in (values | texts).items()
+                **steps,
+                **{name: (name, own, marks[name]) for name, own in (values | texts).items()},
             },
             attrs={"job": self.job.text, "name": self.job.name, "part": self.part},
         )

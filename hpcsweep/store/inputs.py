@@ -172,7 +172,7 @@ def _choose_part(frames: Frames, where: Where) -> None:
         )
     for place in frames.places:
         frames.choose(place)
-        if frames.study.structure == where.structure:
+        if where.structure in as_kind(frames.study, RunGrid).structures:
             return
     raise StoreError(f"{frames.path}: is of another structure than the job")
 
@@ -182,17 +182,19 @@ def _motions(frames: Frames, where: Where) -> Iterator[tuple[float, float, dict]
     study = as_kind(frames.study, RunGrid)
     names = tuple(variable.name for variable in frames.variables)
     for frame in range(study.n_frames):
-        omega = float(study.omega[frame])
-        amplitudes = study.amplitudes_of(frame)
-        inside = (where.amplitude[0] <= amplitudes) & (amplitudes <= where.amplitude[1])
-        if not (where.omega[0] <= omega <= where.omega[1] and inside.any()):
+        omega, amplitude = study.omegas_of(frame), study.amplitudes_of(frame)
+        inside = (where.amplitude[0] <= amplitude) & (amplitude <= where.amplitude[1])
+        inside &= (where.omega[0] <= omega) & (omega <= where.omega[1])
+        if len(study.structures) > 1:
+            inside &= [one == where.structure for one in study.structures]
+        if not inside.any():
             continue
         rows = frames.read(frame, names)
-        for direction, at in np.ndindex(len(study.directions), amplitudes.size):
+        for direction, at in np.ndindex(len(study.directions), amplitude.size):
             if inside[at] and rows["outcome"][direction, at] == Outcome.COMPLETE:
                 run = {name: values[direction, at] for name, values in rows.items()}
                 for motion in study.motions(run):
-                    yield omega, float(amplitudes[at]), motion
+                    yield float(omega[at]), float(amplitude[at]), motion
 
 
 def _seed_of(omega: float, amplitude: float, motion: dict) -> Seed | None:

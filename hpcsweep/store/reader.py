@@ -75,7 +75,8 @@ def open_results(path: str | Path):
     for place in map(tuple, np.argwhere(missing.any(axis=-1))):  # a frame at a time
         for variable in layout.variables:
             arrays[variable.name][1][place][missing[place]] = variable.missing
-    return xarray.Dataset(arrays, attrs=attributes)
+    steps = [name for name in ("omega", "amplitude") if name in arrays]
+    return xarray.Dataset(arrays, attrs=attributes).set_coords(steps)
 
 
 def meanings(variable):

@@ -115,13 +115,17 @@ class Earlier:
         old = as_kind(self.layout.study.part(place), RunGrid)
         direction, frame, low = block.first
         name = part.directions[direction]
-        if name not in old.directions:
+        if name not in old.directions or old.run_dims != part.run_dims:
             return None
-        wanted = part.amplitudes_of(frame)[low : low + block.n_runs]
-        for there in np.flatnonzero(old.omega == part.omega[frame]).tolist():
-            amplitudes = old.amplitudes_of(there)
-            first = int(np.searchsorted(amplitudes, wanted[0]))
-            if np.array_equal(amplitudes[first : first + wanted.size], wanted):
+        own = slice(low, low + block.n_runs)
+        pairs = [
+            (getattr(old, each), getattr(part, each)(frame)[own])
+            for each in ("along_of", "omegas_of", "amplitudes_of")
+        ]
+        for there in np.flatnonzero(old.frames == part.frames[frame]).tolist():
+            first = int(np.searchsorted(old.along_of(there), pairs[0][1][0]))
+            held = slice(first, first + block.n_runs)
+            if all(np.array_equal(of(there)[held], wanted) for of, wanted in pairs):
                 return old.directions.index(name), there, first
         return None
 

@@ -67,6 +67,8 @@ class RunGrid(Part):
     """Dimension of the stroboscopic points."""
     status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "skip_rule")
 
+    ties: ClassVar[tuple[str, ...]] = ()
+    """Formulas of frequency and amplitude."""
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
     is_path: ClassVar[bool] = False
     """Whether a run starts from what another one left."""
@@ -85,21 +87,42 @@ class RunGrid(Part):
     @property
     def n_frames(self) -> int:
         """Number of frames."""
-        return self.omega.size
+        return self.frames.size
 
     @property
     def n_along(self) -> int:
         """Number of runs of one frame and direction."""
-        return self.amplitude.size
+        return self.along_of(0).size
+
+    @property
+    def frames(self) -> np.ndarray:
+        """Values of the dimension of the frames: their frequencies."""
+        return self.omega
 
     def amplitudes_of(self, _frame: int) -> np.ndarray:
-        """Return the amplitudes of a frame, ascending, shape (n_along,)."""
+        """Return the amplitudes of the runs of a frame, shape (n_along,)."""
         return self.amplitude
+
+    def along_of(self, frame: int) -> np.ndarray:
+        """Return the values of the last dimension of the runs of a frame, ascending."""
+        return self.amplitudes_of(frame)
+
+    def omegas_of(self, frame: int) -> np.ndarray:
+        """Return the frequencies of the runs of a frame, shape (n_along,)."""
+        return np.full(self.n_along, self.omega[frame])
 
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
         return variables.run_variables(self.settings, self.structure)
+
+    @property
+    def grid(self) -> dict[str, Coordinate]:
+        """Values of the dimensions of the frames, and of the runs of a frame."""
+        return {
+            "omega": Coordinate(self.omega.astype("<f8"), *variables.OMEGA),
+            "amplitude": Coordinate(self.amplitude.astype("<f8"), *variables.AMPLITUDE),
+        }
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -108,8 +131,7 @@ class RunGrid(Part):
             **variables.measure_coordinates(self.structure, self.settings),
             **variables.slider_names(self.structure),
             "direction": variables.named(self.directions, self.direction_name),
-            "omega": Coordinate(self.omega.astype("<f8"), *variables.OMEGA),
-            "amplitude": Coordinate(self.amplitude.astype("<f8"), *variables.AMPLITUDE),
+            **self.grid,
             self.point_dim: variables.numbered(self.settings.stored_points, "stroboscopic point"),
             "state": variables.states(self.structure),
             "mode": variables.numbered(
@@ -133,7 +155,7 @@ class RunGrid(Part):
 
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a frame, after an untimed one that reaches the attractor."""
-        frame = int(share * self.omega.size)
+        frame = int(share * self.n_frames)
         at = int(along * (max(self.n_along - n_runs - 1, 0) + 1))
         places = np.arange(at, min(at + n_runs + 1, self.n_along))
         arrived = self.end_state(self.runs_at(frame, places[:1], self.initial_state, poll), -1)
@@ -147,8 +169,13 @@ class RunGrid(Part):
     def relations(self, block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
         _, frame, low = block.first
-        amplitudes = self.amplitudes_of(frame)[low : low + block.n_runs]
-        units = self.structure.units_at(float(self.omega[frame]), amplitudes)
+        own = slice(low, low + block.n_runs)
+        omegas, amplitudes = self.omegas_of(frame)[own], self.amplitudes_of(frame)[own]
+        if (omegas == omegas[0]).all() and len(self.structures) == 1:
+            units = self.structure.units_at(float(omegas[0]), amplitudes)
+        else:
+            steps = zip(omegas.tolist(), amplitudes.tolist(), strict=True)
+            units = np.array([self.units_at(*one, at) for at, one in enumerate(steps, low)])
         return broken_relations(self.settings, amplitudes, rows, units)
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
@@ -174,6 +201,7 @@ class RunGrid(Part):
     def warnings(self) -> Iterator[str]:
         """Return one line for each thing that looks like a mistake in what drives the structure."""
         continues = self.is_path and "final_state" in self.carried
+        continues &= self.run_dims[-1] == "amplitude"
         return doubts(self.structure, *self.covered, continues)
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
@@ -200,7 +228,7 @@ class RunGrid(Part):
     def describe(self, run: Place) -> dict[str, Any]:
         """Describe a run: ``direction``, ``omega``, ``amplitude``."""
         direction, frame, at = run
-        omega, amplitude = float(self.omega[frame]), float(self.amplitudes_of(frame)[at])
+        omega, amplitude = float(self.omegas_of(frame)[at]), float(self.amplitudes_of(frame)[at])
         return {"direction": self.directions[direction], "omega": omega, "amplitude": amplitude}
 
     def describe_task(self, task: int) -> str:
@@ -215,24 +243,36 @@ class RunGrid(Part):
         """Settings with all metrics that the runs compute."""
         return replace(self.settings, metrics=self.settings.metrics | self.always)
 
+    @cached_property
+    def _by_kernels(self) -> dict[tuple, Structure]:
+        """A structure for each set of kernels that runs call."""
+        from hpcsweep.studies.compilation import kernel_set
+
+        return {kernel_set(self._all_settings, one): one for one in self.structures}
+
     @property
     def kernels(self) -> tuple:
         """What identifies the kernels that its runs call."""
-        from hpcsweep.studies.compilation import kernel_set
+        return tuple(self._by_kernels)
 
-        return kernel_set(self._all_settings, self.structure)
+    def _specialises(self, n_ranks: float | None) -> bool:
+        from hpcsweep.studies.compilation import worth_specialising
+
+        return len(self.structures) == 1 and worth_specialising(self, n_ranks)
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled, worth_specialising
+        from hpcsweep.studies.compilation import is_compiled
 
-        return is_compiled(self._all_settings, self.structure, worth_specialising(self, n_ranks))
+        each, own = self._by_kernels.values(), self._specialises(n_ranks)
+        return all(is_compiled(self._all_settings, one, own) for one in each)
 
     def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import warm_up, worth_specialising
+        from hpcsweep.studies.compilation import warm_up
 
-        warm_up(self._all_settings, say, None, self.structure, worth_specialising(self, n_ranks))
+        for one in self._by_kernels.values():
+            warm_up(self._all_settings, say, None, one, self._specialises(n_ranks))
 
 
 class AlongAmplitudes(RunGrid):

@@ -85,7 +85,8 @@ OMEGA = (
     Key(
         "amplitude",
         "A, amplitudes of the forcing acceleration, at least 0, ascending, in the same ways; of "
-        "basins a single one",
+        "basins a single one; of sweeps also a formula of what they are along, "
+        '`"0.7 * omega**2"`, as `sweep.omega` may be',
         example="{from = 0.005, to = 0.25, step = 0.0025}",
     ),
 )

@@ -66,6 +66,19 @@ class Part(ABC):
         return {}
 
     @property
+    def structures(self) -> tuple[Structure, ...]:
+        """The structure of each run of a frame, or of all of them."""
+        return (self.structure,)
+
+    def structure_at(self, at: int) -> Structure:
+        """Return the structure of a run of a frame."""
+        return self.structures[at % len(self.structures)]
+
+    def units_at(self, omega: float, amplitude: Any, at: int = 0) -> np.ndarray:
+        """Return the units of states, `Structure.units_at`, of a run of a frame."""
+        return self.structure_at(at).units_at(omega, amplitude)
+
+    @property
     @abstractmethod
     def n_frames(self) -> int:
         """Number of frames."""

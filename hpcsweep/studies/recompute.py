@@ -66,13 +66,13 @@ def compute_again(study: Study, block: Block, row: int, run: dict, start: np.nda
     RunAgain
     """
     other = witness_of(study.settings.solver, study.structure)
-    described = study.describe(block.run(row))
+    described, home = study.describe(block.run(row)), study.structure_at(block.run(row)[-1])
     point = described["omega"], described["amplitude"]
     solvers: dict[tuple, tuple] = {}
     compared = []
     for motion in study.motions(run):
         own = motion.get("omega", point[0]), motion.get("amplitude", point[1])
-        place = motion.get("structure", study.structure), *own
+        place = motion.get("structure", home), *own
         if place not in solvers:
             structure = place[0].measured_at(*own)
             solver = make_solver(other, structure, own[0], SOLVERS[other].tight, yields=True)

@@ -252,6 +252,16 @@ class Study(Protocol):
         """Structure, that of the first part."""
 
     @property
+    def structures(self) -> tuple[Structure, ...]:
+        """The structure of each run of a frame, or of all of them."""
+
+    def structure_at(self, at: int) -> Structure:
+        """Return the structure of a run of a frame."""
+
+    def units_at(self, omega: float, amplitude: Any, at: int = 0) -> np.ndarray:
+        """Return the units of states, `Structure.units_at`, of a run of a frame."""
+
+    @property
     def settings(self) -> SweepSettings:
         """How runs are computed."""
 

@@ -98,7 +98,7 @@ class RunTally(BaseTally):
     def add(self, frame, study: Study) -> None:
         """Count the runs of one frame; see `BaseTally.add`."""
         super().add(frame, study)
-        classes = classify(frame, study.settings, study.structure.units_at)[:, 0]
+        classes = classify(frame, study.settings, study.units_at)[:, 0]
         for direction, kinds in zip(study.directions, classes, strict=True):
             self.count(direction, kinds)
         outcome = frame["outcome"].values[:, 0]

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import faults
 import pytest
 from tools import (
+    ALONG,
     ATTRACTORS,
     BASINS,
     GRID,
@@ -109,6 +110,7 @@ STARTS = BASINS.replace("count = 9", "count = 81").replace("count = 7", "count =
 REUSE = ("--reuse", "old.h5")
 CASES = {
     "amplitude_sweep": Case(faults.JOB),
+    "along omega": Case(slow(ALONG, 30, 500).replace("block = 4", "block = 2")),
     "vary": Case(faults.JOB + VARY),
     "storeys that yield": Case(YIELDING),
     "points": Case(slow(GRID, 30, 5000)),

@@ -9,6 +9,7 @@ from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.path import Followed, SweepPath
 
 
 def job(text: str):
@@ -154,6 +155,10 @@ OTHER = {
     "block_size": 7,
     "listed": True,
     "refine": Refinement(),
+    "steps": SweepPath(
+        Followed("omega", "sweep.omega", "frequency", np.array([0.5])),
+        *("amplitude", np.array([0.1]), np.array([[0.5]]), np.array([[0.1]])),
+    ),
 }
 """Another value than that of the job below, for every field that has a meaning."""
 ALONG = {

@@ -346,7 +346,13 @@ def test_the_file_tells_its_structure(text, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "n", "contacts"),
-    [("pounding", 8, 3), ("clearance", 1, 2), ("two-masses", 2, 1), ("bilinear", 1, 1)],
+    [
+        ("pounding", 8, 3),
+        ("clearance", 1, 2),
+        ("two-masses", 2, 1),
+        ("bilinear", 1, 1),
+        ("soft-impact", 1, 1),
+    ],
 )
 def test_the_shipped_jobs_are_what_they_say(name, n, contacts):
     job = load_job(JOBS / "structures" / f"{name}.toml")

@@ -10,8 +10,10 @@ import faults
 import numpy as np
 import pytest
 from tools import (
+    ALONG,
     ATTRACTORS,
     BASINS,
+    GAPS,
     GRID,
     RECORDS,
     REFINED,
@@ -35,6 +37,8 @@ max_seeds = 40
 """
 CAMPAIGNS = {
     "amplitude_sweep": SMALL,
+    "along omega": ALONG,
+    "along a gap": GAPS,
     "points": GRID,
     "attractors": ATTRACTORS.replace("count = 6", "count = 3"),
     "basins": BASINS,

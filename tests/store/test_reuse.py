@@ -5,7 +5,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from tools import ATTRACTORS, BASINS, GRID, SMALL, assert_same_datasets, hpcsweep
+from tools import ALONG, ATTRACTORS, BASINS, GRID, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep.campaign.run import COMPLETE, run_all
 from hpcsweep.job import parse_job
@@ -37,6 +37,7 @@ def reused(path) -> dict:
     [
         pytest.param(SMALL, FINER, 4 * 22, id="finer frequencies"),
         pytest.param(SMALL, FINER.replace("block = 4", "block = 3"), 4 * 22, id="other blocks"),
+        pytest.param(ALONG, ALONG.replace("[0.05, 0.1, ", "[0.1, 0.15, "), 66, id="along omega"),
         pytest.param(GRID, GRID.replace("count = 11", "count = 21"), 44, id="points"),
         pytest.param(SMALL + "[vary]\nstructure.gap = [1.0, 0.8]\n", SMALL, 88, id="a part"),
         pytest.param(SMALL, SMALL + "[vary]\nstructure.gap = [0.8, 1.0]\n", 88, id="into a part"),

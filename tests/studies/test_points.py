@@ -107,8 +107,8 @@ def test_a_list_lies_on_the_grid_of_its_frequencies_and_amplitudes(tmp_path):
     frames = Frames(path)
     try:
         grid = Grid(frames)
-        assert grid.omega.tolist() == [0.5, 0.6, 0.7]
-        assert grid.amplitude.tolist() == [0.0, 0.05, 0.2]
+        assert grid.rows.tolist() == [0.5, 0.6, 0.7]
+        assert grid.along.tolist() == [0.0, 0.05, 0.2]
         middle = grid.dataset(1)
         assert middle["outcome"].values[0, 0].tolist() == [0, 1, 1]
         own = frames.dataset(2)["final_state"].values[0, 0, 0]

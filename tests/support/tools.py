@@ -42,6 +42,19 @@ max_orbit_period = 6
 [output]
 block = 4
 """
+ALONG = (
+    SMALL.replace("count = 4", "count = 11")
+    .replace("[sweep]", '[sweep]\nalong = "omega"')
+    .replace("{from = 0.02, to = 0.3, count = 11}", "[0.05, 0.1, 0.2, 0.3]")
+)
+"""Sweeps along the frequency, one an amplitude."""
+GAPS = (
+    SMALL.replace("[sweep]", '[sweep]\nalong = "structure.gap"').replace(
+        "{from = 0.02, to = 0.3, count = 11}", '"0.4 * omega**2 * sqrt(gap)"'
+    )
+    + '[vary]\n"structure.gap" = {from = 0.5, to = 1.5, count = 11}\n'
+)
+"""Sweeps along a gap, one a frequency, with amplitudes tied to both."""
 GRID = '[study]\nkind = "points"\n' + SMALL.replace("block = 4", "lyapunov = true")
 REFINE = 'kind = "points"\nrefine = {levels = 3, wrong = 0.2}'
 REFINED = (

@@ -46,7 +46,7 @@ def draw(results, omega: float | None = None, floors: Sequence[int] = ()):
     size = orbits.orbit_area(frame)
     for floor, axis in axes.items():
         orbits.scatter_motions(axis, frame, index, floor, orbits.FINE * size, size)
-        orbits.mark_stops(axis, structure, floor)
+        orbits.mark_stops(axis, [structure], floor)
     style.limit_amplitudes(axis, frame["amplitude"].values)
     legend(figure, frame, index, starts_text(results, frame), MAX_COLUMNS)
     return style.head(figure, style.caption(results, float(frame["omega"])))

@@ -5,11 +5,13 @@ its colours from `hpcsweep.figures.palette`, so that a motion, a contact set or 
 the same as everywhere, and its labels from `hpcsweep.figures.style`.
 """
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hpcsweep.figures import style
+from hpcsweep.figures import labels, style
 from hpcsweep.figures.options import Option
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -79,51 +81,91 @@ class Figure(Protocol):
 
 
 class Frame(NamedTuple):
-    """One frame of a sweep over amplitudes, as `open_frame` finds it.
+    """One frame of a sweep, as `open_frame` finds it.
 
     Attributes
     ----------
     results, runs : xarray.Dataset
-        With the dimension of the frequency, and without.
-    classes : ndarray of int, shape (n_directions, n_amplitudes)
+        With the dimension of the frames, and without.
+    classes : ndarray of int, shape (n_directions, n_along)
         `MotionClass` of its runs.
     done : ndarray of bool, same shape
         Complete ones.
+    study : RunGrid
     structure : Structure
     omega : float
+        NaN where it is not the same in all runs.
+    along : ndarray, shape (n_along,)
+        Values of the parameter along which the sweep leads.
+    caption : str
     """
 
     results: Any
     runs: Any
     classes: np.ndarray
     done: np.ndarray
+    study: RunGrid
     structure: Structure
     omega: float
+    along: np.ndarray
+    caption: str
 
 
-def open_frame(results, omega: float | None, *needed: str) -> Frame:
-    """Choose the frame nearest to a frequency, default the first.
+def open_frame(
+    results,
+    omega: float | None,
+    *needed: str,
+    amplitudes: Sequence[float] = (),
+    any_path: bool = False,
+) -> Frame:
+    """Choose the frame nearest to a frequency, along that to an amplitude, default the first.
 
     Raises
     ------
     PlotError
-        If it lacks a needed variable, its points have no amplitudes in common, or no run of it is
-        complete.
+        If it lacks a needed variable, its points have no amplitudes in common, no run of it is
+        complete, or it leads along another parameter and not `any_path` is drawn.
     """
     style.need(results, *needed)
-    style.need_amplitudes(style.job_of(results).study)
-    results = results.isel(omega=[style.nearest_frame(results["omega"].values, omega)])
-    runs = results.isel(omega=0)
+    study = style.study_of(results, RunGrid)
+    style.need_amplitudes(study, any_path)
+    frame, along = study.run_dims[-2:]
+    if len(amplitudes) and frame != "amplitude":
+        hint = "--kind orbit and measures draw all those of a frame, --kind phase single ones"
+        raise style.PlotError(f"--amplitude {amplitudes[0]:g}: no sweep along omega: {hint}")
+    asked = _asked(study, omega, amplitudes)
+    results = results.isel({frame: [style.nearest_frame(results[frame].values, asked, frame)]})
+    runs = results.isel({frame: 0})
     done = runs["outcome"].values == Outcome.COMPLETE
     if not done.any():
         raise style.PlotError("no run of this frame is complete yet")
     classes = style.classes_of(results)[:, 0]
-    return Frame(results, runs, classes, done, style.structure_of(results), float(runs["omega"]))
+    own = labels.common(runs["omega"].values)
+    caption = style.caption(results, own, labels.path_words(study, runs))
+    found = study, study.structure, math.nan if own is None else own, runs[along].values, caption
+    return Frame(results, runs, classes, done, *found)
 
 
-def load_frame(frames: "Frames", omega: float | None = None, **_options):
-    """Read the frame nearest to a frequency, default the first."""
-    omegas = as_kind(frames.study, RunGrid).omega
-    if omega is not None:
-        style.check_omega(omegas, omega)
-    return frames.gather([*frames], [style.nearest_frame(omegas, omega)])
+def load_frame(
+    frames: "Frames", omega: float | None = None, amplitudes: Sequence[float] = (), **_options
+):
+    """Read the frame nearest to a frequency, along that to an amplitude, default the first."""
+    study = as_kind(frames.study, RunGrid)
+    name, asked = study.run_dims[-2], _asked(study, omega, amplitudes)
+    if asked is not None:
+        style.check_omega(study.frames, asked, name)
+    return frames.gather([*frames], [style.nearest_frame(study.frames, asked, name)])
+
+
+def _asked(study: RunGrid, omega: float | None, amplitudes: Sequence[float] = ()) -> float | None:
+    """Return the frequency, or the amplitude along it, of the frame that is asked for.
+
+    Raises
+    ------
+    PlotError
+        If the frames have no frequencies.
+    """
+    name = study.run_dims[-2]
+    if omega is not None and name != "omega":
+        raise style.PlotError(f"--omega {omega:g}: the sweep is along {study.run_dims[-1]}")
+    return amplitudes[0] if name == "amplitude" and len(amplitudes) else omega

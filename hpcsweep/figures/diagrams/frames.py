@@ -1,5 +1,6 @@
 """Small orbit diagrams of several frames side by side."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +12,7 @@ from hpcsweep.figures.diagrams.mesh import COLUMNS, panels
 from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import DIRECTION, FLOORS, Option
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.grid import RunGrid
 
 MAX_FRAMES = 12
 ORBIT = 2.5
@@ -27,7 +29,7 @@ OPTIONS = (DIRECTION, Option("--frames", "number of frames", type=int, metavar="
 
 def load(reader, frames: int | None = None, **_options):
     """Read the frames to draw."""
-    return reader.gather([*reader], choose(reader.study.omega, frames).tolist())
+    return reader.gather([*reader], choose(reader.study.frames, frames).tolist())
 
 
 def draw(
@@ -51,24 +53,29 @@ def draw(
         If the file does not hold the variables to draw.
     """
     style.need(results, "poincare")
-    style.need_amplitudes(style.job_of(results).study)
-    structure = style.structure_of(results)
+    study = style.study_of(results, RunGrid)
+    style.need_amplitudes(study, any_path=True)
+    structure, name = study.structure, study.run_dims[-2]
     if len(floors) > 1:
         raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
     floor = labels.choose_floors(structure.n_floors, floors)[-1] + 1
-    chosen = choose(results["omega"].values, frames)
-    results = results.isel(omega=chosen, direction=[style.direction_index(results, direction)])
+    chosen = choose(results[name].values, frames)
+    shown = {name: chosen, "direction": [style.direction_index(results, direction)]}
+    results = results.isel(shown)
     classes = style.classes_of(results)
     motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
     figure, axes = panels(len(chosen), ONE, (2.4, 1.75), (0.0, 1.0), sharey=False)
     for place, axis in enumerate(axes):
-        _panel(axis, results.isel(omega=place, direction=0), motions[place], floor - 1)
+        _panel(axis, results.isel({name: place, "direction": 0}), motions[place], floor - 1)
+        words = {"omega": r"$\Omega$ = {:.4g}", "amplitude": "$A$ = {:.4g}"}.get(name, "")
+        axis.set_title(words.format(float(results[name][place])), fontsize=8.5, pad=3)
     figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)
     for axis in axes[-COLUMNS:]:
-        axis.set_xlabel(labels.amplitude(structure).removeprefix("forcing amplitude "))
+        axis.set_xlabel(re.sub("^forcing (amplitude|frequency) ", "", labels.along(study)))
         axis.tick_params(labelbottom=True)
     _legend(figure, results, classes, motions)
-    title = f"{style.caption(results)},  {style.words_of(results)}"
+    caption = style.caption(results, more=labels.path_words(study, results))
+    title = f"{caption},  {style.words_of(results)}"
     return style.head(figure, title, fontsize=8.5)
 
 
@@ -91,14 +98,13 @@ def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
 
 
 def _panel(axis, frame, motions, floor: int) -> None:
-    amplitude = frame["amplitude"].values
-    size = float(np.clip(300 / max(amplitude.size, 1), 0.5, 4.0))
+    along = frame[frame["outcome"].dims[-1]].values
+    size = float(np.clip(300 / max(along.size, 1), 0.5, 4.0))
     done = np.where(frame["outcome"].values == Outcome.COMPLETE, motions, -1)
     orbits.scatter_motions(axis, frame, done, floor, size, ORBIT * size)
     style.draw_lattice(axis)
-    axis.set_title(rf"$\Omega$ = {float(frame['omega']):.4g}", fontsize=8.5, pad=3)
     axis.tick_params(labelsize=8)
-    style.limit_amplitudes(axis, amplitude)
+    style.limit_amplitudes(axis, along)
 
 
 def _legend(figure, results, classes, motions) -> None:

@@ -1,23 +1,31 @@
 """Measures of storeys, floors and contacts against the amplitude, one frame."""
 
+import math
+from collections.abc import Sequence
+
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.figure import load_frame, open_frame
 from hpcsweep.figures.measures import LABELS, held_measures, measure_of
-from hpcsweep.figures.options import DIRECTION, OMEGA
+from hpcsweep.figures.options import AMPLITUDES, DIRECTION, OMEGA
 
 NAME = "measures"
 DRAWS = "motions"
 HELP = """\
 peak drift of each storey, displacement and acceleration of each floor, force and
 impacts of each contact against the amplitude, one frame"""
-OPTIONS = (OMEGA, DIRECTION)
+OPTIONS = (OMEGA, AMPLITUDES, DIRECTION)
 MAX_LINES = 10
 """Storeys, floors or contacts that are drawn, the first."""
 load = load_frame
 
 
-def draw(results, omega: float | None = None, direction: str | None = None):
-    """Draw the frame nearest to `omega`, default the first.
+def draw(
+    results,
+    omega: float | None = None,
+    direction: str | None = None,
+    amplitudes: Sequence[float] = (),
+):
+    """Draw the frame nearest to `omega`, along that to an amplitude, default the first.
 
     Raises
     ------
@@ -29,21 +37,21 @@ def draw(results, omega: float | None = None, direction: str | None = None):
         asked = ", ".join(f"output.{name}" for name in LABELS)
         raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
     swept = [style.direction_index(results, direction)]
-    one = open_frame(results.isel(direction=swept), omega)
+    one = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes, any_path=True)
     structure, frame, done = one.structure, one.runs.isel(direction=0), one.done[0]
+    over_amplitude = one.study.run_dims[-2:] == ("omega", "amplitude")
     figure, axes = style.new_figure(len(shown), 1.2 + 2.3 * len(shown))
     for axis, name in zip(axes, shown, strict=True):
         measure = measure_of(results, structure, name)
         for place, words in enumerate(measure.places[:MAX_LINES]):
             values = frame[name].isel({measure.dim: place}).where(done) * measure.factor[place]
             looks = {"markersize": 3, "linewidth": 0.8, "color": palette.series_colour(place)}
-            axis.plot(frame["amplitude"], values, ".-", label=words, **looks)
+            axis.plot(one.along, values, ".-", label=words, **looks)
         axis.set_ylabel(measure.label + measure.unit)
         axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)
-        graze = structure.grazing_amplitude(one.omega)
-        if frame["amplitude"].min() <= graze <= frame["amplitude"].max():
+        graze = structure.grazing_amplitude(one.omega) if over_amplitude else math.nan
+        if one.along[0] <= graze <= one.along[-1]:
             axis.axvline(graze, color=palette.STOP, linewidth=0.8, linestyle="--")
-    axes[-1].set_xlabel(labels.amplitude(structure) + ",  dashed: grazing")
-    words = style.words_of(one.results)
-    return style.head(figure, f"{style.caption(one.results, one.omega)},  {words}", fontsize=9)
+    axes[-1].set_xlabel(labels.along(one.study) + ",  dashed: grazing" * over_amplitude)
+    return style.head(figure, f"{one.caption},  {style.words_of(one.results)}", fontsize=9)

@@ -48,11 +48,23 @@ def open_map(
         If there is no such direction, or fewer than two frames or amplitudes.
     """
     study = frames.study
+    need_plane(study.run_dims)
     least_cells(study.amplitude.size)
     further = () if value is None else (value,)
     direction = study.directions[style.choose_direction(study.directions, direction)]
     names = (*VARIABLES, *further)
     return gather(frames, names, cells, direction=direction, derive={MOTION: style.classes_of})
+
+
+def need_plane(dims: Sequence[str]) -> None:
+    """Refuse sweeps whose runs are not spread over amplitude and frequency.
+
+    Raises
+    ------
+    PlotError
+    """
+    if not {"omega", "amplitude"} <= {*dims}:
+        raise style.PlotError(f"no map over amplitude and frequency: the sweep is along {dims[-1]}")
 
 
 def least_cells(amplitudes: int) -> None:
@@ -75,6 +87,8 @@ def by_frequency(results, direction: str | None = None):
     PlotError
         If there are fewer than two amplitudes, or no such direction.
     """
+    need_plane(results["outcome"].dims)
+    results = results.transpose("direction", "omega", "amplitude", ...)
     least_cells(amplitudes(results).size)
     chosen = [style.direction_index(results, direction)]
     order = np.argsort(results["omega"].values, kind="stable")

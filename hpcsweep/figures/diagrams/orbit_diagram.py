@@ -1,4 +1,4 @@
-"""Orbit diagram: stroboscopic displacement of each floor against the forcing amplitude."""
+"""Orbit diagram: stroboscopic displacement of each floor along a sweep."""
 
 from collections.abc import Sequence
 from textwrap import wrap
@@ -12,16 +12,17 @@ from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
 from hpcsweep.figures.fitting import dot
-from hpcsweep.figures.options import FLOORS, OMEGA, Option
+from hpcsweep.figures.options import AMPLITUDES, FLOORS, OMEGA, Option
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "orbit"
 DRAWS = "motions"
 HELP = """\
-stroboscopic displacement of each floor against the forcing amplitude, one frame, sweeps
-up and down, contact regions along the top"""
+stroboscopic displacement of each floor against the forcing amplitude, or what the sweep
+is along, one frame, sweeps up and down, contact regions along the top"""
 OPTIONS = (
     OMEGA,
+    AMPLITUDES,
     FLOORS,
     Option(
         "--color",
@@ -32,6 +33,7 @@ OPTIONS = (
 load = load_frame
 MAX_SHORTENED = 16
 """Regions whose contact sets have no room above the panels and are listed below them."""
+PLACES = {"amplitude": "amplitudes", "omega": "frequencies"}
 MAX_SETS = 10
 """Contact sets that the legend names: the commonest."""
 MAX_COLUMNS = 6
@@ -51,7 +53,7 @@ class Group(NamedTuple):
     colour : str
     label : str
         Label in the legend; empty to leave the group out.
-    runs : ndarray of bool, shape (n_directions, n_amplitudes)
+    runs : ndarray of bool, shape (n_directions, n_along)
         Runs of the points.
     """
 
@@ -60,7 +62,13 @@ class Group(NamedTuple):
     runs: np.ndarray
 
 
-def draw(results, omega: float | None = None, color: str = "direction", floors: Sequence[int] = ()):
+def draw(
+    results,
+    omega: float | None = None,
+    color: str = "direction",
+    floors: Sequence[int] = (),
+    amplitudes: Sequence[float] = (),
+):
     """Draw one frame of a campaign.
 
     Parameters
@@ -73,30 +81,31 @@ def draw(results, omega: float | None = None, color: str = "direction", floors: 
         Meaning of the colours; period: the period of orbits, the class of other motions.
     floors : sequence of int, optional
         Shown, from 1; see `labels.choose_floors`.
+    amplitudes : sequence of float, optional
+        One, in place of `omega` for a sweep along that.
 
     Raises
     ------
     PlotError
         If the file does not hold the variables to draw.
     """
-    one = open_frame(results, omega, "poincare", *(("contact",) if color == "contact" else ()))
+    needed = ("poincare", *(("contact",) if color == "contact" else ()))
+    one = open_frame(results, omega, *needed, amplitudes=amplitudes, any_path=True)
     structure = one.structure
-    figure, axes = orbits.floor_panels(structure, floors)
+    figure, axes = orbits.floor_panels(structure, floors, labels.along(one.study))
     groups = _groups(color, one)
     for floor, axis in axes.items():
         for group in groups:
             _scatter(axis, one.runs, group, floor)
-        orbits.mark_stops(axis, structure, floor)
-    style.limit_amplitudes(axis, one.runs["amplitude"].values)
+        orbits.mark_stops(axis, one.study.structures, floor, one.along)
+    style.limit_amplitudes(axis, one.along)
     note = ""
     if "contact" in one.runs:
-        apart = coexistence(one.runs, one.classes, structure.units_at)
-        regions = _mark_regions(
-            [*axes.values()], one.runs, one.done, structure.contact_labels, apart
-        )
+        apart = coexistence(one.runs, one.classes, one.study.units_at)
+        regions = _mark_regions([*axes.values()], one, structure.contact_labels, apart)
         note = "\n".join(filter(None, (regions, labels.contacts_text(structure))))
     _legend(figure, groups, color, one, note)
-    return style.head(figure, style.caption(one.results, one.omega))
+    return style.head(figure, one.caption)
 
 
 def _groups(color: str, one: Frame) -> list[Group]:
@@ -140,12 +149,12 @@ def _scatter(axis, frame, group: Group, floor: int) -> None:
             orbits.scatter(axis, frame, own & chosen, floor, zorder=2 if filled else 3, **looks)
 
 
-def _mark_regions(axes, frame, done, labels, coexisting) -> str:
+def _mark_regions(axes, one: Frame, labels, coexisting) -> str:
     """Mark the contact regions along the top, as in Figure 3 of the paper, with a legend."""
-    amplitude = frame["amplitude"].values
-    least = max(3, amplitude.size // 100)
-    regions = contact_regions(frame["contact"].values, done, least, coexisting)
-    edges = np.clip(edges_of(amplitude), amplitude[0], amplitude[-1])
+    along = one.along
+    least = max(3, along.size // 100)
+    regions = contact_regions(one.runs["contact"].values, one.done, least, coexisting)
+    edges = np.clip(edges_of(along), along[0], along[-1])
     total = edges[-1] - edges[0]
     top = axes[0]
     taken: list[float] = []
@@ -176,16 +185,16 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
         where = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
         looks = {"fontsize": 7, "linespacing": 1.05, "rotation": 0 if wide else 90}
         top.annotate(label, *at, ha="center", va="bottom", **where, **looks)
-    return _words_of_regions(len(regions), shortened)
+    return _words_of_regions(len(regions), shortened, one.study.run_dims[-1])
 
 
-def _words_of_regions(count: int, shortened: list[str]) -> str:
+def _words_of_regions(count: int, shortened: list[str], along: str) -> str:
     """Explain the numbers of regions, and list the contact sets that had no room."""
     if count < 2:
         return ""
     text = (
-        f"(i) to ({roman(count)}): amplitudes of one contact set, C: contacts that close; "
-        "two sets: sweeps on two motions"
+        f"(i) to ({roman(count)}): {PLACES.get(along, 'values')} of one contact set, C: contacts "
+        "that close; two sets: sweeps on two motions"
     )
     if len(shortened) > MAX_SHORTENED:
         more = f"and {len(shortened) - MAX_SHORTENED} more"

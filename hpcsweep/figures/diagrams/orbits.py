@@ -1,4 +1,4 @@
-"""Panels of stroboscopic displacements over the forcing amplitude, one a floor."""
+"""Panels of stroboscopic displacements over the parameter of a sweep, one a floor."""
 
 from collections.abc import Sequence
 
@@ -14,8 +14,10 @@ FINE, FINE_KEY = 0.1, 3
 the legend."""
 
 
-def floor_panels(structure, floors: Sequence[int]):
+def floor_panels(structure, floors: Sequence[int], label: str = ""):
     """Make a figure of floors, from 1 (see `labels.choose_floors`), the top one uppermost.
+
+    The horizontal axis is that of the amplitude, unless it has another `label`.
 
     Returns
     -------
@@ -29,24 +31,24 @@ def floor_panels(structure, floors: Sequence[int]):
         at = "" if height > PAGE else "(jT)"
         axis.set_ylabel(labels.displacement(structure, floor, at))
         axis.margins(y=0.08)
-    axes[-1].set_xlabel(labels.amplitude(structure))
+    axes[-1].set_xlabel(label or labels.amplitude(structure))
     return figure, dict(zip(shown, axes, strict=True))
 
 
 def orbit_area(frame) -> float:
-    """Return the area of the points of orbits (points^2): the smaller, the more amplitudes."""
-    return float(np.clip(14000 / max(frame["amplitude"].size, 1), 0.4, 7.0))
+    """Return the area of the points of orbits (points^2): the smaller, the more runs."""
+    return float(np.clip(14000 / max(frame["outcome"].shape[-1], 1), 0.4, 7.0))
 
 
 def scatter(axis, frame, runs: np.ndarray, floor: int, **looks) -> None:
     """Draw the stroboscopic points of some runs of a frame, an array of bool, of a floor."""
     counts = frame["n_points"].values[runs]
     if counts.size:
-        amplitude = frame["amplitude"].broadcast_like(frame["n_points"])
-        amplitude = amplitude.transpose(*frame["n_points"].dims).values[runs]
+        along = frame[frame["outcome"].dims[-1]].broadcast_like(frame["n_points"])
+        along = along.transpose(*frame["n_points"].dims).values[runs]
         points = frame["poincare"].values[..., floor][runs]
         there = np.arange(points.shape[-1]) < counts[:, None]
-        axis.scatter(np.repeat(amplitude, counts), points[there], rasterized=True, **looks)
+        axis.scatter(np.repeat(along, counts), points[there], rasterized=True, **looks)
 
 
 def scatter_motions(axis, frame, index: np.ndarray, floor: int, fine: float, orbit: float) -> None:
@@ -78,10 +80,14 @@ def motion_keys(index: np.ndarray, marker: str, size: float) -> list:
     ]
 
 
-def mark_stops(axis, structure, floor: int) -> None:
-    """Draw the floor's stops that lie within the panel."""
+def mark_stops(axis, structures: Sequence, floor: int, along=()) -> None:
+    """Draw the floor's stops within the panel, of one structure or of each `along` the axis."""
     limits = axis.get_ylim()
-    for place in (place for side in stops(structure, floor) for place in side):
-        if limits[0] < place < limits[1]:
-            axis.axhline(place, color=palette.STOP, linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
+    looks = {"color": palette.STOP, "linewidth": 0.8, "linestyle": (0, (5, 3)), "zorder": 1}
+    places = np.array([[*right, *left] for right, left in (stops(s, floor) for s in structures)])
+    for own in places.T:
+        if len(own) == 1 and limits[0] < own[0] < limits[1]:
+            axis.axhline(own[0], **looks)
+        elif len(own) > 1:
+            axis.plot(along, own, **looks)
     axis.set_ylim(limits)

@@ -9,7 +9,7 @@ from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
 from hpcsweep.figures.fitting import dot
-from hpcsweep.figures.options import DIRECTION, FLOORS, OMEGA, Option, whole_number
+from hpcsweep.figures.options import AMPLITUDES, DIRECTION, FLOORS, OMEGA, Option, whole_number
 from hpcsweep.model.description import stops
 from hpcsweep.solvers.outcome import Outcome
 
@@ -18,9 +18,7 @@ DRAWS = "motions"
 HELP = "phase portraits of the floors at --amplitude A ... or of orbit --period P ..."
 OPTIONS = (
     OMEGA,
-    Option(
-        "--amplitude", "amplitudes drawn", dest="amplitudes", type=float, nargs="+", metavar="A"
-    ),
+    AMPLITUDES,
     Option(
         "--period",
         "orbit periods; an example of each is found in the sweep",

@@ -116,8 +116,8 @@ def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) ->
         One frame of a campaign, with ``poincare``.
     classes : ndarray of int, shape (n_directions, n_amplitudes)
         `MotionClass` of its runs.
-    units_at : callable (omega, amplitude), optional
-        Units of the states, `Structure.units_at`. Default: 1.
+    units_at : callable (omega, amplitude, place), optional
+        Units of the states, as of `RunGrid`. Default: 1.
 
     Returns
     -------
@@ -131,10 +131,11 @@ def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) ->
     differ |= (repeats[0] & chaos[1]) | (chaos[0] & repeats[1])
     points, counts = frame["poincare"].values, frame["n_points"].values
     period = frame["orbit_period"].values
-    for index in np.flatnonzero(repeats.all(axis=0)):
+    for index in np.flatnonzero(repeats.all(axis=0)).tolist():
         units = np.ones(points.shape[-1])
         if units_at is not None:
-            units = units_at(float(frame["omega"]), frame["amplitude"].values[index])
+            forcing = (frame[name].values for name in ("omega", "amplitude"))
+            units = units_at(*(float(one[index] if one.ndim else one) for one in forcing), index)
         up, down = (points[d, index, : counts[d, index]] / units for d in (0, 1))
         gaps = np.abs(up[:, None] - down[None]).max(axis=2)
         differ[index] = (

@@ -4,6 +4,7 @@ import html
 import json
 import math
 import re
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -118,13 +119,18 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
             notes["label"] = f"{label}, {place}{_plain(unit_name)}"
         add(name, codes, n_amplitudes, **notes)
     worst = _add_points(study, bits, add)
-    grazing = [_grazing(study.structure, omega) for omega in study.omega.tolist()]
+    each = study.steps.get("structures", [])
+    grazing: list[float | None] = [None] * study.omega.size
+    if not study.steps:
+        grazing = [_grazing(study.structure, omega) for omega in study.omega.tolist()]
     low, high = study.amplitude[[0, -1]]
     grazes = any(one is not None and low <= one <= high for one in grazing)
     return {
         "branches": pack_branches(study.branches, study.structure, NAME_ROOM, add),
         "name": study.name,
-        "structure": _structure(study.structure),
+        "structure": _structure(study.structure, each),
+        "axes": {"x": _axis(study.dims[1], study.quantity), "y": _axis(study.dims[0], "")},
+        "steps": study.steps | {"structures": [*map(_structure, each)]} if study.steps else None,
         "unitNames": _unit_names(study.structure),
         "grazing": grazing,
         "omega": study.omega.tolist(),
@@ -242,8 +248,22 @@ def _grazing(structure, omega: float) -> float | None:
     return amplitude if math.isfinite(amplitude) else None
 
 
-def _structure(structure) -> dict:
-    """Return the structure as the page integrates and describes it: divided by the masses."""
+def _axis(name: str, quantity: str) -> dict[str, str]:
+    """Return label, unit, noun and, of a key of the structure, the name of an axis."""
+    known = {
+        "amplitude": ("forcing amplitude A", "acceleration"),
+        "omega": ("forcing frequency Ω", "frequency"),
+    }
+    key = "" if name in known else name.replace("_", " ")
+    label, unit = known.get(name, (key, quantity))
+    return {"label": label, "quantity": unit, "noun": key or name, "key": key}
+
+
+def _structure(structure, each: Sequence = ()) -> dict:
+    """Return the structure as the page integrates and describes it: divided by the masses.
+
+    Of several, one a step of a sweep, the words are those that hold along it, without stops.
+    """
     mass = structure.mass_matrix
 
     def entries(vector) -> list[list]:
@@ -251,7 +271,11 @@ def _structure(structure) -> dict:
 
     finite = math.isfinite(structure.sharpness)
     own = [stops(structure, floor) for floor in range(structure.n_floors)]
-    words = (f"{GREEK.get(s, s)} = {value}" if s else value for s, value in in_words(structure))
+    if each:
+        own = [([], [])] * structure.n_floors
+    words_of = [in_words(one) for one in (*each[:1], *each[-1:])]
+    common = (one for one in in_words(structure) if all(one in words for words in words_of))
+    words = (f"{GREEK.get(s, s)} = {value}" if s else value for s, value in common)
     return {
         "words": ", ".join(words).replace("inf", "∞"),
         "floors": structure.n_floors,

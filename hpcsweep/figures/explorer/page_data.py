@@ -39,6 +39,7 @@ class PageData:
     structure : Structure
     omega : ndarray, shape (n_frames,)
     amplitude : ndarray, shape (n_amplitudes,)
+        Of a sweep along another parameter the values of its frames and along these.
     directions : tuple of str
     words : tuple of str
         The directions in words.
@@ -72,6 +73,13 @@ class PageData:
     """Meaning of the runs of a place: one ``direction`` each, or one ``attractor``."""
     branches: list[list[Drawn]] = field(default_factory=list)
     """Of each frame, if any are shown."""
+    dims: tuple[str, str] = ("omega", "amplitude")
+    """What `omega` and `amplitude` are the values of."""
+    quantity: str = "acceleration"
+    """What has the unit of the second."""
+    steps: dict[str, list] = field(default_factory=dict)
+    """Of a sweep along another parameter: `omega` and `amplitude` of each frame and step, lists,
+    and `structures`, one a step, or none."""
 
 
 def gather(
@@ -106,11 +114,11 @@ def gather(
     reader = Frames(path, ("motions", "attractors"), at)
     study, grid = as_kind(reader.study, RunGrid), Grid(reader)
     style.refuse_sliders(f"{path}: explore", study.structure)
-    rows = range(0, grid.omega.size, frame_step)
-    if len(rows) * grid.amplitude.size > MAX_CELLS:
+    rows = range(0, grid.rows.size, frame_step)
+    if len(rows) * grid.along.size > MAX_CELLS:
         raise style.PlotError(
-            f"{path}: its points lie on a grid of {grid.omega.size} frequencies and "
-            f"{grid.amplitude.size} amplitudes, more than {MAX_CELLS} places"
+            f"{path}: its points lie on a grid of {grid.rows.size} frequencies and "
+            f"{grid.along.size} amplitudes, more than {MAX_CELLS} places"
         )
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
@@ -118,7 +126,7 @@ def gather(
     runs, points = [], []
     held = 0
     for done, row in enumerate(rows, 1):
-        chosen = grid.dataset(row).isel(amplitude=slice(None, None, amplitude_step))
+        chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
         if several:
             chosen = attractors.as_runs(chosen)
         numbers, words = _values(chosen, study.structure)
@@ -137,8 +145,11 @@ def gather(
     gathered = PageData(
         name=", ".join(filter(None, (reader.job.name, reader.part))),
         structure=study.structure,
-        omega=grid.omega[::frame_step],
-        amplitude=grid.amplitude[::amplitude_step],
+        omega=grid.rows[::frame_step],
+        amplitude=grid.along[::amplitude_step],
+        dims=(study.run_dims[-2], study.run_dims[-1]),
+        quantity=[*study.grid.values()][-1].units,
+        steps=_steps(study, frame_step, amplitude_step),
         directions=study.directions,
         words=tuple(study.words[name] for name in study.directions),
         runs={name: np.stack([frame[name] for frame in runs]) for name in runs[0]},
@@ -154,6 +165,18 @@ def gather(
     return attractors.as_study(gathered) if several else gathered
 
 
+def _steps(study: RunGrid, frame_step: int, step: int) -> dict[str, list]:
+    """Return what drives each run, of sweeps along other parameters than the amplitude."""
+    if study.run_dims[-2:] == ("omega", "amplitude"):
+        return {}
+    order = np.argsort(study.frames, kind="stable")[::frame_step].tolist()
+    return {
+        "omega": [study.omegas_of(frame)[::step].tolist() for frame in order],
+        "amplitude": [study.amplitudes_of(frame)[::step].tolist() for frame in order],
+        "structures": [*study.structures[::step]] if len(study.structures) > 1 else [],
+    }
+
+
 def add_branches(study: PageData, path: Path) -> None:
     """Add the branches of a file, at those of the frames where it has a line.
 
@@ -162,6 +185,8 @@ def add_branches(study: PageData, path: Path) -> None:
     StoreError, PlotError
         If the file does not fit; one line for the user.
     """
+    if study.steps:
+        raise style.PlotError(f"--branches {path}: the sweep is along {study.dims[-1]}")
     with contextlib.closing(Overlay(path, study.structure)) as overlay:
         overlay.need(study.omega)
         study.branches = [overlay.at(one) for one in study.omega.tolist()]

@@ -144,17 +144,19 @@ class Film:
                 raise PlotError(f"{request.file}: holds no {name}: {wanted}")
         self.study = as_kind(self.frames.study, RunGrid)
         self.structure = self.frames.job.structure
-        style.need_amplitudes(self.study)
+        style.need_amplitudes(self.study, any_path=True)
         self.measure: ShownMeasure | None = None
         if request.show:
             self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
         n = len(self.measure.places) if self.measure else self.structure.n_floors
         self.floors = labels.choose_floors(n, request.floors)
-        self.order = [int(k) for k in np.argsort(self.study.omega, kind="stable")[:: request.every]]
+        order = np.argsort(self.study.frames, kind="stable")
+        self.order = order[:: request.every].tolist()
         self.overlay: Overlay | None = None
         if request.branches:
             if request.show:
                 raise PlotError(f"--branches {request.branches}: does not go with --show")
+            style.need_amplitudes(self.study)
             self.overlay = Overlay(request.branches, self.structure)
             self.overlay.need(self.study.omega[self.order])
         there = self.study.directions

@@ -52,6 +52,9 @@ class Picture:
 
     def __init__(self, film: Film, common: Common):
         self._film, study, self._labels = film, film.study, film.structure.contact_labels
+        self._along = study.along_of(0)
+        symbols = {"omega": "Ω = {:.4f}", "amplitude": "A = {:.4g}"}
+        self._symbol = symbols.get(study.run_dims[-2], "")
         names = style.set_names(common.contacts, self._labels)
         self.sets = {
             c: (palette.contact_colour(c, self._labels), name)
@@ -72,12 +75,12 @@ class Picture:
         self.panels = rest[: -n_panels - 1 : -1]
         for panel, floor, (low, high) in zip(self.panels, film.floors, common.limits, strict=True):
             pad = max(MARGIN * (high - low), 1e-6)
-            style.limit_amplitudes(panel, study.amplitude)
+            style.limit_amplitudes(panel, self._along)
             panel.set(ylim=(low - pad, high + pad), ylabel=self._name(floor))
             style.draw_lattice(panel)
             panel.tick_params(labelbottom=panel is self.panels[0])
-        self.panels[0].set_xlabel(labels.amplitude(film.structure))
-        self._edges = np.clip(edges_of(study.amplitude), *panel.get_xlim())
+        self.panels[0].set_xlabel(labels.along(study))
+        self._edges = np.clip(edges_of(self._along), *panel.get_xlim())
         self.bands: Any = None
         if n_bands:
             self.bands = rest[0]
@@ -85,7 +88,7 @@ class Picture:
             self.bands.set(xlim=panel.get_xlim(), ylim=(n_bands, 0), xticks=[], frame_on=False)
             self.bands.set_yticks(np.arange(n_bands) + 0.5, words, fontsize=8)
             self.bands.tick_params(length=0)
-        room = 0.9 * pixels / study.amplitude.size
+        room = 0.9 * pixels / self._along.size
         radius = float(np.clip(0.3 * room, 1.0, 3.2 * max(pixels / PIXELS[0], 0.6)))
         # points of chaos are fine, those of orbits are large and lie on them
         sizes = ("s", np.clip(radius, 1.5, 3)), ("o", 2 * radius + 1)
@@ -93,10 +96,11 @@ class Picture:
             {"ls": "none", "marker": marker, "ms": 72 * size / dpi, "mew": 0}
             for marker, size in sizes
         ]
-        self._omega, self._mark = self._draw_scale(scale, study.omega[[*common.frames]])
+        self._value, self._mark = self._draw_scale(scale, study.frames[[*common.frames]])
         self._add_legend()
         measure = film.measure.label if film.measure else ""
-        style.head(self.figure, measure, style.parameters(film.structure, room=None))
+        fixed = style.parameters(study.structures[0], None, None, study.structures[-1])
+        style.head(self.figure, measure, ",  ".join([fixed, *study.ties]))
         self.figure.align_ylabels(self.panels)
         self.figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)
         self.figure.canvas.draw()
@@ -105,16 +109,17 @@ class Picture:
     def paint(self, frame: int) -> np.ndarray:
         """Paint a frame of the film; see `draw`."""
         film = self._film
-        return self.draw(float(film.study.omega[frame]), film.read(frame), film.branches(frame))
+        return self.draw(float(film.study.frames[frame]), film.read(frame), film.branches(frame))
 
     def draw(
-        self, omega: float, frame: Mapping[str, np.ndarray], branches: Sequence[Drawn] = ()
+        self, value: float, frame: Mapping[str, np.ndarray], branches: Sequence[Drawn] = ()
     ) -> np.ndarray:
         """Draw one frame.
 
         Parameters
         ----------
-        omega : float
+        value : float
+            Frequency, along that amplitude.
         frame : mapping
             From `Film.read`.
         branches : sequence of Drawn, optional
@@ -130,9 +135,9 @@ class Picture:
         for artist in (*self._bands(frame), *self._branches(branches), *self._points(frame)):
             self.figure.draw_artist(artist)
             artist.remove()
-        self._omega.set_text(f"Ω = {omega:.4f}")
-        self._mark.set_xdata([omega])
-        for artist in (self._omega, self._mark):
+        self._value.set_text(self._symbol.format(value))
+        self._mark.set_xdata([value])
+        for artist in (self._value, self._mark):
             self.figure.draw_artist(artist)
         return np.array(canvas.buffer_rgba())[..., :3]
 
@@ -165,13 +170,13 @@ class Picture:
 
     def _points(self, frame: Mapping[str, np.ndarray]) -> Iterator[Any]:
         points, large = frame["poincare"], frame["orbit_period"] > 0
-        amplitude = np.broadcast_to(self._film.study.amplitude[:, None], points.shape[1:3])
+        along = np.broadcast_to(self._along[:, None], points.shape[1:3])
         for d in reversed(range(len(points))):  # the first direction is on top
             for is_large, looks in enumerate(self._markers):
                 for key, (colour, _) in self.keys.items():
                     runs = (frame["key"][d] == key) & (large[d] == is_large)
                     for place, panel in enumerate(self.panels if runs.any() else ()):
-                        drawn = amplitude[runs].ravel(), points[d, runs, :, place].ravel()
+                        drawn = along[runs].ravel(), points[d, runs, :, place].ravel()
                         yield from panel.plot(*drawn, color=colour, **looks)
 
     def _key(self, key: int) -> tuple[str, str]:
@@ -191,14 +196,15 @@ class Picture:
             return film.measure.places[floor] + film.measure.unit
         return labels.displacement(film.structure, floor, "(jT)")
 
-    def _draw_scale(self, axis, omega: np.ndarray):
-        """Draw the scale of frequencies; return the text and the mark that move."""
-        low, high = omega.min(), omega.max()
+    def _draw_scale(self, axis, values: np.ndarray):
+        """Draw the scale of frequencies, or amplitudes; return the text and the mark that move."""
+        low, high = values.min(), values.max()
         around = (low, high) if high > low else (low - 1, low + 1)
         axis.set(frame_on=False, yticks=[], xlim=around)
         axis.plot([low, high], [0, 0], color="0.6", linewidth=2, clip_on=False)
         axis.set_xticks([low, high], [f"{low:.4g}", f"{high:.4g}"])
-        natural = enumerate(self._film.structure.frequencies, 1)
+        is_frequency = self._film.study.run_dims[-2] == "omega"
+        natural = enumerate(self._film.structure.frequencies if is_frequency else (), 1)
         inside = {rf"$\omega_{{{i}}}$": w for i, w in natural if low < w < high}
         axis.set_xticks([*inside.values()], [*inside], minor=True)
         axis.tick_params(which="both", direction="inout", length=8, labelsize=9, color="0.4")

@@ -137,9 +137,7 @@ class FrameRuns:
             runs = self._measured_by(float(lengths[at[0]]))
             parts.append(runs._stretch(amplitudes[at], state, poll, follow))
             state = end_of(parts[-1], -1) if follow else state
-        if len(parts) == 1:
-            return parts[0]
-        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return joined(parts)
 
     def _measured_by(self, length: float) -> "FrameRuns":
         """Return the runs of the structure measured by a length; the last two are cached."""
@@ -263,6 +261,13 @@ class FrameRuns:
             result |= told_of_sliders(self.structure, seen.slid, found.orbit_period, limit)
         result |= {"points": seen.points[-n_points:], "n_points": n_points}
         store(row, self.structure, self.solver.omega, amplitude, result)
+
+
+def joined(parts: list[Rows]) -> Rows:
+    """Return the rows of parts, one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def chaotic_cycles(rows: Rows, row: int) -> int:

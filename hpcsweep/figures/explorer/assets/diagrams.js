@@ -37,6 +37,36 @@ function amplitudeWords(study, amplitude) {
   return shortNumber(amplitude, 6) + (study.unitNames.cycles ? inUnit(study, "acceleration") : "");
 }
 
+// What drives a run: of a sweep along another parameter each has a forcing, or a structure, of
+// its own; `amplitude` and `omega` of the study are then the values along the axes.
+function drive(study, frame, amplitude) {
+  const { steps } = study;
+  return steps
+    ? { structure: steps.structures[amplitude] ?? study.structure,
+      amplitude: steps.amplitude[frame][amplitude], omega: steps.omega[frame][amplitude] }
+    : { structure: study.structure, amplitude: study.amplitude[amplitude], omega: study.omega[frame] };
+}
+
+// The forcing of a run, after the value of a key that the sweep is along.
+function placeWords(study, frame, amplitude) {
+  const run = drive(study, frame, amplitude);
+  const { key, quantity } = study.axes.x;
+  const along = key ? `${key} = ${shortNumber(study.amplitude[amplitude], 6)}${inUnit(study, quantity)}, ` : "";
+  return `${along}A = ${amplitudeWords(study, run.amplitude)}, Ω = ${omegaWords(study, run.omega)}`;
+}
+
+// What a frame has in common.
+function frameWords(study, frame) {
+  const value = study.omega[frame];
+  const words = { frequency: () => ` at Ω = ${omegaWords(study, value)}`, acceleration: () => ` at A = ${amplitudeWords(study, value)}` };
+  return words[study.axes.y.quantity]?.() ?? "";
+}
+
+function axisLabel(study, axis) {
+  const { label, quantity } = study.axes[axis];
+  return label + unit(study, quantity);
+}
+
 const LEAST_PANEL = 64; // height of a floor's diagram in pixels
 const LABELLED_PANEL = 92; // least height with room for the whole label
 const LEAST_AXIS = 36; // width of the numbers beside a diagram, at least
@@ -127,7 +157,7 @@ class OrbitDiagrams {
       },
       axes: [
         last
-          ? { ...AXIS, label: `forcing amplitude A${unit(this.study, "acceleration")}`, labelSize: 18, labelFont: AXIS.font, size: 24 }
+          ? { ...AXIS, label: axisLabel(this.study, "x"), labelSize: 18, labelFont: AXIS.font, size: 24 }
           : { ...AXIS, size: 4, values: () => [] },
         { ...AXIS, label: name, labelSize: 18, labelFont: AXIS.font, size: () => this.axis, space: 24 },
       ],

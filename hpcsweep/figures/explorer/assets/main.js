@@ -97,7 +97,7 @@ class Explorer {
     this.map.mark(this.here, this.pin);
     const { study } = this;
     byId("diagram-title").textContent =
-      `Orbit diagram at Ω = ${omegaWords(study, study.omega[frame])} ` +
+      `Orbit diagram${frameWords(study, frame)} ` +
       `(frame ${frame + 1} of ${study.nFrames})`;
     const there = study.directions.map((name, d) => [name, study.run(frame, d, amplitude)])
       .filter(([, run], d) => d === 0 || study.each === "direction" || study.data.motion[run]);
@@ -108,8 +108,7 @@ class Explorer {
       return `${name}: ${about.join(", ")}`;
     });
     byId("readout").textContent =
-      `A = ${amplitudeWords(study, study.amplitude[amplitude])}, ` +
-      `Ω = ${omegaWords(study, study.omega[frame])}; ${words.join("; ")}`;
+      `${placeWords(study, frame, amplitude)}; ${words.join("; ")}`;
     if (this.refit) this.portraits.resize(); // into the room that all above leaves
     this.refit = false;
   }
@@ -203,9 +202,12 @@ class Explorer {
         [`Ω${unit(study, "frequency")}`, shortNumber(study.omega[this.diagrams.frame], 7)],
         ...branches.numbers(pointed)];
     }
+    const driven = drive(study, frame, amplitude);
+    const { key, quantity } = study.axes.x;
     const rows = [
-      [`A${unit(study, "acceleration")}`, shortNumber(study.amplitude[amplitude], 7)],
-      [`Ω${unit(study, "frequency")}`, shortNumber(study.omega[frame], 7)],
+      ...(key ? [[key + unit(study, quantity), shortNumber(study.amplitude[amplitude], 7)]] : []),
+      [`A${unit(study, "acceleration")}`, shortNumber(driven.amplitude, 7)],
+      [`Ω${unit(study, "frequency")}`, shortNumber(driven.omega, 7)],
       [study.each === "attractor" && isChaotic(study, run) ? "attractor or transient" : study.each,
         study.directions[this.direction]],
     ];
@@ -248,8 +250,7 @@ class Explorer {
     const run = study.run(frame, direction, amplitude);
     const note = byId("portrait-note");
     byId("portrait-title").textContent =
-      `Phase portrait at A = ${amplitudeWords(study, study.amplitude[amplitude])}, ` +
-      `Ω = ${omegaWords(study, study.omega[frame])}, ${study.words[direction]}`;
+      `Phase portrait at ${placeWords(study, frame, amplitude)}, ${study.words[direction]}`;
     if (!study.data.points || !study.data.counts[run]) {
       this.portraits.show(null);
       note.textContent = "No stroboscopic points of this run are in the page.";
@@ -258,8 +259,9 @@ class Explorer {
     const start = this.storedState(frame, run);
     const period = study.data.period[run];
     note.textContent = "Integrating …";
+    const driven = drive(study, frame, amplitude);
     const orbit = await orbitFrom(
-      study.structure, study.amplitude[amplitude], study.omega[frame], start, period,
+      driven.structure, driven.amplitude, driven.omega, start, period,
       () => ticket !== this.portraitCount);
     if (!orbit) return;
     orbit.periodic = period > 0;

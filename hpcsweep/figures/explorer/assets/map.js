@@ -91,8 +91,8 @@ class RunMap {
       legend: { show: false },
       cursor: { points: { show: false }, drag: { x: true, y: true, uni: 20, setScale: false } },
       axes: [
-        { ...AXIS, label: `forcing amplitude A${unit(this.study, "acceleration")}`, labelSize: 20, labelFont: AXIS.font, size: 28 },
-        { ...AXIS, ...one, label: `forcing frequency Ω${unit(this.study, "frequency")}`, labelSize: 20, labelFont: AXIS.font, size: 48 },
+        { ...AXIS, label: axisLabel(this.study, "x"), labelSize: 20, labelFont: AXIS.font, size: 28 },
+        { ...AXIS, ...one, label: axisLabel(this.study, "y"), labelSize: 20, labelFont: AXIS.font, size: 48 },
       ],
       hooks: {
         drawAxes: [(u) => u.ctx.drawImage(this.canvas, u.bbox.left, u.bbox.top)],

@@ -37,7 +37,7 @@ function notes(study) {
   const t = study.thinned;
   const words = [
     "Point at the map: orbit diagram of that frame. Click: phase portrait and numbers of that " +
-      "run. Click into the orbit diagram: another amplitude. Click the portraits: larger. Drag a box or turn the wheel: zoom; " +
+      "run. Click into the orbit diagram: another run. Click the portraits: larger. Drag a box or turn the wheel: zoom; " +
       "double click: whole map. A legend entry shows its class alone.",
     `Keys on the map: arrows move the pointed run (with Shift by 20), Enter selects it, ` +
       `Escape returns to the selected one, + − 0 zoom, D changes the ${study.each}.`,
@@ -73,7 +73,7 @@ function notes(study) {
     words.push(`Modal norms are those of the lowest ${modes} of ${study.nFloors} modes.`);
   }
   if (t.frame_step > 1 || t.amplitude_step > 1) {
-    words.push(`Thinned: one frame in ${t.frame_step}, one amplitude in ${t.amplitude_step}.`);
+    words.push(`Thinned: one frame in ${t.frame_step}, one ${study.axes.x.noun} in ${t.amplitude_step}.`);
   }
   return words;
 }
@@ -106,7 +106,7 @@ function describe(study) {
   byId("title").textContent = study.name;
   byId("structure").textContent =
     `${s.words}; ` +
-    [[study.nFrames, "frame"], [study.nAmplitudes, "amplitude"], [study.nDirections, study.each]]
+    [[study.nFrames, "frame"], [study.nAmplitudes, study.axes.x.noun], [study.nDirections, study.each]]
       .map(([count, noun]) => `${count} ${noun}${count === 1 ? "" : "s"}`).join(" × ");
   byId("notes").replaceChildren(
     ...notes(study).map((words) => {

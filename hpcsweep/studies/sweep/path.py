@@ -1,0 +1,134 @@
+"""Paths of sweeps: the forcing and the structure at each value of one parameter.
+
+A path leads along the amplitude unless the job says otherwise, at each frequency as it is. Along
+another parameter (``sweep.along``), or where a formula ties frequency or amplitude to it, every
+step has a frequency, an amplitude and a structure of its own. A run depends on these and on the
+state at the end of the run before it, which is taken at phase 0 of the forcing: so it is carried
+along as it is, whatever changes.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies.keys import Key
+from hpcsweep.studies.variable import Coordinate, Variable
+from hpcsweep.studies.variables import AMPLITUDE, OMEGA, numbered
+
+FORCING = {"omega": OMEGA, "amplitude": AMPLITUDE}
+"""Unit and long name of what drives each step."""
+ALONG = Key(
+    "along",
+    'parameter along which the state is carried from run to run: `"amplitude"`, `"omega"`, or a '
+    "key of structure, pounding or `building[0]` whose values `[vary]` has "
+    "([how](studies.md#sweeps-along-other-parameters))",
+    "amplitude",
+)
+
+
+class Followed(NamedTuple):
+    """A key along which a sweep leads, its ascending values, and the structure at each."""
+
+    name: str
+    key: str
+    units: str
+    values: np.ndarray
+    structures: tuple[Structure, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SweepPath:
+    """Steps of a sweep, the same number in each frame.
+
+    Attributes
+    ----------
+    along : Followed
+    frame : str
+        Dimension of the frames: what has a value in each, ``omega`` or ``amplitude``, or ``frame``
+        where formulas tie both.
+    frames : ndarray, shape (n_frames,)
+        These values.
+    omega, amplitude : ndarray, shape (n_frames, n_along)
+    ties : tuple of str
+        The formulas, in words.
+    """
+
+    along: Followed
+    frame: str
+    frames: np.ndarray
+    omega: np.ndarray
+    amplitude: np.ndarray
+    ties: tuple[str, ...] = ()
+
+    @property
+    def meaning(self) -> tuple:
+        """What identifies the runs, however the formulas are written."""
+        return self.along, self.frame, self.frames, self.omega, self.amplitude
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of the dimensions of frames and steps."""
+        name, key, units, values, _ = self.along
+        frames = numbered(1, "path")
+        if self.frame in FORCING:
+            frames = Coordinate(self.frames.astype("<f8"), *FORCING[self.frame])
+        along = FORCING.get(name, (units, key))
+        return {self.frame: frames, name: Coordinate(values.astype("<f8"), *along)}
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Frequency and amplitude of each step, where they are no dimension."""
+        dims = self.frame, self.along.name
+        return [
+            (Variable(name, dims, "<f8", *words), getattr(self, name))
+            for name, words in FORCING.items()
+            if name not in dims
+        ]
+
+    @property
+    def words(self) -> str:
+        """The path in words."""
+        values = self.along.values
+        text = f"along {self.along.key} from {values[0]:.6g} to {values[-1]:.6g}"
+        return ", ".join([text, *self.ties])
+
+
+def read_path(values: Any, followed: Followed | None) -> SweepPath | None:
+    """Read the path of a job's sweeps; None along the amplitude, each at one frequency.
+
+    Parameters
+    ----------
+    values : hpcsweep.job.values.Values
+    followed : Followed, optional
+        Of a key of the structure.
+    """
+    along = followed.name if followed else values.get("sweep.along", ALONG.default)
+    table = values.table("sweep")
+    ties = {name: table[name] for name in FORCING if isinstance(table.get(name), str)}
+    if along == ALONG.default and not ties:
+        return None
+    if along in ties:
+        raise values.error(f"sweep.{along}", ties[along], "must be numbers: the sweep is along it")
+    readers = {"omega": values.frequencies, "amplitude": values.amplitudes}
+    numbers = {name: read(f"sweep.{name}") for name, read in readers.items() if name not in ties}
+    if followed is None:
+        own = numbers.pop(along)
+        if np.any(np.diff(own) <= 0):
+            raise values.error(f"sweep.{along}", own.tolist(), "must ascend: the sweep is along it")
+        followed = Followed(along, f"sweep.{along}", FORCING[along][0], own)
+    several = [name for name, own in numbers.items() if own.size > 1]
+    if len(several) > 1:
+        limit = f"must be one number or a formula along {along} where sweep.omega has several"
+        raise values.error("sweep.amplitude", numbers["amplitude"].tolist(), limit)
+    frame = [*several, *numbers, "frame"][0]
+    frames = numbers.get(frame, np.zeros(1))
+    shape = frames.size, followed.values.size
+    known = {along: np.broadcast_to(followed.values, shape)}
+    known |= {name: np.broadcast_to(own[:, None], shape) for name, own in numbers.items()}
+    for name, text in ties.items():
+        known[name] = values.tied(f"sweep.{name}", text, known)
+    words = tuple(f"{name} = {text}" for name, text in ties.items())
+    omega, amplitude = (np.ascontiguousarray(known[name]) for name in FORCING)
+    return SweepPath(followed, frame, frames, omega, amplitude, words)

@@ -1,0 +1,259 @@
+"""Sweeps along any parameter: each run is that from the same state, whatever else has changed."""
+
+import math
+
+import numpy as np
+import pytest
+from tools import ALONG, ATTRACTORS, GAPS, SMALL, hpcsweep, made
+
+import hpcsweep as api
+from hpcsweep.checks.validate import validate
+from hpcsweep.figures.diagrams import frames, measures, orbit_diagram
+from hpcsweep.figures.style import PlotError, classes_of
+from hpcsweep.job import JobError, parse_job, part_of
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
+
+ONE = """
+[structure]
+n_floors = 1
+sharpness = inf
+stiffness_ratio = 50.0
+damping_ratio = 0.02
+[sweep]
+along = "omega"
+omega = {from = 0.9, to = 1.4, count = 51}
+amplitude = 0.1
+"""
+"""One mass and a stop: past its resonance motions with and without contact coexist."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Results of sweeps along the frequency, a gap, and the frequency at one amplitude."""
+    folder = tmp_path_factory.mktemp("paths")
+    for name, text in (("omega", ALONG), ("gap", GAPS), ("one", ONE)):
+        made(text, folder / f"{name}.h5")
+    return folder
+
+
+def walk(results, frame: int, initial: np.ndarray):
+    """Yield the runs of a frame in the order of the sweeps, each with the state before it."""
+    state = initial
+    for direction, order in (("up", slice(None)), ("down", slice(None, None, -1))):
+        runs = results.sel(direction=direction).isel({results["outcome"].dims[1]: frame})
+        along = runs["outcome"].dims[0]
+        for at in np.arange(runs.sizes[along])[order]:
+            yield runs.isel({along: at}), state
+            state = runs["final_state"].values[at]
+
+
+@pytest.mark.parametrize("text", [ALONG, GAPS], ids=["omega", "gap"])
+def test_points_are_those_by_hand_from_the_state_before_to_the_last_bit(text, tmp_path):
+    text = text.replace("[output]", '[solver]\nskip = "none"\n[output]')
+    results = api.open_results(made(text, tmp_path / "path.h5"))
+    base = {"n_floors": 2, "stiffness_ratio": 300.0, "sharpness": 4e3, "damping_ratio": 0.05}
+    assert (results["outcome"] == 1).all()
+    for run, state in walk(results, 2, np.zeros(4)):
+        gap, omega = float(run.get("gap", 1.0)), float(run["omega"])
+        amplitude = 0.2 if 'along = "omega"' in text else 0.4 * omega**2 * math.sqrt(gap)
+        assert float(run["amplitude"]) == amplitude
+        structure = Structure(**base, gap=gap)
+        points = api.stroboscopic_points(structure, amplitude, omega, state, 50)
+        count = int(run["n_points"])
+        stored = run["poincare"].values[:count]
+        if int(run["classification_cycles"]) == 0:
+            assert stored.tobytes() == points[-count:].tobytes()
+        assert run["final_state"].values.tobytes() == points[-1].tobytes()
+
+
+@pytest.mark.parametrize("name", ["omega", "gap"])
+def test_runs_with_skip_rules_are_those_of_the_numerical_core_to_the_last_bit(folder, name):
+    results = api.open_results(folder / f"{name}.h5")
+    study = parse_job({"omega": ALONG, "gap": GAPS}[name], "", "job").study
+    state = study.initial_state
+    spared = 0
+    for run, _ in walk(results, 2, state):
+        at = int(np.searchsorted(study.along_of(2), float(run[study.run_dims[-1]])))
+        point = study.structure_at(at), float(run["omega"]), [float(run["amplitude"])]
+        rows = sweep_block(*point, state, study.settings)
+        for variable, values in rows.items():
+            assert np.asarray(run[variable].values, values.dtype).tobytes() == values.tobytes()
+        state = study.end_state(rows, 0)
+        spared += int(rows["skip_rule"][0] > 0)
+    assert spared > 11
+
+
+def test_up_and_down_differ_where_motions_with_and_without_contact_coexist(folder):
+    results = api.open_results(folder / "one.h5").isel(amplitude=0)
+    structure = Structure(1, 50.0, math.inf, 0.02)
+    omega = results["omega"].values
+    grazes = np.array([structure.grazing_amplitude(w) for w in omega.tolist()]) < 0.1
+    up, down = results["contact"].values > 0
+    # from high frequencies the free motion is followed to where it grazes, in closed form
+    assert np.array_equal(down[omega > 1.0], grazes[omega > 1.0])
+    both = (omega > 1.0) & up & ~down
+    assert both.sum() > 5
+    assert np.array_equal(up[~both], down[~both])
+
+
+def test_the_file_has_the_dimensions_of_the_path(folder):
+    along = api.open_results(folder / "omega.h5")
+    assert along["outcome"].dims == ("direction", "amplitude", "omega")
+    assert along["amplitude"].values.tolist() == [0.05, 0.1, 0.2, 0.3]
+    assert along["poincare"].dims == ("direction", "amplitude", "omega", "point", "state")
+    gaps = api.open_results(folder / "gap.h5")
+    assert gaps["outcome"].dims == ("direction", "omega", "gap")
+    assert gaps["amplitude"].dims == ("omega", "gap")
+    omega, gap = gaps["omega"].values[:, None], gaps["gap"].values
+    assert gaps["amplitude"].values == pytest.approx(0.4 * omega**2 * np.sqrt(gap), rel=1e-15)
+    assert gaps["gap"].attrs == {"units": "length", "long_name": "structure.gap"}
+    text = ONE.replace("= 0.1", '= "0.1 * omega"').replace("count = 51", "count = 3")
+    tied = parse_job(text, "", "job").study
+    assert tied.run_dims == ("direction", "frame", "omega")
+    text = text.replace('"omega"', '"amplitude"').replace('"0.1 * omega"', "[0.1, 0.2]")
+    text = text.replace("{from = 0.9, to = 1.4, count = 3}", '"1 + amplitude"')
+    tied = parse_job(text, "", "job").study
+    assert tied.run_dims == ("direction", "frame", "amplitude")
+    assert tied.omegas_of(0).tolist() == [1.1, 1.2]
+    assert tied.amplitudes_of(0).tolist() == [0.1, 0.2]
+
+
+@pytest.mark.parametrize("name", ["omega", "gap", "one"])
+def test_it_is_validated_summarized_and_described(folder, name):
+    report = validate(folder / f"{name}.h5", samples=4)
+    assert report.sound
+    assert [again.whole_run for again in report.sample] == ["equal"] * 4
+    for command in ("summary", "status"):
+        done = hpcsweep(0, command, folder / f"{name}.h5")
+        assert done.returncode == 0, done.stderr
+    (folder / "job.toml").write_text({"omega": ALONG, "gap": GAPS, "one": ONE}[name])
+    done = hpcsweep(0, "describe", folder / "job.toml")
+    key = "structure.gap" if name == "gap" else "sweep.omega"
+    assert f"along {key} from" in done.stdout
+    assert "linear, converged, newton: all hold along any path" in done.stdout
+    assert hpcsweep(0, "run", folder / "job.toml", "--dry-run").returncode == 0
+
+
+def test_it_is_drawn_over_its_parameter(folder, tmp_path):
+    along, gaps = (api.open_results(folder / f"{name}.h5") for name in ("omega", "gap"))
+    axes = orbit_diagram.draw(along, amplitudes=[0.21]).axes
+    assert axes[1].get_xlabel().startswith(r"forcing frequency $\Omega$")
+    assert axes[1].get_xlim() == pytest.approx((0.485 + 0.009, 0.815 - 0.009), abs=2e-2)
+    figure = orbit_diagram.draw(gaps, omega=0.6)
+    assert figure.axes[1].get_xlabel() == "gap"
+    assert "$g$" not in figure.get_suptitle()
+    assert "amplitude = 0.4 * omega**2 * sqrt(gap)" in figure.get_suptitle()
+    stop = figure.axes[1].lines[0]  # it moves with the gap
+    assert np.array_equal(stop.get_xdata(), stop.get_ydata())
+    assert [axis.get_title() for axis in frames.draw(along, frames=2).axes] == [
+        "$A$ = 0.05",
+        "$A$ = 0.3",
+    ]
+    assert classes_of(gaps).shape == (2, 4, 11)
+    with pytest.raises(PlotError, match=r"--omega 0.5: the sweep is along omega"):
+        orbit_diagram.draw(along, omega=0.5)
+    with pytest.raises(PlotError, match="the file holds none of them"):
+        measures.draw(along)
+    for kind, words in (("metrics", "the sweep is along omega"), ("map", "")):
+        done = hpcsweep(
+            0, "plot", folder / "omega.h5", "--kind", kind, "-o", tmp_path / f"{kind}.png"
+        )
+        assert (done.returncode, words in done.stderr) == (2 * bool(words), True)
+    done = hpcsweep(0, "plot", folder / "gap.h5", "--kind", "map", "-o", tmp_path / "no.png")
+    assert done.stderr == (
+        "hpcsweep: error: no map over amplitude and frequency: the sweep is along gap\n"
+    )
+
+
+def test_a_part_of_a_varied_path_is_a_job_of_its_own(tmp_path):
+    text = GAPS + "structure.stiffness_ratio = [100.0, 300.0]\n"
+    job = parse_job(text, "job", "job")
+    results = api.open_results(made(text, tmp_path / "varied.h5"))
+    assert results["outcome"].dims == ("stiffness_ratio", "direction", "omega", "gap")
+    own = part_of(job, (1,))
+    alone = api.open_results(made(own.text, tmp_path / "part.h5"))
+    for name in own.study.variables:
+        part = results.sel(stiffness_ratio=300.0)[name.name]
+        np.testing.assert_array_equal(part.values, alone[name.name].values)
+    assert parse_job(own.text, "", "job").fingerprint == parse_job(GAPS, "", "job").fingerprint
+    assert validate(tmp_path / "varied.h5", samples=2).sound
+
+
+def test_a_formula_counts_by_its_values():
+    formulas = "0.1 * omega**2", " 0.1*(omega ** 2)", "0.1 * omega**2.0000001"
+    jobs = [parse_job(ONE.replace("= 0.1", f'= "{one}"'), "", "job") for one in formulas]
+    first, same, other = (job.fingerprint for job in jobs)
+    assert first == same != other
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"omega"', '"Omega"', "sweep.along = 'Omega': must be omega, amplitude or a key of"),
+        ('"omega"', '"solver.rtol"', "sweep.along = 'solver.rtol': must be omega, amplitude or"),
+        ('"omega"', '"structure.gap"', "sweep.along = 'structure.gap': needs its values: [vary]"),
+        ("{from = 0.9, to = 1.4, count = 51}", "[1.0, 0.9]", "sweep.omega = [1.0, 0.9]: must asc"),
+        ("= 0.1", '= "0.1 * gap"', "sweep.amplitude = '0.1 * gap': knows no 'gap', only omega;"),
+        ("= 0.1", '= "1 - omega"', "must be from 1e-250 to 1e+250, is -0.01 at omega = 1.01"),
+        ("= 0.1", '= "sqrt(1 - omega)"', "is nan at omega = 1.01"),
+        ("= 0.1", '= "1 / (omega - 0.9)"', "is nan at omega = 0.9"),
+        ("= 0.1", '= "9.0**omega**999"', "is nan at omega = 1.01"),
+        ("= 0.1", '= "omega^2"', "must be of numbers, names, + - * / **, brackets, pi and sqrt"),
+        ("= 0.1", "= \"__import__('os')\"", "must be of numbers"),
+        ("= 0.1", '= "omega.real"', "must be of numbers"),
+        ("= 0.1", f'= "{"(" * 150}omega"', "must be of numbers"),
+        ("= 0.1", f'= "{"1+" * 150}omega"', "must have 200 letters at most"),
+        ("= 0.1", '= "sin"', "is nan at omega = 0.9"),
+        ("{from = 0.9, to = 1.4, count = 51}", '"1"', "sweep.omega = '1': must be numbers: the"),
+        ("[sweep]", '[study]\nkind = "points"\n[sweep]', "unknown key 'sweep.along'; it goes with"),
+    ],
+)
+def test_bad_paths_are_refused_in_one_line(old, new, words):
+    assert ONE.count(old) == 1
+    with pytest.raises(JobError) as refused:
+        parse_job(ONE.replace(old, new), "job.toml", "job")
+    said = str(refused.value)
+    assert said.startswith("job.toml: ")
+    assert words in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("{from = 0.5, to = 1.5, count = 11}", "[1.5, 0.5]", "vary.structure.gap = [1.5, 0.5]: mu"),
+        ("{from = 0.5, to = 1.5, count = 11}", "[0.5, inf]", "vary.structure.gap = [0.5, inf]: mu"),
+        ('"0.4 * omega**2 * sqrt(gap)"', "[0.1, 0.2]", "sweep.amplitude = [0.1, 0.2]: must be one"),
+        ("structure.gap", "structure.n_floors", "must be a whole number from 1 to"),
+        ("structure.gap", "structure.colour", "unknown key"),
+    ],
+)
+def test_bad_structures_along_a_path_are_refused_in_one_line(old, new, words):
+    with pytest.raises(JobError) as refused:
+        parse_job(GAPS.replace(old, new), "job.toml", "job")
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_other_studies_refuse_a_path_and_formulas():
+    for text in (ATTRACTORS, SMALL):
+        with pytest.raises(JobError, match=r"job: (unknown key 'sweep.along'|sweep.along = 'gap')"):
+            parse_job(text.replace("[sweep]", '[sweep]\nalong = "gap"'), "job", "job")
+
+
+def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_path):
+    from hpcsweep.figures.explorer.page import build_page
+    from hpcsweep.figures.explorer.page_data import add_branches, gather
+
+    page = gather(folder / "gap.h5")
+    study = parse_job(GAPS, "", "job").study
+    assert page.dims == ("omega", "gap")
+    assert page.steps["amplitude"][2] == study.amplitudes_of(2).tolist()
+    assert [one.gap for one in page.steps["structures"]] == study.along_of(0).tolist()
+    assert '"key": "gap"' in build_page(page)[0]
+    page = gather(folder / "omega.h5", amplitude_step=2)
+    assert page.steps["omega"][0] == page.amplitude.tolist()
+    assert page.steps["structures"] == []
+    with pytest.raises(PlotError, match="the sweep is along omega"):
+        add_branches(page, tmp_path / "none.h5")

@@ -54,8 +54,8 @@ shell("hpcsweep summary pair.h5")
 shell("hpcsweep plot pair.h5 --at gap=0.04 -o pair.png")
 
 # %%
-# One page for the browser, with both distances: curves, fragility and profiles, linked by the record
-# that is pointed at.
+# One page for the browser, with both distances: curves, fragility and profiles, linked by the
+# record that is pointed at.
 shell("hpcsweep explore pair.h5")
 
 # %%

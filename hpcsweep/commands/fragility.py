@@ -192,5 +192,5 @@ def _demands(options, results, study: "Records") -> int:
     write_demands(options.demands, *columns, unit="g", records=[one.name for one in study.suite])
     fallen = int(one["collapsed"].sum()) if "collapsed" in one else 0
     ended = f", {fallen} of them up to their collapse" if fallen else ""
-    print(f"{options.demands}: {one.sizes['record']} records at {scales[at]:g}{ended}")
+    print(f"{options.demands}: {one.sizes['record']} records at {study.measure} = {scales[at]:.4g}{ended}")
     return 0

@@ -147,4 +147,5 @@ def _menu(axis, structure) -> dict:
         ", ".join(f"{one.name} = {one.values[i]}" for one in axis.columns)
         for i in range(len(axis.values))
     )
-    return {"name": axis.name, "values": [f"{i}: {row}" for i, row in enumerate(rows, 1)]}
+    pairs = zip(axis.values, rows, strict=True)
+    return {"name": axis.name, "values": [f"{name}: {row}" for name, row in pairs]}

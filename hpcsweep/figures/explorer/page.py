@@ -32,7 +32,10 @@ SCRIPTS = {
         *("codec", "frame", "integrate", "colours", "map", "diagrams"),
         *("portraits", "branches", "words", "main"),
     ),
-    "records": ("codec", "frame", "colours", "stripes", "records"),
+    "records": (
+        *("codec", "frame", "colours", "stripes", "panel"),
+        *("views", "telling", "records"),
+    ),
 }
 """Parts of the program of each kind of page, in their order."""
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}

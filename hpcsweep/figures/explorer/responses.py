@@ -142,7 +142,8 @@ def _menu(axis, structure) -> dict:
     """Describe the menu of a key that the job varies, or of rows of keys."""
     if not axis.columns:
         values = [f"{v:.6g}" if isinstance(v, float) else str(v) for v in axis.values]
-        return {"name": axis.name + labels.unit(structure, axis.units), "values": values}
+        unit = labels.unit(structure, axis.units) if axis.units != "1" else ""
+        return {"name": axis.name + unit, "values": values}
     rows = (
         ", ".join(f"{one.name} = {one.values[i]}" for one in axis.columns)
         for i in range(len(axis.values))

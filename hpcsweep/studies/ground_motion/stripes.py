@@ -203,11 +203,17 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
     """
     from hpcsweep.earthquakes.fragility import REACHED, capacity_fragility  # loads scipy
 
-    event = COLLAPSE if stripes.label.startswith(COLLAPSE) else REACHED
+    own = capacities(stripes, threshold)
+    if stripes.label.startswith(COLLAPSE):
+        given, event, largest = "--collapse", COLLAPSE, ""
+    else:
+        most = stripes.values[np.isfinite(stripes.values)].max(initial=0.0)
+        largest = f", whose largest response is {most:.4g} {stripes.unit}".rstrip()
+        given, event = f"--threshold {threshold:g}", REACHED
     try:
-        return capacity_fragility(capacities(stripes, threshold), event=event)
+        return capacity_fragility(own, event=event)
     except ValueError as error:
-        raise StripesError(str(error)) from None
+        raise StripesError(f"{given}: {error}{largest}") from None
 
 
 def _label(unit: str) -> str:
@@ -225,5 +231,5 @@ def places_of(names: list[str], place: str | None) -> list[int]:
         i for i, name in enumerate(names) if name.startswith(place) and name[len(place) :].isdigit()
     ]
     if not found:
-        raise StripesError(f"{place}: must be one of {', '.join(names)}, or a building")
+        raise StripesError(f"--place {place}: must be one of {', '.join(names)}, or a building")
     return found

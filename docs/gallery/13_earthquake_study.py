@@ -54,6 +54,11 @@ shell("hpcsweep summary pair.h5")
 shell("hpcsweep plot pair.h5 --at gap=0.04 -o pair.png")
 
 # %%
+# One page for the browser, with both distances: curves, fragility and profiles, linked by the
+# record that is pointed at.
+shell("hpcsweep explore pair.h5")
+
+# %%
 # Largest drift ratio of building B, in per cent, with pounding and without: the median of the
 # records at three intensities (Sa at 0.78 s, m/s^2).
 results = hpcsweep.open_results("pair.h5")

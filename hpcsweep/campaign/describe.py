@@ -14,6 +14,8 @@ from hpcsweep.studies.study import Lines, Study
 
 MAX_MODES = 12
 """Number of lowest modes that are listed."""
+MAX_WORDS = 6
+"""Number of values of a key that are words, names of structures say, that are listed."""
 ROUNDING = 1e-12
 """Entry of a mode, over its largest, that is 0."""
 
@@ -57,7 +59,10 @@ def warnings(job: Job) -> list[str]:
 
 
 def _listed(values) -> str:
-    return ", ".join(values) if isinstance(values[0], str) else few(values)
+    if not isinstance(values[0], str):
+        return few(values)
+    more = f" and {len(values) - MAX_WORDS} more" if len(values) > MAX_WORDS else ""
+    return ", ".join(values[:MAX_WORDS]) + more
 
 
 def _units(structure) -> str:

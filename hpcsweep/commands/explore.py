@@ -1,5 +1,6 @@
 """`hpcsweep explore`: make a page that shows a whole study in a browser."""
 
+import contextlib
 import sys
 
 from hpcsweep.commands import CommandError, add_at, add_file
@@ -10,7 +11,11 @@ from hpcsweep.studies.run_names import count
 SUMMARY = "make one page to explore a study in a browser, without a network"
 HELP = """\
 Make one self-contained page: the map over (A, Omega); pointing at it shows the orbit diagram of
-that frame, clicking the phase portrait and numbers of that run."""
+that frame, clicking the phase portrait and numbers of that run. Of responses to records: curves of
+incremental dynamic analysis, fragility and profiles of all structures, linked by the record that is
+pointed at."""
+HELD = ("motions", "attractors", "responses")
+"""Holdings of files that have a page."""
 OPTIONS = (
     BRANCHES,
     Option(
@@ -56,42 +61,71 @@ def configure(parser) -> None:
 
 def run(options) -> int:
     """Run the command."""
-    from hpcsweep.figures.explorer.page import build_page, check_size, write_page
-    from hpcsweep.figures.explorer.page_data import add_branches, gather
+    from hpcsweep.figures.explorer.page import check_size, write_page
+    from hpcsweep.store import Frames
 
     output = options.output or options.file.with_suffix(".html")
     if not output.parent.is_dir():
         raise CommandError(f"{output}: cannot be written: {output.parent} is not a folder")
     check_overwriting(output, PAGE)
+    with contextlib.closing(Frames(options.file, HELD, options.at)) as frames:
+        make = _responses if frames.study.holds == "responses" else _motions
+        page, sizes, told, advice = make(options, frames)
+    check_size(sizes, options.max_mb * 1e6, advice)
+    with writing(output):
+        write_page(page, output)
+    print(f"{output}: {sum(sizes.values()) / 1e6:.3g} MB, {told}")
+    return 0
+
+
+def _motions(options, _frames):
+    """Return the page of a map, the sizes of its parts, its contents and how to have less."""
+    from hpcsweep.figures.explorer.page import build_page
+    from hpcsweep.figures.explorer.page_data import add_branches, gather
+
     study = gather(
         options.file,
         options.points,
         options.frame_step,
         options.amplitude_step,
         at=options.at,
-        say=_progress if sys.stderr.isatty() else None,
+        say=_progress("frame"),
     )
     if options.branches is not None:
         add_branches(study, options.branches)
-    page, sizes = build_page(study, options.bits)
-    check_size(sizes, options.max_mb * 1e6)
-    with writing(output):
-        write_page(page, output)
-    print(f"{output}: {_describe(study, sizes)}")
-    return 0
-
-
-def _progress(done: int, total: int) -> None:
-    end = "\n" if done == total else ""
-    print(f"\rreading frame {done} of {total}", end=end, file=sys.stderr, flush=True)
-
-
-def _describe(study, sizes: dict[str, int]) -> str:
-    """Format the size and the contents of the page."""
     kept, stored = study.thinned["points"], study.thinned["of_points"]
     along = count(study.amplitude.size, study.dims[1])
-    return (
-        f"{sum(sizes.values()) / 1e6:.3g} MB, {count(study.omega.size, 'frame')} x "
+    told = (
+        f"{count(study.omega.size, 'frame')} x "
         f"{along} x {count(len(study.directions), study.each)}, "
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )
+    advice = "fewer --points or --bits, a --frame-step or --amplitude-step"
+    return *build_page(study, options.bits), told, advice
+
+
+def _responses(options, frames):
+    """Return the same of a study of records."""
+    from hpcsweep.figures.explorer.page import fill_page
+    from hpcsweep.figures.explorer.responses import gather_responses, pack_responses
+
+    for option in OPTIONS[:-1]:
+        if getattr(options, option.keyword) != option.arguments.get("default"):
+            raise CommandError(f"{option.flag}: is for maps; {options.file} holds responses")
+    meta, arrays = gather_responses(frames, _progress("structure"))
+    told = (
+        f"{count(len(meta['records']), 'record')} x {count(len(meta['scales']), 'scale')} x "
+        f"{count(len(meta['parts']), 'structure')}, {', '.join(meta['responses'])}"
+    )
+    page, sizes = fill_page("records", meta["name"], *pack_responses(meta, arrays))
+    return page, sizes, told, "--at KEY=VALUE for one of the structures"
+
+
+def _progress(noun: str):
+    """Return what tells the progress of reading on a terminal; None without one."""
+
+    def say(done: int, total: int) -> None:
+        end = "\n" if done == total else ""
+        print(f"\rreading {noun} {done} of {total}", end=end, file=sys.stderr, flush=True)
+
+    return say if sys.stderr.isatty() else None

@@ -192,5 +192,6 @@ def _demands(options, results, study: "Records") -> int:
     write_demands(options.demands, *columns, unit="g", records=[one.name for one in study.suite])
     fallen = int(one["collapsed"].sum()) if "collapsed" in one else 0
     ended = f", {fallen} of them up to their collapse" if fallen else ""
-    print(f"{options.demands}: {one.sizes['record']} records at {scales[at]:g}{ended}")
+    where = f"{study.measure} = {scales[at]:.4g}"
+    print(f"{options.demands}: {one.sizes['record']} records at {where}{ended}")
     return 0

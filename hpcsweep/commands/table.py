@@ -85,15 +85,7 @@ def run(options) -> int:
 
 def _tables(frames, what: str | None, place: str | None) -> Iterator:
     """Yield the table of each part that is chosen."""
-    axes, chosen = frames.whole.study.axes, frames.place
-    asked = [i for i, axis in enumerate(axes) if axis.name in frames.given]
-    for at in frames.places:
-        if any(at[i] != chosen[i] for i in asked):
-            continue
-        frames.choose(at)
-        keys: dict[str, object] = {}
-        for axis, i in zip(axes, at, strict=True):
-            keys |= {one.name: one.values[i] for one in (axis, *axis.columns)}
+    for keys in frames.parts():
         study = frames.study
         wanted = _wanted(frames, what)
         held = [one.variable for one in wanted.values()]

@@ -66,12 +66,16 @@ def _rows(report) -> Rows:
             f"largest difference is {worst.difference:.2g}, {worst.allowed:.2g} allowed "
             f"({worst.at}; {worst.compared})",
         )
-    if report.sample:
-        counts = Counter(run.whole_run for run in report.sample)
-        periodic = sum(run.orbit_period > 0 for run in report.sample)
+    elif report.sample:
+        why = report.sample[0].compared.removeprefix("nothing: ")
+        yield "sample", f"0 of {len(report.sample)} runs compared: {why}"
+    whole = [run for run in report.sample if run.whole_run]
+    if whole:
+        counts = Counter(run.whole_run for run in whole)
+        periodic = sum(run.orbit_period > 0 for run in whole)
         yield (
             "whole",
-            f"{len(report.sample)} runs ({periodic} periodic) from their stored start by flow: "
+            f"{len(whole)} runs ({periodic} periodic) from their stored start by flow: "
             f"{counts['equal']} equal to the last bit, {counts['same']} within tolerance, "
             f"{counts['other']} others",
         )

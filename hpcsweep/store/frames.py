@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -113,6 +114,19 @@ class Frames:
     def variables(self) -> list[Variable]:
         """The variables of a run, in the order of the file."""
         return [*self._variables.values()]
+
+    def parts(self) -> Iterator[dict[str, Any]]:
+        """Select one after the other the parts of the given `at`, and yield the values of its keys.
+
+        Of keys that vary together, also those of their columns.
+        """
+        axes, chosen = self.whole.study.axes, self.place
+        asked = [i for i, axis in enumerate(axes) if axis.name in self.given]
+        for place in self.places:
+            if all(place[i] == chosen[i] for i in asked):
+                self.choose(place)
+                pairs = list(zip(axes, place, strict=True))
+                yield {k.name: k.values[i] for axis, i in pairs for k in (axis, *axis.columns)}
 
     def close(self) -> None:
         """Close the file."""

@@ -77,7 +77,11 @@ def test_every_figure_is_drawn(folder, kind):
         (["plot", "hysteresis.h5", "--kind", "hysteresis", "--place", "B1"], "of A1, A2"),
         (["plot", "job.h5", "--scale", "nan"], "argument --scale: must be greater than 0, is nan"),
         (["fragility", "job.h5", "--scale", "nan", "--demands", "new.csv"], "is nan"),
-        (["fragility", "job.h5", "--threshold", "1e9"], "of 8 records 0 reach"),
+        (
+            ["fragility", "job.h5", "--threshold", "1e9"],
+            "--threshold 1e+09: two different capacities are needed: of 8 records 0 reach the "
+            "threshold, whose largest response is",
+        ),
         (["fragility", "job.h5", "--threshold", "nan"], "must be finite"),
         (["fragility", "job.h5", "--threshold", "0.5", "--place", "Z"], "or a building"),
         (["fragility", "job.h5", "--demands", "job.toml", "--scale", "1"], "job.toml"),

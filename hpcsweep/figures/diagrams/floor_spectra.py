@@ -14,7 +14,7 @@ DRAWS = "responses"
 HELP = """\
 response spectra of the floor --place (default: the top of the first building) at one
 intensity, 5 % damping, with fractiles and the median without contacts; those of the file
-(output.floor_spectra), or from the records"""
+(output.floor_spectra), or computed from the records, a second or two of each"""
 OPTIONS = (responses.SCALE, responses.PLACE)
 
 

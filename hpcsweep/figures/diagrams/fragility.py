@@ -48,8 +48,7 @@ def draw(
     try:
         own, found = capacities(stripes, threshold), fit(stripes, threshold)
     except StripesError as error:
-        given = "--collapse" if collapse else f"--threshold {threshold:g}"
-        raise style.PlotError(f"{given}: {error}") from None
+        raise style.PlotError(str(error)) from None
     figure, (axis,) = style.new_figure(1, 4.2)
     touches = responses.touches(stripes)
     colour = palette.series_colour(0)

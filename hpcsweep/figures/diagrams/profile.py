@@ -2,13 +2,11 @@
 
 import numpy as np
 
-from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.earthquakes.stripes import fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
-from hpcsweep.model.buildings import COLUMN
-from hpcsweep.model.isolation import SLAB
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import RESPONSES, stripes_of
+from hpcsweep.studies.ground_motion.stripes import responses_of
 
 NAME = "profile"
 DRAWS = "responses"
@@ -25,19 +23,15 @@ def draw(results, response: str = "drift", scale: float | None = None):
         raise style.PlotError(f"--response {response}: has no profile over the height")
     at, study = responses.scale_index(results, scale), style.study_of(results, Records)
     whole = responses.opened(results, response, None)
-    dim = str(results[RESPONSES[response][0]].dims[-1])
-    names = [name for one in results[dim].values if COLUMN not in (name := str(one))]
-    found = responses.buildings(names)
-    figure, axes = style.new_grid(1, len(found), (1.2 + 2.6 * len(found), 4.2), sharex=True)
-    for axis, (building, places) in zip(axes[0], found.items(), strict=True):
-        each = [stripes_of(results, study, response, names[i]) for i in places]
-        level = np.arange(len(places)) + (not names[places[0]].endswith(SLAB))
-        low, median, high = fractiles(np.array([one.values[:, at] for one in each]), PARTS, axis=1)
+    found = responses_of(results, study, response)
+    panels = responses.heights(found.names)
+    figure, axes = style.new_grid(1, len(panels), (1.2 + 2.6 * len(panels), 4.2), sharex=True)
+    for axis, (building, places, level) in zip(axes[0], panels, strict=True):
+        low, median, high = fractiles(found.values[:, at, places])
         axis.fill_betweenx(level, low, high, color=palette.series_colour(0), alpha=0.2, linewidth=0)
         axis.plot(median, level, "o-", color=palette.series_colour(0), markersize=3, label="median")
         if responses.touches(whole):
-            alone = np.array([np.asarray(one.alone)[:, at] for one in each])
-            (free,) = fractiles(alone, (0.5,), axis=1)
+            (free,) = fractiles(np.asarray(found.alone)[:, at, places], (0.5,))
             looks = {"color": palette.STOP, "markersize": 3, "label": responses.alone(results)}
             axis.plot(free, level, "s:", **looks)
         axis.set_title(f"building {building}" if building else "", fontsize=9)
@@ -47,7 +41,7 @@ def draw(results, response: str = "drift", scale: float | None = None):
     ends = [tick for axis in axes[0] for tick in axis.get_yticks()]
     for axis in axes[0]:
         axis.set_ylim(min(ends) - 0.5, max(ends) + 0.5)
-    axes[0, 0].set(xlim=(0, None), ylabel=dim)
+    axes[0, 0].set(xlim=(0, None), ylabel=found.dim)
     responses.legend(axes[0, 0])
     where = f"{responses.at_scale(study, at)}, {len(whole.records)} records"
     if fallen := int(np.isinf(whole.values[:, at]).sum()):

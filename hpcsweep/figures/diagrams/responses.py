@@ -1,6 +1,6 @@
 """Common parts of the figures of responses to records: options and data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import Option, positive
+from hpcsweep.model.buildings import COLUMN
 from hpcsweep.model.isolation import SLAB
 from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
@@ -214,6 +215,20 @@ def buildings(names) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
     for i, name in enumerate(map(str, names)):
         found.setdefault(name.removesuffix(SLAB).rstrip(" 0123456789"), []).append(i)
+    return found
+
+
+def heights(names: Sequence[str]) -> list[tuple[str, list[int], list[int]]]:
+    """Return each building, the places of its storeys or floors, and their levels.
+
+    Points of columns are left out; the slab on bearings has the level 0.
+    """
+    kept = [i for i, name in enumerate(names) if COLUMN not in name]
+    found = []
+    for building, members in buildings(names[i] for i in kept).items():
+        places = [kept[k] for k in members]
+        lowest = int(not names[places[0]].endswith(SLAB))
+        found.append((building, places, [*range(lowest, lowest + len(places))]))
     return found
 
 

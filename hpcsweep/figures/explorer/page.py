@@ -28,6 +28,17 @@ QUANTITIES = ("length", "velocity", "acceleration", "frequency", "rate")
 INFERRED_WORDS = "inferred from its cell"
 NAME_ROOM = 40
 """Letters of a contact set's name."""
+SCRIPTS = {
+    "motions": (
+        *("codec", "frame", "integrate", "colours", "map", "diagrams"),
+        *("portraits", "branches", "words", "main"),
+    ),
+    "records": (
+        *("codec", "frame", "colours", "stripes", "panel"),
+        *("views", "telling", "records"),
+    ),
+}
+"""Parts of the program of each kind of page, in their order."""
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
 
 
@@ -46,9 +57,31 @@ def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str
     sizes : dict of str to int
         Bytes of each part.
     """
-    meta, texts = _pack(study, bits)
+    return fill_page("motions", study.name, *_pack(study, bits))
+
+
+def fill_page(
+    kind: str, name: str, meta: dict, texts: dict[str, str]
+) -> tuple[str, dict[str, int]]:
+    """Fill the frame of a page of a kind, and return it as `build_page` does.
+
+    Parameters
+    ----------
+    kind : str
+        One of `SCRIPTS`.
+    name : str
+        Of the study.
+    meta : dict
+        Description of the study and its arrays, for JSON.
+    texts : dict of str to str
+        The arrays, from `hpcsweep.figures.explorer.encode`.
+    """
+    assets = files(__package__) / "assets"
     parts = {
-        "TITLE": html.escape(f"{study.name}: explorer"),
+        "KIND": kind,
+        "TITLE": html.escape(f"{name}: explorer"),
+        "BODY": (assets / f"{kind}.html").read_text(),
+        "SCRIPTS": "".join((assets / f"{one}.js").read_text() for one in SCRIPTS[kind]),
         "META": json.dumps(meta, allow_nan=False).replace("<", "\\u003c"),
         "DATA": "\n".join(
             f'<script type="text/plain" id="data-{name}">{text}</script>'
@@ -61,8 +94,7 @@ def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str
         name = place[1]
         return parts[name] if name in parts else (files(__package__) / name).read_text()
 
-    template = (files(__package__) / "assets/page.html").read_text()
-    page = re.sub(r"\{\{([\w/.]+)\}\}", filled, template)
+    page = re.sub(r"\{\{([\w/.]+)\}\}", filled, (assets / "page.html").read_text())
     sizes = {name: len(text) for name, text in texts.items()}
     return page, {"program": len(page) - sum(sizes.values()), **sizes}
 
@@ -77,8 +109,8 @@ def write_page(page: str, path: Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def check_size(sizes: dict[str, int], limit: float) -> None:
-    """Refuse a page larger than `limit` bytes.
+def check_size(sizes: dict[str, int], limit: float, advice: str) -> None:
+    """Refuse a page larger than `limit` bytes, with advice how to make it smaller.
 
     Raises
     ------
@@ -88,7 +120,7 @@ def check_size(sizes: dict[str, int], limit: float) -> None:
     if total > limit:
         raise style.PlotError(
             f"the page would have {total / 1e6:.3g} MB, the limit is {limit / 1e6:.3g} MB: use "
-            "fewer --points or --bits, a --frame-step or --amplitude-step, or raise --max-mb"
+            f"{advice}, or raise --max-mb"
         )
 
 

@@ -46,7 +46,7 @@ def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunA
     try:
         samples = study.record(record)
     except (ValueError, OSError) as error:
-        again.compared = f"nothing: {error}"
+        again.compared = f"nothing: the record is not at hand: {error}"
         return again
     structure, tail = study.structure, study.tail
     own, _ = peaks_of(structure, study.settings)

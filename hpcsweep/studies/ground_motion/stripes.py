@@ -56,6 +56,68 @@ class Stripes(NamedTuple):
     records: tuple[str, ...]
 
 
+class Responses(NamedTuple):
+    """One response of each record at each scale, at each of its places."""
+
+    values: np.ndarray
+    """Shape (records, s, places): NaN where they are not known, inf of a motion that collapses."""
+    alone: np.ndarray | None
+    """The same without contacts, see `Stripes.alone`."""
+    label: str
+    unit: str
+    """As of `Stripes`, the label without it."""
+    dim: str
+    """Dimension of the places: ``storey``, ``floor``, ``stop``, ``slider``, ``building``."""
+    names: tuple[str, ...]
+
+
+def responses_of(results, study: Records, response: str = "drift") -> Responses:
+    """Return a response at each of its places.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+        Of one part of a study of records.
+    study : Records
+        That part.
+    response : str
+        One of `RESPONSES`, or `COLLAPSE`.
+
+    Raises
+    ------
+    StripesError
+        If the file has no such response.
+    """
+    if response == COLLAPSE:
+        name, label, quantity, lacks = "collapsed", COLLAPSE, "1", "collapse_drift"
+    elif response in RESPONSES:
+        name, label, quantity, lacks = RESPONSES[response]
+    else:
+        raise StripesError(f"response {response!r}: must be one of {', '.join(RESPONSES)}")
+    structure = study.structure
+    if name not in results:
+        raise StripesError(f"the results hold no {name}: the structure has no {lacks}")
+    array = results[name]
+    if response == COLLAPSE:
+        array = array.expand_dims(structure=["all"], axis=-1)
+    dim = str(array.dims[-1])
+    factor, unit = np.ones(1), unit_of(structure, quantity)
+    percent = percent_of_height(results)
+    if dim == "storey" and percent is not None:
+        factor, unit = percent, "%"
+        label += " ratio"
+    values = np.abs(array.values * factor).astype(float)
+    values[results["outcome"].values != Outcome.COMPLETE] = np.nan
+    if "collapsed" in results:
+        values[results["collapsed"].values > 0] = np.inf
+    alone = f"{name}_alone"
+    free = None if structure.contacts or structure.sliders else values
+    if free is None and alone in results:
+        free = results[alone].values * factor
+    names = tuple(str(one) for one in array[dim].values)
+    return Responses(values, free, label, "" if unit == "1" else unit, dim, names)
+
+
 def stripes_of(
     results,
     study: Records,
@@ -67,12 +129,8 @@ def stripes_of(
 
     Parameters
     ----------
-    results : xarray.Dataset
-        Of one part of a study of records.
-    study : Records
-        That part.
-    response : str
-        One of `RESPONSES`, or `COLLAPSE`.
+    results, study, response
+        As of `responses_of`.
     place : str, optional
         A storey, floor or contact by its name, or a building, whose storeys or floors are its name
         with a number. Default: all.
@@ -84,49 +142,32 @@ def stripes_of(
     StripesError
         If the file has no such response, no such place, or intensities that are not in g.
     """
-    if response == COLLAPSE:
-        name, label, quantity, lacks = "collapsed", COLLAPSE, "1", "collapse_drift"
-    elif response in RESPONSES:
-        name, label, quantity, lacks = RESPONSES[response]
-    else:
-        raise StripesError(f"response {response!r}: must be one of {', '.join(RESPONSES)}")
-    structure, measure = study.structure, study.measure
-    if name not in results:
-        raise StripesError(f"the results hold no {name}: the structure has no {lacks}")
-    array = results[name]
-    if response == COLLAPSE:
-        array = array.expand_dims(structure=["all"], axis=-1)
-    dim = str(array.dims[-1])
-    names = [str(one) for one in array[dim].values]
-    chosen = places_of(names, place)
-    factor, unit = np.ones(1), unit_of(structure, quantity)
-    percent = percent_of_height(results)
-    if dim == "storey" and percent is not None:
-        factor, unit = percent[chosen], "%"
-        label += " ratio"
-    if place is not None:
-        label += f" of {place}"
-    values = np.abs(array.values[..., chosen] * factor).max(axis=-1).astype(float)
-    values[results["outcome"].values != Outcome.COMPLETE] = np.nan
-    if "collapsed" in results:
-        values[results["collapsed"].values > 0] = np.inf
-    alone = f"{name}_alone"
-    free = None if structure.contacts or structure.sliders else values
-    if free is None and alone in results:
-        free = (results[alone].values[..., chosen] * factor).max(axis=-1)
-    in_g = units == "g"
+    found = responses_of(results, study, response)
+    chosen = places_of([*found.names], place)
+    values, alone = found.values[..., chosen].max(axis=-1), found.alone
+    if alone is found.values:
+        alone = values
+    elif alone is not None:
+        alone = alone[..., chosen].max(axis=-1)
+    in_g, measure = units == "g", study.measure
     if in_g and measure.quantity != "acceleration":
         raise StripesError(f"--units g: the intensities are of {measure}, no acceleration")
     return Stripes(
         intensity=results["scale"].values / (study.gravity if in_g else 1.0),
-        measure=measure.named(structure.unit_names.time)
-        + _label("g" if in_g else unit_of(structure, measure.quantity)),
+        measure=intensity_label(study, units),
         values=values,
-        alone=free,
-        label=label + _label(unit),
-        unit="" if unit == "1" else unit,
+        alone=alone,
+        label=found.label + f" of {place}" * (place is not None) + _label(found.unit or "1"),
+        unit=found.unit,
         records=tuple(str(one) for one in results["record"].values),
     )
+
+
+def intensity_label(study: Records, units: str | None = None) -> str:
+    """Write the measure of the scales, with its unit or in g."""
+    structure, measure = study.structure, study.measure
+    unit = "g" if units == "g" else unit_of(structure, measure.quantity)
+    return measure.named(structure.unit_names.time) + _label(unit)
 
 
 def capacities(stripes: Stripes, threshold: float, alone: bool = False) -> Capacity:
@@ -162,11 +203,17 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
     """
     from hpcsweep.earthquakes.fragility import REACHED, capacity_fragility  # loads scipy
 
-    event = COLLAPSE if stripes.label.startswith(COLLAPSE) else REACHED
+    own = capacities(stripes, threshold)
+    if stripes.label.startswith(COLLAPSE):
+        given, event, largest = "--collapse", COLLAPSE, ""
+    else:
+        most = stripes.values[np.isfinite(stripes.values)].max(initial=0.0)
+        largest = f", whose largest response is {most:.4g} {stripes.unit}".rstrip()
+        given, event = f"--threshold {threshold:g}", REACHED
     try:
-        return capacity_fragility(capacities(stripes, threshold), event=event)
+        return capacity_fragility(own, event=event)
     except ValueError as error:
-        raise StripesError(str(error)) from None
+        raise StripesError(f"{given}: {error}{largest}") from None
 
 
 def _label(unit: str) -> str:
@@ -184,5 +231,5 @@ def places_of(names: list[str], place: str | None) -> list[int]:
         i for i, name in enumerate(names) if name.startswith(place) and name[len(place) :].isdigit()
     ]
     if not found:
-        raise StripesError(f"{place}: must be one of {', '.join(names)}, or a building")
+        raise StripesError(f"--place {place}: must be one of {', '.join(names)}, or a building")
     return found

@@ -1,4 +1,4 @@
-// Arrays out of the page's text: the inverse of pack.py.
+// Arrays out of the page's text: the inverse of encode.py.
 
 const ARRAY_OF = { 1: Uint8Array, 2: Uint16Array, 4: Uint32Array };
 
@@ -56,7 +56,17 @@ function undoPoints(points, counts, nAmplitudes, nFloors) {
   return starts;
 }
 
-// All arrays of the page, and the study's sizes.
+// All arrays of the page, by their names.
+async function decodeArrays(meta) {
+  const data = {};
+  for (const [name, spec] of Object.entries(meta.arrays)) {
+    const numbers = await decodeArray(name, spec);
+    data[name] = spec.float32 ? new Float32Array(numbers.buffer) : numbers;
+  }
+  return data;
+}
+
+// The arrays of the page, and the study's sizes.
 async function decodeStudy(meta) {
   const study = {
     ...meta,
@@ -64,12 +74,8 @@ async function decodeStudy(meta) {
     nAmplitudes: meta.amplitude.length,
     nDirections: meta.directions.length,
     nFloors: meta.structure.floors,
-    data: {},
+    data: await decodeArrays(meta),
   };
-  for (const [name, spec] of Object.entries(meta.arrays)) {
-    const numbers = await decodeArray(name, spec);
-    study.data[name] = spec.float32 ? new Float32Array(numbers.buffer) : numbers;
-  }
   if (study.data.points) {
     study.starts = undoPoints(
       study.data.points, study.data.counts, study.nAmplitudes, study.nFloors);

@@ -69,15 +69,6 @@ function axisLabel(study, axis) {
 
 const LEAST_PANEL = 64; // height of a floor's diagram in pixels
 const LABELLED_PANEL = 92; // least height with room for the whole label
-const LEAST_AXIS = 36; // width of the numbers beside a diagram, at least
-const DIGIT = 7; // width of one digit in pixels
-
-// Width of the numbers of a vertical axis.
-function axisSize(values) {
-  const longest = Math.max(0, ...(values || []).map((words) => words.length));
-  return Math.max(LEAST_AXIS, DIGIT * longest + 12);
-}
-
 function horizontalLine(u, y, colour) {
   if (y < u.scales.y.min || y > u.scales.y.max) return;
   const at = u.valToPos(y, "y", true);

@@ -223,20 +223,7 @@ class Explorer {
 
   showNumbers() {
     const run = this.study.run(this.pin.frame, this.direction, this.pin.amplitude);
-    byId("numbers").caption.textContent =
-      this.diagrams.pointed ? "Point of a branch" : "Selected run";
-    const body = byId("numbers").tBodies[0];
-    body.replaceChildren(
-      ...this.numbers(run).map(([name, value]) => {
-        const row = document.createElement("tr");
-        const head = document.createElement("th");
-        head.scope = "row";
-        head.textContent = name;
-        const cell = document.createElement("td");
-        cell.textContent = value;
-        row.append(head, cell);
-        return row;
-      }));
+    fillNumbers(this.diagrams.pointed ? "Point of a branch" : "Selected run", this.numbers(run));
   }
 
   async showPortrait() {
@@ -280,8 +267,7 @@ class Explorer {
 
   fillControls() {
     const { study } = this;
-    const fill = (id, entries) =>
-      byId(id).replaceChildren(...entries.map(([value, label]) => new Option(label, value)));
+    const fill = (id, entries) => fillMenu(byId(id), entries);
     fill("quantity", this.quantities.map((q) => [q.id, q.label]));
     fill("direction", study.directions.map((d, i) => [i, d]));
     const groups = this.floorGroups();
@@ -356,15 +342,4 @@ class Explorer {
   }
 }
 
-(async () => {
-  const loading = byId("loading");
-  try {
-    const study = await decodeStudy(JSON.parse(byId("meta").textContent));
-    window.explorer = new Explorer(study);
-    loading.hidden = true;
-    document.body.dataset.ready = "true";
-  } catch (error) {
-    loading.textContent = `This page cannot be shown: ${error.message}`;
-    throw error;
-  }
-})();
+start(async (meta) => new Explorer(await decodeStudy(meta)));

@@ -31,18 +31,6 @@ function cellsOfPixels(edges, from, to, n) {
   return cells;
 }
 
-const AXIS = {
-  stroke: "#1a1a1a",
-  grid: { show: false },
-  ticks: { size: 4, stroke: "#999", width: 1 },
-  border: { show: true, stroke: "#999", width: 1 },
-  font: "12px sans-serif",
-  values: (u, splits, axis, space, step) => {
-    const digits = Math.min(12, Math.max(0, Math.ceil(1 - Math.log10(step))));
-    return splits.map((value) => String(+value.toFixed(digits) || 0).replace("-", "−"));
-  },
-};
-
 class RunMap {
   // `events`: point(frame, amplitude), leave(), choose(frame, amplitude), view(a, w)
   constructor(element, study, events) {

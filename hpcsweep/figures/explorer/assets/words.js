@@ -1,7 +1,5 @@
 // The page in words: what is shown, how it was made, how exact it is.
 
-const byId = (id) => document.getElementById(id);
-
 // Say of an integrated orbit how it was made and how far it is from the stored points.
 function portraitNote(study, orbit, frame, run, period) {
   const made =

@@ -1,0 +1,152 @@
+"""Responses to records in the explorer: curves, fragility and profiles of every structure.
+
+The page has the responses of every record at every scale and place as the file does, rounded to
+float32, and counts fractiles, capacities and fragility by itself (``assets/stripes.js``).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hpcsweep.figures import labels, palette
+from hpcsweep.figures.diagrams.responses import heights
+from hpcsweep.figures.explorer import encode
+from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
+from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.ground_motion.stripes import (
+    RESPONSES,
+    StripesError,
+    intensity_label,
+    responses_of,
+)
+from hpcsweep.studies.ground_motion.variables import FACTS
+from hpcsweep.studies.study import as_kind
+
+SHOWN = ("pga", "pgv", "duration")
+"""Facts about a record in its table."""
+OF_BUILDINGS = ("storey", "floor", "slider")
+"""Dimensions whose places are named by a building and a number."""
+
+
+def gather_responses(frames, say: Callable[[int, int], None] | None = None):
+    """Read the responses of all chosen parts, and describe them.
+
+    Parameters
+    ----------
+    frames : hpcsweep.store.Frames
+        Of a study of records; parts are those of its `at`.
+    say : callable, optional
+        Called with the number of parts read and their total.
+
+    Returns
+    -------
+    meta : dict
+    arrays : dict of str to ndarray of float32
+        ``NAME`` of each response, shape (parts, records, scales, places), NaN where it is not
+        known, infinite where the motion collapses; ``NAME_alone``, shape (parts, records, places),
+        without contacts at the last scale; ``factor``, shape (parts, records), at that scale.
+    """
+    names = [one[0] for one in RESPONSES.values()]
+    names += [*(f"{one}_alone" for one in names), "outcome", "collapsed"]
+    axes = [axis for axis in frames.whole.study.axes if axis.name not in frames.given]
+    total = int(np.prod([len(axis.values) for axis in axes]))
+    parts: list[dict] = []
+    told: dict[str, dict] = {}
+    arrays: dict[str, list[np.ndarray]] = {}
+    for done, keys in enumerate(frames.parts(), 1):
+        study = as_kind(frames.study, Records)
+        results, structure = frames.gather(names), study.structure
+        parts.append(
+            {
+                "at": [axis.values.index(keys[axis.name]) for axis in axes],
+                "note": elastic_words(elastic_drift(results, structure)),
+                "exact": not (structure.contacts or structure.sliders),
+                "measure": intensity_label(study),
+                "alone": "elastic, no contact" if structure.sliders else "no contact",
+            }
+        )
+        arrays.setdefault("factor", []).append(study.factor[:, -1])
+        for name in RESPONSES:
+            try:
+                found = responses_of(results, study, name)
+            except StripesError:
+                continue
+            arrays.setdefault(name, []).append(found.values)
+            free = found.values * np.nan if found.alone is None else found.alone
+            arrays.setdefault(f"{name}_alone", []).append(free[:, -1])
+            told[name] = told.get(name) or _describe(found)
+        if say is not None:
+            say(done, total)
+    for name, one in told.items():
+        if one["unit"] != "%":
+            held = np.array(arrays[name])
+            unit, size = labels.sized(structure, RESPONSES[name][2], held[np.isfinite(held)])
+            one |= {"unit": unit.strip(" []").removeprefix("1"), "size": size}
+    meta = {
+        "name": frames.whole.name,
+        "file": frames.path.name,
+        "responses": told,
+        "parts": parts,
+        "menus": [_menu(axis, structure) for axis in axes],
+        "records": [one.name for one in study.suite],
+        "scales": study.scale.tolist(),
+        "collapses": "collapsed" in frames,
+        "facts": [
+            {
+                "label": one.name.upper() if one.name.startswith("pg") else one.name,
+                "unit": labels.named(structure, one.units).strip(),
+                "values": [getattr(facts, one.name) for facts in study.suite],
+            }
+            for one in FACTS
+            if one.name in SHOWN
+        ],
+        "colours": {
+            each: palette.series_colour(place)
+            for each, place in (("light", 0), ("dark", 4), ("pointed", 1), ("kept", 2))
+        },
+        "stop": palette.STOP,
+    }
+    return meta, {name: np.array(values, np.float32) for name, values in arrays.items()}
+
+
+def pack_responses(meta: dict, arrays: dict[str, np.ndarray]) -> tuple[dict, dict[str, str]]:
+    """Return the page's description of a study of records and the text of its arrays."""
+    specs = {
+        name: {"bytes": 4, "length": values.size, "row": 0, "float32": True}
+        for name, values in arrays.items()
+    }
+    texts = {name: encode.to_text(values.view("<u4")) for name, values in arrays.items()}
+    return {**meta, "arrays": specs}, texts
+
+
+def _describe(found) -> dict:
+    """Describe a response: its label, places, groups of places, and panels of its profile."""
+    every = [*range(len(found.names))]
+    panels = [("", every, every)]
+    if found.dim in OF_BUILDINGS:
+        panels = heights(found.names)
+    each = [(name, [i]) for i, name in enumerate(found.names)]
+    groups = [(f"building {name}", places) for name, places, _ in panels if name]
+    return {
+        "label": found.label,
+        "unit": found.unit,
+        "size": 1.0,
+        "places": found.names,
+        "of": {"stop": "contact"}.get(found.dim, found.dim),
+        "groups": [(f"all {len(every)}, the largest", every), *groups, *each],
+        "panels": panels,
+    }
+
+
+def _menu(axis, structure) -> dict:
+    """Describe the menu of a key that the job varies, or of rows of keys."""
+    if not axis.columns:
+        values = [f"{v:.6g}" if isinstance(v, float) else str(v) for v in axis.values]
+        unit = labels.unit(structure, axis.units) if axis.units != "1" else ""
+        return {"name": axis.name + unit, "values": values}
+    rows = (
+        ", ".join(f"{one.name} = {one.values[i]}" for one in axis.columns)
+        for i in range(len(axis.values))
+    )
+    pairs = zip(axis.values, rows, strict=True)
+    return {"name": axis.name, "values": [f"{name}: {row}" for name, row in pairs]}

@@ -39,6 +39,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="pixels an inch (default: %(default)s)",
     )
+    for name, axis in zip("xy", ("horizontal", "vertical"), strict=True):
+        told = f"limits of the {axis} axis of all panels, which must show one quantity there"
+        ends = {"type": float, "nargs": 2, "metavar": ("A", "B")}
+        parser.add_argument(f"--{name}lim", help=told, **ends)
     add_at(parser)
     for option, kinds in options_of(known.values()).items():
         option.add(parser, f"; {kinds}")
@@ -59,7 +63,7 @@ def _describe(figure, default: dict[str, str]) -> str:
 
 def run(options) -> int:
     """Run the command."""
-    from hpcsweep.figures.style import resolution, save
+    from hpcsweep.figures.style import limits, resolution, save
     from hpcsweep.store import Frames, job_of
 
     known = figures()
@@ -85,7 +89,8 @@ def run(options) -> int:
         output = output.with_name(f"{output.name}.png")
     check_overwriting(output, PICTURE)
     frames = Frames(options.file, figure.DRAWS, options.at)
-    with contextlib.closing(frames), resolution(options.dpi), writing(output):
+    view = limits(x=options.xlim, y=options.ylim)
+    with contextlib.closing(frames), resolution(options.dpi), view, writing(output):
         save(figure.draw(figure.load(frames, **given), **given), output)
     print(output)
     return 0

@@ -13,6 +13,7 @@ from tools import assert_same_datasets, hpcsweep
 import hpcsweep as package
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
+from hpcsweep.figures.diagrams import shares
 from hpcsweep.figures.explorer.attractors import slots
 from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.job import JobError, parse_job
@@ -149,6 +150,21 @@ def test_every_command_tells_it(tmp_path, whole):
         assert done.returncode == 2
         assert done.stderr.count("\n") == 1
         assert "holds" in done.stderr
+
+
+def test_stacked_shares_fill_the_panel_over_the_amplitudes(whole):
+    """No start of this job is undecided, so that nothing but attractors is to be seen."""
+    results = open_results(whole)
+    assert not results["n_undecided"].values.any()
+    figure = shares.draw(results, omega=1.0)
+    stacked = figure.axes[0]
+    assert stacked.get_xlim() == (0.6, 0.7)
+    assert stacked.get_ylim() == (0.0, 1.0)
+    cells = np.array([path.get_extents().extents for path in stacked.collections[0].get_paths()])
+    assert cells[:, :2].min(axis=0) == pytest.approx((0.6, 0.0))
+    assert cells[:, 2:].max(axis=0) == pytest.approx((0.7, 1.0))
+    area = np.prod(cells[:, 2:] - cells[:, :2], axis=1).sum()
+    assert area == pytest.approx(0.1)
 
 
 def test_the_explorer_keeps_each_attractor_in_a_place_of_its_own(tmp_path, whole):

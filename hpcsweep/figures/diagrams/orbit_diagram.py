@@ -145,14 +145,16 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
     amplitude = frame["amplitude"].values
     least = max(3, amplitude.size // 100)
     regions = contact_regions(frame["contact"].values, done, least, coexisting)
-    edges = np.clip(edges_of(amplitude), amplitude[0], amplitude[-1])
+    edges = np.clip(edges_of(amplitude), *style.visible("x", amplitude[0], amplitude[-1]))
     total = edges[-1] - edges[0]
     top = axes[0]
     taken: list[float] = []
     shortened: list[str] = []
     for number, region in enumerate(regions, 1):
         left, right = edges[region.first], edges[region.last + 1]
-        if region.first > 0:
+        if left == right and total > 0:
+            continue  # beyond the limits of the axis
+        if left > edges[0]:
             for axis in axes:
                 axis.axvline(left, color="0.45", linewidth=0.6, linestyle=(0, (4, 3)), zorder=1)
         share = (right - left) / total if total > 0 else 0.0

@@ -14,6 +14,12 @@ that frame, clicking the phase portrait and numbers of that run."""
 OPTIONS = (
     BRANCHES,
     Option(
+        "--by-share",
+        "show attractors by falling share at each point, the dominant one first (default: each in "
+        "a place that it keeps along the amplitudes)",
+        action="store_true",
+    ),
+    Option(
         "--points",
         "at most K stroboscopic points of a run (default: as many as keep the page small)",
         type=whole_number(1, 10_000_000),
@@ -69,6 +75,7 @@ def run(options) -> int:
         options.frame_step,
         options.amplitude_step,
         at=options.at,
+        by_share=options.by_share,
         say=_progress if sys.stderr.isatty() else None,
     )
     if options.branches is not None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import numbered, orbits
 from hpcsweep.figures.diagrams.special_curves import MARKS
 from hpcsweep.figures.fitting import dot, legend_below
@@ -82,14 +82,14 @@ def draw(results: Read, floors: Sequence[int] = (), **_options):
         raise style.PlotError("no branch of this line is computed")
     structure = study.structure
     figure, axes = orbits.floor_panels(structure, floors)
-    low, high = style.visible("x", *study.span)
+    low, high = view.visible("x", *study.span)
     marked = _marked(run, low, high)
     for floor, axis in axes.items():
         if runs is not None:
             _draw_runs(axis, runs, floor)
         _draw_branches(axis, branches, floor)
         _draw_specials(axis, run, floor)
-        axis.set_ylim(style.visible("y", *axis.get_ylim()))
+        axis.set_ylim(view.visible("y", *axis.get_ylim()))
     axis.set(xlabel=_label(study, structure), xlim=(low, high))
     fixed = float(found["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None

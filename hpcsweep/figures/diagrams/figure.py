@@ -27,8 +27,8 @@ class Figure(Protocol):
     ----------
     NAME : str
         Name for ``--kind``.
-    DRAWS : str
-        What a file must hold (`Study.holds`).
+    DRAWS : str or tuple of str
+        What a file must hold (`Study.holds`), or one of several.
     HELP : str
         What it shows: one or more lines of the command's help.
     OPTIONS : tuple of Option
@@ -36,7 +36,7 @@ class Figure(Protocol):
     """
 
     NAME: str
-    DRAWS: str
+    DRAWS: str | tuple[str, ...]
     HELP: str
     OPTIONS: tuple[Option, ...]
 
@@ -69,7 +69,7 @@ class Figure(Protocol):
         Returns
         -------
         matplotlib.figure.Figure
-            For `hpcsweep.figures.style.save`.
+            For `hpcsweep.figures.view.save`.
 
         Raises
         ------

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
 from hpcsweep.figures.diagrams.mesh import edges_of
@@ -145,7 +145,7 @@ def _mark_regions(axes, frame, done, labels, coexisting) -> str:
     amplitude = frame["amplitude"].values
     least = max(3, amplitude.size // 100)
     regions = contact_regions(frame["contact"].values, done, least, coexisting)
-    edges = np.clip(edges_of(amplitude), *style.visible("x", amplitude[0], amplitude[-1]))
+    edges = np.clip(edges_of(amplitude), *view.visible("x", amplitude[0], amplitude[-1]))
     total = edges[-1] - edges[0]
     top = axes[0]
     taken: list[float] = []

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.attractor_diagram import legend, opened, starts_text
 from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.mesh import edges_of
@@ -38,7 +38,7 @@ def draw(results, omega: float | None = None):
     amplitude = frame["amplitude"].values
     edges = edges_of(amplitude)
     if amplitude.size > 1:
-        edges = np.clip(edges, *style.visible("x", amplitude[0], amplitude[-1]))
+        edges = np.clip(edges, *view.visible("x", amplitude[0], amplitude[-1]))
     layers = _layers(frame, study.starts)
     _stack(axes[0], edges, layers, index)
     _name(axes[0], edges, layers, index, frame, structure.contact_labels)

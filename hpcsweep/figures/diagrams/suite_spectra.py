@@ -3,7 +3,7 @@
 import numpy as np
 
 from hpcsweep.earthquakes.spectrum import spectrum
-from hpcsweep.figures import palette, style
+from hpcsweep.figures import palette, style, view
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.model.modes import natural_modes
 from hpcsweep.studies.ground_motion.records import Records
@@ -51,7 +51,7 @@ def finish(axis, study: Records, periods: np.ndarray, curves: np.ndarray) -> str
     from matplotlib.ticker import LogLocator, NullFormatter
 
     before, raised = 0.0, False
-    low, high = style.visible("x", 0.0, np.inf)
+    low, high = view.visible("x", 0.0, np.inf)
     for name, period in sorted(natural_periods(study.structure), key=lambda mark: mark[1]):
         raised, before = period < NEAR * before and not raised, period
         axis.axvline(period, color=palette.series_colour(1), linewidth=0.8)

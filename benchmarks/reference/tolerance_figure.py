@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from hpcsweep.figures.palette import series_colour
-from hpcsweep.figures.style import save
+from hpcsweep.figures.view import save
 
 MIN_ERROR = 1e-16
 """Errors below this are drawn here: the reference knows no better."""

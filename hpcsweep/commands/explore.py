@@ -19,6 +19,12 @@ HELD = ("motions", "attractors", "responses")
 OPTIONS = (
     BRANCHES,
     Option(
+        "--by-share",
+        "show attractors by falling share at each point, the dominant one first (default: each in "
+        "a place that it keeps along the amplitudes)",
+        action="store_true",
+    ),
+    Option(
         "--points",
         "at most K stroboscopic points of a run (default: as many as keep the page small)",
         type=whole_number(1, 10_000_000),
@@ -89,6 +95,7 @@ def _motions(options, _frames):
         options.frame_step,
         options.amplitude_step,
         at=options.at,
+        by_share=options.by_share,
         say=_progress("frame"),
     )
     if options.branches is not None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import PICTURE, check_overwriting, writing
-from hpcsweep.figures.options import figures, options_of, whole_number
+from hpcsweep.figures.options import figures, options_of, results_of, whole_number
 
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
@@ -15,8 +15,6 @@ SUMMARY = "draw a figure of the results"
 NAME_WIDTH = 10
 RESOLUTIONS = 50, 1200
 """Pixels an inch, least and most."""
-MAPS = {"motions": "map", "attractors": "number"}
-"""Default figure of scattered runs, by the kind of results."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +37,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="pixels an inch (default: %(default)s)",
     )
+    for name, axis in zip("xy", ("horizontal", "vertical"), strict=True):
+        told = f"limits of the {axis} axis of all panels, which must show one quantity there"
+        parser.add_argument(f"--{name}lim", type=float, nargs=2, metavar=("A", "B"), help=told)
     add_at(parser)
     for option, kinds in options_of(known.values()).items():
         option.add(parser, f"; {kinds}")
@@ -46,12 +47,31 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
     """Return the default figure for each kind of results: the first that draws it."""
-    return {figure.DRAWS: name for name, figure in reversed(known.items())}
+    drawn = [(what, name) for name, figure in known.items() for what in results_of(figure)]
+    return dict(reversed(drawn))
+
+
+def _default(job, known: dict[str, "Figure"]) -> str:
+    """Return the default figure of a job: a map where single points are all there is to draw.
+
+    Points of a list have no amplitudes in common, those of a refined map are not all computed, and
+    of motions without their points there is nothing to draw over an amplitude. The attractors of a
+    grid are one figure a frequency, or one map.
+    """
+    from hpcsweep.job import part_of
+
+    study = part_of(job, (0,) * len(job.study.axes)).study
+    if study.refine and study.holds == "attractors":
+        return "number"
+    pointless = study.holds == "motions" and "poincare" not in {v.name for v in study.variables}
+    plane = study.holds == "attractors" and min(v.size for v in study.map_axes.values()) > 1
+    in_map = study.holds in ("motions", "attractors") and (study.is_list or study.refine)
+    return "map" if in_map or pointless or plane else _defaults(known)[study.holds]
 
 
 def _describe(figure, default: dict[str, str]) -> str:
     """Return a figure's lines in the command's help."""
-    is_default = default[figure.DRAWS] == figure.NAME
+    is_default = figure.NAME in (default[what] for what in results_of(figure))
     lines = (figure.HELP + (" (default)" if is_default else "")).splitlines()
     indent = " " * (NAME_WIDTH + 3)
     return f"  {figure.NAME:{NAME_WIDTH}} " + f"\n{indent}".join(lines)
@@ -59,18 +79,11 @@ def _describe(figure, default: dict[str, str]) -> str:
 
 def run(options) -> int:
     """Run the command."""
-    from hpcsweep.figures.style import resolution, save
+    from hpcsweep.figures.view import limits, resolution, save
     from hpcsweep.store import Frames, job_of
 
     known = figures()
-    study = job_of(options.file).study
-    # points of a list have no amplitudes in common, those of a refined map are not all computed,
-    # and of motions without their points there is nothing to draw over an amplitude
-    default = _defaults(known)[study.holds]
-    pointless = study.holds == "motions" and "poincare" not in {v.name for v in study.variables}
-    if study.is_list or study.refine or pointless:
-        default = MAPS.get(study.holds, default)
-    kind = options.kind or default
+    kind = options.kind or _default(job_of(options.file), known)
     figure = known[kind]
     given = {}
     for option, kinds in options_of(known.values()).items():
@@ -85,7 +98,8 @@ def run(options) -> int:
         output = output.with_name(f"{output.name}.png")
     check_overwriting(output, PICTURE)
     frames = Frames(options.file, figure.DRAWS, options.at)
-    with contextlib.closing(frames), resolution(options.dpi), writing(output):
+    view = limits(x=options.xlim, y=options.ylim)
+    with contextlib.closing(frames), resolution(options.dpi), view, writing(output):
         save(figure.draw(figure.load(frames, **given), **given), output)
     print(output)
     return 0

@@ -6,6 +6,7 @@ from typing import Any
 
 WIDEST = 0.98
 """Share of a figure's width that its head or its legend may take."""
+MAGNIFIED = 8
 SMALL, SMALLER = 8, 7.5
 """Sizes of the entries of a legend, and of the words above them (points)."""
 BETWEEN = r"(?<=,)  |(?<=;) (?![^(]*\))"
@@ -48,8 +49,9 @@ def fitter(figure, fontsize: float, edges: float = 0.0) -> Callable[[str], bool]
     renderer = figure.canvas.get_renderer()
 
     def fits(line: str) -> bool:
-        probe = figure.text(0, 0, line, fontsize=fontsize)
-        width = probe.get_window_extent(renderer).width
+        # magnified, since letters are rounded to pixels, and the picture has others
+        probe = figure.text(0, 0, line, fontsize=MAGNIFIED * fontsize)
+        width = probe.get_window_extent(renderer).width / MAGNIFIED
         probe.remove()
         return bool(width <= WIDEST * figure.bbox.width - edges)
 

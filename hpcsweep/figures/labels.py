@@ -81,7 +81,7 @@ def unit(structure, quantity: str) -> str:
     has_name = any(structure.unit_names) or (
         is_in_gaps(structure) if is_length else structure.is_uniform
     )
-    if not has_name:
+    if not has_name or quantity == "1":
         return ""
     name = unit_of(structure, quantity).replace("omega_0^2", r"$\omega_0^2$").replace("^2", "²")
     return f"  [{name if '$' in name else name.replace('omega_0', WORD)}]"

@@ -14,12 +14,12 @@ FIGURES = (
     "diagrams.orbit_diagram",
     "diagrams.phase",
     "diagrams.frames",
+    "diagrams.attractor_diagram",
     "diagrams.period_map",
     "diagrams.metrics",
     "diagrams.measures",
     "diagrams.vary_map",
     "diagrams.benefit",
-    "diagrams.attractor_diagram",
     "diagrams.shares",
     "diagrams.attractor_map",
     "diagrams.ida",
@@ -66,6 +66,11 @@ def figures() -> dict[str, Any]:
     """Return the figures by their names."""
     modules = (import_module(f"hpcsweep.figures.{name}") for name in FIGURES)
     return {module.NAME: module for module in modules}
+
+
+def results_of(figure: Any) -> tuple[str, ...]:
+    """Return what a file must hold for a figure, one of several."""
+    return (figure.DRAWS,) if isinstance(figure.DRAWS, str) else figure.DRAWS
 
 
 def options_of(known: Iterable[Any]) -> dict[Option, str]:

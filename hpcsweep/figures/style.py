@@ -1,11 +1,8 @@
 """Labels, panels and legends of all figures; colours are in `hpcsweep.figures.palette`."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 from string import ascii_lowercase
 
 import numpy as np
@@ -21,9 +18,6 @@ from hpcsweep.studies.study import Kind, Study, as_kind
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 from hpcsweep.studies.variables import OF_SLIDERS
 
-DPI = 200
-"""Pixels an inch, unless `resolution` says other."""
-_dpi: ContextVar[int] = ContextVar("dpi", default=DPI)
 MARKERS = {UP: "o", DOWN: "v", START: "o"}
 """Of the directions; those of runs on the way down are hollow."""
 LEGEND_ROOM = 24
@@ -139,33 +133,6 @@ def limit_amplitudes(axis, amplitude: np.ndarray) -> None:
     low, high = float(amplitude[0]), float(amplitude[-1])
     room = FEW_ROOM * ((high - low) or abs(high) or 1.0) if amplitude.size <= FEW else 0.0
     axis.set_xlim(low - room, high + room)
-
-
-@contextmanager
-def resolution(dpi: int) -> Iterator[None]:
-    """Write the figures of a block with `dpi` pixels an inch."""
-    before = _dpi.set(dpi)
-    try:
-        yield
-    finally:
-        _dpi.reset(before)
-
-
-def pixels(figure) -> np.ndarray:
-    """Return the width and the height of a figure's picture, shape (2,)."""
-    return figure.get_size_inches() * _dpi.get()
-
-
-def save(figure, path: Path) -> None:
-    """Write a figure to disk and free it."""
-    from matplotlib import pyplot
-
-    try:
-        figure.savefig(path, dpi=_dpi.get())
-    except ValueError as error:
-        raise PlotError(f"{path}: {error}") from None
-    finally:
-        pyplot.close(figure)
 
 
 def head(figure, *lines: str, fontsize: float = 10):
@@ -360,8 +327,9 @@ def shares_text(results, classes: np.ndarray) -> str:
         for kind, share in class_shares(classes).items()
         if share > 0 or kind is MotionClass.UNDECIDED
     ]
+    noun = f"{job_of(results).study.run_noun}s".capitalize()
     hint = "; chaos is not told: the file holds neither motion nor lyapunov"
-    return "Runs: " + ", ".join(parts) + ("" if tells_chaos(results) else hint)
+    return f"{noun}: " + ", ".join(parts) + ("" if tells_chaos(results) else hint)
 
 
 def foot(

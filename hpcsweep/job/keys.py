@@ -36,7 +36,8 @@ STRUCTURE: Tables = {
         Key(
             "sharpness",
             "rho of the sigmoid contact spring S(u) = 1/(1 + exp(-rho (u - 1))), per gap, at least "
-            "0; `inf` is the piecewise linear stop, 0 a pre-tensioned spring of stiffness beta/2",
+            "0: a smooth stop by default; `inf` is the piecewise linear one, the default of "
+            "`structure.matrices`, 0 a pre-tensioned spring of stiffness beta/2",
             10000.0,
         ),
         Key(

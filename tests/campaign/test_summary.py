@@ -12,7 +12,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize, total_cost
 from hpcsweep.commands import cli
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares
-from hpcsweep.figures import style
+from hpcsweep.figures import view
 from hpcsweep.figures.diagrams import benefit, mesh, period_map
 from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job
@@ -154,9 +154,9 @@ def test_maps_read_frame_by_frame_are_the_same_pictures(file, tmp_path):
         )
         for draw in (period_map.draw, benefit.draw):
             left, right = tmp_path / "left.png", tmp_path / "right.png"
-            with style.resolution(100):
-                style.save(draw(few), left)
-                style.save(draw(whole, direction=direction), right)
+            with view.resolution(100):
+                view.save(draw(few), left)
+                view.save(draw(whole, direction=direction), right)
             assert left.read_bytes() == right.read_bytes()
 
 
@@ -173,7 +173,7 @@ def test_frames_are_gathered_in_the_order_asked_for(file):
 
 
 def test_no_more_cells_are_drawn_than_there_are_pixels():
-    assert mesh._thinned(500, 1040.0).tolist() == list(range(500))
-    rows = mesh._thinned(2000, 1040.0)
+    assert mesh._thinned("x", np.arange(500), 1040.0).tolist() == list(range(500))
+    rows = mesh._thinned("x", np.arange(2000), 1040.0)
     assert (rows.size, rows[0], rows[-1]) == (1040, 0, 1999)
     assert set(np.diff(rows)) == {1, 2}

@@ -11,9 +11,9 @@ DPI = 100
 
 @pytest.fixture(autouse=True)
 def coarse_pictures():
-    from hpcsweep.figures import style
+    from hpcsweep.figures import view
 
-    with style.resolution(DPI):
+    with view.resolution(DPI):
         yield
 
 
@@ -42,12 +42,12 @@ def results(file):
 @pytest.fixture
 def drawn_figure(tmp_path):
     """Draw with a module, and give the figure that was saved."""
-    from hpcsweep.figures import style
+    from hpcsweep.figures import view
 
     def draw(module, results, **options):
         path = tmp_path / "drawn.png"
         figure = module.draw(results, **options)
-        style.save(figure, path)
+        view.save(figure, path)
         assert path.stat().st_size > 10_000
         return figure
 

@@ -12,7 +12,7 @@ from reference import reference_points
 from scipy.linalg import block_diag
 
 from hpcsweep.dynamics.classify import contact_name
-from hpcsweep.figures import palette, style
+from hpcsweep.figures import palette, style, view
 from hpcsweep.figures.diagrams import (
     benefit,
     frames,
@@ -141,7 +141,7 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
         (benefit, {}),
         *((period_map, {"value": value}) for value in period_map.VALUES if value != "ductility"),
     ):
-        style.save(module.draw(results, **options), picture)
+        view.save(module.draw(results, **options), picture)
         assert picture.stat().st_size > 10_000
     with pytest.raises(style.PlotError, match="no ductility: nothing of the structure yields"):
         period_map.draw(results, value="ductility")

@@ -11,7 +11,7 @@ from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures import style
+from hpcsweep.figures import style, view
 from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
 from hpcsweep.figures.diagrams.regions import Region, coexistence, contact_regions
 from hpcsweep.figures.palette import (
@@ -164,8 +164,8 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
     from PIL import Image
 
     path = tmp_path / "o.png"
-    with style.resolution(style.DPI):
-        style.save(orbit_diagram.draw(results, omega=0.7, color=color), path)
+    with view.resolution(view.DPI):
+        view.save(orbit_diagram.draw(results, omega=0.7, color=color), path)
     with Image.open(path) as picture:
         assert picture.width > 1000
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
@@ -331,13 +331,13 @@ def test_mistakes_take_one_line_and_write_nothing(file, tmp_path, capsys, argume
 @pytest.mark.slow
 def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
     from hpcsweep.commands.cli import main
-    from hpcsweep.figures.options import figures
+    from hpcsweep.figures.options import figures, results_of
 
     # those that need a job of their own are drawn in test_vary_map.py and test_measures_figure.py
     kinds = [
         n
         for n, figure in figures().items()
-        if figure.DRAWS == "motions" and n not in ("vary", "measures")
+        if "motions" in results_of(figure) and n not in ("vary", "measures")
     ]
     assert len(kinds) == 6
     for kind in kinds:
@@ -358,7 +358,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     from hpcsweep.commands.cli import main
     from hpcsweep.figures.explorer.page import build_page
     from hpcsweep.figures.explorer.page_data import gather
-    from hpcsweep.figures.options import figures
+    from hpcsweep.figures.options import figures, results_of
     from hpcsweep.job import parse_job
     from hpcsweep.parallel.mpi import Serial
     from hpcsweep.studies.points import START
@@ -372,7 +372,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     kinds = [
         n
         for n, figure in figures().items()
-        if figure.DRAWS == "motions" and n not in ("vary", "measures")
+        if "motions" in results_of(figure) and n not in ("vary", "measures")
     ]
     assert len(kinds) == 6
     for kind in kinds:
@@ -431,7 +431,7 @@ def test_a_map_needs_two_amplitudes_and_a_direction_that_is_there(results):
 def test_a_map_of_one_frequency_is_a_strip(results, tmp_path):
     heights = []
     for name, shown in (("map", results), ("strip", results.isel(omega=[0]))):
-        style.save(period_map.draw(shown), tmp_path / f"{name}.png")
+        view.save(period_map.draw(shown), tmp_path / f"{name}.png")
         heights.append(image.imread(tmp_path / f"{name}.png").shape[0])
     assert heights[1] < 0.6 * heights[0]
 

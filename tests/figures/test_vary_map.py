@@ -34,6 +34,11 @@ def test_a_panel_for_each_value_of_the_other_keys(varied):
         for beta in (100, 3000)
         for skip in ("all", "none")
     )
+    assert results.columns == 2
+    axes = [axis for axis in vary_map.draw(results).axes if axis.get_title()]
+    grid = [axis.get_subplotspec().rowspan.start for axis in axes]
+    assert grid == [0, 0, 1, 1]  # a row for each stiffness ratio
+    assert axes[3].get_title() == "stiffness ratio = 3000\nskip = none"
     assert results.values == (0.5, 1.0, 1.5)
     assert results.key == "gap"
     assert results.title.endswith(r"$\Omega$ = 0.6,  sweep down")

@@ -1,5 +1,6 @@
 """The study of attractors: resumed, all commands."""
 
+import contextlib
 import itertools
 import json
 import shutil
@@ -7,16 +8,24 @@ import shutil
 import h5py
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from tools import ATTRACTORS as JOB
 from tools import assert_same_datasets, hpcsweep
 
 import hpcsweep as package
 from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
+from hpcsweep.commands.cli import main
+from hpcsweep.commands.plot import _default
+from hpcsweep.figures.attractors import continued, identities
+from hpcsweep.figures.diagrams import period_map, shares
 from hpcsweep.figures.explorer.attractors import slots
 from hpcsweep.figures.explorer.page_data import gather
+from hpcsweep.figures.options import figures
+from hpcsweep.figures.palette import MOTION_COLOURS, motion_index
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.model.structure import Structure
+from hpcsweep.store import Frames
 
 
 @pytest.fixture(scope="module")
@@ -149,6 +158,101 @@ def test_every_command_tells_it(tmp_path, whole):
         assert done.returncode == 2
         assert done.stderr.count("\n") == 1
         assert "holds" in done.stderr
+
+
+def drawn_cells(path, **options):
+    """Return the numbers of the cells of a map, frame by frame, and its colours and keys."""
+    with contextlib.closing(Frames(path, "attractors")) as frames:
+        results = period_map.load(frames, **options)
+    figure = period_map.draw(results, **options)
+    mesh = figure.axes[0].collections[0]
+    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    return np.ma.masked_array(mesh.get_array()), mesh.get_cmap(), words
+
+
+def test_the_map_shows_what_the_file_holds_of_the_attractor_of_the_largest_share(whole):
+    results = open_results(whole).isel(direction=0)
+    first = results.isel(attractor=0)
+    assert (first["hits"] == results["hits"].max("attractor")).all()
+    cells, colours, words = drawn_cells(whole)
+    assert all(colours(int(k))[:3] == to_rgb(MOTION_COLOURS[k]) for k in np.unique(cells))
+    motion = motion_index(first["motion_class"].values, first["orbit_period"].values)
+    motion[first["contact"].values == 0] = 0
+    np.testing.assert_array_equal(cells, motion)
+    assert any(word.startswith("P1  ") for word in words)
+    for name, values in (
+        ("share", first["hits"].values / 24),
+        ("drift", first["drift"].values),
+        ("number", np.minimum(results["n_attractors"].values, 5) - 1),
+    ):
+        np.testing.assert_array_equal(drawn_cells(whole, value=name)[0], values, name)
+
+
+def test_identities_over_both_parameters(whole):
+    """Each keeps its own along the amplitudes, and continues the one it is near to."""
+    results = open_results(whole).isel(direction=0)
+    with contextlib.closing(Frames(whole, "attractors")) as frames:
+        found = identities(frames)
+    stored = results["attractor_id"].values
+    assert ((found > 0) == (stored > 0)).all()
+    for frame in range(3):
+        pairs = {*zip(stored[frame].ravel().tolist(), found[frame].ravel().tolist(), strict=True)}
+        assert len(pairs) == len(dict(pairs)) == len({new for _, new in pairs})
+    # the symmetric motion of Omega = 1 and 1.1 is one sheet, on which it hardly moves
+    point = results["point"].values
+    assert np.abs(point[2, :2, 0] - point[1, :2, 0]).max() < 0.06
+    assert (found[2, :, 0] == found[1, 0, 0]).all()
+    # at Omega = 0.9 it has lost its stability: of the two it meets there it continues the nearer
+    near = np.abs(point[0, 0, :2] - point[1, 0, 0]).max(axis=1)
+    assert found[1, 0, 0] == found[0, 0, np.argmin(near)]
+    cells, _, words = drawn_cells(whole, value="identity")
+    numbers = [int(word.split(",")[0]) for word in words[: len(np.unique(found[:, :, 0]))]]
+    np.testing.assert_array_equal(np.array(numbers)[cells.astype(int)], found[:, :, 0])
+
+
+def test_an_identity_continues_that_with_most_amplitudes_in_common():
+    votes = {(7, 1): 3, (7, 2): 5, (4, 2): 4, (4, 3): 1, (9, 1): 3}
+    assert continued(votes) == {2: 7, 1: 9, 3: 4}
+
+
+def test_a_grid_of_attractors_is_a_map_by_default(tmp_path, whole):
+    pictures = [tmp_path / f"{k}.png" for k in range(3)]
+    options = [], ["--kind", "map"], ["--kind", "attractors"]
+    for picture, extra in zip(pictures, options, strict=True):
+        assert main(["plot", str(whole), "-o", str(picture), *extra]) == 0
+    assert pictures[0].read_bytes() == pictures[1].read_bytes() != pictures[2].read_bytes()
+    known = figures()
+    for given, kind in (
+        ("omega = [0.9, 1.0, 1.1]", "map"),
+        ("omega = 0.9", "attractors"),
+    ):
+        text = JOB.replace("omega = [0.9, 1.0, 1.1]", given)
+        assert _default(parse_job(text, "job", "job"), known) == kind
+    refined = 'kind = "attractors"\nrefine = {levels = 2}'
+    text = JOB.replace('kind = "attractors"', refined).replace("block = 2", "")
+    assert _default(parse_job(text, "job", "job"), known) == "number"
+
+
+def test_stacked_shares_fill_the_panel_over_the_amplitudes(whole):
+    """No start of this job is undecided, so that nothing but attractors is to be seen."""
+    results = open_results(whole)
+    assert not results["n_undecided"].values.any()
+    figure = shares.draw(results, omega=1.0)
+    stacked = figure.axes[0]
+    assert stacked.get_xlim() == (0.6, 0.7)
+    assert stacked.get_ylim() == (0.0, 1.0)
+    cells = np.array([path.get_extents().extents for path in stacked.collections[0].get_paths()])
+    assert cells[:, :2].min(axis=0) == pytest.approx((0.6, 0.0))
+    assert cells[:, 2:].max(axis=0) == pytest.approx((0.7, 1.0))
+    area = np.prod(cells[:, 2:] - cells[:, :2], axis=1).sum()
+    assert area == pytest.approx(0.1)
+
+
+def test_the_explorer_shows_attractors_by_share(whole):
+    study, results = gather(whole, by_share=True), open_results(whole).isel(direction=0)
+    assert study.words[0] == "attractor 1 by share"
+    shares = results["share"].values.transpose(0, 2, 1)[:, : len(study.directions)]
+    np.testing.assert_array_equal(study.runs["share"], shares.astype(np.float32))
 
 
 def test_the_explorer_keeps_each_attractor_in_a_place_of_its_own(tmp_path, whole):

@@ -1,6 +1,8 @@
 """The study of branches: all motions of a file lie on them."""
 
+import contextlib
 import json
+import re
 import runpy
 import shutil
 
@@ -12,12 +14,14 @@ from tools import SEEDS, TWO_STOPS, hpcsweep, spot
 from hpcsweep import Structure, branch, meanings, open_results, orbit
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.figures.diagrams.special_curves import with_specials
+from hpcsweep.figures.diagrams import branches
+from hpcsweep.figures.diagrams.special_curves import MARKS, with_specials
 from hpcsweep.figures.film.frames import Film, Request, common_of
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.style import PlotError
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.solvers.flow.specialised import branch_kernels
+from hpcsweep.store import Frames
 
 BRANCHES = """
 extends = "sweep.toml"
@@ -155,6 +159,24 @@ def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
     told = ("--line", 1, "--sweep", folder / "sweep.h5", "-o", picture)
     assert hpcsweep(0, "plot", whole, *told).returncode == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
+    with contextlib.closing(Frames(whole, "branches")) as frames:
+        read = branches.load(frames, 1, folder / "sweep.h5")
+    figure = branches.draw(read)
+    (axis,) = figure.axes
+    runs = [line for line in axis.lines if line.get_color() == branches.RUNS]
+    assert max(line.zorder for line in runs) < min(
+        line.zorder for line in axis.lines if line not in runs
+    )
+    value, kind = (read.line[f"special_{name}"].values.ravel() for name in ("value", "kind"))
+    rows = [text.get_text().split() for text in figure.legends[1].get_texts()]
+    listed = [float(row[-1]) for row in rows]
+    assert listed == sorted(listed)
+    assert [row[0] for row in rows] == [str(k + 1) for k in range(len(rows))]
+    for row in rows:
+        near = np.isclose(value, float(row[-1]), rtol=1e-5)
+        assert " ".join(row[1:-2]) in {MARKS[k][0] for k in kind[near]}
+    numbers = [int(part) for text in axis.texts for part in re.split("[,–]", text.get_text())]
+    assert {1, len(rows)} <= set(numbers) <= set(range(1, len(rows) + 1))
     done = hpcsweep(0, "plot", whole, "--line", 3, "-o", folder / "none.png")
     assert done.returncode == 2
     assert "there are 3 lines" in done.stderr

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.attractors import attractor_classes
 from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.fitting import dot, legend_below
@@ -77,10 +78,7 @@ def motions_of(frame) -> np.ndarray:
     -------
     ndarray of int, shape (n_amplitudes, n_attractors)
     """
-    index = palette.motion_index(frame["motion_class"].values, frame["orbit_period"].values)
-    free = frame["contact"].values == 0 if "contact" in frame else np.zeros(index.shape, bool)
-    index = np.where(free, 0, index)
-    return np.where(frame["attractor_id"].values > 0, index, -1)
+    return palette.motion_index(attractor_classes(frame), frame["orbit_period"].values)
 
 
 def starts_words(study: AttractorGrid) -> str:

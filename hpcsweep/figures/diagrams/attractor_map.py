@@ -24,10 +24,17 @@ MISSED = "missed"
 """Variable of the attractors that the sweep misses."""
 
 
-def load(frames, sweep: Path | None = None, cells: bool | None = None):
-    """Read the numbers of attractors, and count those that a sweep misses."""
+VARIABLES = ("n_attractors", "n_undecided", "attractor_id", "motion_class", "share")
+"""Variables of maps of attractors, beside those of motions."""
+
+
+def load(
+    frames, sweep: Path | None = None, cells: bool | None = None, value: str | None = "number"
+):
+    """Read the attractors for a value of a map, or numbers, and count those that a sweep misses."""
     mesh.least_cells(frames.study.amplitude.size)
-    results = gather(frames, ("n_attractors", "outcome", "n_undecided"), cells)
+    each = () if value == "number" else (*mesh.VARIABLES, *([value] if value else []))
+    results = gather(frames, (*VARIABLES, "outcome", *each), cells)
     if sweep is None:
         return results
     from hpcsweep.figures.missed import missed_attractors
@@ -56,10 +63,15 @@ def draw(results, cells: bool | None = None, **_options):
     for axis, (name, values, least) in zip(axes, counts, strict=True):
         _panel(axis, results, name, values, least)
     mesh.finish(axes, results, cells)
+    return style.head(figure, style.caption(results), starts_note(results), note_of(results))
+
+
+def starts_note(results) -> str:
+    """Format the starts of a map, and the share of them that is undecided."""
     study = style.study_of(results, AttractorGrid)
-    undecided = results["n_undecided"].values[0][done].sum() / max(done.sum() * study.starts, 1)
-    note = f"{starts_words(study)}; undecided {style.percent(float(undecided))}"
-    return style.head(figure, style.caption(results), note, note_of(results))
+    done = results["outcome"].values > 0
+    undecided = results["n_undecided"].values[done].sum() / max(done.sum() * study.starts, 1)
+    return f"{starts_words(study)}; undecided {style.percent(float(undecided))}"
 
 
 def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams import orbits
+from hpcsweep.figures import labels, palette, style, view
+from hpcsweep.figures.diagrams import numbered, orbits
 from hpcsweep.figures.diagrams.special_curves import MARKS
 from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
@@ -22,13 +22,15 @@ NAME = "branches"
 DRAWS = "branches"
 HELP = """\
 branches of periodic orbits along the parameter: stable full, unstable thin, special
-points marked; with --sweep the stroboscopic points of a sweep over them"""
+points numbered and listed; with --sweep the stroboscopic points of a sweep beneath them"""
 OPTIONS = (
     FLOORS,
     Option("--line", "line, from 0 (default: the first)", type=whole_number(0, 10**9)),
     SWEEP,
 )
 COLUMNS = 5
+SYMBOLS = {"amplitude": "$A$", "omega": r"$\Omega$"}
+RUNS = "0.55"
 STABLE, UNSTABLE, NOWHERE_STABLE = 1.8, 0.6, 0.2
 """Widths of lines, the last of a branch that is unstable all along."""
 
@@ -80,16 +82,49 @@ def draw(results: Read, floors: Sequence[int] = (), **_options):
         raise style.PlotError("no branch of this line is computed")
     structure = study.structure
     figure, axes = orbits.floor_panels(structure, floors)
+    low, high = view.visible("x", *study.span)
+    marked = _marked(run, low, high)
     for floor, axis in axes.items():
         if runs is not None:
             _draw_runs(axis, runs, floor)
         _draw_branches(axis, branches, floor)
         _draw_specials(axis, run, floor)
-    axis.set(xlabel=_label(study, structure), xlim=study.span)
+        axis.set_ylim(view.visible("y", *axis.get_ylim()))
+    axis.set(xlabel=_label(study, structure), xlim=(low, high))
     fixed = float(found["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
     legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
-    return style.head(figure, style.parameters(structure, omega), fontsize=10)
+    if marked.size:
+        _list(figure, run, marked, SYMBOLS.get(study.parameter, study.parameter))
+    style.head(figure, style.parameters(structure, omega), fontsize=10)
+    figure.draw_without_rendering()  # the panels get their size
+    for floor, axis in axes.items():
+        numbered.number(axis, run["special_value"][marked], run["special_point"][marked, floor])
+    return figure
+
+
+def _marked(run: dict, low: float, high: float) -> np.ndarray:
+    """Return the special points that are drawn large, by the parameter, from `low` to `high`."""
+    value = run["special_value"]
+    held = _beside_stable(run) & (run["special_kind"] > 0) & (value >= low) & (value <= high)
+    places = np.flatnonzero(held)
+    return places[np.argsort(value[places], kind="stable")]
+
+
+def _list(figure, run: dict, marked: np.ndarray, symbol: str) -> None:
+    """List special points by their numbers: kind, period of the orbit and parameter."""
+    from matplotlib.lines import Line2D
+
+    period = dict(zip(run["branch_id"].tolist(), run["branch_period"].tolist(), strict=True))
+    rows, handles = [], []
+    for number, place in enumerate(marked.tolist(), 1):
+        kind, branch = Kind(int(run["special_kind"][place])), int(run["special_branch"][place])
+        name = f"P{period[branch]}"
+        value = float(run["special_value"][place])
+        rows.append(f"{number:>2} {MARKS[kind][0]:<15} {name:<3} {value:#.6g}")
+        handles.append(Line2D([], [], **_looks(kind, 4)))
+    title = f"special points beside stable\norbits: kind, period, {symbol}"
+    numbered.list_beside(figure, rows, handles, title)
 
 
 def _label(study: Branches, structure) -> str:
@@ -99,11 +134,14 @@ def _label(study: Branches, structure) -> str:
 
 
 def _draw_runs(axis, runs, floor: int) -> None:
-    """Draw the stroboscopic points of all runs."""
-    points = runs["poincare"].values[..., floor]
-    at = np.broadcast_to(runs["amplitude"].values[:, None], points.shape)
-    looks = {"color": palette.DARK_INK, "markersize": 0.8, "zorder": 3, "rasterized": True}
-    axis.plot(at.ravel(), points.ravel(), ".", **looks)
+    """Draw the stroboscopic points of all runs: under branches, those of orbits as their rims."""
+    for repeats, size in ((False, 0.8), (True, 3.0)):
+        points = runs["poincare"].where((runs["orbit_period"] > 0) == repeats).values[..., floor]
+        at = np.broadcast_to(runs["amplitude"].values[:, None], points.shape)
+        looks = {"color": RUNS, "markersize": size, "markeredgewidth": 0, "zorder": 1.5}
+        axis.plot(
+            at.ravel(), points.ravel(), linestyle="none", marker="o", rasterized=True, **looks
+        )
 
 
 def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
@@ -170,4 +208,4 @@ def _handles(run: dict, runs: bool) -> list:
         for kind, (word, _, _) in MARKS.items()
         if (run["special_kind"] == kind).any()
     ]
-    return [*handles, dot("runs", palette.DARK_INK, ".", 3)] if runs else handles
+    return [*handles, dot("runs", RUNS, "o", 3.0)] if runs else handles

@@ -29,8 +29,8 @@ class Figure(Protocol):
     ----------
     NAME : str
         Name for ``--kind``.
-    DRAWS : str
-        What a file must hold (`Study.holds`).
+    DRAWS : str or tuple of str
+        What a file must hold (`Study.holds`), or one of several.
     HELP : str
         What it shows: one or more lines of the command's help.
     OPTIONS : tuple of Option
@@ -38,7 +38,7 @@ class Figure(Protocol):
     """
 
     NAME: str
-    DRAWS: str
+    DRAWS: str | tuple[str, ...]
     HELP: str
     OPTIONS: tuple[Option, ...]
 
@@ -71,7 +71,7 @@ class Figure(Protocol):
         Returns
         -------
         matplotlib.figure.Figure
-            For `hpcsweep.figures.style.save`.
+            For `hpcsweep.figures.view.save`.
 
         Raises
         ------

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
-from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
 from hpcsweep.figures.fitting import LEGEND, area, blank
 from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
@@ -183,8 +183,8 @@ def paint(axis, horizontal, vertical, values: np.ndarray, edges=edges_of, **opti
     axis.set_facecolor(palette.NOTHING)
     if np.ma.getmaskarray(values).any():
         axis.patch.set(hatch="xxxx", edgecolor="0.55")
-    width, height = style.pixels(axis.get_figure())
-    rows, columns = _thinned(vertical.size, height), _thinned(horizontal.size, width)
+    width, height = view.pixels(axis.get_figure())
+    rows, columns = _thinned("y", vertical, height), _thinned("x", horizontal, width)
     sides = edges_of(horizontal[columns]), edges(vertical[rows])
     return axis.pcolormesh(*sides, values[rows][:, columns], rasterized=True, **options)
 
@@ -198,10 +198,13 @@ def of_classes(index: np.ndarray, colours: Sequence[str]) -> dict[str, Any]:
     return {"values": values, "cmap": ListedColormap(colours), "norm": norm}
 
 
-def _thinned(cells: int, most: float) -> np.ndarray:
-    """Return evenly spread cells, including the first and the last, at most one a pixel."""
-    count = min(cells, max(int(most), 2))
-    return np.linspace(0, cells - 1, count).round().astype(int)
+def _thinned(name: str, places: np.ndarray, most: float) -> np.ndarray:
+    """Return evenly spread cells of an axis in its limits, both ends too, at most one a pixel."""
+    low, high = view.visible(name, places[0], places[-1])
+    first, last = np.searchsorted(places, (low, high)).tolist()
+    first = max(first - 1, 0)
+    count = min(last + 1 - first, max(int(most), 2))
+    return np.linspace(first, last, count).round().astype(int)
 
 
 def finish(axes, results, cells: bool | None = None) -> None:

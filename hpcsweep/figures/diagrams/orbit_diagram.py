@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import orbits
 from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
 from hpcsweep.figures.diagrams.mesh import edges_of
@@ -154,14 +154,16 @@ def _mark_regions(axes, one: Frame, labels, coexisting) -> str:
     along = one.along
     least = max(3, along.size // 100)
     regions = contact_regions(one.runs["contact"].values, one.done, least, coexisting)
-    edges = np.clip(edges_of(along), along[0], along[-1])
+    edges = np.clip(edges_of(along), *view.visible("x", along[0], along[-1]))
     total = edges[-1] - edges[0]
     top = axes[0]
     taken: list[float] = []
     shortened: list[str] = []
     for number, region in enumerate(regions, 1):
         left, right = edges[region.first], edges[region.last + 1]
-        if region.first > 0:
+        if left == right and total > 0:
+            continue  # beyond the limits of the axis
+        if left > edges[0]:
             for axis in axes:
                 axis.axvline(left, color="0.45", linewidth=0.6, linestyle=(0, (4, 3)), zorder=1)
         share = (right - left) / total if total > 0 else 0.0

@@ -7,8 +7,8 @@ import numpy as np
 from hpcsweep.figures import fitting, labels, palette, style
 from hpcsweep.model.description import stops
 
-PANEL, PAGE = 1.75, 8.75
-"""Height of a panel, and of all of them where there are many (inches)."""
+SINGLE, PANEL, PAGE = 3.4, 1.75, 8.75
+"""Height of a panel alone, of one of several, and of all of them where there are many (inches)."""
 FINE, FINE_KEY = 0.1, 3
 """Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
 the legend."""
@@ -25,7 +25,7 @@ def floor_panels(structure, floors: Sequence[int], label: str = ""):
         By floor, from 0, downwards.
     """
     shown = labels.choose_floors(structure.n_floors, floors)[::-1]
-    height = PANEL * len(shown)
+    height = PANEL * len(shown) if len(shown) > 1 else SINGLE
     figure, axes = style.new_figure(len(shown), 1.2 + min(height, PAGE))
     for floor, axis in zip(shown, axes, strict=True):
         at = "" if height > PAGE else "(jT)"

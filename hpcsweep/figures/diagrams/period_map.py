@@ -1,25 +1,36 @@
-"""Map over amplitude and frequency of the motion of each run, or of one of its numbers."""
+"""Map over amplitude and frequency of the motion of each run, or of one of its numbers.
+
+Of attractors it is that of the largest share.
+"""
 
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.attractors import IDENTITY, dominant, identities
+from hpcsweep.figures.diagrams import attractor_map, mesh
 from hpcsweep.figures.diagrams.special_curves import with_specials
 from hpcsweep.figures.inferred import drawn_classes, filled, inferred, is_by_period, note_of
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
 from hpcsweep.solvers.outcome import Outcome
 
 VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov", "ductility")
+OF_ATTRACTORS = ("share", "number", IDENTITY)
 NAME = "map"
-DRAWS = "motions"
-HELP = "motion classes over amplitude and frequency, or --value of each run"
+DRAWS = ("motions", "attractors")
+HELP = """\
+motion classes over amplitude and frequency, or --value of each run; of attractors of
+the one with the largest share"""
 OPTIONS = (
     DIRECTION,
     Option(
-        "--value", "what the colours show (default: period, the motion classes)", choices=VALUES
+        "--value",
+        "what the colours show (default: period, the motion classes); share, number and identity "
+        "go with attractors",
+        choices=(*VALUES, *OF_ATTRACTORS),
     ),
     CELLS,
     BRANCHES,
@@ -40,7 +51,14 @@ def load(
     branches: Path | None = None,
 ):
     """Read the map of one direction, and special points of branches."""
-    results = mesh.open_map(frames, value, direction, cells)
+    if frames.study.holds == "attractors":
+        results = attractor_map.load(frames, cells=cells, value=value)
+        if value == IDENTITY:
+            results[IDENTITY] = results["attractor_id"].dims, identities(frames)[None]
+    elif value in OF_ATTRACTORS:
+        raise style.PlotError(f"{frames.path}: --value {value}: holds no attractors")
+    else:
+        results = mesh.open_map(frames, value, direction, cells)
     if branches is not None:
         results = with_specials(results, branches, frames.study.structure)
     return results
@@ -58,8 +76,9 @@ def draw(
     Parameters
     ----------
     results : xarray.Dataset
-    value : {"period", "drift", "contact", "modal_norm", "lyapunov", "ductility"}
-        Meaning of the colours; period: the motion classes.
+    value : str
+        Meaning of the colours, one of `VALUES`, or of attractors `OF_ATTRACTORS`; period: the
+        motion classes.
     direction : {"up", "down"}, optional
         Default the first.
     cells : bool, optional
@@ -70,25 +89,31 @@ def draw(
     PlotError
         If the file does not hold the variables to draw.
     """
+    note, words = note_of(results), ""
+    if "attractor_id" in results:
+        if value == "number":
+            return attractor_map.draw(results, cells)
+        note, words = attractor_map.starts_note(results), "attractor of the largest share"
+        results = dominant(results)
     if value != "period":
         style.need(results, value)
     results = mesh.by_frequency(results, direction)
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
     size = 7.2, mesh.map_height(results, 5.2)
     figure, axes = mesh.panels(panels, size, (3.6, 3.6), (0.0, 0.6))
-    known = {"period": _classes, "contact": _contact_sets}
+    known = {"period": _classes, "contact": _contact_sets, IDENTITY: _identities}
     known.get(value, partial(_numbers, value=value))(figure, axes, results)
     if value != "period":
         style.foot(figure, mesh.map_keys(results), results, style.classes_of(results))
     mesh.finish(axes, results, cells)
-    title = f"{style.caption(results)},  {style.words_of(results)}"
-    return style.head(figure, title, note_of(results))
+    title = f"{style.caption(results)},  {words or style.words_of(results)}"
+    return style.head(figure, title, note)
 
 
 def _classes(figure, axes, results) -> None:
     index = palette.motion_index(*(values[0] for values in drawn_classes(results)))
     mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, palette.MOTION_COLOURS))
-    notes = is_by_period(results), bool(inferred(results).any())
+    notes = is_by_period(results), _of_points(results)
     mesh.legend_of_motions(figure, index, mesh.map_keys(results), ALWAYS, *notes)
 
 
@@ -96,6 +121,8 @@ def _contact_sets(figure, axes, results) -> None:
     contact = filled(results, "contact")[0]
     from_cells = inferred(results, "contact")[0]
     done = (results["outcome"].values[0] == Outcome.COMPLETE) | from_cells
+    if "attractor_id" in results:
+        done &= results["attractor_id"].values[0] > 0
     numbers = style.structure_of(results).contact_labels
     found = style.commonest_sets(contact[done], numbers, MAX_SETS)
     found.sort(key=lambda each: not each[2])  # the rarer ones last
@@ -111,7 +138,30 @@ def _contact_sets(figure, axes, results) -> None:
         entries.append((style.rarer_sets(len(found) - len(entries)), "none"))
     index = np.minimum(index, len(entries) - 1)
     keys = mesh.share_keys(index, entries, "failed or not computed")
-    mesh.legend_of_shares(figure, keys, bool(from_cells.any()))
+    mesh.legend_of_shares(figure, keys, _of_points(results))
+
+
+def _identities(figure, axes, results) -> None:
+    """Draw the identities that most points have, each named by the motion that it mostly is."""
+    number = results[IDENTITY].values[0]
+    motion = palette.motion_index(results[MOTION].values[0], results["orbit_period"].values[0])
+    there, counts = (part.tolist() for part in np.unique(number[number > 0], return_counts=True))
+    named = sorted(sorted(range(len(there)), key=lambda k: -counts[k])[: len(palette.SERIES)])
+    index = np.where(number > 0, len(named), -1)
+    entries = []
+    for place, k in enumerate(named):
+        own = number == there[k]
+        index[own] = place
+        name = palette.MOTION_NAMES[int(np.bincount(motion[own]).argmax())]
+        entries.append((f"{there[k]}, {name}", palette.series_colour(place)))
+    entries.append((f"{len(there) - len(named)} rarer", palette.OTHER_MOTION))
+    mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, [colour for _, colour in entries]))
+    mesh.legend_of_shares(figure, mesh.share_keys(index, entries, "none, or not computed"), True)
+
+
+def _of_points(results) -> bool:
+    """Return whether shares are of points, and not of runs: inferred ones, or attractors."""
+    return "attractor_id" in results or bool(inferred(results).any())
 
 
 def _numbers(figure, axes, results, value: str) -> None:
@@ -121,6 +171,9 @@ def _numbers(figure, axes, results, value: str) -> None:
     numbers = np.ma.masked_invalid(results[value].values[0])
     inside = numbers.compressed()
     norm, bar = Normalize(0, 1), {"label": labels.MODAL_NORM, "aspect": 30}
+    if value == "share":
+        numbers = np.ma.masked_where(results["attractor_id"].values[0] == 0, numbers)
+        bar = {"label": "share of the starts", "aspect": 30}
     if value == "drift":
         norm = Normalize(0, np.percentile(inside, 99) if inside.size else 1.0)
         bar = {"label": labels.DRIFT, "extend": "max"}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.attractor_diagram import legend, opened, starts_text
 from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.mesh import edges_of
@@ -19,6 +19,8 @@ OPTIONS = (OMEGA,)
 MAX_COLUMNS = 7
 MIN_WIDTH, MIN_HEIGHT = 0.05, 0.1
 """Parts of the panel that an identity must fill to be named in it."""
+TALL = 0.75
+"""Part of the largest height that the layer has around its name."""
 load = load_frame
 
 
@@ -34,15 +36,17 @@ def draw(results, omega: float | None = None):
     study = style.study_of(results, AttractorGrid)
     figure, axes = style.new_figure(2, 6.6)
     amplitude = frame["amplitude"].values
-    edges = np.clip(edges_of(amplitude), amplitude[0], amplitude[-1])
+    edges = edges_of(amplitude)
+    if amplitude.size > 1:
+        edges = np.clip(edges, *view.visible("x", amplitude[0], amplitude[-1]))
     layers = _layers(frame, study.starts)
     _stack(axes[0], edges, layers, index)
     _name(axes[0], edges, layers, index, frame, structure.contact_labels)
     axes[0].set(ylim=(0, 1), ylabel="share of the starts, stacked")
-    _intervals(axes[1], frame, index)
+    _intervals(axes[1], frame, index, edges[0], edges[-1])
     axes[1].set(ylim=(-0.02, 1.02), ylabel=f"share, {100 * study.confidence:g} % interval")
     axes[1].set_xlabel(labels.amplitude(structure))
-    style.limit_amplitudes(axes[1], frame["amplitude"].values)
+    axes[1].set_xlim(edges[0], edges[-1])
     style.letter(axes)
     note = f"{starts_text(results, frame)}; named in (a): identity and contact set"
     legend(figure, frame, index, note, MAX_COLUMNS, [blank("reached none of them")])
@@ -89,7 +93,7 @@ def _stack(axis, edges: np.ndarray, layers: dict, index: np.ndarray) -> None:
 
 
 def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
-    """Label the identity and its contact set wherever there is room within one motion."""
+    """Label the identity and its contact set within each motion, where it is tallest."""
     total = edges[-1] - edges[0]
     for number, layer in layers.items():
         slot = layer[:, 2].astype(int)
@@ -103,23 +107,29 @@ def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
         for first, end in style.stretches(motion, contact, wide):
             if not wide[first] or edges[end] - edges[first] < MIN_WIDTH * total:
                 continue
-            middle = (first + end - 1) // 2
+            height = layer[first:end, 1] - layer[first:end, 0]
+            middle = first + int(np.argmax(height))
+            tall = style.stretches(height >= TALL * height.max())
+            first, end = next((first + a, first + b) for a, b in tall if first + b > middle)
+            low, high = layer[first:end, 0].max(), layer[first:end, 1].min()
+            at = 0.5 * (edges[first] + edges[end]), 0.5 * (low + high)
             text = str(number)
             if "contact" in frame:
                 text += f"\n{style.set_name(int(contact[middle]), labels)}"
-            at = 0.5 * (edges[first] + edges[end]), 0.5 * layer[middle, :2].sum()
             ink = palette.ink(palette.MOTION_COLOURS[motion[middle]])
             axis.text(*at, text, ha="center", va="center", fontsize=7, color=ink)
 
 
-def _intervals(axis, frame, index: np.ndarray) -> None:
-    """Draw each share with its confidence interval."""
+def _intervals(axis, frame, index: np.ndarray, first: float, last: float) -> None:
+    """Draw each share with its confidence interval, whole at the first and last amplitude, too."""
     amplitudes = frame["amplitude"].values
+    index = np.where((amplitudes >= first) & (amplitudes <= last), index.T, -1).T
     low, high = frame["share_low"].values, frame["share_high"].values
     share = frame["share"].values
     for place in np.unique(index[index >= 0]).tolist():
         row, slot = np.nonzero(index == place)
         at = amplitudes[row]
         colour = palette.MOTION_COLOURS[place]
-        axis.vlines(at, low[row, slot], high[row, slot], color=colour, linewidth=0.7, alpha=0.6)
-        axis.plot(at, share[row, slot], linestyle="none", marker="o", markersize=1.8, color=colour)
+        looks = {"color": colour, "clip_on": False, "zorder": 3}
+        axis.vlines(at, low[row, slot], high[row, slot], linewidth=0.7, alpha=0.6, **looks)
+        axis.plot(at, share[row, slot], linestyle="none", marker="o", markersize=1.8, **looks)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hpcsweep.earthquakes.spectrum import spectrum
-from hpcsweep.figures import palette, style
+from hpcsweep.figures import palette, style, view
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.model.modes import natural_modes
 from hpcsweep.studies.ground_motion.records import Records
@@ -51,11 +51,13 @@ def finish(axis, study: Records, periods: np.ndarray, curves: np.ndarray) -> str
     from matplotlib.ticker import LogLocator, NullFormatter
 
     before, raised = 0.0, False
+    low, high = view.visible("x", 0.0, np.inf)
     for name, period in sorted(natural_periods(study.structure), key=lambda mark: mark[1]):
         raised, before = period < NEAR * before and not raised, period
         axis.axvline(period, color=palette.series_colour(1), linewidth=0.8)
         where = {"xycoords": ("data", "axes fraction"), "ha": "center", "fontsize": 8}
-        axis.annotate(f"${name}$", (period, 1.06 if raised else 1.01), **where)
+        if low <= period <= high:
+            axis.annotate(f"${name}$", (period, 1.06 if raised else 1.01), **where)
     time = study.structure.unit_names.time or "time"
     axis.set_xscale("log")
     axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

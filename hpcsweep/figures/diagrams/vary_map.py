@@ -1,6 +1,7 @@
 """Motions over the amplitude and a key that the job varies, at one frequency."""
 
 import itertools
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,13 +18,16 @@ NAME = "vary"
 DRAWS = "motions"
 HELP = """\
 motion classes over the amplitude and a key that the job varies, one frame; a panel
-for each value of another"""
+for each value of another, of two others in rows and columns"""
 OPTIONS = (
     OMEGA,
     DIRECTION,
     Option("--over", "key on the vertical axis (default: the one with most values)", metavar="KEY"),
 )
-MAX_PANELS = 12
+MAX_PANELS, MAX_FACETS = 12, (8, 8)
+"""Most panels side by side, and rows and columns of those of two keys."""
+NARROW = 2.6, 2.3
+"""Width and height of a panel where there are more columns than `mesh.COLUMNS` (inches)."""
 MAX_TICKS = 8
 """Values that are all marked on the vertical axis."""
 WIDE = 30.0
@@ -40,6 +44,8 @@ class Panels(NamedTuple):
     grazing : ndarray, shape (n_panels, n_keys)
         Grazing amplitude of the free steady state of a part.
     titles : tuple of str
+    columns : int
+        Panels beside each other.
     key : str
         Name of the key on the vertical axis; its values are `values`.
     values : tuple
@@ -56,6 +62,7 @@ class Panels(NamedTuple):
     motion: np.ndarray
     grazing: np.ndarray
     titles: tuple[str, ...]
+    columns: int
     key: str
     values: tuple[Any, ...]
     title: str
@@ -88,7 +95,9 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     key = names.index(over)
     rows, wanted[key] = wanted[key], (0,)
     panels = list(itertools.product(*wanted))
-    if len(panels) > MAX_PANELS:
+    sizes = [len(places) for places in wanted if len(places) > 1]
+    in_facets = len(sizes) == 2 and all(np.array(sizes) <= MAX_FACETS)
+    if len(panels) > MAX_PANELS and not in_facets:
         others = ", ".join(name for name in free if name != over)
         raise PlotError(f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at")
     if omega is not None:
@@ -111,6 +120,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         motion=np.array(motion).reshape(*shape, -1),
         grazing=np.array(grazing).reshape(shape),
         titles=tuple(titles),
+        columns=sizes[-1] if in_facets else mesh.COLUMNS,
         key=_words(over) + labels.unit(study.structure, axes[key].units),
         values=axes[key].values,
         title=rf"{frames.whole.name},  $\Omega$ = {words},  {study.words[study.directions[at]]}",
@@ -130,12 +140,16 @@ def draw(results: Panels, **_options):
     """
     if (results.motion < 0).all():
         raise PlotError("no run of this frame is computed yet")
-    figure, axes = mesh.panels(len(results.titles), (7.2, 5.2), (3.5, 3.2), (1.0, 0.9))
+    each = (3.5, 3.2) if results.columns <= mesh.COLUMNS else NARROW
+    count, columns = len(results.titles), results.columns
+    figure, axes = mesh.panels(count, (7.2, 5.2), each, (1.0, 0.9), columns=columns)
     for panel, axis in enumerate(axes):
         _panel(axis, results, panel)
-        axis.set_title(results.titles[panel], fontsize=9)
+        axis.set_title(re.sub(r", (?=[\w ]+ = )", "\n", results.titles[panel]), fontsize=9)
         axis.set(xlabel=labels.amplitude(results.study.structure), ylabel=results.key)
         axis.label_outer()
+        if each is NARROW:
+            axis.locator_params(axis="x", nbins=4)
     notes = results.by_period, bool(results.inferred)
     mesh.legend_of_motions(figure, results.motion, [mesh.grazing_key()], (), *notes)
     return style.head(figure, results.title, share_note(results.inferred))

@@ -5,20 +5,21 @@ from dataclasses import replace
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION, MotionClass
+from hpcsweep.figures.attractors import DIMENSION, attractor_classes
 
-DIMENSION = "attractor"
-"""Dimension of a frame that has several motions a run."""
 VALUES = ("share", "number")
 """Values that only attractors have."""
 
 
-def as_runs(frame):
+def as_runs(frame, by_share: bool = False):
     """Return the attractors of a frame, slot by slot, as the runs of directions.
 
     Parameters
     ----------
     frame : xarray.Dataset
         One frame of a study of attractors.
+    by_share : bool
+        Whether slots are by falling share, so that an attractor keeps none.
 
     Returns
     -------
@@ -27,7 +28,8 @@ def as_runs(frame):
         keeps along the amplitudes. Where a slot has no attractor the motion is not computed.
     """
     one = frame.isel(direction=0, drop=True).rename({DIMENSION: "direction"})
-    order = slots(one["attractor_id"].isel(omega=0).transpose("amplitude", "direction").values)
+    order = one["attractor_id"].isel(omega=0).transpose("amplitude", "direction").values
+    order = np.argsort(order == 0, axis=1, kind="stable") if by_share else slots(order)
     each = ("amplitude", np.arange(len(order)))
     one = one.isel(direction=(("amplitude", "direction"), order), amplitude=each)
     held = one["attractor_id"] > 0
@@ -35,10 +37,7 @@ def as_runs(frame):
         one[name] = one[name].where(held, one[name].dtype.type(0))
     one["number"] = one["n_attractors"].where(held)
     one["share"] = one["share"].where(held)
-    kind = one["motion_class"].where(held, MotionClass.NOT_COMPUTED)
-    if "contact" in one:
-        kind = kind.where((one["contact"] > 0) | ~held, MotionClass.NO_CONTACT)
-    one[MOTION] = kind.astype(np.int8)
+    one[MOTION] = one["attractor_id"].dims, attractor_classes(one)
     return one.transpose("direction", "omega", "amplitude", ...)
 
 
@@ -68,19 +67,21 @@ def slots(identity: np.ndarray) -> np.ndarray:
     return order
 
 
-def as_study(study):
+def as_study(study, by_share: bool = False):
     """Name the slots of a gathered study, and drop empty ones.
 
     Parameters
     ----------
     study : hpcsweep.figures.explorer.page_data.PageData
+    by_share : bool
+        See `as_runs`.
     """
     used = np.flatnonzero((study.runs["motion"] != MotionClass.NOT_COMPUTED).any(axis=(0, 2)))
     n = int(used.max(initial=0)) + 1
     return replace(
         study,
         directions=tuple(str(k + 1) for k in range(n)),
-        words=tuple(f"attractor {k + 1}" for k in range(n)),
+        words=tuple(f"attractor {k + 1}{' by share' * by_share}" for k in range(n)),
         runs={name: numbers[:, :n] for name, numbers in study.runs.items()},
         thinned={**study.thinned, "of_points": study.thinned["points"]},
         each=DIMENSION,

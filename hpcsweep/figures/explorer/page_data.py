@@ -89,6 +89,7 @@ def gather(
     amplitude_step: int = 1,
     at: Mapping[str, float | str] | None = None,
     say: Callable[[int, int], None] | None = None,
+    by_share: bool = False,
 ) -> PageData:
     """Read a results file, one frame in memory at a time.
 
@@ -103,6 +104,8 @@ def gather(
         Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
     say : callable, optional
         Called with the number of frames done and their total.
+    by_share : bool
+        Whether attractors are shown by falling share at each point.
 
     Raises
     ------
@@ -120,6 +123,8 @@ def gather(
             f"{path}: its points lie on a grid of {grid.rows.size} frequencies and "
             f"{grid.along.size} amplitudes, more than {MAX_CELLS} places"
         )
+    if by_share and study.holds != "attractors":
+        raise style.PlotError(f"{path}: --by-share: holds no attractors")
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points
@@ -128,7 +133,7 @@ def gather(
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
         if several:
-            chosen = attractors.as_runs(chosen)
+            chosen = attractors.as_runs(chosen, by_share)
         numbers, words = _values(chosen, study.structure)
         kept, u, v = _points(chosen, n, limit)
         runs.append({**_codes(chosen), **numbers, "counts": kept, "speed": v})
@@ -162,7 +167,7 @@ def gather(
             "amplitude_step": amplitude_step,
         },
     )
-    return attractors.as_study(gathered) if several else gathered
+    return attractors.as_study(gathered, by_share) if several else gathered
 
 
 def _steps(study: RunGrid, frame_step: int, step: int) -> dict[str, list]:

@@ -1,0 +1,117 @@
+"""What figures and the explorer show of a study of attractors as of one with a motion a run."""
+
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from hpcsweep.dynamics.classify import MOTION, MotionClass
+from hpcsweep.dynamics.known import matched
+from hpcsweep.figures.style import PlotError
+from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.attractors.attractors import AttractorGrid
+from hpcsweep.studies.study import as_kind
+
+DIMENSION, IDENTITY = "attractor", "identity"
+"""Dimension of several motions a run, and variable of `identities`."""
+STORED = ("attractor_id", "n_points", "poincare")
+"""From which they are."""
+
+
+def attractor_classes(results) -> np.ndarray:
+    """Return the motion class of each attractor, NOT_COMPUTED where a slot is empty.
+
+    Returns
+    -------
+    ndarray of int8, in the shape of ``attractor_id``
+    """
+    held = results["attractor_id"].values > 0
+    kind = np.where(held, results["motion_class"].values, MotionClass.NOT_COMPUTED)
+    if "contact" in results:
+        kind = np.where(held & (results["contact"].values == 0), MotionClass.NO_CONTACT, kind)
+    return kind.astype(np.int8)
+
+
+def dominant(results):
+    """Return the attractor of the largest share of each point, as the motion of a run.
+
+    Where no attractor was found it is undecided.
+    """
+    one = results.isel({DIMENSION: 0})
+    kind = attractor_classes(one)
+    none = (kind == MotionClass.NOT_COMPUTED) & (one["outcome"].values == Outcome.COMPLETE)
+    kind = np.where(none, np.int8(MotionClass.UNDECIDED), kind)
+    return one.assign({MOTION: (one["outcome"].dims, kind)})
+
+
+def identities(frames) -> np.ndarray:
+    """Return identities of attractors over both parameters.
+
+    An identity along the amplitudes of a frequency, which the file holds, continues the one at the
+    next lower frequency of whose attractors, amplitude by amplitude, it has most within
+    `study.match_distance`, as the study matches those of neighbouring amplitudes; each continues
+    one at most, and others are new. So all attractors of a point have different identities, and
+    each keeps its own along the amplitudes. From frequency to frequency an identity says what most
+    amplitudes say: round a cusp, where two attractors are one sheet, it has to jump somewhere.
+
+    Parameters
+    ----------
+    frames : hpcsweep.store.Frames
+
+    Returns
+    -------
+    ndarray of int, shape (n_frames, n_amplitudes, n_attractors)
+        0 where there is no attractor.
+
+    Raises
+    ------
+    PlotError
+        If attractors have no identity along the amplitudes.
+    """
+    study = as_kind(frames.study, AttractorGrid)
+    if not study.is_path:
+        text = "attractors of points on their own have no identity along the amplitudes"
+        raise PlotError(f"{frames.path}: --value {IDENTITY}: {text}")
+    found: dict[int, np.ndarray] = {}
+    last = 0
+    before: list[list[tuple[int, np.ndarray]]] = [[] for _ in range(study.n_along)]
+    for frame in np.argsort(study.omega, kind="stable").tolist():
+        sets = {name: x[0] for name, x in frames.read(frame, STORED).items()}
+        ids = sets["attractor_id"]
+        units = study.structure.units_at(float(study.omega[frame]), study.amplitudes_of(frame))
+        now = [
+            [
+                (int(number), sets["poincare"][k, a, : sets["n_points"][k, a]] / units[k])
+                for a, number in enumerate(ids[k])
+                if number
+            ]
+            for k in range(len(ids))
+        ]
+        votes: Counter[tuple[int, int]] = Counter()
+        for older, newer in zip(before, now, strict=True):
+            there, here = ([points for _, points in each] for each in (older, newer))
+            pairs = matched(there, here, study.match_distance)
+            votes.update((older[i][0], newer[j][0]) for i, j in pairs)
+        names = continued(votes)
+        for number in range(1, int(ids.max(initial=0)) + 1):
+            if number not in names:
+                last += 1
+                names[number] = last
+        found[frame] = np.array([0, *(names[k + 1] for k in range(len(names)))])[ids]
+        before = [[(names[number], points) for number, points in each] for each in now]
+    return np.array([found[frame] for frame in range(study.n_frames)])
+
+
+def continued(votes: Mapping[tuple[int, int], int]) -> dict[int, int]:
+    """Return which identity each new one continues: most votes first, each at most once.
+
+    Parameters
+    ----------
+    votes : mapping of (int, int) to int
+        Amplitudes at which an identity and a new one have matching attractors.
+    """
+    names: dict[int, int] = {}
+    for (older, newer), _ in sorted(votes.items(), key=lambda vote: (-vote[1], vote[0])):
+        if newer not in names and older not in names.values():
+            names[newer] = older
+    return names

@@ -1,0 +1,89 @@
+"""What of a figure is written, and how finely: limits of its axes, and pixels an inch."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from hpcsweep.figures.style import PlotError
+
+DPI = 200
+"""Pixels an inch, unless `resolution` says other."""
+_dpi: ContextVar[int] = ContextVar("dpi", default=DPI)
+_limits: ContextVar[Mapping[str, tuple[float, float]]] = ContextVar(
+    "limits",
+    default=MappingProxyType({}),
+)
+"""Of the axes x and y, where they are requested (`limits`)."""
+
+
+@contextmanager
+def _holding(variable: ContextVar, value) -> Iterator[None]:
+    before = variable.set(value)
+    try:
+        yield
+    finally:
+        variable.reset(before)
+
+
+def resolution(dpi: int):
+    """Write the figures of a block with `dpi` pixels an inch."""
+    return _holding(_dpi, dpi)
+
+
+def limits(**given: Sequence[float] | None):
+    """Limit the axes `x` and `y` of all panels of the figures of a block to [low, high].
+
+    Raises
+    ------
+    PlotError
+        If the limits are not finite and ascending.
+    """
+    for name, ends in given.items():
+        if ends is not None and not -np.inf < ends[0] < ends[1] < np.inf:
+            limit = "must be two finite numbers, the lower one first"
+            raise PlotError(f"--{name}lim {ends[0]:g} {ends[1]:g}: {limit}")
+    return _holding(_limits, {name: (*ends,) for name, ends in given.items() if ends is not None})
+
+
+def visible(name: str, low: float, high: float) -> tuple[float, float]:
+    """Return the part of a range that requested limits of an axis, "x" or "y", leave."""
+    first, last = np.clip(_limits.get().get(name, (low, high)), low, high).tolist()
+    return first, last
+
+
+def _limit(figure) -> None:
+    """Set the requested limits of all panels; refuse those of panels of different units."""
+    panels = [axis for axis in figure.axes if axis.get_label() != "<colorbar>"]
+    for name, ends in _limits.get().items():
+        words = filter(None, (getattr(axis, f"get_{name}label")() for axis in panels))
+        units = {text.partition("  [")[2].rstrip("]") for text in words}
+        if len(units) > 1:
+            raise PlotError(f"--{name}lim: the panels show different quantities on that axis")
+        for axis in panels:
+            if getattr(axis, f"get_{name}scale")() == "log" and ends[0] <= 0:
+                raise PlotError(f"--{name}lim {ends[0]:g}: must be above 0 on a logarithmic axis")
+            axis.set(**{f"{name}lim": ends})
+
+
+def pixels(figure) -> np.ndarray:
+    """Return the width and the height of a figure's picture, shape (2,)."""
+    return figure.get_size_inches() * _dpi.get()
+
+
+def save(figure, path: Path) -> None:
+    """Write a figure to disk, in the requested limits, and free it."""
+    from matplotlib import pyplot
+
+    try:
+        _limit(figure)
+        figure.savefig(path, dpi=_dpi.get())
+    except PlotError:
+        raise
+    except ValueError as error:
+        raise PlotError(f"{path}: {error}") from None
+    finally:
+        pyplot.close(figure)

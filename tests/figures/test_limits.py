@@ -1,0 +1,60 @@
+"""Requested limits of axes: of all panels, of cells, of what is written above panels."""
+
+import numpy as np
+import pytest
+
+from hpcsweep.commands.cli import main
+from hpcsweep.figures import style, view
+from hpcsweep.figures.diagrams import mesh, metrics, orbit_diagram, orbits
+from hpcsweep.model.structure import Structure
+
+
+def test_all_panels_have_the_limits_and_regions_beyond_have_no_words(results, drawn_figure):
+    with view.limits(x=(0.2, 0.28), y=(-1.5, 0.25)):
+        figure = drawn_figure(orbit_diagram, results)
+    assert [axis.get_xlim() for axis in figure.axes] == [(0.2, 0.28)] * 2
+    assert [axis.get_ylim() for axis in figure.axes] == [(-1.5, 0.25)] * 2
+    whole = drawn_figure(orbit_diagram, results).axes[0]
+    assert whole.get_xlim() == pytest.approx((0.0144, 0.3056))
+    regions = {text.get_text().split("\n")[0]: text.xy[0] for text in whole.texts}
+    left = {text.get_text().split("\n")[0]: text.xy[0] for text in figure.axes[0].texts}
+    assert set(left) < set(regions)
+    assert all(0.2 <= place <= 0.28 for place in left.values())
+
+
+def test_cells_in_the_limits_are_all_drawn_though_the_map_has_more_than_pixels():
+    _, axes = style.new_grid(1, 1, (1.0, 1.0))
+    places, values = np.arange(2000.0), np.arange(4000.0).reshape(2, 2000)
+    with view.limits(x=(500.2, 509.8)):
+        cells = mesh.paint(axes[0, 0], places, np.array([1.0, 2.0]), values)
+    assert cells.get_array().tolist() == values[:, 500:511].tolist()
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        (("--ylim", "2", "1"), "--ylim 2 1: must be two finite numbers, the lower one first"),
+        (("--xlim", "0", "inf"), "--xlim 0 inf: must be two finite numbers"),
+        (("--kind", "metrics", "--ylim", "0", "1"), "--ylim: the panels show different"),
+    ],
+)
+def test_limits_that_mean_nothing_are_one_line(file, tmp_path, capsys, extra, words):
+    picture = tmp_path / "none.png"
+    assert main(["plot", str(file), "-o", str(picture), *extra]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+    assert not picture.exists()
+
+
+def test_panels_of_two_quantities_share_their_horizontal_axis(results, drawn_figure):
+    with view.limits(x=(0.05, 0.1)):
+        figure = drawn_figure(metrics, results)
+    assert [axis.get_xlim() for axis in figure.axes] == [(0.05, 0.1)] * 2
+
+
+def test_one_floor_has_a_panel_of_its_own_shape():
+    alone, _ = orbits.floor_panels(Structure(1), ())
+    three, _ = orbits.floor_panels(Structure(3), ())
+    assert alone.get_size_inches().tolist() == pytest.approx([7.2, 1.2 + orbits.SINGLE])
+    assert three.get_size_inches().tolist() == pytest.approx([7.2, 1.2 + 3 * orbits.PANEL])

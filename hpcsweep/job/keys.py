@@ -8,7 +8,14 @@ from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.keys import BLOCK, Key, Tables, names
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS, STUDIES
-from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT
+from hpcsweep.studies.settings import (
+    MAX_CYCLES,
+    METRIC_KEYS,
+    SAMPLING,
+    SPECTRUM_CYCLES,
+    SPECTRUM_ERROR,
+    TRANSIENT,
+)
 
 OF_STOREYS = ", above 0: a number, or a list of n, from the lowest on"
 SIDES = (
@@ -192,6 +199,8 @@ KEYS: Tables = {
             told="50000, with bdf 0",
             example="50000",
         ),
+        SPECTRUM_ERROR,
+        SPECTRUM_CYCLES,
         Key(
             "initial_state",
             '`"rest"`, u = v = 0, or 2n numbers u_1 .. u_n, v_1 .. v_n: the start of each frame, '

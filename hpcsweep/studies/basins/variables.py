@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from hpcsweep.studies.attractors.variables import ATTRACTOR, attractor_variables
+from hpcsweep.studies.attractors.variables import ATTRACTOR, OF_SPECTRUM, attractor_variables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import ANY, VALID, Variable, count, real
 from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, STATES
@@ -24,7 +24,10 @@ OWN = {
     "hits": "starts of the row that go to the attractor",
 }
 """Long names of what is otherwise in studies of attractors."""
-NOT_HERE = ("share", "share_low", "share_high", "lyapunov_low", "lyapunov_high")
+NOT_HERE = (
+    *("share", "share_low", "share_high", "lyapunov_low", "lyapunov_high"),
+    *OF_SPECTRUM,
+)
 LABEL = Variable("label", (*RUN, "column"), "<i1", "1", OF_LABEL, failed=ANY)
 VARIABLES = (
     LABEL,

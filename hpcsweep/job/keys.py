@@ -2,6 +2,8 @@
 
 import math
 
+from hpcsweep.job.forcing import N_HARMONICS
+from hpcsweep.model.forcing import MAX_HARMONICS
 from hpcsweep.model.matrices import MAX_FLOORS
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.solvers.arguments import MAX_PERIOD
@@ -120,9 +122,20 @@ STRUCTURE: Tables = {
         Key(
             "harmonics",
             "orders, 1 to 1000, amplitudes and phases of the forcing A sum a_h sin(h Omega tau + "
-            "phi_h), at most 16",
+            "phi_h), at most 16; order 0, without a phase, is its mean A a_0",
             told="order 1",
             example="[{order = 1, amplitude = 1.0, phase = 0.0}]",
+        ),
+        Key(
+            "samples",
+            "in their place samples of any periodic forcing over A, at even times from 0 on, of "
+            "one period 2 pi / Omega: it is the series of its mean and first harmonics",
+            told="none",
+        ),
+        Key(
+            "n_harmonics",
+            f"of samples: harmonics besides the mean, from 1 to {MAX_HARMONICS - 1}",
+            told=f"{N_HARMONICS}",
         ),
     ),  # those of `FORCINGS`
     "units": tuple(

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.job import structures
+from hpcsweep.job.forcing import forcing_notes
 from hpcsweep.job.job import Job, JobError
 from hpcsweep.job.keys import every_key, keys_of
 from hpcsweep.job.paths import path_of
@@ -146,9 +147,8 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     values = Values(source, tree)
     study = read_varied(values, tree, read_study, file)
     _check_extent(values, study)
-    job = Job(
-        name=_name(values, default_name), text=text, study=study, notes=unused(study.axes, tree)
-    )
+    notes = *unused(study.axes, tree), *forcing_notes(values)
+    job = Job(name=_name(values, default_name), text=text, study=study, notes=notes)
     if job.growth is not None and (reason := job.growth.problem()):
         raise JobError(f"{source}: {reason}")
     return job

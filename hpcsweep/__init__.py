@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.api.branches import branch as branch
     from hpcsweep.api.curves import curve as curve
+    from hpcsweep.api.lyapunov import lyapunov_spectrum as lyapunov_spectrum
     from hpcsweep.api.trajectory import trajectory as trajectory
     from hpcsweep.dynamics.continuation.periodic import orbit as orbit
     from hpcsweep.earthquakes.demands import write_demands as write_demands
@@ -44,6 +45,7 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
 _NAMES = {
     "api.branches": "branch",
     "api.curves": "curve",
+    "api.lyapunov": "lyapunov_spectrum",
     "api.trajectory": "trajectory",
     "campaign.provenance": "__version__",
     "dynamics.continuation.periodic": "orbit",

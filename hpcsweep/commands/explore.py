@@ -117,7 +117,7 @@ def _responses(options, frames):
     from hpcsweep.figures.explorer.responses import gather_responses, pack_responses
 
     for option in OPTIONS[:-1]:
-        if getattr(options, option.keyword) != option.arguments.get("default"):
+        if getattr(options, option.keyword) not in (option.arguments.get("default"), False):
             raise CommandError(f"{option.flag}: is for maps; {options.file} holds responses")
     meta, arrays = gather_responses(frames, _progress("structure"))
     told = (

@@ -89,8 +89,14 @@ class TangentMaps:
         sizes = [np.linalg.norm(each, axis=(1, 2)) for each in factors]
         if np.prod(sizes, axis=0).sum() <= MAX_PRODUCT:
             return floquet_multipliers(before[-1])
+        return self.cyclic_multipliers
+
+    @cached_property
+    def cyclic_multipliers(self) -> np.ndarray:
+        """The multipliers as powers of eigenvalues of the block cyclic matrix: small ones, too."""
         from scipy.linalg import block_diag  # it is seldom needed
 
+        p, n, _ = self.matrices.shape
         cyclic = np.roll(block_diag(*self.matrices), n, axis=0)
         powers = np.linalg.eigvals(cyclic) ** p
         multipliers = np.empty(n, complex)

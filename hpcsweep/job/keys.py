@@ -2,13 +2,22 @@
 
 import math
 
+from hpcsweep.job.forcing import N_HARMONICS
+from hpcsweep.model.forcing import MAX_HARMONICS
 from hpcsweep.model.matrices import MAX_FLOORS
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.keys import BLOCK, Key, Tables, names
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS, STUDIES
-from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT
+from hpcsweep.studies.settings import (
+    MAX_CYCLES,
+    METRIC_KEYS,
+    SAMPLING,
+    SPECTRUM_CYCLES,
+    SPECTRUM_ERROR,
+    TRANSIENT,
+)
 
 OF_STOREYS = ", above 0: a number, or a list of n, from the lowest on"
 SIDES = (
@@ -129,9 +138,20 @@ STRUCTURE: Tables = {
         Key(
             "harmonics",
             "orders, 1 to 1000, amplitudes and phases of the forcing A sum a_h sin(h Omega tau + "
-            "phi_h), at most 16",
+            "phi_h), at most 16; order 0, without a phase, is its mean A a_0",
             told="order 1",
             example="[{order = 1, amplitude = 1.0, phase = 0.0}]",
+        ),
+        Key(
+            "samples",
+            "in their place samples of any periodic forcing over A, at even times from 0 on, of "
+            "one period 2 pi / Omega: it is the series of its mean and first harmonics",
+            told="none",
+        ),
+        Key(
+            "n_harmonics",
+            f"of samples: harmonics besides the mean, from 1 to {MAX_HARMONICS - 1}",
+            told=f"{N_HARMONICS}",
         ),
     ),  # those of `FORCINGS`
     "units": tuple(
@@ -221,6 +241,8 @@ KEYS: Tables = {
             told="50000, with bdf 0",
             example="50000",
         ),
+        SPECTRUM_ERROR,
+        SPECTRUM_CYCLES,
         Key(
             "initial_state",
             '`"rest"`, u = v = 0, or 2n numbers u_1 .. u_n, v_1 .. v_n: the start of each frame, '

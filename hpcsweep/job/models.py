@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hpcsweep.job.job import JobError
-from hpcsweep.job.structures import MODEL, check_table, element_tables, model_settings
+from hpcsweep.job.structures import MODEL, element_tables, model_settings
 from hpcsweep.job.values import Values
 
 LISTS = ("names", "outputs", "fixed")
@@ -38,7 +38,7 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
     table = structure["model"]
     if isinstance(table, Mapping) and folder is None and "found" in table:
         return tree
-    check_table(values, "structure.model", table, MODEL, ("file",))
+    values.check_table("structure.model", table, MODEL, ("file",))
     contacts, sliders = element_tables(values, structure)
     for key in LISTS:
         if not isinstance(table.get(key, []), list):

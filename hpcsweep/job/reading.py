@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.job import structures
+from hpcsweep.job.forcing import forcing_notes
 from hpcsweep.job.job import ABOUT, Job, JobError
 from hpcsweep.job.keys import every_key, keys_of
 from hpcsweep.job.paths import path_of
@@ -31,7 +32,15 @@ from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.run_names import count
-from hpcsweep.studies.settings import MAX_CYCLES, METRIC_KEYS, SAMPLING, TRANSIENT, SweepSettings
+from hpcsweep.studies.settings import (
+    MAX_CYCLES,
+    METRIC_KEYS,
+    SAMPLING,
+    SPECTRUM_CYCLES,
+    SPECTRUM_ERROR,
+    TRANSIENT,
+    SweepSettings,
+)
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
 
@@ -145,7 +154,7 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
         name=_name(values, default_name),
         text=text,
         study=study,
-        notes=unused(study.axes, tree),
+        notes=(*unused(study.axes, tree), *forcing_notes(values)),
         about=_about(values),
     )
     if job.growth is not None and (reason := job.growth.problem()):
@@ -184,9 +193,10 @@ def read_values(values: Values):
         known = ", ".join(name for name in KINDS if KINDS[name].yields)
         limit = f"must be one of {known} where springs yield ({len(structure.sliders)} sliders)"
         raise values.error("study.kind", study.kind, limit)
-    if structure.sliders and "lyapunov" in settings.metrics:
-        limit = "must be false where springs yield: their motions have no tangent map"
-        raise values.error("output.lyapunov", True, limit)
+    for metric in sorted(settings.metrics & {"lyapunov", "lyapunov_spectrum"}):
+        if structure.sliders:
+            limit = "must be false where springs yield: their motions have no tangent map"
+            raise values.error(f"output.{metric}", True, limit)
     block = values.get("output.block", _default_block(values, study))
     whole = study.read(
         values,
@@ -349,6 +359,8 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
         metrics=frozenset(key.name for key in METRIC_KEYS if values.read("output", key)),
         max_points=_max_points(values, sampling, longest),
         classify_cycles=values.whole(key, cycles, 0, MAX_CYCLES),
+        spectrum_error=values.read("sweep", SPECTRUM_ERROR),
+        spectrum_cycles=values.read("sweep", SPECTRUM_CYCLES),
     )
 
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.job.forcing import HARMONIC
 from hpcsweep.job.job import Job
 from hpcsweep.job.keys import STRUCTURE, keys_of
 from hpcsweep.job.reading import read_values
-from hpcsweep.job.structures import HARMONIC
 from hpcsweep.job.tree import parse_toml, with_value, write
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts

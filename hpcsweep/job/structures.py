@@ -1,4 +1,4 @@
-"""Read the structure of a job: a building, several, or matrices with contacts; and the forcing.
+"""Read the structure of a job: a building, several, or matrices with contacts.
 
 Every error is one line that names the file, the key, the value and the limit;
 `hpcsweep.model.structure` defines the limits.
@@ -8,16 +8,16 @@ import functools
 import hashlib
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
+from hpcsweep.job.forcing import read_forcing
 from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
 from hpcsweep.model.buildings import Building, Column, adjacent
-from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.reduced import Reduced
@@ -25,14 +25,12 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.studies.ground_motion.keys import known_gravity
 
-Harmonics = tuple[tuple[int, float, float], ...]
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
 MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
 CONTACT = ("direction", "gap", "stiffness", "damping", "tension")
 SLIDER = ("direction", "stiffness", "strength", "name")
 BUILDING = tuple(field.name for field in fields(Building))
 ISOLATION = tuple(field.name for field in fields(Isolation) if field.name != "gravity")
-HARMONIC = ("order", "amplitude", "phase")
 WITH_MATRICES = (
     *("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh"),
     "collapse_drift",
@@ -48,7 +46,7 @@ MAX_LABEL = 100
 """Characters of the name of a building."""
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 SIZED = re.compile(
-    r"(mass|stiffness|gap(_left)?|direction|amplitude|(contact\[\d+\]\.|pounding\.|storey_)damping|"
+    r"(mass|stiffness|samples|gap(_left)?|direction|amplitude|(contact\[\d+\]\.|pounding\.|storey_)damping|"
     r"strength|yield_(force|drift)|weight|storey_height|collapse_drift|"
     r"isolation\.(period|radius|friction))$"
 )
@@ -130,7 +128,7 @@ def _of_matrices(values: Values, given: dict, by: str, harmonics) -> Structure:
     others = {key: _tuples(given[key]) for key in WITH_MATRICES[3:] if key in given}
     if by == "model":
         return _of_model(values, given, contacts, sliders, {**others, "harmonics": harmonics})
-    check_table(values, "structure.matrices", given[by], MATRICES, ("mass", "stiffness"))
+    values.check_table("structure.matrices", given[by], MATRICES, ("mass", "stiffness"))
     return Structure.from_matrices(
         contacts=_elements("contact", contacts, Contact),
         sliders=_elements("slider", sliders, Slider),
@@ -149,7 +147,7 @@ def element_tables(values: Values, given: Mapping) -> tuple[list[dict], list[dic
             limit = f"must be tables, [[structure.{name}]]"
             raise values.error(f"structure.{name}", listed, limit)
         for k, one in enumerate(listed):
-            check_table(values, f"structure.{name}[{k}]", one, known, known[:3])
+            values.check_table(f"structure.{name}[{k}]", one, known, known[:3])
         tables.append(listed)
     return tables[0], tables[1]
 
@@ -177,7 +175,7 @@ def model_settings(structure: Mapping) -> str:
 def _of_model(values: Values, given: dict, contacts, sliders, others: dict) -> Structure:
     """Read a finite element model that `hpcsweep.job.models` has reduced."""
     table = given["model"]
-    check_table(values, "structure.model", table, MODEL, ("file", "found"))
+    values.check_table("structure.model", table, MODEL, ("file", "found"))
     found = dict(table["found"])
     origin, settings = found.pop("origin", ""), found.pop("settings", "")
     if settings != model_settings(given):
@@ -248,7 +246,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     for table in tables:
         by_period = isinstance(table, Mapping) and "period" in table
         needed = ("mass", "storey_stiffness")[: 1 if by_period else 2]
-        check_table(values, "building", table, BUILDING, needed)
+        values.check_table("building", table, BUILDING, needed)
         if {"rayleigh", "damping_ratio"} <= set(table):
             limit = "is given beside damping_ratio"
             raise values.error("building.rayleigh", table["rayleigh"], limit)
@@ -258,7 +256,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
             raise values.error("building.name", name, limit)
     for table in tables:
         if "column" in table:
-            check_table(values, "building.column", table["column"], *(Column._fields,) * 2)
+            values.check_table("building.column", table["column"], *(Column._fields,) * 2)
     tables = [_with_isolation(values, _weighed(values, "building", table)) for table in tables]
     buildings = [_building(k, table) for k, table in enumerate(tables)]
     pounding = dict(values.table("pounding"))
@@ -279,7 +277,7 @@ def _with_isolation(values: Values, table: Mapping) -> Mapping:
     given = table.get("isolation")
     if given is None:
         return table
-    check_table(values, "building.isolation", given, ISOLATION, ("slab_mass",))
+    values.check_table("building.isolation", given, ISOLATION, ("slab_mass",))
     if "wall_stiffness" in given and "gap" not in given:
         key = "building.isolation.wall_stiffness"
         raise values.error(key, given["wall_stiffness"], "goes with gap, the distance of the walls")
@@ -287,45 +285,6 @@ def _with_isolation(values: Values, table: Mapping) -> Mapping:
     for key in sorted({"radius", "friction"} & set(given)):
         by_weight["gravity"] = known_gravity(values, f"building.isolation.{key}", given[key])
     return {**table, "isolation": {**given, **by_weight}}
-
-
-def read_forcing(values: Values) -> Harmonics:
-    """Read the table ``forcing``: one key, each a kind of forcing."""
-    table = values.table("forcing")
-    if len(table) > 1:
-        first, second = list(table)[:2]
-        raise values.error(f"forcing.{second}", table[second], f"does not go with {first}")
-    for key, given in table.items():
-        if key in FORCINGS:
-            return FORCINGS[key](values, given)
-    return ONE_HARMONIC
-
-
-def _harmonics(values: Values, given) -> Harmonics:
-    """Read a sum of harmonics."""
-    if not isinstance(given, list) or not given:
-        limit = "must be a list of {order = 1, amplitude = 1.0, phase = 0.0}"
-        raise values.error("forcing.harmonics", given, limit)
-    for harmonic in given:
-        check_table(values, "forcing.harmonics", harmonic, HARMONIC, ("order",))
-    return tuple(
-        (harmonic["order"], harmonic.get("amplitude", 1.0), harmonic.get("phase", 0.0))
-        for harmonic in given
-    )
-
-
-FORCINGS: dict[str, Callable[[Values, Any], Harmonics]] = {"harmonics": _harmonics}
-"""By the key of the table ``forcing``: what reads its value, as (order, amplitude, phase) each."""
-
-
-def check_table(values: Values, key: str, table, known, needed) -> None:
-    """Refuse a value that is not a table of known keys, or lacks a required one."""
-    if not isinstance(table, Mapping):
-        raise values.error(key, table, f"must be a table of {', '.join(known)}")
-    values.check_keys(key, table, known)
-    for name in needed:
-        if name not in table:
-            raise JobError(f"{values.source}: {key}.{name} is missing")
 
 
 def _tuples(value):

@@ -107,6 +107,15 @@ class Values:
                 hint = _hint(key, known, keys or {})
             raise JobError(f"{self.source}: unknown key {full!r}; {hint}")
 
+    def check_table(self, key: str, table, known, needed) -> None:
+        """Refuse a value that is not a table of known keys, or lacks a required one."""
+        if not isinstance(table, Mapping):
+            raise self.error(key, table, f"must be a table of {', '.join(known)}")
+        self.check_keys(key, table, known)
+        for name in needed:
+            if name not in table:
+                raise JobError(f"{self.source}: {key}.{name} is missing")
+
     def has(self, key: str) -> bool:
         """Return whether a key of a table is given."""
         table, name = key.split(".", 1)

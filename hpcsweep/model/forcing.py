@@ -1,9 +1,13 @@
-"""The forcing G(tau) = A sum_h a_h sin(h Omega tau + phi_h) that shakes a structure."""
+"""The forcing G(tau) = A sum_h a_h sin(h Omega tau + phi_h) that shakes a structure.
 
+Its mean A a_0 is the harmonic of order 0, with phi_0 = pi / 2.
+"""
+
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +18,10 @@ MAX_HARMONICS = 16
 MAX_ORDER = 1000
 MAX_PHASE = 1000.0
 """Beyond it radians are degrees, or angles lose digits."""
+MEAN_PHASE = math.pi / 2
+"""Of the harmonic of order 0, sin(phi) = 1; and of a cosine."""
+ROUNDING = 1e-13
+"""Share of the largest sample below which a harmonic of samples is none."""
 TERM = ("order", "amplitude", "phase")
 ONE_HARMONIC = ((1, 1.0, 0.0),)
 """sin(Omega tau)"""
@@ -52,13 +60,56 @@ def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
     found = []
     for entry in given:
         order, amplitude, phase = vector("harmonics", entry, 3, "numbers each", TERM)
-        if not order.is_integer() or not 1 <= order <= MAX_ORDER:
-            limit = f"a whole number from 1 to {MAX_ORDER}"
-            raise refused("harmonics.order", limit, entry[0])
+        if not order.is_integer() or not 0 <= order <= MAX_ORDER:
+            limit = f"a whole number from 0 to {MAX_ORDER}"
+            tori = ": frequencies without a common period are not offered"
+            raise refused("harmonics.order", limit + tori * (not order.is_integer()), entry[0])
+        if order == 0 and phase != MEAN_PHASE:
+            raise refused("harmonics.phase", "pi / 2 at order 0, the mean", entry[2])
         largest = f"finite, of a size up to {MAX_PHASE:g}"
         phase = number("harmonics.phase", phase, largest, -MAX_PHASE, MAX_PHASE)
         found.append((int(order), finite("harmonics.amplitude", amplitude), phase))
     orders = [order for order, _, _ in found]
     if len(set(orders)) < len(orders):
         raise ValueError(f"harmonics.order must not hold a value twice, is {orders}")
+    if orders == [0]:
+        raise ValueError("harmonics.order must hold one above 0: a mean alone has no period")
     return tuple(found)
+
+
+class Series(NamedTuple):
+    """Fourier series of samples of a period.
+
+    Attributes
+    ----------
+    terms : tuple of (int, float, float)
+        Its harmonics, as `read_harmonics` returns them.
+    error : float
+        Largest difference to the samples, in units of the largest of these.
+    """
+
+    terms: tuple[tuple[int, float, float], ...]
+    error: float
+
+
+def fourier_series(samples: np.ndarray, n_harmonics: int) -> Series:
+    """Return the mean and the first harmonics of N samples at the times k T / N, shape (N,).
+
+    Terms of the size of rounding are left out, and those of N / 2 and more, which samples do not
+    tell apart. `samples` must not all be equal.
+    """
+    size = len(samples)
+    found = np.fft.rfft(samples)[: min(n_harmonics, (size - 1) // 2) + 1] / size
+    found[1:] *= 2
+    largest = np.abs(samples).max()
+    kept = np.flatnonzero(np.abs(found) > ROUNDING * largest)
+    left = np.zeros(size // 2 + 1, complex)
+    left[kept] = found[kept] * np.where(kept > 0, size / 2, size)
+    error = float(np.abs(np.fft.irfft(left, size) - samples).max() / largest)
+    terms = [
+        (order, float(abs(found[order])), cmath.phase(1j * found[order]))
+        for order in kept.tolist()
+        if order
+    ]
+    mean = [(0, float(found[0].real), MEAN_PHASE)] if 0 in kept else []
+    return Series((*mean, *terms), error)

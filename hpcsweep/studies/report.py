@@ -72,7 +72,7 @@ def doubts(
         Whether runs start from the end of the one at the amplitude before.
     """
     natural = structure.frequencies
-    orders = np.array([order for order, _, _ in structure.forcing.terms])
+    orders = np.array([order for order, _, _ in structure.forcing.terms if order])
     ratio = np.abs(np.log(np.outer(orders, omega).ravel()[:, None] / natural))
     if ratio.min() > np.log(FAR):
         yield (

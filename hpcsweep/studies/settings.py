@@ -21,6 +21,12 @@ METRIC_KEYS = (
         "= 0`, nothing is called chaotic or quasi-periodic",
         False,
     ),
+    Key(
+        "lyapunov_spectrum",
+        "all Lyapunov exponents, per unit of time, with their errors, and the Kaplan-Yorke "
+        "dimension of the stroboscopic points",
+        False,
+    ),
     Key("storey_drift", "peak drift of each storey over continuous time, in gaps", False),
     Key("displacement", "peak displacement of each floor, in gaps", False),
     Key("acceleration", "peak absolute acceleration of each floor, in gaps omega_0^2", False),
@@ -42,6 +48,19 @@ SAMPLING = Key(
     "forcing periods of the steady window, of which results are",
     100,
     (1, MAX_CYCLES),
+)
+SPECTRUM_ERROR = Key(
+    "spectrum_error",
+    "requested error of each exponent of `output.lyapunov_spectrum`, half its 95 % confidence "
+    "interval, per unit of time",
+    1e-3,
+    (1e-12, 1e12),
+)
+SPECTRUM_CYCLES = Key(
+    "spectrum_cycles",
+    "most forcing periods over which these exponents are averaged",
+    20_000,
+    (20, MAX_CYCLES),
 )
 
 
@@ -75,6 +94,10 @@ class SweepSettings:
         Forcing periods for which a run is continued, off its path, if the window leaves its motion
         open (`classification`). 0: none, but a period is claimed only of points that have closed.
         None is the window procedure: a period is claimed of points that repeat.
+    spectrum_error : float
+        Requested error of Lyapunov exponents, per unit of time.
+    spectrum_cycles : int
+        Most forcing periods over which they are averaged.
     """
 
     transient_cycles: int = TRANSIENT.default
@@ -87,6 +110,8 @@ class SweepSettings:
     metrics: frozenset[str] = frozenset(key.name for key in METRIC_KEYS if key.default)
     max_points: int | None = None
     classify_cycles: int | None = None
+    spectrum_error: float = SPECTRUM_ERROR.default
+    spectrum_cycles: int = SPECTRUM_CYCLES.default
 
     @property
     def measures(self) -> int:

@@ -45,6 +45,33 @@ MODAL_NORM = real(
     "modal_norm", (*RUN, "mode"), "1", "mean modal norm free of contact", SHARE, optional=True
 )
 LYAPUNOV = real("lyapunov", RUN, "rate", "largest Lyapunov exponent", BELOW_INFINITY, optional=True)
+SPECTRUM = (
+    real(
+        *("lyapunov_spectrum", (*RUN, "exponent"), "rate"),
+        "Lyapunov exponents, largest first",
+        BELOW_INFINITY,
+        optional=True,
+    ),
+    real(
+        *("lyapunov_spectrum_error", (*RUN, "exponent"), "rate"),
+        "half their 95 % confidence intervals; of an orbit their rounding",
+        optional=True,
+    ),
+    *(
+        real(f"kaplan_yorke{end}", RUN, "1", f"Kaplan-Yorke dimension{which}", optional=True)
+        for end, which in (
+            ("", " of the stroboscopic points"),
+            ("_low", " at the lower ends of the exponents"),
+            ("_high", " at the upper ends of the exponents"),
+        )
+    ),
+    count(
+        *("spectrum_cycles", RUN),
+        "forcing periods over which the exponents were averaged, 0 of an orbit",
+        "forcing periods",
+    ),
+)
+"""All Lyapunov exponents, and what follows from them."""
 RUN_VARIABLES = (
     real("poincare", (*RUN, "point", "state"), STATES, "stroboscopic points", None),
     count("n_points", RUN, "number of stroboscopic points stored"),
@@ -82,6 +109,7 @@ RUN_VARIABLES = (
     LYAPUNOV,
     real("lyapunov_low", RUN, "rate", "its 95 % confidence interval, lower end", None),
     real("lyapunov_high", RUN, "rate", "its 95 % confidence interval, upper end", None),
+    *SPECTRUM,
     code(
         *("motion", RUN, MotionClass),
         "motion: 1 no contact, 2 periodic, 3 long period, 4 quasi-periodic, 5 chaotic, "
@@ -127,6 +155,8 @@ def run_variables(settings: SweepSettings, structure: Structure) -> list[Variabl
     wanted = set(ALWAYS) | set(settings.metrics) | set(OF_SLIDERS if structure.sliders else ())
     if "poincare" in wanted:
         wanted.add("n_points")
+    if "lyapunov_spectrum" in wanted:
+        wanted |= {each.name for each in SPECTRUM}
     if settings.classify_cycles is not None:
         wanted.add("window_period")
         if "lyapunov" in wanted:
@@ -158,7 +188,7 @@ def empty_results(
     """
     n = structure.n_floors
     n_contacts, n_storeys = len(structure.all_contact_numbers), len(structure.drift_rows)
-    sizes |= {"mode": n, "floor": n, "stop": n_contacts, "storey": n_storeys}
+    sizes |= {"mode": n, "exponent": 2 * n, "floor": n, "stop": n_contacts, "storey": n_storeys}
     sizes |= {"state": structure.state_units.size, "slider": len(structure.sliders)}
     return {
         each.name: np.full((n_runs, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
@@ -238,8 +268,10 @@ def slider_names(structure: Structure) -> dict[str, Coordinate]:
 
 
 def measure_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:
-    """Return the dimensions of the requested measures: storeys, floors, contacts."""
+    """Return the dimensions of the requested measures: storeys, floors, contacts, exponents."""
     made = {}
+    if "lyapunov_spectrum" in settings.metrics:
+        made["exponent"] = numbered(2 * structure.n_floors, "Lyapunov exponent", first=1)
     if "storey_drift" in settings.metrics:
         made["storey"] = named(structure.storey_names, "storey")
     if not settings.metrics.isdisjoint(FLOOR_MEASURES):

@@ -146,6 +146,8 @@ OTHER = {
     "metrics": frozenset({"poincare"}),
     "max_points": 40,
     "classify_cycles": 7,
+    "spectrum_error": 0.07,
+    "spectrum_cycles": 77,
     "motion_length": 2.0,
     "unreached": (1,),
     "omega": np.array([0.7]),

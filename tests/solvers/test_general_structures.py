@@ -14,6 +14,7 @@ from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.flow.state.shared import ANY_MEASURE
 from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.outcome import Outcome
 
@@ -63,6 +64,16 @@ CASES = {
         0.3,
     ),
     "harmonics": (Structure(2, harmonics=((1, 1.0, 0.3), (3, 0.5, -1.0)), gap=0.5), 0.2, 0.5),
+    "a mean, sharp": (
+        Structure(2, 100.0, math.inf, harmonics=((0, -0.4, math.pi / 2), (1, 1.0, 0.0)), gap=0.5),
+        0.2,
+        0.5,
+    ),
+    "a mean, smooth": (
+        Structure(2, 100.0, 200.0, harmonics=((2, 0.3, 1.0), (0, -0.4, math.pi / 2), (1, 1, 0))),
+        0.4,
+        0.5,
+    ),
     "pounding, sharp": (pounding(math.inf), 0.1, 0.5),
     "pounding, smooth": (pounding(1e3), 0.1, 0.5),
     "oblique, sharp": (random_structure(1, math.inf), 0.5, 0.8),
@@ -249,14 +260,15 @@ def test_units_and_order_of_the_floors_mean_nothing(seed, n, sharpness):
     assert np.abs(found - points[:, both]).max() < allowed
 
 
+@pytest.mark.parametrize("other", [(2, 0.3, 0.0), (0, 0.4, math.pi / 2), (0, -0.9, math.pi / 2)])
 @pytest.mark.parametrize("damping", ["ratios", "matrix"])
-def test_the_linear_state_in_closed_form(damping):
+def test_the_linear_state_in_closed_form(damping, other):
     given = {"damping_ratio": 0.05} if damping == "ratios" else {"damping": np.diag([0.3, 0.1])}
     structure = Structure.from_matrices(
         (1.0, 3.0),
         [[2.0, -1.0], [-1.0, 1.5]],
         [Contact((1.0, -1.0), 2.0, 100.0)],
-        harmonics=((1, 1.0, 0.2), (2, 0.3, 0.0)),
+        harmonics=((1, 1.0, 0.2), other),
         **given,
     )
     omega, amplitude = 0.4, 0.1
@@ -274,6 +286,8 @@ def test_the_linear_state_in_closed_form(damping):
         / (2 * math.pi),
         rel=1e-9,
     )
+    measures = solver.observe(end, amplitude, 1, measures=ANY_MEASURE).measures
+    np.testing.assert_allclose(free.orbit.measures(amplitude)[0], measures, rtol=0, atol=1e-9)
     # nothing is said of an amplitude that reaches the stop
     assert free.window(start, 1.01 * structure.grazing_amplitude(omega)) is None
 

@@ -19,10 +19,13 @@ from hpcsweep.solvers.records import Followed
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.settings import METRICS, SweepSettings
 from hpcsweep.studies.sweep.batch import Batch
+from hpcsweep.studies.sweep.classification import spectrum_variables
 from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store
 from hpcsweep.studies.sweep.runs import FrameRuns
 
-SETTINGS = SweepSettings(metrics=frozenset(METRICS), classify_cycles=2000, max_points=40)
+SETTINGS = SweepSettings(
+    metrics=frozenset(METRICS), classify_cycles=2000, max_points=40, spectrum_cycles=20
+)
 STRUCTURES = {
     "uniform": (Structure(3), 0.445, np.linspace(0.004, 0.24, 60)),
     "described": (
@@ -106,6 +109,7 @@ class OneByOne(Batch):
         result |= {"points": points, "n_points": period, "final_state": points[-1]}
         result |= {"orbit_period": period, "cycles": cycles, "motion": kind}
         result["window_period"] = NOT_TESTED
+        result |= spectrum_variables(solver, amplitude, points, period, self._settings, None)
         store(row, solver.structure, solver.omega, amplitude, result)
         row["skip_rule"][:] = rule
         return points[-1].copy()

@@ -17,6 +17,7 @@ from hpcsweep.studies.attractors.search import UNSTORED, SearchLimits, store_att
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.classification import spectrum_variables
 from hpcsweep.studies.variables import empty_results
 
 
@@ -71,10 +72,12 @@ class AttractorRuns:
         """Find the attractors at an amplitude."""
         limits, settings = self._limits, self._settings
         self._measured = self._structure.measured_at(self._omega, amplitude)
+        made = settings.solver, self._measured, self._omega, settings.rtol
+        self._solver = make_solver(*made)
         box = np.array(limits.box)
         starts = starting_states(box, limits.starts, limits.seed, self._omega, amplitude)
         return portrait(
-            make_solver(settings.solver, self._measured, self._omega, settings.rtol),
+            self._solver,
             amplitude,
             seeds,
             starts,
@@ -113,10 +116,12 @@ class AttractorRuns:
             if poll is not None:
                 poll()
             found = self.at(float(amplitude), carried.seeds, poll)
-            carried = self._store(result, index, found, carried)
+            carried = self._store(result, index, found, carried, float(amplitude), poll)
         return result
 
-    def _store(self, result, index: int, found: Portrait, before: Carried) -> Carried:
+    def _store(
+        self, result, index: int, found: Portrait, before: Carried, amplitude: float, poll: Poll
+    ) -> Carried:
         """Store the attractors of an amplitude; return the state that the next one inherits."""
         room = result["poincare"].shape[2]
         order = np.argsort([-one.hits for one in found.attractors], kind="stable")
@@ -128,6 +133,8 @@ class AttractorRuns:
         ids = [ids[k] for k in place]
         for slot, (one, own, number) in enumerate(zip(kept, points, ids, strict=True)):
             known = {"attractor_id": number, "point": own[-1], "n_points": len(own)}
+            moved = self._solver, amplitude, one.points, one.orbit_period
+            known |= spectrum_variables(*moved, self._settings, poll)
             store_attractor(result, (index, slot), self._measured, one, **known)
             result["poincare"][index, slot, : len(own)] = own
         for name, label in UNSTORED.items():

@@ -12,6 +12,7 @@ from hpcsweep.studies.variables import (
     MODAL_NORM,
     OUTCOME,
     RUN,
+    SPECTRUM,
     STATES,
     measures_of_each,
 )
@@ -43,6 +44,7 @@ ATTRACTOR = (
     replace(LYAPUNOV, dims=EACH),
     real("lyapunov_low", EACH, "rate", "lower end of the exponent's interval", None),
     real("lyapunov_high", EACH, "rate", "upper end of the exponent's interval", None),
+    *(replace(v, dims=(*EACH, *v.dims[len(RUN) :])) for v in SPECTRUM),
     contacts("contact", EACH),
     replace(DRIFT, dims=EACH),
     replace(MODAL_NORM, dims=(*EACH, "mode")),
@@ -63,7 +65,8 @@ VARIABLES = (
     CYCLES,
     OUTCOME,
 )
-OPTIONAL = ("contact", "drift", "modal_norm", *MEASURES)
+OF_SPECTRUM = tuple(each.name for each in SPECTRUM)
+OPTIONAL = ("contact", "drift", "modal_norm", *MEASURES, *OF_SPECTRUM)
 """Variables that a job may leave out."""
 
 
@@ -72,4 +75,6 @@ def attractor_variables(
 ) -> list[Variable]:
     """Return those of the variables of each point that a job has, in the order of the file."""
     out = set(OPTIONAL) - set(settings.metrics)
+    if "lyapunov_spectrum" in settings.metrics:
+        out -= set(OF_SPECTRUM)
     return [variable for variable in variables if variable.name not in out]

@@ -146,6 +146,9 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     for key, found in zip(("sweep.omega", "sweep.amplitude"), point, strict=True):
         if found.size != 1:
             raise values.error(key, values.get(key), "must be one number: basins of one point")
+    if "lyapunov_spectrum" in settings.metrics:
+        limit = "must be false: spectra are of sweeps, points and attractors"
+        raise values.error("output.lyapunov_spectrum", True, limit)
     metrics = frozenset(settings.metrics) | {"lyapunov"}
     components = _components(values, structure)
     reach = usual_reach(structure)

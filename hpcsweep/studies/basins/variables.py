@@ -4,7 +4,7 @@ from dataclasses import replace
 from enum import IntEnum
 
 from hpcsweep.studies.attractors.search import MAX_ATTRACTORS, UNSTORED
-from hpcsweep.studies.attractors.variables import ATTRACTOR, attractor_variables
+from hpcsweep.studies.attractors.variables import ATTRACTOR, OF_SPECTRUM, attractor_variables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import ANY, VALID, Variable, code, count, real
 from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, STATES
@@ -26,7 +26,10 @@ OWN = {
     "hits": "starts of the row that go to the attractor",
 }
 """Long names of what is otherwise in studies of attractors."""
-NOT_HERE = ("share", "share_low", "share_high", "lyapunov_low", "lyapunov_high")
+NOT_HERE = (
+    *("share", "share_low", "share_high", "lyapunov_low", "lyapunov_high"),
+    *OF_SPECTRUM,
+)
 NUMBERS = range(1, int(MAX_ATTRACTORS.limits[1]) + 1)
 Label = IntEnum(  # type: ignore[misc]
     "Label", {**UNSTORED, **{f"attractor_{number}": number for number in NUMBERS}}

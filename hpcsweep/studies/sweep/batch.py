@@ -16,7 +16,7 @@ from hpcsweep.solvers.records import Followed, Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.classification import exponent_of_orbit
+from hpcsweep.studies.sweep.classification import exponent_of_orbit, spectrum_variables
 from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store
 
 AT_ONCE = 256
@@ -77,7 +77,7 @@ class Batch:
         if done.stop > first:
             rows = {name: array[done] for name, array in result.items()}
             rows["skip_rule"][:] = followed.orbits.rule
-            found = self._result(followed, amplitudes[done])
+            found = self._result(followed, amplitudes[done], poll)
             store(rows, self._solver.structure, self._solver.omega, amplitudes[done], found)
         return followed
 
@@ -106,7 +106,7 @@ class Batch:
                 return int(k)
         return None
 
-    def _result(self, followed: Followed, amplitudes: np.ndarray) -> dict[str, Any]:
+    def _result(self, followed: Followed, amplitudes: np.ndarray, poll: Poll) -> dict[str, Any]:
         """Return the results of the orbits; those of motions without contact in closed form."""
         orbits, measures = followed.orbits, followed.measures
         units, same = self._solver.structure.state_units, self._settings.period_tolerance
@@ -128,6 +128,7 @@ class Batch:
                 measures[free] = linear.measures(amplitudes[free])
         no_contact = orbits.contact == 0
         return {
+            **self._spectra(orbits, amplitudes, poll),
             "orbit_period": orbits.period,
             "cycles": orbits.cycles,
             "final_state": orbits.points[np.arange(len(orbits.rule)), orbits.length - 1],
@@ -141,6 +142,18 @@ class Batch:
             "window_period": NOT_TESTED,
             **dict.fromkeys(EXPONENTS, exponents),
         }
+
+    def _spectra(self, orbits: Orbits, amplitudes: np.ndarray, poll: Poll) -> dict[str, Any]:
+        """Return the variables of the Lyapunov spectra of the orbits, where they are requested."""
+        variables: dict[str, list] = {}
+        for run, amplitude in enumerate(amplitudes.tolist()):
+            points, period = orbits.points[run, : orbits.length[run]], int(orbits.period[run])
+            found = spectrum_variables(
+                self._solver, amplitude, points, period, self._settings, poll
+            )
+            for name, value in found.items():
+                variables.setdefault(name, []).append(value)
+        return variables
 
     def _exponents(self, orbits: Orbits, amplitudes: np.ndarray) -> np.ndarray:
         """Return the largest Lyapunov exponent of each orbit, except of free motions."""

@@ -10,6 +10,7 @@ end of the window nevertheless.
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +18,16 @@ from hpcsweep.dynamics import stability
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
 from hpcsweep.dynamics.classify_motion import LONGEST, SETTLED, classify_motion
+from hpcsweep.dynamics.lyapunov import LyapunovSpectrum, spectrum_of_motion, spectrum_of_orbit
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.rows import NOT_TESTED
+
+DIMENSIONS = ("kaplan_yorke", "kaplan_yorke_low", "kaplan_yorke_high")
+"""Variables of the Kaplan-Yorke dimension and of its interval."""
 
 
 @dataclass(frozen=True)
@@ -202,3 +207,30 @@ def exponent_of_orbit(solver, z: np.ndarray, amplitude: float, period: int) -> f
         return stability.orbit_exponent(solver, z, amplitude, period)
     except (ArithmeticError, np.linalg.LinAlgError):
         return math.nan
+
+
+def spectrum_variables(
+    solver, amplitude: float, points: np.ndarray, period: int, settings: SweepSettings, poll: Poll
+) -> dict[str, Any]:
+    """Return the variables of the Lyapunov spectrum of a motion; NaN where the solver fails.
+
+    Nothing where they are not requested. `points` are the last ones of the motion, at least one
+    turn of its period, 0 if it has none.
+    """
+    if "lyapunov_spectrum" not in settings.metrics:
+        return {}
+    try:
+        if period:
+            found = spectrum_of_orbit(solver, points[-period:], amplitude)
+        else:
+            limits = settings.spectrum_error, settings.spectrum_cycles
+            found = spectrum_of_motion(solver, points[-1], amplitude, *limits, poll)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        unknown = np.full(solver.structure.state_units.size, math.nan)
+        found = LyapunovSpectrum(unknown, unknown, stability.UNKNOWN, 0)
+    return {
+        "lyapunov_spectrum": found.exponents,
+        "lyapunov_spectrum_error": found.errors,
+        "spectrum_cycles": found.n_periods,
+        **dict(zip(DIMENSIONS, found.dimension, strict=True)),
+    }

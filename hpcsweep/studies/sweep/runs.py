@@ -43,7 +43,11 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.classification import Classification, classify_window
+from hpcsweep.studies.sweep.classification import (
+    Classification,
+    classify_window,
+    spectrum_variables,
+)
 from hpcsweep.studies.sweep.rows import (
     EXPONENTS,
     empty_rows,
@@ -187,7 +191,7 @@ class FrameRuns:
         exponent = MeanInterval.exact(self._free.orbit.lyapunov_exponent)
         found = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
         row = _row(result, index)
-        self._store(row, amplitude, found, closed.points[-1], 0)
+        self._store(row, amplitude, found, closed.points[-1], 0, poll)
         row["skip_rule"][:] = SkipRule.LINEAR
         return None
 
@@ -248,9 +252,11 @@ class FrameRuns:
             found = Classification(seen, end.period, UNKNOWN, kind)
         else:
             found = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
-        self._store(row, amplitude, found, seen.points[-1], cycles)
+        self._store(row, amplitude, found, seen.points[-1], cycles, poll)
 
-    def _store(self, row, amplitude: float, found: Classification, end, cycles: int) -> None:
+    def _store(
+        self, row, amplitude: float, found: Classification, end, cycles: int, poll: Poll
+    ) -> None:
         """Write a run and the classification of its motion into its row."""
         seen = found.seen
         n_points = min(found.orbit_period or len(seen.points), self.settings.stored_points)
@@ -260,6 +266,8 @@ class FrameRuns:
             limit = self.settings.period_tolerance * self.structure.length_unit
             result |= told_of_sliders(self.structure, seen.slid, found.orbit_period, limit)
         result |= {"points": seen.points[-n_points:], "n_points": n_points}
+        moved = self.solver, amplitude, seen.points, found.orbit_period
+        result |= spectrum_variables(*moved, self.settings, poll)
         store(row, self.structure, self.solver.omega, amplitude, result)
 
 

@@ -1,0 +1,83 @@
+"""Read the forcing of a job: harmonics, or samples of a period."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.job.values import Values
+from hpcsweep.model.forcing import (
+    MAX_HARMONICS,
+    MEAN_PHASE,
+    ONE_HARMONIC,
+    Series,
+    fourier_series,
+)
+
+Harmonics = tuple[tuple[int, float, float], ...]
+HARMONIC = ("order", "amplitude", "phase")
+N_HARMONICS = 8
+"""Of samples, besides the mean, if a job does not say."""
+MAX_SAMPLES = 100_000
+
+
+def read_forcing(values: Values) -> Harmonics:
+    """Read the table ``forcing``: one key, each a kind of forcing, and what goes with it."""
+    table = dict(values.table("forcing"))
+    kept = table.pop("n_harmonics", None)
+    if kept is not None and "samples" not in table:
+        raise values.error("forcing.n_harmonics", kept, "goes with samples")
+    if len(table) > 1:
+        first, second = list(table)[:2]
+        raise values.error(f"forcing.{second}", table[second], f"does not go with {first}")
+    for key, given in table.items():
+        if key in FORCINGS:
+            return FORCINGS[key](values, given)
+    return ONE_HARMONIC
+
+
+def _harmonics(values: Values, given) -> Harmonics:
+    """Read a sum of harmonics; that of order 0 is the mean, without a phase."""
+    if not isinstance(given, list) or not given:
+        limit = "must be a list of {order = 1, amplitude = 1.0, phase = 0.0}"
+        raise values.error("forcing.harmonics", given, limit)
+    found = []
+    for harmonic in given:
+        values.check_table("forcing.harmonics", harmonic, HARMONIC, ("order",))
+        order, phase = harmonic["order"], harmonic.get("phase", 0.0)
+        if order == 0 and not isinstance(order, bool):
+            if "phase" in harmonic:
+                raise values.error("forcing.harmonics.phase", phase, "does not go with order 0")
+            phase = MEAN_PHASE
+        found.append((order, harmonic.get("amplitude", 1.0), phase))
+    return tuple(found)
+
+
+def _series(values: Values, given) -> Series:
+    """Read samples of a period as a Fourier series."""
+    listed = given if isinstance(given, list) else []
+    samples = np.array([values.number("forcing.samples", value) for value in listed])
+    if not 3 <= samples.size <= MAX_SAMPLES or not 0 < np.ptp(samples) < math.inf:
+        limit = f"must be a list of 3 to {MAX_SAMPLES} numbers, finite and not all equal"
+        raise values.error("forcing.samples", given, limit)
+    kept = values.get("forcing.n_harmonics", N_HARMONICS)
+    kept = values.whole("forcing.n_harmonics", kept, 1, MAX_HARMONICS - 1)
+    return fourier_series(samples, kept)
+
+
+FORCINGS: dict[str, Callable[[Values, Any], Harmonics]] = {
+    "harmonics": _harmonics,
+    "samples": lambda values, given: _series(values, given).terms,
+}
+"""By the key of the table ``forcing``: what reads its value, as (order, amplitude, phase) each."""
+
+
+def forcing_notes(values: Values) -> tuple[str, ...]:
+    """Return what is to be said of the forcing: how well a series meets its samples."""
+    if not values.has("forcing.samples"):
+        return ()
+    terms, error = _series(values, values.get("forcing.samples"))
+    orders = ", ".join(str(order) for order, _, _ in terms)
+    told = f"forcing.samples: harmonics {orders} meet them to {100 * error:.2g} % of the largest"
+    return (told,)

@@ -200,12 +200,12 @@ def finish(axes, results, cells: bool | None = None) -> None:
         amplitude, omega = _curve(style.structure_of(results), *limits[1])
         for colour, width in (("white", 1.6), (palette.GRAZING, 0.9)):
             axis.plot(amplitude, omega, color=colour, linewidth=width)
-        axis.set(xlim=limits[0], ylim=limits[1])
-        if results.sizes["omega"] == 1:
-            axis.set_yticks(results["omega"].values)
         draw_specials(axis, results)
         if cells:
             draw_cells(axis, results)
+        axis.set(xlim=limits[0], ylim=limits[1])
+        if results.sizes["omega"] == 1:
+            axis.set_yticks(results["omega"].values)
         axis.label_outer()
 
 

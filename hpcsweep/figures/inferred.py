@@ -140,8 +140,6 @@ def draw_cells(axis, results, vertical=None, horizontal=None) -> None:
         vertical, horizontal = results["omega"].values, results["amplitude"].values
     x, y = (at[np.stack((begin[k], end[k]))] for k, at in ((1, horizontal), (0, vertical)))
     corners = np.stack((x[[0, 1, 1, 0]], y[[0, 0, 1, 1]]), axis=2).swapaxes(0, 1)
-    limits = axis.get_xlim(), axis.get_ylim()
     for colour, width in OUTLINES:
         cells = PolyCollection([*corners], facecolors="none", edgecolors=colour, linewidths=width)
         axis.add_collection(cells, autolim=False)
-    axis.set(xlim=limits[0], ylim=limits[1])

@@ -1,44 +1,24 @@
-"""Study of single points (A, Omega), each from the job's initial state, without a path.
-
-The points are a grid, or a list of pairs. A list has one frame a point, and one amplitude a frame,
-held by `forcing_amplitude`. Each block of points is a task, one point unless the job sets larger
-blocks, so that a study scales to as many ranks as it has points.
-"""
+"""Study of the motions of single points, each from the job's initial state."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from hpcsweep.studies.blocks import Poll, Rows
-from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.keys import OMEGA, Key, Tables
-from hpcsweep.studies.refinement import REFINE, Refinement, read_refinement
+from hpcsweep.studies.keys import OMEGA, Tables
+from hpcsweep.studies.point_grid import POINTS, PointGrid
+from hpcsweep.studies.refinement import REFINE, read_refinement
 from hpcsweep.studies.sweep.runs import frame_runs
-from hpcsweep.studies.variable import Coordinate, Variable
-from hpcsweep.studies.variables import AMPLITUDE
 
 START = "initial"
-FORCING_AMPLITUDE = Variable("forcing_amplitude", ("omega",), "<f8", *AMPLITUDE)
-
-POINTS = Key("points", "list of pairs [A, Omega], in place of `sweep.omega` and `sweep.amplitude`")
 
 
 @dataclass(frozen=True, eq=False)
-class Points(RunGrid):
-    """Points of a grid or a list, a block of them a task; see `RunGrid`.
-
-    Attributes
-    ----------
-    listed : bool
-        Whether `omega` and `amplitude`, of one length, are a list of pairs.
-    refine : Refinement, optional
-        Which points of the grid are computed; default all.
-    """
+class Points(PointGrid):
+    """Motions of points, a block of them a task; see `PointGrid`."""
 
     directions: tuple[str, ...] = (START,)
-    listed: bool = False
-    refine: Refinement | None = None
 
     yields: ClassVar[bool] = True
     kind: ClassVar[str] = "points"
@@ -48,83 +28,14 @@ class Points(RunGrid):
     words: ClassVar[dict[str, str]] = {START: "each from the initial state"}
     direction_name: ClassVar[str] = "where each run starts"
     keys: ClassVar[Tables] = {"study": (POINTS, REFINE), "sweep": OMEGA}
-    grid_fields: ClassVar[tuple[str, ...]] = (
-        "omega",
-        "amplitude",
-        "listed",
-        "block_size",
-        "refine",
-    )
 
     @classmethod
     def read(cls, values, **common) -> "Points":
         """Read the grid, or the list, of points of a job; see `RunGrid.read`."""
         refine = read_refinement(values, common["settings"], common["block_size"])
-        if not values.has("study.points"):
-            return cls(
-                refine=refine,
-                omega=values.frequencies("sweep.omega"),
-                amplitude=values.amplitudes("sweep.amplitude"),
-                **common,
-            )
-        for key in ("sweep.omega", "sweep.amplitude"):
-            if values.has(key):
-                raise values.error(
-                    key, values.get(key), "must not be given beside study.points, a list of points"
-                )
-        pairs = values.get("study.points")
-        if not isinstance(pairs, list) or not pairs or not all(map(_is_pair, pairs)):
-            raise values.error("study.points", pairs, "must be a list of pairs [A, Omega]")
-        amplitude, omega = np.array(
-            [[values.number("study.points", value) for value in pair] for pair in pairs]
-        ).T
-        wrong = ~(np.isfinite(amplitude) & np.isfinite(omega) & (amplitude >= 0) & (omega > 0))
-        if wrong.any():
-            first = pairs[int(np.argmax(wrong))]
-            raise values.error("study.points", first, "must have A of at least 0, Omega above 0")
-        values.check_range("study.points", omega, amplitude)
-        if np.unique(np.stack((amplitude, omega)), axis=1).shape[1] < len(pairs):
-            raise values.error("study.points", pairs, "must not hold a point twice")
-        return cls(omega=omega.copy(), amplitude=amplitude.copy(), listed=True, **common)
-
-    def cut(self, frames: slice) -> dict[str, Any]:
-        """Return the fields of a study of some frames; none of a map that is refined as a whole."""
-        listed = {"amplitude": self.amplitude[frames]} if self.listed else {}
-        return {} if self.refine else {"omega": self.omega[frames], **listed}
-
-    @property
-    def is_list(self) -> bool:  # type: ignore[override]
-        """Whether every frame has one amplitude of its own."""
-        return self.listed
-
-    @property
-    def n_along(self) -> int:
-        """Number of runs of one frame: 1 in a list."""
-        return 1 if self.listed else self.amplitude.size
-
-    def amplitudes_of(self, frame: int) -> np.ndarray:
-        """Return the amplitudes of a frame, ascending, shape (n_along,)."""
-        return self.amplitude[frame : frame + 1] if self.listed else self.amplitude
-
-    @property
-    def coordinates(self) -> dict[str, Coordinate]:
-        """Values of every dimension; the frames of a list share no amplitudes."""
-        values = super().coordinates
-        if self.listed:
-            values["amplitude"] = Coordinate(np.array([np.nan]), *AMPLITUDE)
-        return values
-
-    @property
-    def given(self) -> list[tuple[Variable, np.ndarray]]:
-        """Variables that are known in advance, with their values."""
-        own = [(FORCING_AMPLITUDE, self.amplitude)] if self.listed else []
-        return super().given + own
+        return cls.of(values, refine=refine, **common)
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute runs, each from the same state."""
         runs = frame_runs(self.moving, float(self.omega[frame]), self.settings)
         return runs.each(self.amplitudes_of(frame)[places], state, poll)
-
-
-def _is_pair(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 2

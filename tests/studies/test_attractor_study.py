@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from tools import ATTRACTORS as JOB
-from tools import assert_same_datasets, hpcsweep
+from tools import TWO_STOPS, assert_same_datasets, hpcsweep
 
 import hpcsweep as package
 from hpcsweep import open_results
+from hpcsweep.campaign import run as campaign
 from hpcsweep.checks.validate import validate
 from hpcsweep.commands.cli import main
 from hpcsweep.commands.plot import _default
@@ -25,6 +26,7 @@ from hpcsweep.figures.options import figures
 from hpcsweep.figures.palette import MOTION_COLOURS, motion_index
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.model.structure import Structure
+from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Frames
 
 
@@ -107,6 +109,42 @@ def test_the_file_holds_what_the_function_finds(whole):
         counted = ("n_undecided", "n_failed", "n_elsewhere")
         rest = sum(int(point[name]) for name in counted)
         assert int(point["hits"].sum()) + rest == 24
+
+
+LIST = (
+    """
+[study]
+kind = "attractors"
+starts = 24
+max_cycles = 600
+points = [[0.7, 1.0], [0.6, 1.1], [0.3, 0.9]]
+"""
+    + TWO_STOPS
+)
+
+
+def test_a_list_of_points_has_the_attractors_of_each_on_its_own(tmp_path):
+    job, path = parse_job(LIST, "list", "list"), tmp_path / "list.h5"
+    assert campaign.run(job, path, Serial()) == 0
+    results = open_results(path).isel(direction=0, amplitude=0)
+    assert results["forcing_amplitude"].values.tolist() == [0.7, 0.6, 0.3]
+    for place in range(3):
+        one = results.isel(omega=place)
+        point = float(one["forcing_amplitude"]), float(one["omega"])
+        found = package.attractors(job.structure, *point, starts=24, max_cycles=600)
+        assert one["hits"].values[: len(found)].tolist() == [each.hits for each in found]
+        assert one["attractor_id"].values[: len(found)].tolist() == [*range(1, len(found) + 1)]
+    assert results["n_attractors"].values[0] == 2
+    cells, _, _ = drawn_cells(path, value="share")
+    order = np.argsort(results["omega"].values)
+    np.testing.assert_array_equal(cells, results["share"].values[order, 0])
+    for extra, words in (
+        (("--value", "identity"), "have no identity along the amplitudes"),
+        (("--kind", "shares"), "draw it with --kind map"),
+    ):
+        done = hpcsweep(0, "plot", path, *extra, "-o", tmp_path / "none.png")
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert words in done.stderr
 
 
 def test_an_identity_is_carried_along_and_mirrored_motions_are_born_from_one(whole):

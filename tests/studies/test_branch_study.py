@@ -393,6 +393,23 @@ def test_what_cannot_be_followed_is_told_in_one_line(folder, tmp_path, old, new,
 
 
 @pytest.mark.slow
+def test_lines_of_a_number_of_the_structure_may_be_a_list_of_points():
+    head, sweep = SEEDS.split("[sweep]")
+    text = BRANCHES.format(seeds="none.h5").replace('extends = "sweep.toml"', "")
+    listed = text.replace('"branches"', '"branches"\npoints = [[0.3, 0.9], [0.5, 1.1]]', 1)
+    along = "parameter = 'gap'\nspan = [0.4, 0.6]\n"
+    study = parse_job(head + listed + along, "job", "job").study
+    assert study.describe_task(0) == "Omega = 0.9, A = 0.3"
+    assert study.describe_task(1) == "Omega = 1.1, A = 0.5"
+    assert study.n_frames == 2
+    for job, words in (
+        (listed + "span = [0.4, 0.6]\n", "must not be given along amplitude"),
+        (listed + along + "[sweep]" + sweep, "must not be given beside study.points"),
+    ):
+        with pytest.raises(JobError, match=words):
+            parse_job(head + job, "job", "job")
+
+
 def test_a_search_finds_orbits_that_no_motion_tells(folder, whole):
     job, path = folder / "search.toml", folder / "search.h5"
     text = (folder / "job.toml").read_text().replace("steps = 300", "steps = 300\nstarts = 32")

@@ -11,6 +11,7 @@ from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.options import FLOORS, OMEGA
 from hpcsweep.studies.attractors.attractors import AttractorGrid
+from hpcsweep.studies.attractors.search import UNSTORED
 from hpcsweep.studies.report import starting_range
 
 NAME = "attractors"
@@ -49,7 +50,7 @@ def draw(results, omega: float | None = None, floors: Sequence[int] = ()):
         orbits.scatter_motions(axis, frame, index, floor, orbits.FINE * size, size)
         orbits.mark_stops(axis, [structure], floor)
     style.limit_amplitudes(axis, frame["amplitude"].values)
-    legend(figure, frame, index, starts_text(results, frame), MAX_COLUMNS)
+    legend(figure, frame, index, starts_text(frame), MAX_COLUMNS)
     return style.head(figure, style.caption(results, float(frame["omega"])))
 
 
@@ -64,6 +65,7 @@ def opened(results, omega: float | None):
     ------
     PlotError
     """
+    style.need_amplitudes(style.job_of(results).study)
     place = style.nearest_frame(results["omega"].values, omega)
     frame = results.isel(direction=0, omega=place)
     if not (frame["outcome"].values > 0).any():
@@ -88,13 +90,13 @@ def starts_words(study: AttractorGrid) -> str:
     return f"{study.starts:,} starts a point: {where}"
 
 
-def starts_text(results, frame) -> str:
-    """Format the starts, and the share of them that reached no drawn attractor."""
+def starts_text(results) -> str:
+    """Format the starts, and the shares of them that reached no attractor of the file."""
     study = style.study_of(results, AttractorGrid)
-    done = max(int((frame["outcome"].values > 0).sum()), 1) * study.starts
+    done = max(int((results["outcome"].values > 0).sum()), 1) * study.starts
     parts = []
-    for name in ("undecided", "failed", "elsewhere"):
-        count = int(frame[f"n_{name}"].values.sum())
+    for name in UNSTORED:
+        count = int(results[f"n_{name}"].values.sum())
         if count or name == "undecided":
             parts.append(f"{name} {style.percent(count / done)}")
     return f"{starts_words(study)}; {', '.join(parts)}"

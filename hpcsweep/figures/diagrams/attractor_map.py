@@ -6,11 +6,11 @@ import numpy as np
 
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import mesh
-from hpcsweep.figures.diagrams.attractor_diagram import starts_words
+from hpcsweep.figures.diagrams.attractor_diagram import starts_text
 from hpcsweep.figures.fitting import LEGEND
 from hpcsweep.figures.inferred import filled, gather, inferred, note_of
 from hpcsweep.figures.options import CELLS, SWEEP
-from hpcsweep.studies.attractors.attractors import AttractorGrid
+from hpcsweep.studies.attractors.search import UNSTORED
 
 NAME = "number"
 DRAWS = "attractors"
@@ -24,7 +24,7 @@ MISSED = "missed"
 """Variable of the attractors that the sweep misses."""
 
 
-VARIABLES = ("n_attractors", "n_undecided", "attractor_id", "motion_class", "share")
+VARIABLES = ("n_attractors", "attractor_id", "motion_class", "share", *map("n_{}".format, UNSTORED))
 """Variables of maps of attractors, beside those of motions."""
 
 
@@ -63,15 +63,7 @@ def draw(results, cells: bool | None = None, **_options):
     for axis, (name, values, least) in zip(axes, counts, strict=True):
         _panel(axis, results, name, values, least)
     mesh.finish(axes, results, cells)
-    return style.head(figure, style.caption(results), starts_note(results), note_of(results))
-
-
-def starts_note(results) -> str:
-    """Format the starts of a map, and the share of them that is undecided."""
-    study = style.study_of(results, AttractorGrid)
-    done = results["outcome"].values > 0
-    undecided = results["n_undecided"].values[done].sum() / max(done.sum() * study.starts, 1)
-    return f"{starts_words(study)}; undecided {style.percent(float(undecided))}"
+    return style.head(figure, style.caption(results), starts_text(results), note_of(results))
 
 
 def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:

@@ -11,7 +11,7 @@ from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
 from hpcsweep.figures.fitting import LEGEND, area, blank
 from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
-from hpcsweep.studies.points import FORCING_AMPLITUDE
+from hpcsweep.studies.point_grid import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
 """Variables of maps, beside the classes."""
@@ -214,12 +214,12 @@ def finish(axes, results, cells: bool | None = None) -> None:
         amplitude, omega = _curve(style.structure_of(results), *limits[1])
         for colour, width in (("white", 1.6), (palette.GRAZING, 0.9)):
             axis.plot(amplitude, omega, color=colour, linewidth=width)
-        axis.set(xlim=limits[0], ylim=limits[1])
-        if results.sizes["omega"] == 1:
-            axis.set_yticks(results["omega"].values)
         draw_specials(axis, results)
         if cells:
             draw_cells(axis, results)
+        axis.set(xlim=limits[0], ylim=limits[1])
+        if results.sizes["omega"] == 1:
+            axis.set_yticks(results["omega"].values)
         axis.label_outer()
 
 

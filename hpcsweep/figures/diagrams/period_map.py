@@ -12,6 +12,7 @@ from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.attractors import IDENTITY, dominant, identities
 from hpcsweep.figures.diagrams import attractor_map, mesh
+from hpcsweep.figures.diagrams.attractor_diagram import starts_text
 from hpcsweep.figures.diagrams.special_curves import with_specials
 from hpcsweep.figures.inferred import drawn_classes, filled, inferred, is_by_period, note_of
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
@@ -93,7 +94,7 @@ def draw(
     if "attractor_id" in results:
         if value == "number":
             return attractor_map.draw(results, cells)
-        note, words = attractor_map.starts_note(results), "attractor of the largest share"
+        note, words = starts_text(results), "attractor of the largest share"
         results = dominant(results)
     if value != "period":
         style.need(results, value)

@@ -48,7 +48,7 @@ def draw(results, omega: float | None = None):
     axes[1].set_xlabel(labels.amplitude(structure))
     axes[1].set_xlim(edges[0], edges[-1])
     style.letter(axes)
-    note = f"{starts_text(results, frame)}; named in (a): identity and contact set"
+    note = f"{starts_text(frame)}; named in (a): identity and contact set"
     legend(figure, frame, index, note, MAX_COLUMNS, [blank("reached none of them")])
     return style.head(figure, style.caption(results, float(frame["omega"])), fontsize=10)
 

@@ -56,10 +56,9 @@ def with_specials(results, path: Path, structure):
 
 
 def draw_specials(axis, results) -> None:
-    """Draw what `with_specials` has added, if anything, in the limits of the axis."""
+    """Draw what `with_specials` has added, if anything."""
     if "special_kind" not in results:
         return
-    limits = axis.get_xlim(), axis.get_ylim()
     for kind, (_, _, colour) in MARKS.items():
         own = results["special_kind"].values == kind
         at = results["special_amplitude"].values[own], results["special_omega"].values[own]
@@ -68,7 +67,6 @@ def draw_specials(axis, results) -> None:
         for _, one in results.groupby("curve_number"):
             colour = MARKS[Kind(int(one["curve_kind"][0]))][-1]
             axis.plot(one["curve_amplitude"].values, one["curve_omega"].values, color=colour, lw=1)
-    axis.set(xlim=limits[0], ylim=limits[1])
 
 
 def special_keys(results) -> list:

@@ -27,7 +27,8 @@ from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.grid import UP, AlongAmplitudes, RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
-from hpcsweep.studies.refinement import REFINE, Refinement, read_refinement
+from hpcsweep.studies.point_grid import POINTS, PointGrid
+from hpcsweep.studies.refinement import REFINE, read_refinement
 from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
@@ -44,7 +45,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     run_noun: ClassVar[str] = "point"
     words: ClassVar[dict[str, str]] = {UP: "continued up"}
     direction_name: ClassVar[str] = "direction in which attractors are continued"
-    keys: ClassVar[Tables] = {"study": (*search.KEYS, REFINE), "sweep": OMEGA}
+    keys: ClassVar[Tables] = {"study": (*search.KEYS, POINTS, REFINE), "sweep": OMEGA}
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
     holds: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"
@@ -66,13 +67,12 @@ class AttractorGrid(search.SearchLimits, RunGrid):
         metrics = frozenset(settings.metrics) | {"poincare", "lyapunov"}
         common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
         refine = read_refinement(values, common["settings"], common["block_size"], ("number",))
-        if refine is not None:
-            cls, common["refine"] = RefinedAttractors, refine
+        common |= {"directions": (UP,), **limits}
+        if refine is not None or values.has("study.points"):
+            return AttractorPoints.of(values, refine=refine, **common)
         return cls(
             omega=values.frequencies("sweep.omega"),
             amplitude=values.amplitudes("sweep.amplitude"),
-            directions=(UP,),
-            **limits,
             **common,
         )
 
@@ -166,23 +166,16 @@ class Attractors(AlongAmplitudes, AttractorGrid):
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedAttractors(AttractorGrid):
-    """Attractors of points on their own, of which a refined map of their number is made.
+class AttractorPoints(PointGrid, AttractorGrid):
+    """Attractors of points on their own: of a list, or those of a refined map of their number.
 
     Nothing is continued from the amplitude before: the seed at every point is the initial state,
     and attractors are numbered at each point anew. So a point depends on the job alone, whichever
     others are computed.
-
-    Attributes
-    ----------
-    refine : Refinement
-        Which points of the grid are computed.
     """
 
-    refine: Refinement | None = None
-
     words: ClassVar[dict[str, str]] = {UP: "each point on its own"}
-    grid_fields: ClassVar[tuple[str, ...]] = (*Attractors.grid_fields, "refine")
+    grid_fields: ClassVar[tuple[str, ...]] = (*PointGrid.grid_fields, "directions")
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of amplitudes, each from the same state."""

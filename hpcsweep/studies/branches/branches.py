@@ -26,6 +26,7 @@ from hpcsweep.studies.branches.keys import KEYS, BranchGrid, read_lines
 from hpcsweep.studies.branches.tally import BranchTally
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
+from hpcsweep.studies.point_grid import POINTS
 from hpcsweep.studies.seeds import Reader, Seeds, Where
 from hpcsweep.studies.study import Lines, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -57,7 +58,7 @@ class Branches(BranchGrid):
     run_noun: ClassVar[str] = "line"
     words: ClassVar[dict[str, str]] = {START: "branches through the motions of files"}
     direction_name: ClassVar[str] = "what is followed"
-    keys: ClassVar[Tables] = {"branches": KEYS, "sweep": OMEGA}
+    keys: ClassVar[Tables] = {"study": (POINTS,), "branches": KEYS, "sweep": OMEGA}
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
     always: ClassVar[frozenset[str]] = frozenset(["impacts"])
     """An orbit's signature counts them."""

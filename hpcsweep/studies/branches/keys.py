@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.forced import PARAMETERS, check_parameter
+from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS, PARAMETERS, check_parameter
 from hpcsweep.dynamics.continuation.plane import KINDS
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import Key
+from hpcsweep.studies.point_grid import read_points
 
 PARAMETER = Key("parameter", "what changes along a branch", "amplitude", PARAMETERS)
 _NUMBERS = (
@@ -115,13 +116,23 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
         check_parameter(structure, parameter)
     except ValueError as error:
         raise values.error("branches.parameter", parameter, str(error)) from None
-    omega, amplitude = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
+    listed = values.has("study.points")
+    if listed and parameter in FORCING_PARAMETERS:
+        given = values.get("study.points")
+        limit = f"must not be given along {parameter}: sweep.omega and sweep.amplitude make lines"
+        raise values.error("study.points", given, limit)
+    if listed:
+        omega, amplitude = read_points(values)
+    else:
+        omega, amplitude = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
     span = _span_of(values, parameter, omega, amplitude)
     # the parameter of a line is at the end of its span
     ends = np.array(span[1:])
     first = ends if parameter == "omega" else omega
     second = ends if parameter == "amplitude" else amplitude
-    lines = [each.ravel() for each in np.meshgrid(first, second, indexing="ij")]
+    lines = [omega, amplitude]
+    if not listed:
+        lines = [each.ravel() for each in np.meshgrid(first, second, indexing="ij")]
     seeds = values.get("branches.seeds")
     return {
         "omega": lines[0],

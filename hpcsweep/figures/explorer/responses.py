@@ -4,6 +4,7 @@ The page has the responses of every record at every scale and place as the file 
 float32, and counts fractiles, capacities and fragility by itself (``assets/stripes.js``).
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -22,6 +23,10 @@ from hpcsweep.studies.ground_motion.stripes import (
 from hpcsweep.studies.ground_motion.variables import FACTS
 from hpcsweep.studies.study import as_kind
 
+HISTORY, BITS = "history_displacement", 12
+"""Motion that is shown where the file holds it, and its resolution: 1/2^11 of its largest value."""
+MAX_INSTANTS = 20_000_000
+"""Displacements of histories in a page; of more none is."""
 SHOWN = ("pga", "pgv", "duration")
 """Facts about a record in its table."""
 OF_BUILDINGS = ("storey", "floor", "slider")
@@ -45,9 +50,13 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
         ``NAME`` of each response, shape (parts, records, scales, places), NaN where it is not
         known, infinite where the motion collapses; ``NAME_alone``, shape (parts, records, places),
         without contacts at the last scale; ``factor``, shape (parts, records), at that scale.
+        Where the file holds motions, codes ``history`` of displacements over ``history_size``, the
+        largest of each, shape (parts, records, scales, floors, instants).
     """
     names = [one[0] for one in RESPONSES.values()]
     names += [*(f"{one}_alone" for one in names), "outcome", "collapsed"]
+    moves = HISTORY in frames and _n_instants(frames) <= MAX_INSTANTS
+    names += [HISTORY] * moves
     axes = [axis for axis in frames.whole.study.axes if axis.name not in frames.given]
     total = int(np.prod([len(axis.values) for axis in axes]))
     parts: list[dict] = []
@@ -75,6 +84,13 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
             free = found.values * np.nan if found.alone is None else found.alone
             arrays.setdefault(f"{name}_alone", []).append(free[:, -1])
             told[name] = told.get(name) or _describe(found)
+        if moves:
+            motion = np.moveaxis(results[HISTORY].values, -2, -1)
+            size = np.nanmax(np.abs(motion), axis=-1, initial=0.0)
+            arrays.setdefault("history_size", []).append(size)
+            with np.errstate(invalid="ignore"):
+                shape = motion / size[..., None]
+            arrays.setdefault("history", []).append(encode.quantise(shape, -1.0, 1.0, BITS))
         if say is not None:
             say(done, total)
     for name, one in told.items():
@@ -105,17 +121,30 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
             for each, place in (("light", 0), ("dark", 4), ("pointed", 1), ("kept", 2))
         },
         "stop": palette.STOP,
+        "history": study.instants["time"].values.tolist() if moves else [],
+        "leftOut": HISTORY in frames and not moves,
+        "bits": BITS,
+        "time": labels.unit(structure, "time"),
     }
-    return meta, {name: np.array(values, np.float32) for name, values in arrays.items()}
+    kinds = {"history": np.uint16}
+    return meta, {name: np.array(one, kinds.get(name, np.float32)) for name, one in arrays.items()}
+
+
+def _n_instants(frames) -> int:
+    """Return the number of displacements that the file holds of all parts."""
+    sizes = frames.whole.study.dimensions
+    return math.prod(sizes[dim] for dim in (*frames.whole.study.run_dims, "time", "floor"))
 
 
 def pack_responses(meta: dict, arrays: dict[str, np.ndarray]) -> tuple[dict, dict[str, str]]:
     """Return the page's description of a study of records and the text of its arrays."""
-    specs = {
-        name: {"bytes": 4, "length": values.size, "row": 0, "float32": True}
-        for name, values in arrays.items()
-    }
-    texts = {name: encode.to_text(values.view("<u4")) for name, values in arrays.items()}
+    specs, texts = {}, {}
+    for name, values in arrays.items():
+        real = values.dtype.kind == "f"
+        codes = values.view("<u4") if real else encode.predict_rows(values)
+        row = 0 if real else values.shape[-1]
+        specs[name] = {"bytes": codes.itemsize, "length": codes.size, "row": row, "float32": real}
+        texts[name] = encode.to_text(codes)
     return {**meta, "arrays": specs}, texts
 
 

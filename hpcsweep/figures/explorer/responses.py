@@ -55,16 +55,18 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
     """
     names = [one[0] for one in RESPONSES.values()]
     names += [*(f"{one}_alone" for one in names), "outcome", "collapsed"]
-    moves = HISTORY in frames and _n_instants(frames) <= MAX_INSTANTS
-    names += [HISTORY] * moves
     axes = [axis for axis in frames.whole.study.axes if axis.name not in frames.given]
-    total = int(np.prod([len(axis.values) for axis in axes]))
+    total = math.prod(len(axis.values) for axis in axes)
+    moves = HISTORY in frames
+    if moves:
+        dims = *frames.study.run_dims, "time", "floor"
+        moves = total * math.prod(frames.study.dimensions[dim] for dim in dims) <= MAX_INSTANTS
     parts: list[dict] = []
     told: dict[str, dict] = {}
     arrays: dict[str, list[np.ndarray]] = {}
     for done, keys in enumerate(frames.parts(), 1):
         study = as_kind(frames.study, Records)
-        results, structure = frames.gather(names), study.structure
+        results, structure = frames.gather([*names, *[HISTORY] * moves]), study.structure
         parts.append(
             {
                 "at": [axis.values.index(keys[axis.name]) for axis in axes],
@@ -74,23 +76,8 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
                 "alone": "elastic, no contact" if structure.sliders else "no contact",
             }
         )
-        arrays.setdefault("factor", []).append(study.factor[:, -1])
-        for name in RESPONSES:
-            try:
-                found = responses_of(results, study, name)
-            except StripesError:
-                continue
-            arrays.setdefault(name, []).append(found.values)
-            free = found.values * np.nan if found.alone is None else found.alone
-            arrays.setdefault(f"{name}_alone", []).append(free[:, -1])
-            told[name] = told.get(name) or _describe(found)
-        if moves:
-            motion = np.moveaxis(results[HISTORY].values, -2, -1)
-            size = np.nanmax(np.abs(motion), axis=-1, initial=0.0)
-            arrays.setdefault("history_size", []).append(size)
-            with np.errstate(invalid="ignore"):
-                shape = motion / size[..., None]
-            arrays.setdefault("history", []).append(encode.quantise(shape, -1.0, 1.0, BITS))
+        for name, values in _arrays(results, study, told).items():
+            arrays.setdefault(name, []).append(values)
         if say is not None:
             say(done, total)
     for name, one in told.items():
@@ -130,10 +117,24 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
     return meta, {name: np.array(one, kinds.get(name, np.float32)) for name, one in arrays.items()}
 
 
-def _n_instants(frames) -> int:
-    """Return the number of displacements that the file holds of all parts."""
-    sizes = frames.whole.study.dimensions
-    return math.prod(sizes[dim] for dim in (*frames.whole.study.run_dims, "time", "floor"))
+def _arrays(results, study: Records, told: dict[str, dict]) -> dict[str, np.ndarray]:
+    """Return the arrays of one part, as of `gather_responses`; add what is `told` of responses."""
+    arrays = {"factor": study.factor[:, -1]}
+    for name in RESPONSES:
+        try:
+            found = responses_of(results, study, name)
+        except StripesError:
+            continue
+        free = found.values * np.nan if found.alone is None else found.alone
+        arrays |= {name: found.values, f"{name}_alone": free[:, -1]}
+        told.setdefault(name, _describe(found))
+    if HISTORY in results:
+        motion = np.moveaxis(results[HISTORY].values, -2, -1)
+        size = np.nanmax(np.abs(motion), axis=-1, initial=0.0)
+        with np.errstate(invalid="ignore"):
+            shape = motion / size[..., None]
+        arrays |= {"history_size": size, "history": encode.quantise(shape, -1.0, 1.0, BITS)}
+    return arrays
 
 
 def pack_responses(meta: dict, arrays: dict[str, np.ndarray]) -> tuple[dict, dict[str, str]]:

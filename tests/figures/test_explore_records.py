@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
     pair += '[units]\nlength = "m"\nmass = "kg"\ntime = "s"\n'
     (made / "pair.toml").write_text(f'{pair}[vary]\n"pounding.gap" = {[*GAPS]}\n')
     yields = RECORDS.replace('"A"\n', '"A"\nyield_drift = 2e-3\ncollapse_drift = 0.06\n')
-    (made / "yields.toml").write_text(yields.replace("to = 5.0", "to = 30.0"))
+    (made / "yields.toml").write_text(yields.replace("to = 5.0", "to = 30.0") + "history = 0.1\n")
     for name in ("pair", "yields"):
         for command in (("run", f"{name}.toml"), ("explore", f"{name}.h5")):
             done = hpcsweep(0, *command, cwd=made)
@@ -46,7 +46,10 @@ def parts_of(path):
     arrays = {}
     for name, spec in meta["arrays"].items():
         packed = re.search(rf'id="data-{name}">(.*?)</script>', text)[1]
-        arrays[name] = from_text(packed, np.uint32, (spec["length"],)).view(np.float32)
+        codes = from_text(packed, np.dtype(f"u{spec['bytes']}"), (spec["length"],))
+        if spec["row"]:
+            codes = np.add.accumulate(codes.reshape(-1, spec["row"]), axis=1, dtype=codes.dtype)
+        arrays[name] = codes.view(np.float32) if spec["float32"] else codes
     return meta, arrays
 
 
@@ -75,6 +78,21 @@ def test_the_page_has_the_responses_of_the_file(folder, name):
     factor = arrays["factor"].reshape(len(meta["parts"]), -1)
     expected = np.broadcast_to(results["factor"].values[..., -1], factor.shape)
     np.testing.assert_allclose(factor, expected, rtol=1e-7)
+
+
+def test_the_page_has_the_motions_that_the_file_has(folder):
+    assert parts_of(folder / "pair.html")[0]["history"] == []
+    results = open_results(folder / "yields.h5")
+    meta, arrays = parts_of(folder / "yields.html")
+    assert meta["history"] == results["time"].values.tolist()
+    motion = results["history_displacement"].transpose("record", "scale", "floor", "time").values
+    size = arrays["history_size"].reshape(motion.shape[:-1])
+    np.testing.assert_allclose(size, np.nanmax(np.abs(motion), axis=-1), rtol=1e-6)
+    codes = arrays["history"].reshape(motion.shape).astype(float)
+    shown = np.where(codes > 0, (codes - 1.0) / (2.0**11 - 1.0) - 1.0, np.nan) * size[..., None]
+    assert np.array_equal(np.isnan(shown), np.isnan(motion))
+    assert np.isnan(motion).any()  # beyond a collapse
+    assert np.nanmax(np.abs(shown - motion) / size[..., None]) < 0.51 / 2**11
 
 
 def test_places_have_groups_and_levels(folder):
@@ -201,5 +219,9 @@ def test_collapse_is_a_failure_and_every_response_draws(browser, folder):
         settle(page)
         seen.add(tuple(pixels(page, "#curves")))
     assert len(seen) > 5
+    before = pixels(page, "#history")
+    page.focus("#curves")
+    page.keyboard.press("ArrowRight")
+    assert pixels(page, "#history") != before
     assert page.complaints == []
     page.close()

@@ -6,6 +6,7 @@ from tools import RECORDS, hpcsweep
 
 from hpcsweep import open_results, spectrum, synthetic_records
 from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.describe import describe
 from hpcsweep.job import JobError, load_job, parse_job, part_of
 from hpcsweep.parallel.mpi import Serial
 
@@ -61,6 +62,14 @@ def test_a_row_is_the_job_with_its_values(job):
         assert whole.study.describe_part((at,)) == f"structure = {name}"
     # the job holds the rows, and can be read where the file is not
     assert parse_job(whole.text, "job.toml", "job").fingerprint == whole.fingerprint
+
+
+def test_a_description_lists_the_first_names_of_many(job):
+    rows = "".join(f"house {i};[1e5, 2e5];5e7;0.05;true\n" for i in range(1, 9))
+    assert dict(describe(load_job(job)))["varied"] == "rows: School, Town hall"
+    job.with_name("portfolio.csv").write_text(CSV.partition("\n")[0] + "\n" + rows)
+    names = ", ".join(f"house {i}" for i in range(1, 7))
+    assert dict(describe(load_job(job)))["varied"] == f"rows: {names} and 2 more"
 
 
 def test_the_job_changes_with_the_file(job):

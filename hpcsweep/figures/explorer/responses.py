@@ -4,6 +4,7 @@ The page has the responses of every record at every scale and place as the file 
 float32, and counts fractiles, capacities and fragility by itself (``assets/stripes.js``).
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -22,6 +23,10 @@ from hpcsweep.studies.ground_motion.stripes import (
 from hpcsweep.studies.ground_motion.variables import FACTS
 from hpcsweep.studies.study import as_kind
 
+HISTORY, BITS = "history_displacement", 12
+"""Motion that is shown where the file holds it, and its resolution: 1/2^11 of its largest value."""
+MAX_INSTANTS = 20_000_000
+"""Displacements of histories in a page; of more none is."""
 SHOWN = ("pga", "pgv", "duration")
 """Facts about a record in its table."""
 OF_BUILDINGS = ("storey", "floor", "slider")
@@ -45,17 +50,23 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
         ``NAME`` of each response, shape (parts, records, scales, places), NaN where it is not
         known, infinite where the motion collapses; ``NAME_alone``, shape (parts, records, places),
         without contacts at the last scale; ``factor``, shape (parts, records), at that scale.
+        Where the file holds motions, codes ``history`` of displacements over ``history_size``, the
+        largest of each, shape (parts, records, scales, floors, instants).
     """
     names = [one[0] for one in RESPONSES.values()]
     names += [*(f"{one}_alone" for one in names), "outcome", "collapsed"]
     axes = [axis for axis in frames.whole.study.axes if axis.name not in frames.given]
-    total = int(np.prod([len(axis.values) for axis in axes]))
+    total = math.prod(len(axis.values) for axis in axes)
+    moves = HISTORY in frames
+    if moves:
+        dims = *frames.study.run_dims, "time", "floor"
+        moves = total * math.prod(frames.study.dimensions[dim] for dim in dims) <= MAX_INSTANTS
     parts: list[dict] = []
     told: dict[str, dict] = {}
     arrays: dict[str, list[np.ndarray]] = {}
     for done, keys in enumerate(frames.parts(), 1):
         study = as_kind(frames.study, Records)
-        results, structure = frames.gather(names), study.structure
+        results, structure = frames.gather([*names, *[HISTORY] * moves]), study.structure
         parts.append(
             {
                 "at": [axis.values.index(keys[axis.name]) for axis in axes],
@@ -65,16 +76,8 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
                 "alone": "elastic, no contact" if structure.sliders else "no contact",
             }
         )
-        arrays.setdefault("factor", []).append(study.factor[:, -1])
-        for name in RESPONSES:
-            try:
-                found = responses_of(results, study, name)
-            except StripesError:
-                continue
-            arrays.setdefault(name, []).append(found.values)
-            free = found.values * np.nan if found.alone is None else found.alone
-            arrays.setdefault(f"{name}_alone", []).append(free[:, -1])
-            told[name] = told.get(name) or _describe(found)
+        for name, values in _arrays(results, study, told).items():
+            arrays.setdefault(name, []).append(values)
         if say is not None:
             say(done, total)
     for name, one in told.items():
@@ -105,17 +108,44 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
             for each, place in (("light", 0), ("dark", 4), ("pointed", 1), ("kept", 2))
         },
         "stop": palette.STOP,
+        "history": study.instants["time"].values.tolist() if moves else [],
+        "leftOut": HISTORY in frames and not moves,
+        "bits": BITS,
+        "time": labels.unit(structure, "time"),
     }
-    return meta, {name: np.array(values, np.float32) for name, values in arrays.items()}
+    kinds = {"history": np.uint16}
+    return meta, {name: np.array(one, kinds.get(name, np.float32)) for name, one in arrays.items()}
+
+
+def _arrays(results, study: Records, told: dict[str, dict]) -> dict[str, np.ndarray]:
+    """Return the arrays of one part, as of `gather_responses`; add what is `told` of responses."""
+    arrays = {"factor": study.factor[:, -1]}
+    for name in RESPONSES:
+        try:
+            found = responses_of(results, study, name)
+        except StripesError:
+            continue
+        free = found.values * np.nan if found.alone is None else found.alone
+        arrays |= {name: found.values, f"{name}_alone": free[:, -1]}
+        told.setdefault(name, _describe(found))
+    if HISTORY in results:
+        motion = np.moveaxis(results[HISTORY].values, -2, -1)
+        size = np.nanmax(np.abs(motion), axis=-1, initial=0.0)
+        with np.errstate(invalid="ignore"):
+            shape = motion / size[..., None]
+        arrays |= {"history_size": size, "history": encode.quantise(shape, -1.0, 1.0, BITS)}
+    return arrays
 
 
 def pack_responses(meta: dict, arrays: dict[str, np.ndarray]) -> tuple[dict, dict[str, str]]:
     """Return the page's description of a study of records and the text of its arrays."""
-    specs = {
-        name: {"bytes": 4, "length": values.size, "row": 0, "float32": True}
-        for name, values in arrays.items()
-    }
-    texts = {name: encode.to_text(values.view("<u4")) for name, values in arrays.items()}
+    specs, texts = {}, {}
+    for name, values in arrays.items():
+        real = values.dtype.kind == "f"
+        codes = values.view("<u4") if real else encode.predict_rows(values)
+        row = 0 if real else values.shape[-1]
+        specs[name] = {"bytes": codes.itemsize, "length": codes.size, "row": row, "float32": real}
+        texts[name] = encode.to_text(codes)
     return {**meta, "arrays": specs}, texts
 
 

@@ -145,6 +145,10 @@ class RecordsPage {
     this.profiles = profiles.map((view, i) => new Panel(frames[i], view, this));
     const curves = new Panel(byId("curves"), curvesView(this), this);
     this.panels = [curves, this.fragility, ...this.profiles];
+    byId("motion").hidden = !this.study.history.length;
+    const views = this.study.history.length ? [historyView(this)] : [];
+    this.histories = views.map((view) => new Panel(byId("history"), view, this));
+    this.panels.push(...this.histories);
   }
 
   point(here) {
@@ -166,6 +170,7 @@ class RecordsPage {
   // Draw what depends on the record and the stripe that are pointed at; the stripe was `before`.
   follow(before) {
     if (this.stripe() !== before) for (const panel of this.profiles) panel.show();
+    for (const panel of this.histories) panel.show();
     for (const panel of this.panels) panel.highlight();
     tell(this);
   }

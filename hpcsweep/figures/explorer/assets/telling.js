@@ -25,6 +25,9 @@ function tell(page) {
   writeKeys(page);
   byId("profile-title").textContent = `${about.label} at ${stripe}`;
   byId("fit").textContent = fitWords(page, unit);
+  const { panels, places } = study.responses.displacement;
+  const tops = panels.map(([, own]) => places[own.at(-1)]).join(", dashed ");
+  byId("history-title").textContent = `Displacement of ${tops} at ${stripe}`;
   const record = page.here ? page.here.record : page.pin;
   const { caption } = byId("numbers");
   if (record === null) {
@@ -127,8 +130,11 @@ function writeNotes(study) {
       "is fitted to capacities, records above the last stripe as such. The band is one of 95 %. " +
       "Without contacts and yielding capacities are exact, and go on beyond the stripes. " +
       "Curves are flat to the edge where a structure collapses.",
-    "All responses are those of the file, rounded to 7 digits. Motions are not in this page: " +
-      `hpcsweep plot ${study.file} --kind history --record NAME --scale X draws one.`,
+    "All responses are those of the file, rounded to 7 digits. " + (study.history.length
+      ? `Displacements over the time are those that the file stores, to 1/${2 ** (study.bits - 1)} ` +
+        "of the largest of each. "
+      : `Motions are not in this page: the file ${study.leftOut ? "has too many" : "stores none"}. `) +
+      `hpcsweep plot ${study.file} --kind history --record NAME --scale X draws all of one.`,
   ];
   byId("notes").replaceChildren(...notes.map((words) => {
     const p = document.createElement("p");

@@ -3,6 +3,7 @@
 
 const FEW = 100; // records up to which their curves cover each other
 const FINE = 240; // points of a fitted curve
+const HISTORY = 170; // height of histories
 const MOST_LEVELS = 12; // names beside a profile
 const DASHED = [6, 4];
 const DOTTED = [2, 3];
@@ -12,9 +13,10 @@ const inBrackets = (name) => (name ? `  [${name}]` : "");
 // Colour of the records that are not pointed at, so that many show where they are dense.
 const grey = (page) => theme("grey") + (page.n > FEW ? "50" : "");
 
-// Height of a panel: its share of what is left of the window below the controls.
-const heightOf = (share, below) => () => Math.max(190, share * (window.innerHeight
-  - byId("curves").getBoundingClientRect().top - window.scrollY) - below);
+// Height of a panel: its share of what controls, and histories below, leave of the window.
+const heightOf = (page, share, below) => () => Math.max(180, share * (window.innerHeight
+  - byId("curves").getBoundingClientRect().top - window.scrollY
+  - (page.study.history.length ? HISTORY + 22 : 0)) - below);
 
 // Response of each record across, intensity up.
 function curvesView(page) {
@@ -23,7 +25,7 @@ function curvesView(page) {
   return {
     x: () => ({ label: page.about.label + inBrackets(page.about.unit), range: [0, page.edge] }),
     y: () => ({ label: page.kind.measure, range: [0, 1.02 * last] }),
-    height: heightOf(1, 72),
+    height: heightOf(page, 1, 72),
     stripe: (value) => scales.reduce((best, scale, k) =>
       Math.abs(scale - value) < Math.abs(scales[best] - value) ? k : best, 0),
     base: (pen) => {
@@ -64,7 +66,7 @@ function fragilityView(page) {
   return {
     x: () => ({ label: page.kind.measure, range: [0, page.highest] }),
     y: () => ({ label: "share of records", range: [0, 1.02] }),
-    height: heightOf(0.5, 48),
+    height: heightOf(page, 0.5, 48),
     stripe: () => page.stripe(),
     base: (pen) => {
       if (page.fit) {
@@ -86,6 +88,38 @@ function fragilityView(page) {
       pen.line([[own(i)[0], 0], own(i)], colour, 1.6);
       pen.dots([own(i)], colour, 4.5);
     },
+  };
+}
+
+// Displacements of the top floor of each building, over the time, of the records that are marked.
+function historyView(page) {
+  const { study, data } = page;
+  const { history: time, bits } = study;
+  const { places, panels, size, unit } = study.responses.displacement;
+  const tops = panels.map(([, own]) => own.at(-1));
+  const rowOf = (record, top) =>
+    ((page.part * page.n + record) * page.scales.length + page.stripe()) * places.length + top;
+  const largest = (record, top) => data.history_size[rowOf(record, top)] / size;
+  const step = 1 / (2 ** (bits - 1) - 1);
+  const range = () => {
+    const sizes = page.marked().flatMap(([record]) => tops.map((top) => largest(record, top)));
+    const most = 1.07 * Math.max(0, ...sizes) || 1;
+    return [-most, most];
+  };
+  return {
+    x: () => ({ label: `time${study.time}`, range: [time[0], time.at(-1)] }),
+    y: () => ({ label: `displacement${inBrackets(unit)}`, range: range() }),
+    height: () => HISTORY,
+    stripe: () => page.stripe(),
+    base: () => {},
+    curve: () => [],
+    mark: (pen, record, colour) => tops.forEach((top, k) => {
+      const first = rowOf(record, top) * time.length;
+      pen.line(time.map((own, j) => {
+        const code = data.history[first + j]; // 0 where the motion has ended
+        return [own, code ? largest(record, top) * ((code - 1) * step - 1) : NaN];
+      }), colour, 1.1, k ? DASHED : []);
+    }),
   };
 }
 
@@ -119,7 +153,7 @@ function profileViews(page) {
         splits: named.map((j) => level[j]),
         values: named.map((j) => about.places[places[j]]),
       }),
-      height: heightOf(0.5, 48),
+      height: heightOf(page, 0.5, 48),
       stripe: () => page.stripe(),
       base: (pen) => {
         for (const i of records) pen.line(up(of(i)), grey(page), 0.7);

@@ -200,12 +200,12 @@ def growth_interval(logarithms: np.ndarray) -> MeanInterval:
     means = (kept.reshape(BATCHES, length).sum(axis=1) / length).tolist()
     mean = math.fsum(means) / BATCHES
     variance = math.fsum((one - mean) ** 2 for one in means) / (BATCHES - 1)
-    half = math.sqrt(variance / BATCHES) * _quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
+    half = math.sqrt(variance / BATCHES) * student_quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
     return MeanInterval(mean, mean - half, mean + half)
 
 
 @lru_cache(maxsize=64)
-def _quantile(freedom: int, probability: float) -> float:
+def student_quantile(freedom: int, probability: float) -> float:
     """Return the quantile of Student's t distribution."""
     from scipy.special import stdtrit  # reading results does not need it
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE
 from hpcsweep.dynamics.stability import CONFIDENCE, UNKNOWN, MeanInterval, student_quantile
+from hpcsweep.model.arguments import rows
 
 BOX = 5
 """Starts along each side of a box, as in the paper."""
@@ -64,7 +65,7 @@ def basin_boundary(labels: np.ndarray) -> BasinBoundary:
     Raises
     ------
     ValueError
-        If `labels` are not of two dimensions.
+        If `labels` are no numbers of two dimensions; one line says so.
 
     References
     ----------
@@ -81,9 +82,7 @@ def basin_boundary(labels: np.ndarray) -> BasinBoundary:
     >>> round(found.exponent.mean, 6)
     1.0
     """
-    labels = np.asarray(labels)
-    if labels.ndim != 2:
-        raise ValueError(f"labels must have 2 dimensions, have {labels.ndim}")
+    labels = rows("labels", labels)
     entropies = _entropies(labels)
     mixed = entropies[entropies > 0]
     mean = float(entropies.mean()) if entropies.size else math.nan
@@ -98,8 +97,8 @@ def _counts(labels: np.ndarray) -> np.ndarray:
 
 def _entropies(labels: np.ndarray) -> np.ndarray:
     """Return the entropy of each box in which any start counts."""
-    rows, columns = (side // BOX for side in labels.shape)
-    boxes = labels[: rows * BOX, : columns * BOX].reshape(rows, BOX, columns, BOX)
+    high, wide = (side // BOX for side in labels.shape)
+    boxes = labels[: high * BOX, : wide * BOX].reshape(high, BOX, wide, BOX)
     kinds = np.unique(labels[_counts(labels)])
     held = np.array([(boxes == kind).sum(axis=(1, 3)).ravel() for kind in kinds])
     if not held.any():

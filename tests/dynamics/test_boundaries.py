@@ -69,5 +69,5 @@ def test_without_a_boundary_there_is_no_exponent(value):
 
 
 def test_others_than_grids_are_refused():
-    with pytest.raises(ValueError, match="labels must have 2 dimensions, have 1"):
+    with pytest.raises(ValueError, match="labels must have two dimensions, has shape"):
         basin_boundary(np.ones(9))

@@ -137,16 +137,14 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
     Returns
     -------
     float
-        -inf if the tangent map vanishes.
-
-    Raises
-    ------
-    ArithmeticError
-        If the solver fails.
+        -inf if the tangent map vanishes, NaN if the solver fails.
     """
-    _, matrix = solver.monodromy(state, amplitude, period)
-    time = solver.structure.forcing.period(solver.omega, period)
-    return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)
+    try:
+        _, matrix = solver.monodromy(state, amplitude, period)
+        largest = float(abs(floquet_multipliers(matrix)[0]))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return math.nan
+    return exponent_of_multiplier(largest, solver.structure.forcing.period(solver.omega, period))
 
 
 def exponent_of_multiplier(multiplier: float, time: float) -> float:

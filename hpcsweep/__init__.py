@@ -11,7 +11,10 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.api.curves import curve as curve
     from hpcsweep.api.lyapunov import lyapunov_spectrum as lyapunov_spectrum
     from hpcsweep.api.trajectory import trajectory as trajectory
+    from hpcsweep.dynamics.boundaries import basin_boundary as basin_boundary
     from hpcsweep.dynamics.continuation.periodic import orbit as orbit
+    from hpcsweep.dynamics.lifetime import mean_lifetime as mean_lifetime
+    from hpcsweep.dynamics.returns import return_times as return_times
     from hpcsweep.earthquakes.demands import write_demands as write_demands
     from hpcsweep.earthquakes.floor_spectra import floor_spectra as floor_spectra
     from hpcsweep.earthquakes.fragility import capacity_fragility as capacity_fragility
@@ -48,7 +51,10 @@ _NAMES = {
     "api.lyapunov": "lyapunov_spectrum",
     "api.trajectory": "trajectory",
     "campaign.provenance": "__version__",
+    "dynamics.boundaries": "basin_boundary",
     "dynamics.continuation.periodic": "orbit",
+    "dynamics.lifetime": "mean_lifetime",
+    "dynamics.returns": "return_times",
     "earthquakes.demands": "write_demands",
     "earthquakes.floor_spectra": "floor_spectra",
     "earthquakes.fragility": "capacity_fragility cloud fragility",

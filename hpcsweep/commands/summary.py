@@ -82,6 +82,10 @@ starts failed | {starts_failed:share}
 starts elsewhere | {starts_elsewhere:share}
 attractors | {attractors}
 basins: starts to {key}, {value[name]} | {value:share}
+boundaries: basin entropy {key} | {value[entropy]:.4g}, on the boundary \
+{value[boundary_entropy]:.4g}
+boundaries: uncertainty exponent {key} | {value[exponent][0]:.4g} \
+(95 %: {value[exponent][1]:.4g} to {value[exponent][2]:.4g})
 parameter | {parameter}
 branches | {branches}
 sources: branches by {key} | {value:share}

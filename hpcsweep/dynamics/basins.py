@@ -15,7 +15,6 @@ import numpy as np
 from hpcsweep.dynamics.attractor import ELSEWHERE, UNDECIDED, Attractor, Portrait
 from hpcsweep.dynamics.attractors import MAX_GROUP, AttractorSearch
 from hpcsweep.dynamics.shares import share_interval
-from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.solvers.outcome import Outcome
 
 CONFIDENCE = 0.95
@@ -44,8 +43,6 @@ class StateBasins:
     ----------
     attractors : list of Attractor
         In order of decreasing `hits`.
-    lifetime : Interval
-        Mean lifetime of the transient chaos among `starts`, in forcing periods; NaN without any.
     """
 
     def __init__(
@@ -66,7 +63,6 @@ class StateBasins:
         self.attractors: list[Attractor] = [
             replace(found[place], hits=int(hits[place])) for place in order.tolist()
         ]
-        self.lifetime: MeanInterval = self._search.transient.lifetime(CONFIDENCE)
         self._listed = np.full(len(found), ELSEWHERE)
         self._listed[order] = np.arange(order.size)
 

@@ -18,11 +18,12 @@ motions are followed.
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from hpcsweep.dynamics.stability import UNKNOWN, MeanInterval
+from hpcsweep.model.arguments import array, number, refused
 
 HORIZON = 8
 """Mean lifetime, in units of ``max_cycles``, that a motion without period must exceed."""
@@ -39,7 +40,7 @@ class Survival(NamedTuple):
     """Motions of one kind that were followed: how many ended, and the periods of all together."""
 
     escapes: int = 0
-    at_risk: int = 0
+    at_risk: float = 0
 
     def followed_by(self, more: "Survival") -> "Survival":
         """Return the survival of these motions and more."""
@@ -61,6 +62,53 @@ class Survival(NamedTuple):
         tail = 0.5 * (1.0 - confidence)
         high = periods / float(gammaincinv(d, tail))
         return MeanInterval(periods / d, periods / float(gammaincinv(d + 1, 1.0 - tail)), high)
+
+
+def mean_lifetime(periods: Any, ended: Any, confidence: float = 0.95) -> MeanInterval:
+    """Return the mean lifetime of motions that were followed, also of those that had not ended.
+
+    Lifetimes are exponential, as of transient chaos that has forgotten where it began: leave out
+    the first periods.
+
+    Parameters
+    ----------
+    periods : array_like, shape (k,)
+        Forcing periods, above 0, for which each motion was followed.
+    ended : array_like of bool, shape (k,)
+        Whether it has then ended, or was left.
+    confidence : float
+        Of the interval, between 0 and 1.
+
+    Returns
+    -------
+    Interval
+        ``mean``, ``low`` and ``high`` in forcing periods; where none ended the mean is infinite,
+        and ``low`` one-sided.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of the wrong kind or outside its range; one line names it.
+
+    References
+    ----------
+    Garwood, Biometrika 28 (1936) 437. Lai and Tel, *Transient Chaos*, 2011, 1.2.
+
+    Examples
+    --------
+    Two of three motions have ended:
+
+    >>> found = hpcsweep.mean_lifetime([400, 150, 1000], [True, True, False])
+    >>> found.mean, round(found.low), round(found.high)
+    (775.0, 215, 6399)
+    """
+    lives, over = array("periods", periods), np.asarray(ended)
+    if lives.ndim != 1 or not np.all((lives > 0) & (lives < math.inf)):
+        raise refused("periods", "numbers above 0, one a motion", periods)
+    if over.dtype != bool or over.shape != lives.shape:
+        raise refused("ended", f"true or false of each of the {lives.size} motions", ended)
+    confidence = number("confidence", confidence, "between 0 and 1", 1e-9, 1 - 1e-9)
+    return Survival(int(over.sum()), float(lives.sum())).lifetime(confidence)
 
 
 def periods_at_risk(max_cycles: int, confidence: float) -> int:

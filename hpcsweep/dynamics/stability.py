@@ -137,16 +137,14 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
     Returns
     -------
     float
-        -inf if the tangent map vanishes.
-
-    Raises
-    ------
-    ArithmeticError
-        If the solver fails.
+        -inf if the tangent map vanishes, NaN if the solver fails.
     """
-    _, matrix = solver.monodromy(state, amplitude, period)
-    time = solver.structure.forcing.period(solver.omega, period)
-    return exponent_of_multiplier(float(abs(floquet_multipliers(matrix)[0])), time)
+    try:
+        _, matrix = solver.monodromy(state, amplitude, period)
+        largest = float(abs(floquet_multipliers(matrix)[0]))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return math.nan
+    return exponent_of_multiplier(largest, solver.structure.forcing.period(solver.omega, period))
 
 
 def exponent_of_multiplier(multiplier: float, time: float) -> float:
@@ -200,12 +198,12 @@ def growth_interval(logarithms: np.ndarray) -> MeanInterval:
     means = (kept.reshape(BATCHES, length).sum(axis=1) / length).tolist()
     mean = math.fsum(means) / BATCHES
     variance = math.fsum((one - mean) ** 2 for one in means) / (BATCHES - 1)
-    half = math.sqrt(variance / BATCHES) * _quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
+    half = math.sqrt(variance / BATCHES) * student_quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
     return MeanInterval(mean, mean - half, mean + half)
 
 
 @lru_cache(maxsize=64)
-def _quantile(freedom: int, probability: float) -> float:
+def student_quantile(freedom: int, probability: float) -> float:
     """Return the quantile of Student's t distribution."""
     from scipy.special import stdtrit  # reading results does not need it
 

@@ -106,6 +106,17 @@ CALLS = {
             "rtol": {**NOT_POSITIVE, "one": 1.0},
         },
     ),
+    "lyapunov_spectrum": Call(
+        hpcsweep.lyapunov_spectrum,
+        {**ABOUT, "error": 0.1, "max_cycles": 20, "classify_cycles": 0, "solver": "flow"},
+        {
+            **NOT_ABOUT,
+            "error": NOT_POSITIVE,
+            "max_cycles": {**NO_COUNT, "few": 19},
+            "classify_cycles": NO_COUNT,
+            "solver": NO_WORD,
+        },
+    ),
     "trajectory": Call(
         trajectory, {**ABOUT, "n_samples": 5}, {**NOT_ABOUT, "n_samples": {**NO_COUNT, "one": 1}}
     ),
@@ -169,6 +180,9 @@ RIGHT = {
     "linear_steady_state": lambda found: np.allclose(found, STEADY, rtol=1e-12),
     "grazing_amplitude": lambda found: math.isclose(found, 1.0 / np.abs(STEADY).max()),
     "stroboscopic_points": lambda found: np.allclose(found, AFTER, atol=1e-9),
+    "lyapunov_spectrum": lambda found: (
+        found.n_periods == 20 and math.isclose(found.exponents.sum(), -0.1 * PAIR.frequencies.sum())
+    ),
     "trajectory": lambda found: np.allclose(found[[0, -1]], [STATE, AFTER[0]], atol=1e-9),
     "make_solver": lambda found: found.structure is PAIR and found.omega == 0.6,
     "advance": lambda found: np.allclose(found.state, AFTER[1], atol=1e-4),

@@ -9,7 +9,7 @@ import pytest
 from tools import BASINS as JOB
 from tools import assert_same_datasets, hpcsweep
 
-from hpcsweep import open_results
+from hpcsweep import basin_boundary, open_results
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.attractors import AttractorSearch
@@ -172,7 +172,12 @@ def test_every_command_tells_it(tmp_path, whole):
     assert "periods; undecided 0" in hpcsweep(0, "status", whole).stdout
     (reported,) = json.loads(hpcsweep(0, "summary", whole, "--json").stdout)
     assert sum(entry["runs"] for entry in reported["basins"].values()) == 63
-    assert "starts to 1, P1" in hpcsweep(0, "summary", whole).stdout
+    boundary = basin_boundary(open_results(whole).label.values[0, :, 0])
+    told = {**boundary._asdict(), "exponent": None}
+    assert reported["boundaries"] == {"of the slice": told}
+    listed = hpcsweep(0, "summary", whole).stdout
+    assert "starts to 1, P1" in listed
+    assert f"{boundary.entropy:.4g}, on the boundary {boundary.boundary_entropy:.4g}" in listed
     picture = tmp_path / "picture.png"
     done = hpcsweep(0, "plot", whole, "-o", picture)
     assert done.returncode == 0, done.stderr

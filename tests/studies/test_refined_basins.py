@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tools import BASINS, assert_same_datasets, hpcsweep, made
 
-from hpcsweep import open_results
+from hpcsweep import basin_boundary, open_results
 from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import JobError, parse_job
@@ -65,6 +65,10 @@ def test_readers_and_commands_tell_it(refined, tmp_path):
     assert state["starts"] == state["runs_done"] == STARTS - inferred
     (reported,) = json.loads(hpcsweep(0, "summary", refined, "--json").stdout)
     assert sum(entry["runs"] for entry in reported["basins"].values()) == STARTS
+    names = ("inferred_label", "label")
+    every, own = (results[name].values[0].reshape(len(results.row), -1) for name in names)
+    boundary = basin_boundary(np.where(own != 0, own, every))
+    assert reported["boundaries"]["of the slice"]["entropy"] == boundary.entropy > 0
     assert f"{STARTS - inferred} of {STARTS}" in hpcsweep(0, "summary", refined).stdout
     frames = Frames(refined, None)
     for name in ("label", "inferred_label", "point", "cell"):

@@ -1,10 +1,12 @@
 """Count over studies of attractors and of basins, for their summaries."""
 
+import math
 from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpcsweep.dynamics.boundaries import basin_boundary
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import KINDS, UNSTORED
@@ -87,10 +89,17 @@ class BasinTally(AttractorTally):
     def __init__(self, study: Study):
         super().__init__(study)
         self.attractors: dict[str, Counted] = {}
+        self.rows: dict[str, list[tuple[np.ndarray, float, np.ndarray]]] = {}
 
     def _add_attractors(self, frame) -> None:
         """Count the starts of a row to each attractor."""
         self._add_labels(frame, frame["label"].values)
+        self._add_row(frame, frame["label"].values)
+
+    def _add_row(self, frame, labels: np.ndarray) -> None:
+        """Keep the labels of a row of the slice, and its places on both axes."""
+        places = frame["column"].values, frame["ordinate"].values.item()
+        self.rows.setdefault(frame.attrs["part"], []).append((*places, labels.ravel()))
 
     def _add_labels(self, frame, labels: np.ndarray) -> None:
         part = frame.attrs["part"]
@@ -107,7 +116,23 @@ class BasinTally(AttractorTally):
             for name, kind in self.attractors.items()
         }
         self.counts["attractors"] = Counter(self.attractors.values())
-        return super().summary() | {"basins": basins}
+        return super().summary() | {"basins": basins, "boundaries": self._boundaries()}
+
+    def _boundaries(self) -> dict[str, dict[str, Any]]:
+        """Return basin entropy and uncertainty exponent of each part that has several basins.
+
+        Of slices whose starts are not evenly spaced there is none.
+        """
+        told = {}
+        for part, rows in self.rows.items():
+            columns, ordinates, labels = zip(*rows, strict=True)
+            steps = [np.diff(axis) for axis in (columns[0], np.array(ordinates))]
+            found = basin_boundary(np.array(labels))
+            even = all(np.allclose(step, step.mean(), rtol=1e-6, atol=0) for step in steps)
+            if even and not math.isnan(found.boundary_entropy):
+                exponent = None if math.isnan(found.exponent.mean) else [*found.exponent]
+                told[part or "of the slice"] = {**found._asdict(), "exponent": exponent}
+        return told
 
 
 class StartTally(BasinTally):
@@ -119,6 +144,7 @@ class StartTally(BasinTally):
         computed = frame["outcome"].values != Outcome.NOT_COMPUTED
         inferred = frame[SOURCE].values == Source.INFERRED
         labels = np.where(inferred, frame[inferred_name("label")].values, frame["label"].values)
+        self._add_row(frame, np.where(computed | inferred, labels, 0))
         labels = labels[computed | inferred]
         starts = self.counts["starts"]
         starts["all"] += labels.size

@@ -7,7 +7,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
 from hpcsweep.dynamics.orbit import smallest_period
-from hpcsweep.dynamics.stability import exponent_of_multiplier
+from hpcsweep.dynamics.stability import exponent_of_multiplier, orbit_exponent
 from hpcsweep.dynamics.verification import verify_orbit
 from hpcsweep.solvers.flow.flow_map import FlowMap
 from hpcsweep.solvers.flow.orbit.batch import Rules
@@ -16,7 +16,7 @@ from hpcsweep.solvers.records import Followed, Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.classification import exponent_of_orbit, spectrum_variables
+from hpcsweep.studies.sweep.classification import spectrum_variables
 from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store
 
 AT_ONCE = 256
@@ -168,7 +168,7 @@ class Batch:
         for k in np.flatnonzero(orbits.rule == SkipRule.CONVERGED):
             end = orbits.points[k, orbits.length[k] - 1]
             period = int(orbits.period[k])
-            exponents[k] = exponent_of_orbit(self._solver, end, float(amplitudes[k]), period)
+            exponents[k] = orbit_exponent(self._solver, end, float(amplitudes[k]), period)
         return exponents
 
 

@@ -113,7 +113,7 @@ def classify_window(
     if "lyapunov" in settings.metrics:
         if period:
             exponent = stability.MeanInterval.exact(
-                exponent_of_orbit(solver, seen.points[-1], amplitude, period)
+                stability.orbit_exponent(solver, seen.points[-1], amplitude, period)
             )
         else:
             time = solver.structure.forcing.period(solver.omega)
@@ -199,14 +199,6 @@ def _classify_known(
 
 def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
     return MotionClass.NO_CONTACT if seen.is_free else kind
-
-
-def exponent_of_orbit(solver, z: np.ndarray, amplitude: float, period: int) -> float:
-    """Return the largest Lyapunov exponent of the orbit from z; NaN where the solver fails."""
-    try:
-        return stability.orbit_exponent(solver, z, amplitude, period)
-    except (ArithmeticError, np.linalg.LinAlgError):
-        return math.nan
 
 
 def spectrum_variables(

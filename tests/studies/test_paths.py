@@ -237,6 +237,9 @@ def test_bad_structures_along_a_path_are_refused_in_one_line(old, new, words):
 
 
 def test_other_studies_refuse_a_path_and_formulas():
+    text = ATTRACTORS.replace("{from = 0.6, to = 0.7, count = 6}", '"0.7 * omega"')
+    with pytest.raises(JobError, match=r"job: sweep.amplitude = .* must be numbers; a formula go"):
+        parse_job(text, "job", "job")
     for text in (ATTRACTORS, SMALL):
         with pytest.raises(JobError, match=r"job: (unknown key 'sweep.along'|sweep.along = 'gap')"):
             parse_job(text.replace("[sweep]", '[sweep]\nalong = "gap"'), "job", "job")

@@ -50,6 +50,8 @@ def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndar
     if runs.study.structure != found.study.structure:
         raise StoreError(f"{sweep}: is of another structure than {found.path}")
     points, swept = as_kind(found.study, RunGrid), as_kind(runs.study, RunGrid)
+    if swept.run_dims[-2:] != ("omega", "amplitude"):
+        raise StoreError(f"{sweep}: is a sweep along {swept.run_dims[-1]}, not the amplitude")
 
     def places(there: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
         place = np.abs(there[:, None] - wanted).argmin(axis=0)

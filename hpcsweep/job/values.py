@@ -243,7 +243,7 @@ class Values:
                 limit = f'does not go with {key}: take one away (= "unset" where it is inherited)'
                 raise self.error(cycles, self.get(cycles), limit)
             key = cycles
-        given = self.numbers(key, self.get(key), ascending=False)
+        given = self.numbers(key, self._no_formula(key), ascending=False)
         if np.any(given <= 0):
             raise self.error(key, given[given <= 0][0], "must be greater than 0")
         if key != cycles:
@@ -270,11 +270,21 @@ class Values:
 
     def amplitudes(self, key: str) -> np.ndarray:
         """Read forcing amplitudes, ascending."""
-        amplitude = self.numbers(key, self.get(key), ascending=True)
+        amplitude = self.numbers(key, self._no_formula(key), ascending=True)
         if amplitude[0] < 0:
             raise self.error(key, amplitude[0], "must be at least 0")
         self.check_range(key, amplitude=amplitude)
         return amplitude
+
+    def _no_formula(self, key: str) -> object:
+        """Return the value of a key that is a formula in sweeps alone."""
+        given = self.get(key)
+        if isinstance(given, str):
+            limit = (
+                'must be numbers; a formula goes with sweep.along, study.kind = "amplitude_sweep"'
+            )
+            raise self.error(key, given, limit)
+        return given
 
     def tied(self, key: str, text: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return what a formula gives Omega or A, where other values are known."""

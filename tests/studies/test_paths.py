@@ -237,6 +237,9 @@ def test_bad_structures_along_a_path_are_refused_in_one_line(old, new, words):
 
 
 def test_other_studies_refuse_a_path_and_formulas():
+    text = ATTRACTORS.replace("{from = 0.6, to = 0.7, count = 6}", '"0.7 * omega"')
+    with pytest.raises(JobError, match=r"job: sweep.amplitude = .* must be numbers; a formula go"):
+        parse_job(text, "job", "job")
     for text in (ATTRACTORS, SMALL):
         with pytest.raises(JobError, match=r"job: (unknown key 'sweep.along'|sweep.along = 'gap')"):
             parse_job(text.replace("[sweep]", '[sweep]\nalong = "gap"'), "job", "job")
@@ -257,3 +260,18 @@ def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_
     assert page.steps["structures"] == []
     with pytest.raises(PlotError, match="the sweep is along omega"):
         add_branches(page, tmp_path / "none.h5")
+
+
+def test_branches_along_the_frequency_start_from_its_sweeps_and_are_drawn_beneath(folder, tmp_path):
+    from hpcsweep.campaign.summary import summarize
+
+    text = ONE.replace('along = "omega"\n', "").replace("count = 51", "count = 2")
+    text += '[study]\nkind = "branches"\n[branches]\nparameter = "omega"\nsteps = 200\n'
+    text += f'seeds = "{folder / "one.h5"}"\nspan = [0.9, 1.4]\nmax_points = 1000\n'
+    path = made(text, tmp_path / "branches.h5")
+    assert summarize(path)["seeds"] > 50
+    assert summarize(path)["seeds_covered"]["share"] == 1.0
+    command = ("plot", path, "-o", tmp_path / "b.png", "--sweep")
+    assert hpcsweep(0, *command, folder / "one.h5").returncode == 0
+    done = hpcsweep(0, *command, folder / "gap.h5")
+    assert done.stderr.endswith("is of runs along gap, the branches are along omega\n")

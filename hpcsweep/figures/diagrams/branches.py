@@ -16,6 +16,7 @@ from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
 from hpcsweep.figures.overlay import Drawn, branches_of, run_of
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.run_names import SYMBOLS
 from hpcsweep.studies.study import as_kind
 
 NAME = "branches"
@@ -54,7 +55,7 @@ class Read(NamedTuple):
 
 
 def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
-    """Read a line, and the runs of a sweep at its frequency."""
+    """Read a line, and the runs of a sweep along the same path."""
     from hpcsweep.store import Frames
 
     study = as_kind(frames.study, Branches)
@@ -62,12 +63,16 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
         raise style.PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
     runs = None
     if sweep is not None:
-        if study.parameter != "amplitude":
-            raise style.PlotError(f"--sweep {sweep}: goes with branches of the amplitude alone")
         with contextlib.closing(Frames(sweep)) as held:
-            there = np.flatnonzero(as_kind(held.study, RunGrid).omega == study.omega[line])
+            swept = as_kind(held.study, RunGrid)
+            fixed, along = swept.run_dims[-2:]
+            if along != study.parameter or fixed not in SYMBOLS:
+                what = f"is of runs along {along}, the branches are along {study.parameter}"
+                raise style.PlotError(f"--sweep {sweep}: {what}")
+            at = float(getattr(study, fixed)[line])
+            there = np.flatnonzero(swept.frames == at)
             if not there.size or "poincare" not in held:
-                what = f"has no stroboscopic points at Omega = {study.omega[line]:g}"
+                what = f"has no stroboscopic points at {SYMBOLS[fixed]} = {at:g}"
                 raise style.PlotError(f"--sweep {sweep}: {what}")
             runs = held.dataset(int(there[0]))
     found = frames.dataset(line)
@@ -135,9 +140,10 @@ def _label(study: Branches, structure) -> str:
 
 def _draw_runs(axis, runs, floor: int) -> None:
     """Draw the stroboscopic points of all runs: under branches, those of orbits as their rims."""
+    along = runs[runs["outcome"].dims[-1]].values
     for repeats, size in ((False, 0.8), (True, 3.0)):
         points = runs["poincare"].where((runs["orbit_period"] > 0) == repeats).values[..., floor]
-        at = np.broadcast_to(runs["amplitude"].values[:, None], points.shape)
+        at = np.broadcast_to(along[:, None], points.shape)
         looks = {"color": RUNS, "markersize": size, "markeredgewidth": 0, "zorder": 1.5}
         axis.plot(
             at.ravel(), points.ravel(), linestyle="none", marker="o", rasterized=True, **looks

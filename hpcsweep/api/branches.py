@@ -12,7 +12,7 @@ from hpcsweep.dynamics.continuation.periodic import find
 from hpcsweep.model.arguments import count, finite_vector, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.store.layout import notes_of
+from hpcsweep.store.layout import attributes_of
 from hpcsweep.studies.branches.runs import store_branches
 from hpcsweep.studies.branches.variables import VARIABLES
 from hpcsweep.studies.variables import empty_results, state_names
@@ -107,7 +107,9 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
     every = [*kept, *(one for one in VARIABLES if one.name == "n_branches")]
     rows = empty_results(every, structure, 1, **sizes, number=forced.size)
     store_branches(rows, forced, catalogue)
-    told = {one.name: (one.dims[3:], rows[one.name][0], notes_of(one, structure)) for one in kept}
+    told = {
+        one.name: (one.dims[3:], rows[one.name][0], attributes_of(one, structure)) for one in kept
+    }
     told["value"][2]["long_name"] = forced.parameter
     leaving = np.full((len(specials), forced.size), np.nan)
     leaving_value = np.full(len(specials), np.nan)

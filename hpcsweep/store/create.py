@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from hpcsweep.store.contents import CHECKSUM, metadata_checksum
-from hpcsweep.store.layout import Layout, StoreError, notes_of
+from hpcsweep.store.layout import Layout, StoreError, attributes_of
 
 LIBRARY = ("v108", "v108")
 """Oldest version of HDF5 that can read a file."""
@@ -97,7 +97,7 @@ def fill(
             data = (allocate or _dataset)(file, variable.name, *form)
         for axis, dim in enumerate(variable.dims):
             data.dims[axis].attach_scale(file[dim])
-        data.attrs.update(notes_of(variable, layout.study.structure))
+        data.attrs.update(attributes_of(variable, layout.study.structure))
     for variable, values in layout.given:
         file[variable.name][...] = values
     for checksums in (layout.commit, *layout.derived[-1:]):

@@ -13,7 +13,7 @@ from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, frame_variables
-from hpcsweep.store.layout import Layout, StoreError, notes_of
+from hpcsweep.store.layout import Layout, StoreError, attributes_of
 from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
@@ -212,12 +212,12 @@ class Frames:
             variable.name: (
                 variable.dims,
                 values[list(frames)] if variable.dims[0] == frame_dim else values,
-                notes_of(variable, study.structure),
+                attributes_of(variable, study.structure),
             )
             for variable, values in self._own.given
         }
         for name in arrays.keys() & self._variables.keys():
-            arrays[name] = (*arrays[name], notes_of(self._variables[name], study.structure))
+            arrays[name] = (*arrays[name], attributes_of(self._variables[name], study.structure))
         along = self._own.coordinates[last].values
         if last == "amplitude" and len(frames) == 1:
             # the amplitudes of one frame are its own even where frames share none

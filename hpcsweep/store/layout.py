@@ -195,7 +195,7 @@ def _named(variable: Variable, structure: Structure) -> Variable:
     return replace(variable, units=unit_of(structure, variable.units))
 
 
-def notes_of(variable: Variable, structure: Structure) -> dict[str, object]:
+def attributes_of(variable: Variable, structure: Structure) -> dict[str, object]:
     """Return the attributes of a variable: units, long_name and the meaning of its numbers."""
     named = {"units": unit_of(structure, variable.units), "long_name": variable.long_name}
     return named | flags_of(variable, structure)

@@ -8,8 +8,11 @@ from scipy.optimize import brentq
 from yielding import Yielding
 
 import hpcsweep
+from hpcsweep.model.kernel_model import record_model
 from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.flow.state.shared import new_shared
 from hpcsweep.solvers.instants import InstantMap
+from hpcsweep.solvers.sliders import Sliders
 
 
 def bilinear_storeys(n, rng, hardening, **given):
@@ -517,3 +520,20 @@ def test_energies_over_time_are_those_of_responses_that_end_there():
         expected = hpcsweep.response(structure, cut, 3.0, energy=True).energy
         assert min(expected[3:]) > 0.0
         np.testing.assert_allclose(found[j], expected, rtol=0, atol=1e-12 * max(expected))
+
+
+@pytest.mark.parametrize(("far", "counts"), [(0.0, True), (1e4, False)])
+def test_a_slip_counts_that_is_more_than_the_rounding_of_the_displacements(far, counts):
+    """An elongation of 1 + 1e-12 of one that slips at 1, its ends at 0 or far away."""
+    slider = hpcsweep.Slider((-1.0, 1.0), 1.0, 1.0)
+    structure = hpcsweep.Structure.from_matrices(
+        [1.0, 1.0], [[1.0, 0.0], [0.0, 0.0]], [], sliders=[slider]
+    )
+    model = record_model(structure, 0.1)
+    shared, sliders = new_shared(model, 1e-9, 1), Sliders(structure, model.elements)
+    modes = shared.modes._replace(mode=np.array([1]), state=np.zeros(1))
+    z = np.array([far, far + 1.0 + 1e-12, 0.0, 0.0]) / structure.length_unit
+    assert sliders.slips(z, modes).tolist() == [counts]
+    z[1] += 1e-6
+    assert sliders.slips(z, modes).all()
+    assert sliders.force(z, modes.mode, modes.state) == pytest.approx([1.0], rel=1e-14)

@@ -20,7 +20,6 @@ from hpcsweep.solvers.flow.period.record import (
     march_record,
 )
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
-from hpcsweep.solvers.measures import ROUNDING
 from hpcsweep.solvers.outcome import COLLAPSED, Outcome
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.record_response import (
@@ -78,8 +77,7 @@ class RecordMap:
         watched[last - one_sided : last, 2] = 1
         model = model._replace(watched=watched)
         self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
-        if structure.sliders:
-            self._sliders = Sliders(structure, model.elements)
+        self._sliders = Sliders(structure, model.elements)
         self._told = model.watched[:, 3] > 0
         self._polling = Polling()
         load_all(KERNELS)
@@ -124,25 +122,18 @@ class RecordMap:
 
     def _slid(self, z: np.ndarray) -> Slid:
         """Return what the sliders have done, up to the state z at the end."""
-        model, modes, structure = self._shared.model, self._shared.modes, self.structure
-        sliders = structure.sliders
-        if not sliders:
+        model, modes = self._shared.model, self._shared.modes
+        sliders = self._sliders
+        if not self.structure.sliders:
             return NONE_SLID
-        elements, own = model.elements, self._sliders.own
-        mode, load = modes.mode[own], self._sliders.load(modes)
-        y = self._sliders.elongation(z[: z.size // 2])
-        state, change = self._sliders.plastic(z, modes)
-        spring, taken = np.array([(one.spring, one.taken) for one in sliders]).reshape(-1, 2).T
-        force = np.where(elements.sets[mode, 1] > 0, spring - taken, spring) * y - taken * load
-        rows, drifts = elements.rows[own].tolist(), model.drift_rows.tolist()
-        sign = self._sliders.sign
-        slips = change > ROUNDING * np.maximum(np.abs(state), np.abs(load))
+        state, change = sliders.plastic(z, modes)
+        rows, drifts = model.elements.rows[sliders.own].tolist(), model.drift_rows.tolist()
         return Slid(
             elongation=self._shared.tally.peaks[[drifts.index(row) for row in rows]],
-            force=sign * force * structure.length_unit,
-            plastic=sign * state,
-            path=modes.path[own] + change,
-            excursions=modes.taken[own] + slips,
+            force=sliders.force(z, modes.mode, modes.state),
+            plastic=sliders.sign * state,
+            path=modes.path[sliders.own] + change,
+            excursions=modes.taken[sliders.own] + sliders.slips(z, modes),
         )
 
     def _advance(self, z, samples, scale, tail, poll, wanted) -> tuple[float, Outcome, bool]:

@@ -280,10 +280,19 @@ def pass_guard(g, z, modes, elements):
         z[half + i] = z[half + below] if below >= 0 else 0.0
     if guard[TAKES] > 0.0:
         state = difference(e, 0, elements, z) + guard[SHIFT]
-        change = abs(state - modes.state[e])
+        change, size = abs(state - modes.state[e]), max(abs(state), abs(guard[SHIFT]))
         modes.path[e] += change
-        modes.taken[e] += change > ROUNDING * max(abs(state), abs(guard[SHIFT]))
+        modes.taken[e] += change > ROUNDING * max(size, _size_of(e, elements, z))
         modes.state[e] = state
+
+
+@inlined
+def _size_of(e, elements, z):
+    """Return what the elongation of a slider is known to the rounding of: sum |b_i u_i|."""
+    j, size = e - elements.rows.shape[0] + elements.reach.shape[0], 0.0
+    for i in range(elements.reach.shape[1]):
+        size += abs(elements.reach[j, i] * z[i])
+    return size
 
 
 @kernel

@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hpcsweep.kernels.compile.entry_points import with_called
+from hpcsweep.kernels.compile.entry_points import EntryPoint, with_called
 from hpcsweep.kernels.compile.warm import load_all
 from hpcsweep.model.kernel_model import record_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
+from hpcsweep.solvers.flow.elements.layers import visit_layers
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.observe.gathered import reset
@@ -34,7 +35,13 @@ from hpcsweep.solvers.record_response import (
 from hpcsweep.solvers.sliders import Sliders
 
 KERNELS = with_called(march_record, measure_layer_step)
-"""All that responses to records call."""
+"""All that responses to records call, but for structures with elements and smooth contacts."""
+
+
+def kernels_of(structure: Structure, energy: bool = False) -> list[EntryPoint]:
+    """Return what responses of a structure, and their energies, call."""
+    smooth = structure.layer_half_width > 0.0 and (structure.sliders or energy)
+    return with_called(*KERNELS, visit_layers) if smooth else KERNELS
 
 
 class RecordMap:
@@ -64,10 +71,6 @@ class RecordMap:
         energy: bool = False,
     ):
         self.structure, self.dt, self.rtol = solver_arguments(structure, dt, rtol, yields=True)
-        if energy and structure.contacts and structure.sharpness != np.inf:
-            raise ValueError(
-                f"energy: sharpness must be inf, that of sharp stops, is {structure.sharpness:g}"
-            )
         self._energy = energy
         model = record_model(structure, self.dt, base_shear, energy)
         self._units = Units(structure, model)
@@ -80,7 +83,7 @@ class RecordMap:
         self._sliders = Sliders(structure, model.elements)
         self._told = model.watched[:, 3] > 0
         self._polling = Polling()
-        load_all(KERNELS)
+        load_all(kernels_of(structure, energy))
 
     def respond(
         self,

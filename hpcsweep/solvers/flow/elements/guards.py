@@ -21,7 +21,7 @@ from hpcsweep.solvers.flow.linear.polynomials import (
     fourth_derivative,
     value_and_slope,
 )
-from hpcsweep.solvers.flow.observe.dense_output import expand
+from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.search.search import (
     HERMITE_MIDDLE,
@@ -242,7 +242,7 @@ def first_change(segment, span, modes, tables, elements, work):
     g : int
         -1 if none is (proved), `UNDECIDED` if rounding forbids to tell.
     time : float
-        When, or `span`. ``work.z_end`` is the state then.
+        When, or `span`. ``work.z_end`` is the state then, but inside a layer.
     """
     first, time = -1, span
     write_ends(elements, work)
@@ -260,7 +260,7 @@ def first_change(segment, span, modes, tables, elements, work):
                     return UNDECIDED, time
                 if found >= 0.0:
                     first, time = g, found
-    if first >= 0:
+    if first >= 0 and segment.index != IN_LAYER:
         index, n = segment.index, work.z_end.shape[0]
         expand_rows(tables.poly, index, work.x, work.rows, work.expanded, n)
         evaluate_rows(work.rows, segment.h, time, work.z_end)

@@ -77,8 +77,8 @@ STRUCTURE: Tables = {
         Key("tension", "whether these dashpots may pull on the way out", told="false"),
         Key(
             "yield_drift",
-            "drift at which each storey yields, above 0, `inf` for one that does not; needs "
-            "`sharpness = inf` ([how](yielding.md)); a number, or a list of n",
+            "drift at which each storey yields, above 0, `inf` for one that does not "
+            "([how](yielding.md)); a number, or a list of n",
             told="none yields",
             units="length",
         ),

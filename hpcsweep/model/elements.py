@@ -12,6 +12,8 @@ one march (`hpcsweep.solvers.flow.elements`) serves all:
 
 - a contact, open, pushing or, without tension, past its stop and having let go; it opens and closes
   where y is at its stop, and lets go, or pushes again, where its force is 0 (`dashpot`);
+- a smooth contact, open, pushing or within its layer, which it enters where y is at an edge of it:
+  what happens within is no linear motion (`elements.layers`), and where it leaves is not a guard;
 - a slider, sticking or slipping up or down: a spring k in series with a slider of strength F.
   With delta = F / k its force is
 
@@ -41,6 +43,8 @@ SIGN, SPRING, SPEED, LEVEL, SHARE, TAKES, SHIFT, ENDS = range(8)
 ends, and the path of the element is the time."""
 OPEN, PUSHING, LET_GO = range(3)
 """Modes of a contact, in order."""
+WITHIN = LET_GO
+"""In place of the last that of a smooth contact, within its layer."""
 
 
 class Elements(NamedTuple):
@@ -131,7 +135,7 @@ def kernel_elements(
         Whether elastic contacts, or without any a row on which nothing acts, are elements, too.
     """
     table, sliders = _Table(), structure.sliders
-    if np.isinf(structure.sharpness) and (always or sliders or not contacts.is_elastic):
+    if always or sliders or not contacts.is_elastic:
         for k in range(len(contacts.row)):
             table.add((int(contacts.row[k]), -1), *_contact(k, contacts))
     length, rate = structure.length_unit, structure.frequency_unit
@@ -155,6 +159,14 @@ def _contact(k: int, contacts) -> list[tuple[tuple, list[tuple]]]:
     """Return the modes of a contact with their guards."""
     sign, gap = float(contacts.sign[k]), float(contacts.gap[k])
     law, dashpot, bit = float(contacts.edges[k, LAW]), float(contacts.edges[k, DASHPOT]), 1 << k
+    before, beyond = contacts.edges[k, 1:3].tolist()
+    if before != beyond:
+        enters = [(WITHIN, s, 1.0, 0.0, at) for s, at in ((sign, before), (-sign, beyond))]
+        return [
+            ((0, 0, 0.0, 0.0), enters[:1]),
+            ((bit, bit, 0.0, 0.0), enters[1:]),
+            ((bit, 0, 0.0, 0.0), []),
+        ]
     stop = sign * gap
     opens = (OPEN, -sign, 1.0, 0.0, stop)
     unit = max(law, dashpot) or 1.0

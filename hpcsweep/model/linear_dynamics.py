@@ -188,6 +188,28 @@ class LinearDynamics(System):
             force = np.where(lets_go, np.maximum(force, 0.0), force)
         return force + 0.0  # of which -0.0 is 0.0
 
+    def contact_energy(self, u: np.ndarray) -> float:
+        r"""Return the energy that the springs of the contacts hold at displacements u.
+
+        Of a smooth one it is the integral of kappa S(rho x) x from -inf on. With y = rho x,
+
+            W = (kappa / rho^2) (y log(1 + exp(y)) + Li_2(-exp(y))),
+
+        where Li_2(-exp(y)) = -pi^2 / 6 - y^2 / 2 - Li_2(-exp(-y)).
+        """
+        past = self.directions @ u - [contact.gap for contact in self.contacts]
+        if not np.isfinite(self.sharpness) or not self.contacts:
+            return 0.5 * float(self.contact_stiffness @ np.maximum(past, 0.0) ** 2)
+        if self.sharpness == 0.0:
+            return 0.25 * float(self.contact_stiffness @ past**2)
+        from scipy.special import spence  # reading results needs no scipy
+
+        y = self.sharpness * past
+        e = np.exp(-np.abs(y))
+        before = spence(1.0 + e) - np.abs(y) * np.log1p(e)
+        held = np.where(y > 0.0, 0.5 * y * y - math.pi**2 / 6.0 - before, before)
+        return float(self.contact_stiffness @ held) / self.sharpness**2
+
     @cached_property
     def contact_softness(self) -> np.ndarray:
         """d_k . M^-1 d_k of every contact: the change of x_k'' per unit force, shape (m,)."""

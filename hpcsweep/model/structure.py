@@ -181,11 +181,6 @@ class Structure(MeasuredDynamics):
             given = plain(getattr(self, name))
             if hasattr(given, "__len__") and not isinstance(given, str | bytes):
                 self._set(name, tuple(given))
-        if self.sliders and self.sharpness != math.inf:
-            raise ValueError(
-                "sharpness must be inf, that of sharp stops, where springs yield, is "
-                f"{self.sharpness:g}"
-            )
         if max(self.contact_numbers, default=0) > MAX_CONTACTS:
             raise ValueError(
                 f"gap_left: {n} floors have stops on the left numbered up to "
@@ -246,7 +241,7 @@ class Structure(MeasuredDynamics):
         rayleigh : dict or (float, float), optional
             See `Structure`.
         sliders : sequence of Slider, optional
-            They need sharpness = inf. Modes and damping ratios are those of the structure whose
+            Modes and damping ratios are those of the structure whose
             sliders stick.
         collapse_drift : float or sequence of floats, optional
             Of the rows of `drift`, see `Structure`.

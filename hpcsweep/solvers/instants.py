@@ -91,7 +91,8 @@ class InstantMap(RecordMap):
         length = self.structure.length_unit
         force = self.structure.switched(peaks, peaks * length)
         force *= self.structure.force_per_length * length
-        return Motion(place, self._units.out_of(held[0]), self._slider_force(*held), force)
+        states = self._units.out_of(held[0])
+        return Motion(place, states, self._sliders.force(*held), force)
 
     def _march(self, count: int, poll, keeps: bool):
         """Return states of the kernels with modes, peaks, and starts of intervals with changes."""
@@ -215,25 +216,9 @@ class InstantMap(RecordMap):
         ground = np.interp(which + part, np.arange(last + 1), self._samples)
         ground *= (which < last) * self._amplitude * self._units.amplitude_unit
         states = self._units.out_of(held[0])
-        forces = self.structure.contact_forces(states), self._slider_force(*held)
+        forces = self.structure.contact_forces(states), self._sliders.force(*held)
         found = accelerations(self.structure, states, forces, ground)
         return np.stack((states[:, found.shape[1] :], found), axis=1)
-
-    def _slider_force(self, points, mode, state) -> np.ndarray:
-        """Return the forces of the sliders at states of the kernels, shape (p, L)."""
-        sliders, elements = self.structure.sliders, self._shared.model.elements
-        if not sliders:
-            return np.zeros((len(points), 0))
-        own = slice(-len(sliders), None)
-        upper, lower = elements.rows[own].T
-        y = points[:, upper] - np.where(lower >= 0, points[:, lower], 0.0)
-        mode, state = mode[:, own], state[:, own]
-        load = elements.load[mode, 0] + elements.load[mode, 1] * state
-        spring, taken = np.array([(one.spring, one.taken) for one in sliders]).T
-        along = (elements.reach * self.structure.slider_directions).sum(axis=1)
-        slips = elements.sets[mode, 1] > 0
-        force = np.where(slips, spring - taken, spring) * y - taken * load
-        return force * (np.sign(along) * self.structure.length_unit)
 
 
 def accelerations(

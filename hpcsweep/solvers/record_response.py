@@ -282,10 +282,8 @@ def energy_at(structure: Structure, reached, taken, start, integrals: np.ndarray
     def held(state: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return kinetic and strain energy."""
         u, v = np.split(state, 2)
-        past = structure.directions @ u - [contact.gap for contact in structure.contacts]
-        pressed = structure.contact_stiffness @ np.maximum(past, 0.0) ** 2
-        strain = u @ structure.elastic_stiffness @ u + force @ (force / spring) + pressed
-        return 0.5 * np.array([v @ structure.mass_matrix @ v, strain])
+        strain = 0.5 * (u @ structure.elastic_stiffness @ u + force @ (force / spring))
+        return np.array([0.5 * v @ structure.mass_matrix @ v, strain + structure.contact_energy(u)])
 
     kinetic, strain = held(*reached) - held(start, first)
     work = length**2 * rate * integrals

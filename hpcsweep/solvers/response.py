@@ -67,7 +67,7 @@ def response(
         Tell the base shear of each building, `Response.base_shear`. Default: of structures that
         yield; elastic ones take 8 to 30 % longer with it.
     energy : bool
-        Tell the energies at the end, `Response.energy`, of sharp contacts; not with `at_samples`.
+        Tell the energies at the end, `Response.energy`; not with `at_samples`.
 
     Returns
     -------
@@ -230,9 +230,9 @@ def record_map(structure: Structure, dt: float, *arguments: Any, **options: Any)
     """Return what responds to records, and say it if its kernels have to be compiled."""
     # reading results needs no kernels
     from hpcsweep.solvers.compiling import load_aloud
-    from hpcsweep.solvers.flow.record_map import KERNELS, RecordMap
+    from hpcsweep.solvers.flow.record_map import RecordMap, kernels_of
 
-    load_aloud(KERNELS)
+    load_aloud(kernels_of(structure, options.get("energy", False)))
     return RecordMap(structure, dt, *arguments, **options)
 
 

@@ -22,6 +22,9 @@ class Sliders:
 
     def __init__(self, structure: Structure, elements: Elements):
         self._elements, count = elements, len(structure.sliders)
+        springs = [(one.spring, one.taken) for one in structure.sliders]
+        self._spring, self._taken = np.array(springs).reshape(-1, 2).T
+        self._unit = structure.length_unit
         self.own = slice(len(elements.rows) - count, None)
         self._above, below = elements.rows[self.own].T
         self._below, self._lower = np.maximum(below, 0), np.where(below >= 0, 1.0, 0.0)
@@ -33,23 +36,37 @@ class Sliders:
         spans = np.split(np.arange(len(elements.guard)), elements.guards[1:-1])
         self._first = elements.first[self.own]
         own = [spans[mode] for mode in self._first]
-        self._guards = np.concatenate(own)
+        self._guards = np.concatenate([np.zeros(0, int), *own])
         self._of = np.repeat(np.arange(count), [len(one) for one in own])
 
     def elongation(self, half: np.ndarray) -> np.ndarray:
         """Return y of each, or y' where `half` are the velocities of a state of the kernels."""
-        return half[self._above] - self._lower * half[self._below]
+        return half[..., self._above] - self._lower * half[..., self._below]
 
-    def load(self, modes) -> np.ndarray:
-        """Return the load q of each."""
-        load, share = self._elements.load[modes.mode[self.own]].T
-        return load + share * modes.state[self.own]
+    def load(self, mode: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Return the load q of each, in modes and states p of all elements."""
+        load, share = np.moveaxis(self._elements.load[mode[..., self.own]], -1, 0)
+        return load + share * state[..., self.own]
+
+    def force(self, z: np.ndarray, mode: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Return the forces of the sliders, shape (..., L), at states (..., 2R) of the kernels."""
+        slips = self._elements.sets[mode[..., self.own], 1] > 0
+        spring = np.where(slips, self._spring - self._taken, self._spring)
+        force = spring * self.elongation(z) - self._taken * self.load(mode, state)
+        return force * (self.sign * self._unit)
 
     def plastic(self, z: np.ndarray, modes) -> tuple[np.ndarray, np.ndarray]:
         """Return p of each in a state, and by how much it has changed since it last stuck."""
-        state, y = modes.state[self.own], self.elongation(z[: z.size // 2])
-        found = np.where(self._takes[modes.mode[self.own]], self.load(modes) + y, state)
+        state, load = modes.state[self.own], self.load(modes.mode, modes.state)
+        takes = self._takes[modes.mode[self.own]]
+        found = np.where(takes, load + self.elongation(z), state)
         return found, np.abs(found - state)
+
+    def slips(self, z: np.ndarray, modes) -> np.ndarray:
+        """Return whether p of each has changed by more than rounding since it last stuck."""
+        (state, change), load = self.plastic(z, modes), self.load(modes.mode, modes.state)
+        size = np.abs(self._elements.reach) @ np.abs(z[: self._elements.reach.shape[1]])
+        return change > ROUNDING * np.maximum(np.maximum(np.abs(state), np.abs(load)), size)
 
     def place(self, z: np.ndarray, plastic: np.ndarray, modes) -> None:
         """Write p and the modes of a state; paths begin anew."""

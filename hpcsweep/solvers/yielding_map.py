@@ -15,10 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from hpcsweep.kernels.compile.entry_points import with_called
+from hpcsweep.kernels.compile.warm import load_all
 from hpcsweep.model.kernel_model import DRIFT
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import closing_arguments, motion, points_array
 from hpcsweep.solvers.flow.flow_map import FlowMap
+from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.orbit.transient import ROUNDING
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
@@ -34,6 +37,8 @@ class YieldingMap(FlowMap):
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
         super().__init__(structure, omega, rtol)
+        if self._shared.model.layer > 0.0:
+            load_all(with_called(measure_layer_step))  # `observe` asks for drifts
         self._sliders = Sliders(structure, self._shared.model.elements)
         self._strength = np.array([one.strength for one in structure.sliders])
 

@@ -106,7 +106,7 @@ def worth_specialising(study: Study, n_ranks: float | None) -> bool:
 def warm_up_all(say: Say = None, jobs: int | None = None) -> None:
     """Compile, or load, what runs with any settings and responses to records call."""
     every = SweepSettings(metrics=frozenset(METRICS))
-    needed = dict.fromkeys([*_needed(every, None, False), *record_kernels()])
+    needed = dict.fromkeys([*_needed(every, None, False), *record_kernels(Structure(1), True)])
     load(list(needed), say, jobs)
     for name in SOLVERS:
         warm_up(replace(every, solver=name), say, jobs)
@@ -138,8 +138,8 @@ def branch_kernels(structure: Structure) -> list[Any]:
     return specialised.branch_kernels(structure)
 
 
-def record_kernels() -> list[Any]:
-    """Return what responses to records call."""
-    from hpcsweep.solvers.flow.record_map import KERNELS
+def record_kernels(structure: Structure, energy: bool) -> list[Any]:
+    """Return what responses of a structure to records, and their energies, call."""
+    from hpcsweep.solvers.flow.record_map import kernels_of
 
-    return KERNELS
+    return kernels_of(structure, energy)

@@ -166,7 +166,7 @@ OTHER = {
 ALONG = {
     "hardening": {"yield_drift": math.inf},
     "p_delta": {"weight": 0.01, "storey_height": 1.0},
-    "collapse_drift": {"yield_drift": 0.1, "sharpness": math.inf},
+    "collapse_drift": {"yield_drift": 0.1},
 }
 """Fields without which another one must not be given."""
 

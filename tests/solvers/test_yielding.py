@@ -1,15 +1,19 @@
 """Structures whose sliders slip, under records: closed forms and an independent reference."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from yielding import Yielding
+from yielding import SmoothYielding, Yielding
 
 import hpcsweep
+from hpcsweep.model.kernel_model import record_model
 from hpcsweep.solvers.flow import FlowMap
+from hpcsweep.solvers.flow.state.shared import new_shared
 from hpcsweep.solvers.instants import InstantMap
+from hpcsweep.solvers.sliders import Sliders
 
 
 def bilinear_storeys(n, rng, hardening, **given):
@@ -53,6 +57,67 @@ def test_random_storeys_move_as_the_reference(seed):
     found = hpcsweep.response(structure, record)
     same(found, reference, end)
     np.testing.assert_allclose(found.slider_energy, reference.strength * found.plastic_path)
+
+
+@pytest.mark.parametrize(("seed", "sharpness"), [(0, 20.0), (1, 400.0), (2, 1e4), (3, 3.0)])
+def test_storeys_that_yield_beside_smooth_stops_move_as_the_reference(seed, sharpness):
+    """Three storeys between soft and hard stops, one slider in a layer at a time or several."""
+    rng = np.random.default_rng(seed)
+    contacts = [
+        hpcsweep.Contact((0.0, 0.0, 1.0), 0.3, 60.0),
+        hpcsweep.Contact((0.0, -1.0, 0.0), 0.2, 15.0),
+        hpcsweep.Contact((1.0, 0.0, -1.0), 0.4, 30.0),
+    ]
+    sharp, reference = bilinear_storeys(3, rng, 0.05, contacts=contacts)
+    structure = replace(sharp, sharpness=sharpness)
+    given = *(np.linalg.inv(reference.matrices[0]), *reference.matrices[1:]), contacts
+    reference = SmoothYielding(sharpness, *given, sharp.sliders)
+    record = hpcsweep.Record(rng.standard_normal(30) * 8.0, dt=0.2)
+    end = reference.run(record.acceleration, record.dt)
+    found = hpcsweep.response(structure, record, energy=True)
+    same(found, reference, end, 1e-10)
+    assert found.excursions.min() > 0
+    assert found.excursions.sum() > 6
+    assert found.impacts.sum() > 3
+    assert abs(found.energy.balance) < 1e-12
+    assert min(found.energy.input, found.energy.sliders, found.energy.viscous) > 0.0
+    # within layers, where the peaks are, and at the samples
+    for name in ("drift", "floor_acceleration", "force"):
+        sampled = getattr(hpcsweep.response(structure, record, at_samples=True), name)
+        assert (sampled <= getattr(found, name) * (1 + 1e-12)).all()
+        assert (sampled > 0.2 * getattr(found, name)).all()
+
+
+def test_a_slider_that_slips_in_a_layer_of_any_width_has_its_closed_form():
+    """Behind a stop without sharpness, half a spring, all is within the layer, and linear.
+
+    So the mass is that of the oscillator on a slider k beside a spring kappa / 2 that is at rest at
+    the gap, from which it is pulled.
+    """
+    slider = hpcsweep.Slider((1.0,), 3.0, 0.2)
+    stop = hpcsweep.Contact((1.0,), 0.0, 2.0)
+    record = hpcsweep.Record([-1.0, 0.5, -0.3, 2.0, 0.0, 0.0], dt=0.7)
+    given = {"damping": [[0.1]], "sliders": [slider]}
+    smooth = hpcsweep.Structure.from_matrices([1.0], [[0.5]], [stop], sharpness=0.0, **given)
+    linear = hpcsweep.Structure.from_matrices([1.0], [[1.5]], [], **given)
+    one, two = (hpcsweep.response(of, record, 0.9, energy=True) for of in (smooth, linear))
+    assert two.excursions[0] > 1
+    for name in ("final_state", "plastic", "plastic_path", "excursions", "displacement"):
+        np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(one.energy, two.energy, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("sharpness", [0.0, 4.0, 1e3, math.inf])
+def test_the_energy_of_a_contact_is_the_integral_of_its_force(sharpness):
+    stop = hpcsweep.Contact((1.0,), 0.1, 7.0)
+    structure = hpcsweep.Structure.from_matrices([1.0], [[1.0]], [stop], sharpness=sharpness)
+    ends = np.array([-0.3, 0.102, 0.4])
+    held = [structure.contact_energy(np.array([u])) for u in ends]
+    for a, b, first, last in zip(ends[:-1], ends[1:], held[:-1], held[1:], strict=True):
+        nodes, weights = np.polynomial.legendre.leggauss(600)
+        u = a + 0.5 * (b - a) * (nodes + 1.0)
+        force = structure.contact_forces(np.stack((u, 0.0 * u), 1))[:, 0]
+        assert last - first == pytest.approx(0.5 * (b - a) * weights @ force, rel=1e-5, abs=5e-9)
 
 
 @pytest.mark.parametrize("dt", [0.1, 2.5])
@@ -234,14 +299,12 @@ def test_storeys_that_yield_are_springs_and_sliders():
 
 
 def test_the_force_of_a_storey_is_that_at_which_it_yields():
-    by_force = hpcsweep.Structure(2, sharpness=math.inf, yield_force=0.3, hardening=0.1)
-    by_drift = hpcsweep.Structure(2, sharpness=math.inf, yield_drift=0.3, hardening=0.1)
+    by_force = hpcsweep.Structure(2, yield_force=0.3, hardening=0.1)
+    by_drift = hpcsweep.Structure(2, yield_drift=0.3, hardening=0.1)
     assert by_force.sliders == by_drift.sliders  # of storeys of stiffness 1
     assert by_force.sliders[0].strength == pytest.approx(0.27)
-    with pytest.raises(ValueError, match="sharpness must be inf, that of sharp stops"):
-        hpcsweep.Structure(2, yield_drift=0.3)
     with pytest.raises(ValueError, match="yield_drift must be a list of numbers, is 'soft'"):
-        hpcsweep.Structure(2, sharpness=math.inf, yield_drift="soft")
+        hpcsweep.Structure(2, yield_drift="soft")
 
 
 WRONG = [
@@ -262,8 +325,6 @@ def test_wrong_sliders_are_refused(wrong, message):
 
 def test_structures_refuse_what_sliders_cannot_do():
     slider, given = hpcsweep.Slider((1.0,), 1.0, 1.0), ([1.0], [[1.0]])
-    with pytest.raises(ValueError, match="sharpness must be inf, that of sharp stops"):
-        hpcsweep.Structure.from_matrices(*given, [], sliders=[slider], sharpness=10.0)
     with pytest.raises(ValueError, match="slider 1 must have 1 entries, has 2"):
         hpcsweep.Structure.from_matrices(
             *given, [], sliders=[hpcsweep.Slider((1.0, 0.0), 1.0, 1.0)]
@@ -449,8 +510,6 @@ def test_the_energy_of_free_vibration_is_lost_to_the_dampers():
     assert 0.1 < found.energy.viscous < 0.625
     with pytest.raises(ValueError, match="energy and at_samples must not be asked for both"):
         hpcsweep.response(structure, record, energy=True, at_samples=True)
-    with pytest.raises(ValueError, match="energy: sharpness must be inf"):
-        hpcsweep.response(hpcsweep.Structure(1), record, energy=True)
 
 
 def test_the_base_of_a_rigid_building_feels_mass_times_ground_acceleration():
@@ -517,3 +576,20 @@ def test_energies_over_time_are_those_of_responses_that_end_there():
         expected = hpcsweep.response(structure, cut, 3.0, energy=True).energy
         assert min(expected[3:]) > 0.0
         np.testing.assert_allclose(found[j], expected, rtol=0, atol=1e-12 * max(expected))
+
+
+@pytest.mark.parametrize(("far", "counts"), [(0.0, True), (1e4, False)])
+def test_a_slip_counts_that_is_more_than_the_rounding_of_the_displacements(far, counts):
+    """An elongation of 1 + 1e-12 of one that slips at 1, its ends at 0 or far away."""
+    slider = hpcsweep.Slider((-1.0, 1.0), 1.0, 1.0)
+    structure = hpcsweep.Structure.from_matrices(
+        [1.0, 1.0], [[1.0, 0.0], [0.0, 0.0]], [], sliders=[slider]
+    )
+    model = record_model(structure, 0.1)
+    shared, sliders = new_shared(model, 1e-9, 1), Sliders(structure, model.elements)
+    modes = shared.modes._replace(mode=np.array([1]), state=np.zeros(1))
+    z = np.array([far, far + 1.0 + 1e-12, 0.0, 0.0]) / structure.length_unit
+    assert sliders.slips(z, modes).tolist() == [counts]
+    z[1] += 1e-6
+    assert sliders.slips(z, modes).all()
+    assert sliders.force(z, modes.mode, modes.state) == pytest.approx([1.0], rel=1e-14)

@@ -38,6 +38,7 @@ def reference(structure, amplitude, omega, state, n_periods, track=None):
         force = np.where(slip, slip * strength, spring * (rows @ u - plastic))
         ground = sum(a * math.sin(h * omega * t + phase) for h, a, phase in terms)
         total = push * amplitude * ground - damping @ v - elastic @ u - rows.T @ force
+        total = total - structure.contact_forces(z) @ structure.directions
         return np.concatenate((v, inverse @ total))
 
     def event(j, way):
@@ -105,6 +106,21 @@ def test_two_storeys_and_a_damper_move_as_the_reference():
     expected = reference(structure, 4.0, 11.0, np.zeros(7), 3)
     assert abs(expected[:, 4:]).max(axis=0).min() > 0.01
     np.testing.assert_allclose(points, expected, rtol=0, atol=1e-10)
+
+
+def test_storeys_that_yield_beside_the_default_stops_move_as_the_reference():
+    structure = hpcsweep.Structure(
+        2, stiffness_ratio=30.0, gap=0.5, damping_ratio=0.05, yield_drift=0.4, hardening=0.1
+    )
+    assert structure.sharpness == 1e4
+    points = hpcsweep.stroboscopic_points(structure, 0.5, OMEGA, np.zeros(6), 4)
+    expected = reference(structure, 0.5, OMEGA, np.zeros(6), 4)
+    assert abs(expected[:, 4:]).min(axis=0).max() > 0.05
+    np.testing.assert_allclose(points, expected, rtol=0, atol=2e-10)
+    solver = solver_of(structure)
+    seen = solver.observe(np.zeros(6), 0.5, 4, modal_norm=True)
+    assert seen.contact
+    np.testing.assert_array_equal(seen.points, points)
 
 
 def settled(structure, amplitude, state=None, periods=2000):

@@ -768,11 +768,6 @@ def test_collapses_are_computed_as_plainly_and_told(tmp_path):
     for name in FALLEN:
         size = 1e-10 * max(1.0, float(np.abs(plain[name]).max()))
         np.testing.assert_allclose(results[name], plain[name], rtol=1e-8, atol=size)
-    smooth = RECORDS.replace("gap = 0.02", "gap = 0.02\nsharpness = 1e5").replace(
-        "[output]", "[output]\nenergy = true"
-    )
-    with pytest.raises(JobError, match=r"output\.energy = True: goes with sharp contacts"):
-        parse_job(smooth, "job", "job")
 
 
 @pytest.mark.slow

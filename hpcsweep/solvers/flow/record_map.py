@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hpcsweep.kernels.compile.entry_points import with_called
+from hpcsweep.kernels.compile.entry_points import EntryPoint, with_called
 from hpcsweep.kernels.compile.warm import load_all
 from hpcsweep.model.kernel_model import record_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
+from hpcsweep.solvers.flow.elements.layers import visit_layers
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.observe.gathered import reset
@@ -20,7 +21,6 @@ from hpcsweep.solvers.flow.period.record import (
     march_record,
 )
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
-from hpcsweep.solvers.measures import ROUNDING
 from hpcsweep.solvers.outcome import COLLAPSED, Outcome
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.record_response import (
@@ -35,7 +35,13 @@ from hpcsweep.solvers.record_response import (
 from hpcsweep.solvers.sliders import Sliders
 
 KERNELS = with_called(march_record, measure_layer_step)
-"""All that responses to records call."""
+"""All that responses to records call, but for structures with elements and smooth contacts."""
+
+
+def kernels_of(structure: Structure, energy: bool = False) -> list[EntryPoint]:
+    """Return what responses of a structure, and their energies, call."""
+    smooth = structure.layer_half_width > 0.0 and (structure.sliders or energy)
+    return with_called(*KERNELS, visit_layers) if smooth else KERNELS
 
 
 class RecordMap:
@@ -65,10 +71,6 @@ class RecordMap:
         energy: bool = False,
     ):
         self.structure, self.dt, self.rtol = solver_arguments(structure, dt, rtol, yields=True)
-        if energy and structure.contacts and structure.sharpness != np.inf:
-            raise ValueError(
-                f"energy: sharpness must be inf, that of sharp stops, is {structure.sharpness:g}"
-            )
         self._energy = energy
         model = record_model(structure, self.dt, base_shear, energy)
         self._units = Units(structure, model)
@@ -78,11 +80,10 @@ class RecordMap:
         watched[last - one_sided : last, 2] = 1
         model = model._replace(watched=watched)
         self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
-        if structure.sliders:
-            self._sliders = Sliders(structure, model.elements)
+        self._sliders = Sliders(structure, model.elements)
         self._told = model.watched[:, 3] > 0
         self._polling = Polling()
-        load_all(KERNELS)
+        load_all(kernels_of(structure, energy))
 
     def respond(
         self,
@@ -124,25 +125,18 @@ class RecordMap:
 
     def _slid(self, z: np.ndarray) -> Slid:
         """Return what the sliders have done, up to the state z at the end."""
-        model, modes, structure = self._shared.model, self._shared.modes, self.structure
-        sliders = structure.sliders
-        if not sliders:
+        model, modes = self._shared.model, self._shared.modes
+        sliders = self._sliders
+        if not self.structure.sliders:
             return NONE_SLID
-        elements, own = model.elements, self._sliders.own
-        mode, load = modes.mode[own], self._sliders.load(modes)
-        y = self._sliders.elongation(z[: z.size // 2])
-        state, change = self._sliders.plastic(z, modes)
-        spring, taken = np.array([(one.spring, one.taken) for one in sliders]).reshape(-1, 2).T
-        force = np.where(elements.sets[mode, 1] > 0, spring - taken, spring) * y - taken * load
-        rows, drifts = elements.rows[own].tolist(), model.drift_rows.tolist()
-        sign = self._sliders.sign
-        slips = change > ROUNDING * np.maximum(np.abs(state), np.abs(load))
+        state, change = sliders.plastic(z, modes)
+        rows, drifts = model.elements.rows[sliders.own].tolist(), model.drift_rows.tolist()
         return Slid(
             elongation=self._shared.tally.peaks[[drifts.index(row) for row in rows]],
-            force=sign * force * structure.length_unit,
-            plastic=sign * state,
-            path=modes.path[own] + change,
-            excursions=modes.taken[own] + slips,
+            force=sliders.force(z, modes.mode, modes.state),
+            plastic=sliders.sign * state,
+            path=modes.path[sliders.own] + change,
+            excursions=modes.taken[sliders.own] + sliders.slips(z, modes),
         )
 
     def _advance(self, z, samples, scale, tail, poll, wanted) -> tuple[float, Outcome, bool]:

@@ -6,9 +6,9 @@ the last bit, but have to be compiled once more: `hpcsweep run` does so where it
 warmup` where it is requested. A new solver uses them if they are loaded or cached, otherwise those
 for any structure.
 
-The kernel of dashpots, a quarter of what there is to compile, is compiled and loaded for structures
-that have some; those of measures (`march_measured`, `measure_layer_step`) where measures are
-requested.
+The kernel of elements, a quarter of what there is to compile, is compiled and loaded for structures
+that have some, and that of smooth contacts beside them likewise; those of measures
+(`march_measured`, `measure_layer_step`) where measures are requested.
 """
 
 import functools
@@ -25,6 +25,7 @@ from hpcsweep.kernels.compile.warm import load_all, missing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.elements.contacts import by_elements
+from hpcsweep.solvers.flow.elements.layers import visit_layers
 from hpcsweep.solvers.flow.elements.march import march_periods
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
@@ -73,11 +74,18 @@ def kernels_for(shared: Shared, words: Words) -> MotionKernels:
     words : Words
         Of its `Pattern`.
     """
-    dashpots = by_elements.py_func(shared.model)
-    if not (dashpots or _loaded or _kept_keys()):
+    elements = of_elements(shared.model)
+    if not (elements or _loaded or _kept_keys()):
         return FOR_ANY
     with LOADING:
-        return _kernels_for(words, dashpots)
+        return _kernels_for(words, elements)
+
+
+def of_elements(model: Model) -> tuple[EntryPoint, ...]:
+    """Return the kernels of the elements of a structure, whose contacts may be smooth."""
+    if not by_elements.py_func(model):
+        return ()
+    return (march_periods, visit_layers) if model.layer else (march_periods,)
 
 
 def needed_kernels(
@@ -95,9 +103,10 @@ def needed_kernels(
         Include those of measures.
     """
     if structure is None:
-        return with_called(*_needed(True, measures), *OF_BRANCHES)
+        every = _needed((march_periods, visit_layers), measures)
+        return with_called(*every, *OF_BRANCHES)
     model = kernel_model(structure, 1.0)
-    needed = _needed(by_elements.py_func(model), measures)
+    needed = _needed(of_elements(model), measures)
     if not specialised:
         return needed
     with LOADING:
@@ -105,9 +114,9 @@ def needed_kernels(
 
 
 @functools.cache
-def _needed(dashpots: bool, measures: bool) -> list[EntryPoint]:
-    own = (march_periods,) * dashpots + (march_measured, measure_layer_step) * measures
-    return with_called(march, end_of_transient, follow_orbits, *own)
+def _needed(elements: tuple[EntryPoint, ...], measures: bool) -> list[EntryPoint]:
+    own = (march_measured, measure_layer_step) * measures
+    return with_called(march, end_of_transient, follow_orbits, *elements, *own)
 
 
 def branch_kernels(structure: Structure) -> list[EntryPoint]:
@@ -144,8 +153,8 @@ def _specialised(words: Words) -> SpecialisedKernels:
 
 
 @functools.lru_cache(maxsize=64)
-def _kernels_for(words: Words, dashpots: bool) -> MotionKernels:
-    needed = _needed(dashpots, False)
+def _kernels_for(words: Words, elements: tuple[EntryPoint, ...]) -> MotionKernels:
+    needed = _needed(elements, False)
     if SHARED.specialise(words).key in _loaded | _kept_keys():
         kernels = _specialised(words)
         own = kernels.of(needed)
@@ -153,6 +162,6 @@ def _kernels_for(words: Words, dashpots: bool) -> MotionKernels:
             load_all(own)
             called = (kernels[one] for one in FOR_ANY if isinstance(one, EntryPoint))
             return MotionKernels(*called, kernels.of(FOR_ANY.measures))
-    if dashpots:
+    if elements:
         load_all(needed)
     return FOR_ANY

@@ -86,7 +86,7 @@ OUTPUT = (
         "peak reaction of the base of each building",
         told="true where the structure yields",
     ),
-    Key("energy", "energies at the end ([which](yielding.md#results)), of sharp contacts", False),
+    Key("energy", "energies at the end ([which](yielding.md#results))", False),
     Key(
         "history",
         "step in time at which the motion itself is stored, of every run: a whole multiple or a "

@@ -69,8 +69,6 @@ class Records(RecordGrid):
         default["base_shear"] = bool(structure.sliders)
         given = {name: values.get(f"output.{name}", own) for name, own in default.items()}
         wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
-        if "energy" in wanted and structure.contacts and structure.sharpness != np.inf:
-            raise values.error("output.energy", True, "goes with sharp contacts, sharpness = inf")
         common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)
         suite, paths = keys.read_found(values, structure)
@@ -201,17 +199,23 @@ class Records(RecordGrid):
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import missing, record_kernels
+        from hpcsweep.studies.compilation import missing
 
         del n_ranks
-        return not missing(record_kernels())
+        return not missing(self._kernels())
 
     def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import load, record_kernels
+        from hpcsweep.studies.compilation import load
 
         del n_ranks
-        load(record_kernels(), say)
+        load(self._kernels(), say)
+
+    def _kernels(self) -> list:
+        """Return what its runs call."""
+        from hpcsweep.studies.compilation import record_kernels
+
+        return record_kernels(self.structure, "energy" in self.settings.metrics)
 
     def lines(self) -> Lines:
         """Tell the scales and the records, in order."""

@@ -1,1 +1,1 @@
-"""Motions of sharp elements: modes, guards that end them, contacts with dashpots and sliders."""
+"""Motions of elements: modes, guards that end them, contacts with dashpots, sliders, layers."""

@@ -3,8 +3,9 @@ r"""The contacts of a motion that goes from one change of its elements to the ne
 A contact set alone does not tell the motion: a contact may be *past* its stop and *push*, or be
 past it and have let go (`hpcsweep.model.dashpot`). The set of those that push makes the motion
 linear, and is in the key of its table; the set of those past their stops tells what ends it. Both
-follow from a state where a stretch begins. All contacts here are sharp: there is no layer, and the
-state does not jump.
+follow from a state where a stretch begins. The state does not jump. Smooth contacts are past their
+stops here from the near edge of their layers on, and push beyond the far one; within they do
+neither, and the motion is that of `elements.layers`.
 """
 
 import math
@@ -30,10 +31,7 @@ found there whatever side rounding has put it on."""
 
 @inlined
 def by_elements(model):
-    """Return whether motions go from one change of their elements to the next.
-
-    Contacts of finite sharpness take the steps of their layers.
-    """
+    """Return whether motions go from one change of their elements to the next."""
     return model.elements.first.shape[0] > 0
 
 
@@ -47,11 +45,14 @@ def set_contacts(past, key, modes, contacts):
 
 
 @kernel
-def pushing(past, z, contacts):
-    """Return which of the contacts past their stops push in a state."""
-    key = past
+def pushing(past, z, model):
+    """Return which of the contacts past their stops push in a state; smooth ones beyond a layer."""
+    contacts, key = model.contacts, past
     for k in range(contacts.row.shape[0]):
-        if contacts.edges[k, LETS_GO] > 0.0 and past & contact_bit(k):
+        if model.layer > 0.0:
+            if past & contact_bit(k) and distance(k, z, contacts) < model.layer:
+                key ^= contact_bit(k)
+        elif contacts.edges[k, LETS_GO] > 0.0 and past & contact_bit(k):
             x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
             if contacts.edges[k, SPRING] * x + contacts.edges[k, DASHPOT] * w < 0.0:
                 key ^= contact_bit(k)
@@ -63,19 +64,21 @@ def past_stops(tau, z, amplitude, model, work):
     """Return the contacts past their stops in a state.
 
     One at its stop that moves beyond passes it next, and is not; one that rests there is if it
-    accelerates beyond.
+    accelerates beyond. A smooth one is from the edge of its layer on.
     """
     past = resting = np.uint64(0)
     contacts = model.contacts
     for k in range(contacts.row.shape[0]):
         x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
-        if x > (AT_STOP if w > 0.0 else 0.0):
+        if model.layer > 0.0:
+            past |= contact_bit(k) if x > -model.layer else np.uint64(0)
+        elif x > (AT_STOP if w > 0.0 else 0.0):
             past |= contact_bit(k)
         elif x == 0.0 and w == 0.0:
             resting |= contact_bit(k)
     if resting != np.uint64(0):
         forcing_at(tau, amplitude, model, work.forcing, 0)
-        accelerations(pushing(past, z, contacts), z, model, work)
+        accelerations(pushing(past, z, model), z, model, work)
         for k in range(contacts.row.shape[0]):
             if resting & contact_bit(k) and contacts.sign[k] * work.series.a[contacts.row[k]] > 0.0:
                 past |= contact_bit(k)

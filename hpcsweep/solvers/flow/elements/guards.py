@@ -21,7 +21,7 @@ from hpcsweep.solvers.flow.linear.polynomials import (
     fourth_derivative,
     value_and_slope,
 )
-from hpcsweep.solvers.flow.observe.dense_output import expand
+from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.search.search import (
     HERMITE_MIDDLE,
@@ -242,7 +242,7 @@ def first_change(segment, span, modes, tables, elements, work):
     g : int
         -1 if none is (proved), `UNDECIDED` if rounding forbids to tell.
     time : float
-        When, or `span`. ``work.z_end`` is the state then.
+        When, or `span`. ``work.z_end`` is the state then, but inside a layer.
     """
     first, time = -1, span
     write_ends(elements, work)
@@ -260,7 +260,7 @@ def first_change(segment, span, modes, tables, elements, work):
                     return UNDECIDED, time
                 if found >= 0.0:
                     first, time = g, found
-    if first >= 0:
+    if first >= 0 and segment.index != IN_LAYER:
         index, n = segment.index, work.z_end.shape[0]
         expand_rows(tables.poly, index, work.x, work.rows, work.expanded, n)
         evaluate_rows(work.rows, segment.h, time, work.z_end)
@@ -280,10 +280,19 @@ def pass_guard(g, z, modes, elements):
         z[half + i] = z[half + below] if below >= 0 else 0.0
     if guard[TAKES] > 0.0:
         state = difference(e, 0, elements, z) + guard[SHIFT]
-        change = abs(state - modes.state[e])
+        change, size = abs(state - modes.state[e]), max(abs(state), abs(guard[SHIFT]))
         modes.path[e] += change
-        modes.taken[e] += change > ROUNDING * max(abs(state), abs(guard[SHIFT]))
+        modes.taken[e] += change > ROUNDING * max(size, _size_of(e, elements, z))
         modes.state[e] = state
+
+
+@inlined
+def _size_of(e, elements, z):
+    """Return what the elongation of a slider is known to the rounding of: sum |b_i u_i|."""
+    j, size = e - elements.rows.shape[0] + elements.reach.shape[0], 0.0
+    for i in range(elements.reach.shape[1]):
+        size += abs(elements.reach[j, i] * z[i])
+    return size
 
 
 @kernel

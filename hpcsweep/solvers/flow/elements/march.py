@@ -29,6 +29,8 @@ from hpcsweep.solvers.flow.elements.guards import (
     write_row,
     write_windows,
 )
+from hpcsweep.solvers.flow.elements.layers import visit_layers
+from hpcsweep.solvers.flow.layer.visit import Interval
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import (
     evaluate,
@@ -47,6 +49,7 @@ from hpcsweep.solvers.flow.observe.drift import (
     raise_to_ends,
     row_may_be_higher,
 )
+from hpcsweep.solvers.flow.observe.energies import energies_on_segment
 from hpcsweep.solvers.flow.observe.impacts import note_closed, record
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
@@ -83,10 +86,14 @@ from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAI
 
 
 @inlined
-def observe_segment(segment, past, span, amplitude, wanted, shared):
-    """Bring the tally up to date with a segment of that length, to ``work.z_end``."""
+def observe_segment(segment, past, span, amplitude, wanted, tangent, shared):
+    """Bring tangent and tally up to date with a segment of that length, to ``work.z_end``."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     index = segment.index
+    if tangent.shape[1] > 0:
+        linear_tangent(tables, index, span, tangent, work.tangent)
+    if wanted == NO_TALLY:
+        return
     tally.contact[0] |= past
     if wanted & DRIFT == 0:
         drift_on_segment(segment, span, model, tables, tally, work)
@@ -96,6 +103,17 @@ def observe_segment(segment, past, span, amplitude, wanted, shared):
         impacts_of_elements(segment, past, span, model, tables, tally, work)
     if wants_norms(wanted) and past == np.uint64(0):
         modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
+
+
+@inlined
+def measure_segment(segment, past, span, amplitude, wanted, shared):
+    """Bring peaks, impacts and energies of a record up to date, likewise."""
+    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
+    if wanted != NO_TALLY:
+        peaks_of_elements(segment, span, amplitude, PEAKS, shared)
+        impacts_of_elements(segment, past, span, model, tables, tally, work)
+    if wanted & ENERGY:
+        energies_on_segment(segment, span, model, tables, work, tally)
 
 
 @inlined
@@ -165,24 +183,6 @@ def _square(coefficients, h, span):
     return 0.5 * span * found
 
 
-@kernel
-def energies_on_segment(segment, span, model, tables, work, tally):
-    """Add the integrals of u_i' u_j' and of G u_i' over the first `span` of a step, exactly."""
-    v, size, n = work.a_end, work.z_end.shape[0], tally.energy.shape[1]
-    for row in range(size):
-        expand(row, segment, tables, work)
-    for node in range(N_MODAL):
-        s = 0.5 * span * (MODAL_NODES[node] + 1.0)
-        weight = 0.5 * span * MODAL_WEIGHTS[node]
-        ground = fma(s, work.x[size + 1], work.x[size])
-        for i in range(n):
-            v[i] = evaluate(work.rows[size // 2 + i], fma(s, 2.0 / segment.h, -1.0))
-            tally.energy[n, i] += weight * ground * v[i]
-        for i in range(n):
-            for j in range(n):
-                tally.energy[i, j] += weight * v[i] * v[j]
-
-
 @inlined
 def record_passing(passing, past, model, tally, z):
     """Record the contacts that pass their stops in a state; `past` is as it was before."""
@@ -208,24 +208,28 @@ def start_next(segment, place, span, z, amplitude, model, tables, work):
 
 @inlined
 def begin(tau, z, amplitude, shared):
-    """Set the modes of the contacts from a state; return the sets of all elements.
+    """Begin a segment in a state: set the modes of the contacts; return the sets of all elements.
 
     Sliders go on as they are.
     """
     model, work, modes = shared.model, shared.work, shared.modes
     write_loads(modes, model.elements, work.forcing)
     past = past_stops(tau, z, amplitude, model, work)
-    key = pushing(past, z, model.contacts)
+    key = pushing(past, z, model)
     set_contacts(past, key, modes, model.contacts)
     past, key = sets_of(modes, model.elements)
-    return settle(tau, past, key, z, amplitude, shared)
+    past, key = settle(tau, past, key, z, amplitude, shared)
+    forcing_at(tau, amplitude, model, work.forcing, 0)
+    start(work.x, z, work.forcing)
+    return past, key
 
 
 @inlined
 def settle(tau, past, key, z, amplitude, shared):
     """Let contacts that rest at their stops go; return the sets, and write the windows, of all."""
     model, work, modes = shared.model, shared.work, shared.modes
-    past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
+    if model.layer == 0.0:
+        past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
     set_contacts(past, key, modes, model.contacts)
     write_windows(modes, model.elements, work)
     return past, key
@@ -282,14 +286,24 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
     elements, modes = model.elements, shared.modes
     tau, end = stretch
-    past, key = begin(tau, z, amplitude, shared)
-    forcing_at(tau, amplitude, model, work.forcing, 0)
-    start(work.x, z, work.forcing)
-    steps = 0
+    past = key = np.uint64(0)
+    steps, begins = 0, True
     while tau < end:
+        if begins:
+            past, key = begin(tau, z, amplitude, shared)
+        begins = model.layer > 0.0 and past & ~key != np.uint64(0)
         steps += 1
         if steps > shared.max_steps:
             return STEP_LIMIT
+        if begins:
+            left = shared.max_steps - steps
+            tau, outcome, used = visit_layers(
+                packed, Interval(tau, end, left), z, amplitude, wanted
+            )
+            steps += used
+            if outcome != COMPLETE:
+                return outcome
+            continue
         coasts = wanted == NO_TALLY and elements.stiffness.shape[0] == 0
         coasts = coasts and past == np.uint64(0)
         part = Stretch(tau, end)
@@ -303,16 +317,9 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
         if not is_ordinary(work.z_end):
             return NON_FINITE
         if tangent is None:
-            if wanted != NO_TALLY:
-                peaks_of_elements(segment, span, amplitude, PEAKS, shared)
-                impacts_of_elements(segment, past, span, model, tables, shared.tally, work)
-            if wanted & ENERGY:
-                energies_on_segment(segment, span, model, tables, work, shared.tally)
+            measure_segment(segment, past, span, amplitude, wanted, shared)
         else:
-            if tangent.shape[1] > 0:
-                linear_tangent(tables, segment.index, span, tangent, work.tangent)
-            if wanted != NO_TALLY:
-                observe_segment(segment, past, span, amplitude, wanted, shared)
+            observe_segment(segment, past, span, amplitude, wanted, tangent, shared)
         if place >= 0:
             counts[PASSAGES] += 1
             before = past
@@ -327,7 +334,7 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
             passing = past ^ before
             if tangent is not None:
                 change_tangent(passing, before, segment.key, model, tangent)
-            if wanted & IMPACTS:
+            if wanted & IMPACTS and model.layer == 0.0:
                 record_passing(passing, before, model, shared.tally, work.z_end)
         copy_state(work.z_end, z)
         start_next(segment, place, span, z, amplitude, model, tables, work)

@@ -14,6 +14,7 @@ from numpy.polynomial import chebyshev
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum
+from hpcsweep.solvers.flow.layer.sliders import add_sliders
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
 from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, value_and_slope
 from hpcsweep.solvers.flow.observe.dense_output import expand
@@ -99,4 +100,5 @@ def _acceleration_at(s, i, segment, amplitude, shared):
     forcing_at(segment.tau + s, amplitude, model, stage.pairs, 0)
     ground = total_forcing(stage.pairs, 0, model)
     accelerations(ground, stage.state, model, stage.rates)
+    add_sliders(stage.state, model.elements, stage, stage.rates)
     return stage.rates[i] + model.ground[i] * ground

@@ -44,6 +44,7 @@ from hpcsweep.model.contact import (
     contact_stiffness,
     less_contact_forces,
 )
+from hpcsweep.solvers.flow.layer.sliders import add_sliders_at_stages
 from hpcsweep.solvers.flow.linear.forcing import SHORT_ANGLE, short_turn
 from hpcsweep.solvers.flow.rules.tableau import (
     ADDED_SLOPE,
@@ -154,19 +155,9 @@ CONVERGED = 2e-15
 
 
 @inlined
-def _stage_accelerations(u, v, ground, active, model, out):
-    """Evaluate G at all stages.
-
-    Parameters
-    ----------
-    u, v, out : ndarray, shape (R, N_STAGES)
-    ground : ndarray, shape (N_STAGES,)
-        The forcing at the stages.
-    active : ndarray of int, shape (m,)
-        0 or 1 where the sigmoid of a contact has that value on the whole step, 2 where it has to be
-        evaluated.
-    """
-    contacts = model.contacts
+def _stage_accelerations(stage, model, out):
+    """Evaluate G at all stages of a `LayerWorkspace` into `out`, shape (R, N_STAGES)."""
+    contacts, u, v, ground, active = model.contacts, stage.u, stage.v, stage.ground, stage.active
     n = u.shape[0]
     in_fours = n - n % 4
     for i in range(in_fours):
@@ -200,6 +191,7 @@ def _stage_accelerations(u, v, ground, active, model, out):
             else:
                 force = less_contact_forces(load(out, row), x, stiff, model.rho)
             store(out, row, force)
+    add_sliders_at_stages(model.elements, stage, out)
 
 
 @inlined
@@ -215,7 +207,7 @@ def accelerations_at_stages(tau, h, z, amplitude, pairs, model, work):
     stage = work.layer
     _forcing_at_stages(tau, h, amplitude, pairs, model, stage.ground)
     _find_active(h, z, work.a, model, stage.active)
-    _stage_accelerations(stage.u, stage.v, stage.ground, stage.active, model, stage.g)
+    _stage_accelerations(stage, model, stage.g)
 
 
 @inlined
@@ -338,11 +330,10 @@ def collocate(step, z, a, amplitude, pairs, stiffness, model, work):
         Whether the iteration converged.
     """
     tau, h = step.tau, step.h
-    u, v, g, fresh, ground, active = (work.u, work.v, work.g, work.fresh, work.ground, work.active)
-    free, speeds = work.free, work.speeds
+    u, v, g, fresh, free, speeds = work.u, work.v, work.g, work.fresh, work.free, work.speeds
     n = a.shape[0]
-    _forcing_at_stages(tau, h, amplitude, pairs, model, ground)
-    _find_active(h, z, a, model, active)
+    _forcing_at_stages(tau, h, amplitude, pairs, model, work.ground)
+    _find_active(h, z, a, model, work.active)
     nodes = load(NODES, 0)
     half_squares = nodes * nodes * 0.5
     speed = 0.0
@@ -354,15 +345,15 @@ def collocate(step, z, a, amplitude, pairs, stiffness, model, work):
         store(speeds, row, z[n + i])
         store(u, row, fma(half_squares, h * h * a[i], free_stages))
         store(v, row, fma(nodes, h * a[i], z[n + i]))
-    _stage_accelerations(u, v, ground, active, model, g)
+    _stage_accelerations(work, model, g)
     unchecked, ratio = iterations_needed(h * h * stiffness)
     for _ in range(unchecked - 1):
         stages(h, free, speeds, g, u, v)
-        _stage_accelerations(u, v, ground, active, model, g)
+        _stage_accelerations(work, model, g)
     first = previous = math.inf
     for _ in range(MAX_ITERATIONS):
         stages(h, free, speeds, g, u, v)
-        _stage_accelerations(u, v, ground, active, model, fresh)
+        _stage_accelerations(work, model, fresh)
         change, size = replace(g, fresh)
         if not size < math.inf:
             return False

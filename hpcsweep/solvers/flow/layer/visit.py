@@ -147,7 +147,7 @@ def shortening(allowed, error):
 
 
 @inlined
-def _collocated_step(interval, most, z, amplitude, shared):
+def collocated_step(interval, most, z, amplitude, shared):
     """Take a collocation step from z, to ``work.z_end``, whose error is within the tolerance.
 
     Returns
@@ -225,7 +225,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
                 accelerations_at_stages(tau, h, z, amplitude, pairs, model, work)
         else:
             interval = Interval(tau, end, steps_left - steps)
-            h, outcome, used = _collocated_step(interval, most, z, amplitude, shared)
+            h, outcome, used = collocated_step(interval, most, z, amplitude, shared)
             steps += used
             if outcome != COMPLETE:
                 return tau, outcome, steps

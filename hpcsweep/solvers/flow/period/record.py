@@ -32,6 +32,7 @@ from hpcsweep.solvers.flow.elements.guards import (
     write_windows,
 )
 from hpcsweep.solvers.flow.elements.march import march_elements
+from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import is_tabled, table_of
@@ -228,11 +229,13 @@ def _sample_peaks(packed, j, z, amplitude, shared):
     ground = total_forcing(work.forcing, 0, model)
     if within:
         accelerations(ground, z, model, work.a)
+        write_sliders(shared.modes, model.elements, work.layer)
+        add_sliders(z, model.elements, work.layer, work.a)
     else:
         key = contact_key(model.period, z, amplitude, model, work)
         if by_elements(model):
             _, sliding = sets_of(shared.modes, model.elements)
-            key = pushing(key, z, model.contacts) | sliding >> m << m
+            key = pushing(key, z, model) | sliding >> m << m
     if not within and model.elements.stiffness.shape[0] > 0:
         write_loads(shared.modes, model.elements, work.forcing)
         elements_accelerations(key, z, model, work)

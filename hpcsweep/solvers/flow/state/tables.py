@@ -97,7 +97,7 @@ def sizes_of(model: Model) -> dict[str, int]:
     n, rows, forcing = len(model.modal_transform), model.stiffness.shape[0], forcing_size(model)
     m, n_loads = model.contacts.row.size, model.elements.stiffness.size
     constant = forcing + n_loads
-    sizes = {"n": n, "2n": 2 * n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
+    sizes = {"L": n_loads, "n": n, "2n": 2 * n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
     sizes |= {"N": 2 * rows + constant + 1, "B": 2 * n + constant + 1, "2H+L": constant}
     sizes |= {"T": min(2 ** (m + n_loads), MAX_TABLES), "W": len(model.watched)}
     sizes |= {"E": model.elements.first.size, "n+1": n + 1, "F": len(model.ground)}

@@ -45,9 +45,14 @@ class LayerWorkspace(NamedTuple):
     fresh: np.ndarray = zeros("R", N_STAGES)
     ground: np.ndarray = zeros(N_STAGES)
     active: np.ndarray = zeros("m", dtype=int)
+    """The forcing at the stages, and 0 or 1 where the sigmoid of a contact has that value on the
+    whole step, 2 where it has to be evaluated."""
     free: np.ndarray = zeros("R", N_STAGES)
     speeds: np.ndarray = zeros("R", N_STAGES)
     """u_0 + c_j h v_0 and v_0: the stages without acceleration."""
+    pushed: np.ndarray = zeros("L")
+    taken: np.ndarray = zeros("L")
+    """Of the sliders, see `layer.sliders`."""
     spring: np.ndarray = zeros("m", N_STAGES)
     """The stiffness of each contact."""
     missed: np.ndarray = zeros("m")

@@ -1,0 +1,25 @@
+"""Integrals of the energy over a step, by the polynomials of its rows (`dense_output`)."""
+
+from hpcsweep.kernels.compile import kernel
+from hpcsweep.kernels.simd.vectors import fma
+from hpcsweep.solvers.flow.linear.polynomials import evaluate
+from hpcsweep.solvers.flow.observe.dense_output import expand
+from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
+
+
+@kernel
+def energies_on_segment(segment, span, model, tables, work, tally):
+    """Add the integrals of u_i' u_j' and of G u_i' over the first `span` of a step, exactly."""
+    v, size, n = work.a_end, work.z_end.shape[0], tally.energy.shape[1]
+    for row in range(size):
+        expand(row, segment, tables, work)
+    for node in range(N_MODAL):
+        s = 0.5 * span * (MODAL_NODES[node] + 1.0)
+        weight = 0.5 * span * MODAL_WEIGHTS[node]
+        ground = fma(s, work.x[size + 1], work.x[size])
+        for i in range(n):
+            v[i] = evaluate(work.rows[size // 2 + i], fma(s, 2.0 / segment.h, -1.0))
+            tally.energy[n, i] += weight * ground * v[i]
+        for i in range(n):
+            for j in range(n):
+                tally.energy[i, j] += weight * v[i] * v[j]

@@ -30,7 +30,6 @@ OPTIONS = (
     SWEEP,
 )
 COLUMNS = 5
-SYMBOLS = {"amplitude": "$A$", "omega": r"$\Omega$"}
 RUNS = "0.55"
 STABLE, UNSTABLE, NOWHERE_STABLE = 1.8, 0.6, 0.2
 """Widths of lines, the last of a branch that is unstable all along."""

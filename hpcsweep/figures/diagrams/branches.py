@@ -30,6 +30,7 @@ OPTIONS = (
     SWEEP,
 )
 COLUMNS = 5
+MATH = {"amplitude": "$A$", "omega": r"$\Omega$"}
 RUNS = "0.55"
 STABLE, UNSTABLE, NOWHERE_STABLE = 1.8, 0.6, 0.2
 """Widths of lines, the last of a branch that is unstable all along."""
@@ -99,7 +100,7 @@ def draw(results: Read, floors: Sequence[int] = (), **_options):
     omega = fixed if np.isfinite(fixed) else None
     legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
     if marked.size:
-        _list(figure, run, marked, SYMBOLS.get(study.parameter, study.parameter))
+        _list(figure, run, marked, MATH.get(study.parameter, study.parameter))
     style.head(figure, style.parameters(structure, omega), fontsize=10)
     figure.draw_without_rendering()  # the panels get their size
     for floor, axis in axes.items():

@@ -250,6 +250,7 @@ WRONG = [
     ({"strength": -1.0}, "slider.strength must be"),
     ({"strength": math.inf}, "slider.strength must be"),
     ({"name": 3}, "slider.name must be a text"),
+    ({"name": "two\nlines"}, "characters that can be printed, is 'two"),
 ]
 
 

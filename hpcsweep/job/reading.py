@@ -160,9 +160,6 @@ def read_study(source: str, tree: Mapping):
         known = ", ".join(name for name in KINDS if KINDS[name].yields)
         limit = f"must be one of {known} where springs yield ({len(structure.sliders)} sliders)"
         raise values.error("study.kind", study.kind, limit)
-    if structure.sliders and "lyapunov" in settings.metrics:
-        limit = "must be false where springs yield: their motions have no tangent map"
-        raise values.error("output.lyapunov", True, limit)
     block = values.get("output.block", _default_block(values, study))
     return study.read(
         values,

@@ -60,11 +60,22 @@ def test_a_small_difference_dies_out_as_the_largest_multiplier_says(hardening, a
     assert turns[last - 1] / turns[last - 2] == pytest.approx(abs(found.multipliers[0]), rel=1e-3)
 
 
-def test_there_is_no_tangent_where_a_slider_comes_to_its_strength_and_turns():
-    structure = oscillator(0.05)
-    size = abs(1.0 / complex(1.0 - OMEGA**2, 0.2 * OMEGA))
-    with pytest.raises(ArithmeticError):
-        hpcsweep.orbit(structure, 1.0 / size, OMEGA, settled(structure, 1.0 / size, [0.0] * 3), 1)
+@pytest.mark.parametrize("plastic", [0.0, 0.01])
+def test_there_is_no_tangent_where_a_slider_comes_to_its_strength_and_turns(plastic):
+    """To both sides of a motion about p = 0 at once, to one side of another."""
+    structure, gain = oscillator(0.05), 1.0 / complex(1.0 - OMEGA**2, 0.2 * OMEGA)
+    solver = make_solver("flow", structure, OMEGA, 1e-9, yields=True)
+    touching = (1.0 - 0.05 * plastic) / abs(gain)  # about 0.95 p, so that elongations are -0.05 p
+    for amplitude in (touching, (1.0 - 1e-5) * touching):
+        u, v = -amplitude * gain.imag, -OMEGA * amplitude * gain.real
+        start = [u + 0.95 * plastic, v, plastic]
+        if amplitude == touching:
+            with pytest.raises(ArithmeticError, match="there is no tangent map"):
+                solver.monodromy(start, amplitude, 1)
+        else:
+            end, matrix = solver.monodromy(start, amplitude, 1)
+            np.testing.assert_allclose(end, start, atol=1e-13)
+            assert matrix[2].round(9).tolist() == [0.0, 0.0, 1.0]
 
 
 def test_branches_are_refused_in_one_line():

@@ -92,6 +92,7 @@ WEIGHTS = {
     "record": 6,
     "session": 3,
     "range": 6,
+    "yield": 6,
 }
 """Kinds of cases, and how often each is chosen."""
 
@@ -404,6 +405,7 @@ class Patient:
         "record": lambda self, rng: fuzz_kinds.ground_motion(self.folder, rng),
         "session": lambda self, rng: fuzz_kinds.session(self.folder, rng),
         "range": lambda self, rng: fuzz_kinds.ranges(rng),
+        "yield": lambda self, rng: fuzz_kinds.yielding(self.folder, rng),
     }
 
     def case(self, kind: str, seed: int) -> str:

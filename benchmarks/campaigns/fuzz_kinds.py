@@ -1,8 +1,10 @@
 """Kinds of cases of the fuzzer beside those of one small job: see `fuzz`."""
 
 import contextlib
+import copy
 import functools
 import io
+import math
 import os
 import random
 import shutil
@@ -14,16 +16,22 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from odd_values import ODD
 from tools import ATTRACTORS, BASINS, RECORDS, REFINED, SMALL, VARY, datasets
 
 from hpcsweep import Contact, Structure, read_record, stroboscopic_points
 from hpcsweep.campaign import run as campaign
+from hpcsweep.campaign.describe import describe
 from hpcsweep.commands import cli
 from hpcsweep.job import JobError, parse_job
+from hpcsweep.job.keys import every_key
+from hpcsweep.job.structures import BUILDING, ISOLATION, SLIDER
+from hpcsweep.job.tree import write
 from hpcsweep.kernels import folders
 from hpcsweep.kernels.compile.cache import SUFFIX, kept_in
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import STOP_SIGNALS, StopFlag
+from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Lock, StoreError, is_packed, open_results, pack
 
 SHORT = "transient_cycles = 20\nsampling_cycles = 32\n"
@@ -67,6 +75,67 @@ SESSIONS = {
     ),
 }
 """Jobs that are stopped and resumed, by kind."""
+YIELDS = {
+    "mass": [2.5e5, 2e5],
+    "storey_stiffness": [3e8, 2e8],
+    "storey_height": 3.2,
+    "yield_drift": [0.016, 0.012],
+    "hardening": 0.03,
+}
+WEIGHED = {"p_delta": True, "weight": 2.4e6, "collapse_drift": 0.3}
+BEARINGS = {"slab_mass": 3e5, "radius": 2.2, "friction": 0.06, "gap": 0.1, "wall_stiffness": 2e9}
+BY_MATRICES = {
+    "matrices": {"mass": [2e4, 1e4], "stiffness": [[8e6, -3e6], [-3e6, 3e6]]},
+    "contact": [{"direction": [0.0, 1.0], "gap": 0.02, "stiffness": 1e8}],
+    "slider": [
+        {"direction": [1.0, 0.0], "stiffness": 2e7, "strength": 4e4},
+        {"direction": [-1.0, 1.0], "stiffness": 1e7, "strength": 2e4, "name": "brace"},
+    ],
+}
+YIELDING = (
+    {
+        "structure": {
+            **YIELDS,
+            **WEIGHED,
+            "gap": 0.05,
+            "stiffness_ratio": 20.0,
+            "sharpness": math.inf,
+        }
+    },
+    {"structure": BY_MATRICES},
+    {"building": [{**YIELDS, **WEIGHED}]},
+    {"building": [{**YIELDS, "isolation": BEARINGS}]},
+    {
+        "building": [YIELDS, {**YIELDS, **WEIGHED, "isolation": BEARINGS}],
+        "pounding": {"gap": 0.02, "stiffness": 2e9, "restitution": 0.6},
+    },
+)
+"""Structures that yield, of which keys are changed."""
+MORE_KEYS = {
+    "structure": tuple(YIELDS) + tuple(WEIGHED) + ("yield_force", "slider", "rayleigh"),
+    "building": BUILDING,
+    "isolation": ISOLATION,
+    "slider": SLIDER,
+}
+UNITS = {"length": "m", "mass": "kg", "time": "s"}
+SHAKEN = {
+    "study": {"kind": "records"},
+    "units": UNITS,
+    "records": {
+        "synthetic": {"count": 1, "seed": 3, "dt": 0.02, "duration": 4.0},
+        "scale": {"values": [0.5, 4.0]},
+    },
+    "output": {"energy": True},
+}
+SWEPT = {
+    "units": UNITS,
+    "sweep": {"omega": 20.0, "amplitude": [1e4, 1e6], "transient_cycles": 10},
+}
+SWEPT["sweep"] |= {"sampling_cycles": 32, "classify_cycles": 100}
+SHARE_RUN = 1 / 30
+"""Of jobs of what yields that are run, of those that are accepted."""
+LONGEST_RUN = 3.0 + campaign.STOP_MARGIN
+"""Seconds after which they are stopped in good order."""
 MAX_SESSIONS = 25
 """Sessions from which on nothing stops a campaign any more."""
 WRITERS = ("plot", "explore", "animate")
@@ -433,3 +502,81 @@ def ranges(rng: random.Random) -> str:
         if not right or not np.isfinite(found).all():
             raise Damaged(f"{text} is read as {found}")
     return "accepted, every solver starts"
+
+
+def yielding(folder: Path, rng: random.Random) -> str:
+    """Change keys of a structure that yields: it is refused in one line, or energies balance."""
+    tree = copy.deepcopy(rng.choice(YIELDING) | rng.choice((SHAKEN, SWEPT)))
+    if rng.random() < 0.1:
+        tree["study"] = {"kind": rng.choice(("points", "attractors", "basins", "records"))}
+    for _ in range(rng.choice((0, 1, 1, 2, 4))):
+        _changed(tree, rng)
+    text = write(tree, every_key())
+    try:
+        job = parse_job(text, "case.toml", "case")
+        said = list(describe(job))
+    except JobError as error:
+        if len(str(error).splitlines()) != 1 or not str(error).startswith("case.toml: "):
+            raise Damaged(f"{error!r} of {text}") from None
+        return "refused in one line"
+    if any("\n" in words for _, words in said):
+        raise Damaged(f"{said} of {text}")
+    path = folder / "case.h5"
+    if rng.random() < SHARE_RUN:
+        code = campaign.run(job, path, Serial(), max_hours=LONGEST_RUN / 3600)
+        if code == campaign.STOPPED:  # a slab of grams on bearings for tonnes is followed closely
+            return "ended in one line"
+        if code != campaign.COMPLETE:
+            raise Damaged(f"{code} of {text}")
+        with open_results(path) as results:
+            _check_motions(results, job.structure, text)
+    return "accepted, every solver starts"
+
+
+def _check_motions(results, structure, text: str) -> None:
+    """Look for what no motion of sliders does."""
+    good = results["outcome"].values == Outcome.COMPLETE
+    if not structure.sliders or not good.any():
+        return
+    worst = 0.0
+    if "energies" in results:
+        found = results["energies"].values[good]
+        worst = np.max(np.abs(found[:, 0] - found[:, 1:].sum(axis=1)) / np.abs(found).max(axis=1))
+    if "slider_force" in results:
+        strength = np.array([one.strength for one in structure.sliders])
+        over = (results["slider_force"].values[good] / strength).max() - 1.0
+        worst = max(worst, over)
+    if not worst < 1e-8 or not np.isfinite(results["ductility"].values[good]).all():
+        raise Damaged(f"a balance that is off by {worst:g} of {text}")
+
+
+def _changed(tree: dict, rng: random.Random) -> None:
+    """Change a value of a structure: its size, its sign, its kind; or take it away, or add one."""
+    found = [one for one in _tables("", tree) if one[1]]
+    _, table = rng.choice(found)
+    key = rng.choice(list(table) if isinstance(table, dict) else range(len(table)))
+    how = rng.choice((*("size",) * 8, "sign", "odd", "gone", "again", "more", "more"))
+    value = table[key]
+    if how == "more":
+        for name, below in rng.sample(found, len(found)):
+            if name in MORE_KEYS and isinstance(below, dict):
+                added = 10 ** rng.uniform(-3, 8), rng.choice(ODD)
+                below[rng.choice(MORE_KEYS[name])] = rng.choice(added)
+                break
+    elif how == "gone":
+        del table[key]
+    elif how == "again":
+        table[key] = [copy.deepcopy(value)] * rng.choice((1, 2, 3))
+    elif how == "odd":
+        table[key] = rng.choice(ODD)
+    elif isinstance(value, int | float) and abs(value) < 1e300:
+        table[key] = -value if how == "sign" else value * 10 ** rng.uniform(-2, 2)
+
+
+def _tables(name: str, below) -> list[tuple[str, dict | list]]:
+    """Return all tables and lists in a tree, with the keys of each."""
+    found = [(name, below)]
+    for key, value in below.items() if isinstance(below, dict) else enumerate(below):
+        if isinstance(value, dict | list):
+            found += _tables(key if isinstance(below, dict) else name, value)
+    return found

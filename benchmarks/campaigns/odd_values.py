@@ -81,6 +81,19 @@ gap_left = 1.0
 restitution = 0.8
 tension = true
 """
+SLIDERS = """
+[structure]
+damping_ratio = 0.02
+collapse_drift = 5.0
+[structure.matrices]
+mass = [1.0, 2.0]
+stiffness = [[2.0, -1.0], [-1.0, 1.0]]
+[[structure.slider]]
+direction = [-1.0, 1.0]
+stiffness = 3.0
+strength = 0.5
+name = "brace"
+"""
 ISOLATED = """
 [[building]]
 mass = [1.0, 1.0]
@@ -118,6 +131,7 @@ JOBS = {
     + SYNTHETIC
     + '[records.scale]\nby = "sa"\nperiod = 0.5\nfrom = 0.5\nto = 1.0\ncount = 3\n',
     "records of a building on bearings": '[study]\nkind = "records"\n' + ISOLATED + SYNTHETIC,
+    "a sweep of sliders": SLIDERS + HARMONIC,
     "records of files": '[study]\nkind = "records"\n'
     + STOREYS
     + '[records]\nfiles = "a.txt"\ndt = 0.01\nunit = "structure"\n',
@@ -126,6 +140,7 @@ JOBS = {
 INNER = {
     "structure.matrices": ("mass", "stiffness", "damping", "forcing", "drift"),
     "structure.contact[0]": ("direction", "gap", "stiffness", "damping", "tension"),
+    "structure.slider[0]": ("direction", "stiffness", "strength", "name"),
     "building[0]": (
         *("mass", "storey_stiffness", "storey_height", "damping_ratio", "rayleigh", "name"),
         *("period", "yield_force", "yield_drift", "hardening", "isolation"),

@@ -14,8 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.branch_rule import MAX_PRODUCT
 
+STICKS = 1e-6
+"""Difference from 1 of what is 1: derivatives of p of sliders that stick, which are differences."""
 BATCHES = 10
 """B of a stretch; each must have at least one period."""
 CONFIDENCE = 0.95
@@ -37,6 +40,40 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
     """
     multipliers = np.linalg.eigvals(matrix)
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+
+def without_families(structure: Structure, matrix: np.ndarray) -> np.ndarray:
+    """Return the monodromy matrix of an orbit of sliders transverse to the family that it is in.
+
+    A slider that sticks over the whole orbit keeps its p, whatever that is: the row of p is that of
+    the identity. Nor does it matter where a structure stands along directions that no spring
+    opposes once the others slip (`Structure.free_drifts`). Each of these gives a multiplier of 1:
+    in a basis of these directions first M is [[1, X], [0, R]].
+
+    Parameters
+    ----------
+    structure : Structure
+    matrix : ndarray, shape (2n + L, 2n + L)
+        M, in units of the state (u, u', p).
+
+    Returns
+    -------
+    ndarray, shape (m, m)
+        R.
+    """
+    from scipy.linalg import null_space  # reading results does not need it
+
+    size, rows = 2 * structure.n_floors, structure.slider_directions
+    sticks = np.abs(matrix - np.eye(len(matrix)))[size:].max(axis=1, initial=0.0) <= STICKS
+    kept = np.append(np.full(size, True), ~sticks)
+    matrix, along = matrix[kept][:, kept], structure.free_drifts
+    if along.size:
+        along = along @ null_space(rows[sticks] @ along) if sticks.any() else along
+        moved = np.vstack((along, np.zeros_like(along), rows[~sticks] @ along))
+        moved /= structure.state_units[kept][:, None]
+        rest = null_space(moved.T)
+        matrix = rest.T @ matrix @ rest
+    return matrix
 
 
 class Tests(NamedTuple):
@@ -129,7 +166,7 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
     ----------
     solver : Solver
     state : ndarray, shape (2n,)
-        Point of the orbit at tau = 0.
+        Point of the orbit at tau = 0; of L sliders (2n + L,).
     amplitude : float
     period : int
         Orbit period p.
@@ -139,12 +176,15 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
     float
         -inf if the tangent map vanishes, NaN if the solver fails.
     """
+    structure, units = solver.structure, solver.structure.state_units
     try:
         _, matrix = solver.monodromy(state, amplitude, period)
+        if structure.sliders:
+            matrix = without_families(structure, matrix * units / units[:, None])
         largest = float(abs(floquet_multipliers(matrix)[0]))
     except (ArithmeticError, np.linalg.LinAlgError):
         return math.nan
-    return exponent_of_multiplier(largest, solver.structure.forcing.period(solver.omega, period))
+    return exponent_of_multiplier(largest, structure.forcing.period(solver.omega, period))
 
 
 def exponent_of_multiplier(multiplier: float, time: float) -> float:

@@ -55,6 +55,8 @@ REACH = 0.1
 """Largest distance of an orbit from where it is sought, in units of the state."""
 FAR = 1e3
 """Size of a state, in its units, at which Newton's method is lost."""
+FAMILY = 1e-7
+"""Singular value, over the largest, that is 0: tangent maps of sliders are differences."""
 MANY = 400
 """Numbers of an orbit from which its equations are solved as sparse ones."""
 SAME, UNCERTAIN = 1e-9, 10.0
@@ -170,6 +172,7 @@ class _Search:
     def __init__(self, solver, amplitude: float, poll):
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self.units = solver.structure.state_units
+        self._factored = _nearest if solver.structure.sliders else _factored
         self.least, self.cycles = math.inf, 0
 
     def tangents(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -213,11 +216,11 @@ class _Search:
             rounded = residual <= MIN_ROUNDING * (1.0 + float(np.abs(points).max()))
             if rounded or (residual <= MAX_ROUNDING and curved <= CURVED * residual):
                 # the tangent maps are those of the point before, but for rounding
-                left = float(np.abs((solve or _factored(matrices))(misses)).max())
+                left = float(np.abs((solve or self._factored(matrices))(misses)).max())
                 return VerifiedOrbit(points, TangentMaps(matrices), residual, left)
             if self.least <= NEAR and step - fallen >= PATIENCE:
                 return None
-            solve = _factored(matrices)
+            solve = self._factored(matrices)
             moved = points - solve(misses)
             if marched:
                 moved = self.continued(moved[:1], len(points))
@@ -239,6 +242,12 @@ def _gathered(matrices: np.ndarray, bent: np.ndarray) -> np.ndarray:
     for matrix, own in zip(matrices, bent, strict=True):
         total = matrix @ total + own
     return total
+
+
+def _nearest(matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the same of sliders, whose orbits come in families: the shortest d."""
+    whole = np.linalg.pinv(jacobian(matrices), rcond=FAMILY)
+    return lambda misses: (whole @ misses.ravel()).reshape(misses.shape)
 
 
 def _factored(matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

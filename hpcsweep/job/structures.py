@@ -19,7 +19,7 @@ from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
 from hpcsweep.model.buildings import Building, Column, adjacent
 from hpcsweep.model.isolation import Isolation
-from hpcsweep.model.matrices import Contact, Slider
+from hpcsweep.model.matrices import MAX_LABEL, Contact, Slider
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
@@ -42,8 +42,6 @@ MAX_STIFFNESS = 1e12
 MAX_SHARPNESS = 1e300
 """Of the contact, where it is finite."""
 MAX_DAMPING = 1e6
-MAX_LABEL = 100
-"""Characters of the name of a building."""
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 SIZED = re.compile(
     r"(mass|stiffness|samples|gap(_left)?|direction|amplitude|(contact\[\d+\]\.|pounding\.|storey_)damping|"

@@ -18,6 +18,8 @@ from hpcsweep.model.arguments import finite, flag, not_negative, number, plain, 
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 
 MAX_FLOORS = 64
+MAX_LABEL = 100
+"""Characters of a name."""
 MAX_CONTACTS = 64
 """Contact sets are stored as the bits of one 64-bit integer."""
 SYMMETRY = 1e-10
@@ -239,8 +241,10 @@ class Slider:
         object.__setattr__(self, "direction", given)
         for name in ("stiffness", "strength"):
             object.__setattr__(self, name, positive(f"slider.{name}", getattr(self, name)))
-        if self.name is not None and not (isinstance(self.name, str) and self.name):
-            raise ValueError(f"slider.name must be a text, is {shown(self.name)}")
+        name = self.name if isinstance(self.name, str) else ""
+        if self.name is not None and not (name.isprintable() and 0 < len(name) <= MAX_LABEL):
+            limit = f"a text of up to {MAX_LABEL} characters that can be printed"
+            raise ValueError(f"slider.name must be {limit}, is {shown(self.name)}")
 
     @property
     def limit(self) -> float:

@@ -273,7 +273,7 @@ class Structure(MeasuredDynamics):
         given = self.collapse_drift
         if given is not None:
             if not self.sliders:
-                raise ValueError("collapse_drift goes with storeys that yield, or sliders")
+                raise ValueError("collapse_drift goes with yield_drift, yield_force or a slider")
             n = len(self.drift_rows)
             listed = given if hasattr(given, "__len__") else (given,)
             size = n if hasattr(given, "__len__") else 1

@@ -28,8 +28,8 @@ def solver_arguments(
     if structure.sliders and not yields:
         raise ValueError(
             "a structure with sliders moves under ground-motion records, and in sweeps and points "
-            "under a harmonic forcing (hpcsweep.stroboscopic_points); orbits, branches and "
-            "attractors of it are not followed"
+            "under a harmonic forcing (hpcsweep.stroboscopic_points, hpcsweep.orbit); branches "
+            "and attractors of it are not followed"
         )
     omega = positive("omega", omega)
     rtol = number("rtol", rtol)

@@ -5,9 +5,14 @@ follow from a state where a period begins, and so do here those of sliders (`sol
 period depends on the state where it begins, and on nothing else.
 
 A slider that slips forgets its p, one that does not keeps it: multipliers of 0, and of 1 in a
-family of motions that have shaken down. No tangent map is taken. An orbit is told by its closing in
-(u, u') and p, relative to what drifts along directions that no spring opposes
+family of motions that have shaken down (`stability.without_families`). An orbit is told by its
+closing in (u, u') and p, relative to what drifts along directions that no spring opposes
 (`Structure.without_drift`): there a motion that ratchets repeats, each time farther on.
+
+The tangent map is a central difference of the map, which is exact to rounding: its error is some
+1e-9. It is continuous in the state but where a slider comes to its strength and turns: slips to one
+side of such a motion grow in proportion to how far it is passed, and none are on the other. Where
+differences to both sides differ so, or do not add up, there is no tangent map.
 """
 
 from collections.abc import Callable
@@ -23,11 +28,18 @@ from hpcsweep.solvers.arguments import closing_arguments, motion, points_array
 from hpcsweep.solvers.flow.flow_map import FlowMap
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.observe.gathered import reset
+from hpcsweep.solvers.flow.orbit.chain import Images
 from hpcsweep.solvers.flow.orbit.transient import ROUNDING
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Observation
 from hpcsweep.solvers.sliders import Sliders
+
+DIFFERENCE = 1e-6
+"""Step of a difference, in units of the state: errors of rounding and of curvature are about the
+same where the map bends over lengths of its units."""
+SMOOTH = 1e-3
+"""Largest difference between differences to both sides, over the size of the tangent map."""
 
 
 class YieldingMap(FlowMap):
@@ -114,6 +126,68 @@ class YieldingMap(FlowMap):
         }
         cut = np.delete(seen.measures, np.s_[n : len(rows)]) if measures else seen.measures
         return replace(seen, peak_drift=float(drifts[:n].max()), measures=cut, slid=slid)
+
+    def images(self, states, amplitude, tangents=False, poll=None) -> Images:
+        """Integrate states, shape (p, 2n + L), over one forcing period each."""
+        ends = [self._end(z, amplitude, 1, poll) for z in states]
+        size = states.shape[-1]
+        maps = [self._tangent(z, amplitude, 1, poll) for z in states if tangents]
+        return Images(np.array(ends), np.reshape(maps, (-1, size, size)))
+
+    def monodromy(self, state, amplitude, n_periods) -> tuple[np.ndarray, np.ndarray]:
+        """Integrate with the tangent map, shape (2n + L, 2n + L), of differences."""
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        end = self._end(z, amplitude, n_periods)
+        return end, self._tangent(z, amplitude, n_periods)
+
+    def _end(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None) -> np.ndarray:
+        """Return the state to which a motion comes."""
+        z = state.copy()
+        done, outcome, _ = self._follow(z, amplitude, n_periods, poll)
+        if outcome is not Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {outcome.name} in forcing period {done + 1}")
+        return z
+
+    def _tangent(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None):
+        """Return d z(n_periods T) / d z(0), shape (2n + L, 2n + L)."""
+        units = self.structure.state_units
+
+        def end(moved: np.ndarray) -> np.ndarray:
+            return self._end(moved, amplitude, n_periods, poll) / units
+
+        middle, ends = end(state), []
+        for step in DIFFERENCE * np.diag(units):
+            inward = -1.0 if self._is_beyond(state + step) else 1.0
+            near = end(state + inward * step)
+            if self._is_beyond(state - inward * step):  # a parabola through what can be
+                far = 3.0 * (middle - near) + end(state + 2.0 * inward * step)
+            else:
+                far = end(state - inward * step)
+            ends.append((near, far) if inward > 0 else (far, near))
+        above, below = np.swapaxes(ends, 0, 1)
+        # a direction that no structure prefers: kinks that are alike on both sides do not add up
+        along = np.cos(np.arange(units.size))
+        if self._is_beyond(state + DIFFERENCE * along * units):
+            along = -along
+        added = middle + 0.5 * along @ (above - below)
+        wrong = end(state + DIFFERENCE * along * units) - added, above + below - 2.0 * middle
+        size = 1.0 + np.abs(above - below).max() / DIFFERENCE
+        if not max(np.abs(one).max() for one in wrong) <= SMOOTH * size * DIFFERENCE:
+            raise ArithmeticError(
+                "there is no tangent map: a slider comes to its strength, or a contact closes, "
+                "and turns there"
+            )
+        return (above - below).T * units[:, None] / (2.0 * DIFFERENCE * units)
+
+    def _is_beyond(self, state: np.ndarray) -> bool:
+        """Return whether no motion comes to a state: a slider beyond its strength, on the way back.
+
+        Where it goes on it slips, so that p is not what the state says, but d -+ F / k.
+        """
+        rows, n = self.structure.slider_directions, self.structure.n_floors
+        limit = np.array([one.limit for one in self.structure.sliders])
+        over = (rows @ state[:n] - state[2 * n :]) / limit
+        return bool(np.any((np.abs(over) > 1.0) & (over * (rows @ state[n : 2 * n]) <= 0.0)))
 
     def _follow(
         self,

@@ -7,7 +7,7 @@ SHARE = {
     **{"job": 15, "journal": 3, "data": 2, "packed": 2, "cut": 2, "removed": 2},
     **{"study": 8},
     **{"kernel": 10, "output": 5, "link": 3, "threads": 4},
-    **{"session": 4, "range": 200},
+    **{"session": 4, "range": 200, "yield": 60},
 }
 SECONDS = ("job", "session")
 """Kinds of which a share takes seconds."""

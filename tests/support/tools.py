@@ -104,6 +104,14 @@ amplitude = {{from = 0.6, to = 0.7, count = 6}}
 max_points = 32
 block = 2
 """
+BEARINGS = """
+[building.isolation]
+slab_mass = 3e5
+period = 3.0
+strength = 4e5
+gap = 0.1
+wall_stiffness = 2e9
+"""
 RECORDS = """
 [study]
 kind = "records"
@@ -128,6 +136,34 @@ scale = {by = "pga", from = 0.5, to = 5.0, count = 5}
 block = 2
 """
 """Two buildings under a suite of ground motions."""
+YIELDING_RECORDS = (
+    RECORDS.replace("storey_height", "yield_drift = 0.01\nhardening = 0.02\nstorey_height")
+    .replace("[pounding]", BEARINGS + "[pounding]")
+    .replace("[output]", "[output]\nenergy = true")
+)
+"""The same, of storeys that yield, one on bearings."""
+YIELDING = """
+[structure]
+mass = 1.0
+n_floors = 2
+sharpness = inf
+gap = 1.5
+stiffness_ratio = 20.0
+yield_drift = 0.3
+hardening = 0.05
+[sweep]
+omega = {from = 0.3, to = 0.9, count = 4}
+amplitude = {from = 0.05, to = 0.5, count = 9}
+directions = ["up", "down"]
+transient_cycles = 100
+sampling_cycles = 20
+classify_cycles = 500
+[solver]
+skip = "none"
+[output]
+block = 2
+"""
+"""Storeys that yield beside a stop, shaken harmonically."""
 BASINS = f"""
 [study]
 kind = "basins"

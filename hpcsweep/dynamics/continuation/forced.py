@@ -64,6 +64,8 @@ class ForcedMap:
         Relative tolerance of the solver.
     poll : callable, optional
         Called before each piece of the work (`polling`); may raise to leave.
+    yields : bool
+        Whether the structure may have sliders.
 
     Raises
     ------
@@ -79,7 +81,9 @@ class ForcedMap:
         parameter: str | tuple[str, ...] = "amplitude",
         rtol: float = 1e-9,
         poll: Callable[[], None] | None = None,
+        yields: bool = False,
     ):
+        self._yields = yields
         self.parameters = (parameter,) if isinstance(parameter, str) else tuple(parameter)
         for name in self.parameters:
             check_parameter(structure, name)
@@ -133,7 +137,9 @@ class ForcedMap:
         if solver is None:
             structure, amplitude, omega = self.at(value)
             measured = structure.measured_at(omega, amplitude)
-            solver = self._solvers[key] = make_solver("flow", measured, omega, self._rtol)
+            solver = self._solvers[key] = make_solver(
+                *("flow", measured, omega, self._rtol, self._yields)
+            )
             if len(self._solvers) > KEPT_SOLVERS:
                 self._solvers.popitem(last=False)
         return solver, amplitude

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import ForcedMap
+from hpcsweep.dynamics.stability import floquet_multipliers, without_families
 from hpcsweep.dynamics.verification import REACH, Verdict, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
@@ -25,20 +26,25 @@ class Orbit:
     Attributes
     ----------
     points : ndarray, shape (p, 2n)
-        z(0), z(T), ..., z((p - 1) T), p the minimal period.
+        z(0), z(T), ..., z((p - 1) T), p the minimal period; of L sliders (p, 2n + L), (u, u', p).
     multipliers : ndarray of complex, shape (2n,)
-        Floquet multipliers over p forcing periods, largest modulus first.
+        Floquet multipliers over p forcing periods, largest modulus first; of sliders transverse to
+        the family of the orbit, (2n + L - families,).
     residual : float
         Largest difference between z(jT) integrated and the next point, in units of the state.
     signature : tuple of Crossing
         The contacts that close and open, in order of time: ``contact`` (its number), ``closes``,
-        and ``phase`` in forcing periods, from 0 to p.
+        and ``phase`` in forcing periods, from 0 to p. It is not told of structures with sliders.
+    families : int
+        Number of multipliers of 1 that are left out: sliders that stick, whose p may be another,
+        and directions in which no spring keeps a place (`stability.without_families`).
     """
 
     points: np.ndarray
     multipliers: np.ndarray
     residual: float
     signature: tuple[Crossing, ...]
+    families: int = 0
 
     @property
     def period(self) -> int:
@@ -68,8 +74,8 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     """Find the periodic orbit near a state, stable or not.
 
     By Newton's method, to rounding (`hpcsweep.dynamics.verification`): past a fold, where a motion
-    nearly closes, there is none. The contacts are from an integration of each forcing period by
-    scipy's DOP853.
+    nearly closes, there is none. Orbits of sliders come in families: it is the nearest one. The
+    contacts are from an integration of each forcing period by scipy's DOP853.
 
     Parameters
     ----------
@@ -77,7 +83,7 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     amplitude, omega : float
         A and Omega of the forcing.
     state : array_like, shape (2n,)
-        (u, v) at phase 0, near a point of the orbit.
+        (u, v) at phase 0, near a point of the orbit; of L sliders (2n + L,), (u, v, p).
     period : int
         Forcing periods after which the orbit closes; its minimal period is a divisor of it.
 
@@ -109,7 +115,11 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     >>> bool(np.isclose(abs(orbit.multipliers[0]), math.exp(-2.0 * math.pi * 0.05), rtol=1e-12))
     True
     """
-    _, found = find(structure, amplitude, omega, state, period)
+    _, found = find(structure, amplitude, omega, state, period, yields=True)
+    if structure.sliders:
+        transverse = floquet_multipliers(without_families(structure, found.maps.product))
+        families = structure.state_units.size - transverse.size
+        return Orbit(found.points, transverse, found.residual, (), families)
     signature = [
         one._replace(phase=one.phase + turn)
         for turn, z in enumerate(found.points)
@@ -125,15 +135,17 @@ def find(
     state: Any,
     period: int,
     parameter: str = "amplitude",
+    yields: bool = False,
 ) -> tuple[ForcedMap, VerifiedOrbit]:
     """Find the orbit near a state, on the map of a parameter."""
     instance("structure", structure, Structure)
     amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
-    z = finite_vector("state", state, 2 * structure.n_floors)
+    z = finite_vector("state", state, structure.state_units.size)
     period = count("period", period, 1, MAX_PERIOD)
-    forced = ForcedMap(structure, amplitude, omega, parameter)
+    forced = ForcedMap(structure, amplitude, omega, parameter, yields=yields)
     solver, amplitude = forced.solver(forced.value)
-    loaded(structure, branches=True)
+    if not structure.sliders:
+        loaded(structure, branches=True)
     found = verify_orbit(solver, z, amplitude, period)
     if found.orbit is None:
         near = f"no orbit of period {period} within {REACH} of the state"

@@ -75,7 +75,8 @@ def draw(
         ductility = np.abs(elongation[:, j]).max() / structure.sliders[j].limit
         loop = elongation[:, j] / length, forces[:, j] / force
         axis.plot(*loop, color=palette.series_colour(0), lw=0.7)
-        axis.set_title(f"{names[j]}, ductility {ductility:.1f}", fontsize=9)
+        name = f"storey {names[j]}" if names[j].isdigit() else names[j]
+        axis.set_title(f"{name}, ductility {ductility:.1f}", fontsize=9)
         axis.grid(True, color="0.92", linewidth=0.6)
     for axis in axes[::IN_A_ROW]:
         axis.set_ylabel("force" + y_unit, fontsize=8)

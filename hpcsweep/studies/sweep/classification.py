@@ -112,9 +112,7 @@ def classify_window(
     exponent = stability.UNKNOWN
     if "lyapunov" in settings.metrics:
         if period:
-            exponent = stability.MeanInterval.exact(
-                stability.orbit_exponent(solver, seen.points[-1], amplitude, period)
-            )
+            exponent = interval_of_orbit(solver, seen.points[-1], amplitude, period, settings)
         else:
             time = solver.structure.forcing.period(solver.omega)
             within = stability.growth_interval(stability.aligned(seen.logarithms)).times(1.0 / time)
@@ -127,7 +125,7 @@ def _classify_yielding(
 ) -> Classification:
     """Classify a window of a structure with sliders, or the orbit on which it closes later.
 
-    No tangent is at hand: what does not close is undecided.
+    No tangent vector is followed: what does not close is undecided.
     """
     longest, same = settings.max_orbit_period, settings.period_tolerance
     window, cycles, shown = orbit_period(points, longest, same), 0, MotionClass.NOT_COMPUTED
@@ -148,8 +146,9 @@ def _classify_yielding(
                 seen, cycles, period = found, cycles + length, end.period
     kind = MotionClass.PERIODIC if period <= longest else MotionClass.LONG_PERIOD
     kind = _kind(kind if period else MotionClass.UNDECIDED, seen)
+    exponent = interval_of_orbit(solver, seen.points[-1], amplitude, period, settings)
     period = period if period <= longest else 0
-    return Classification(seen, period, stability.UNKNOWN, kind, window, shown, cycles)
+    return Classification(seen, period, exponent, kind, window, shown, cycles)
 
 
 def window_class(seen: Observation, period: int) -> MotionClass:
@@ -199,6 +198,15 @@ def _classify_known(
 
 def _kind(kind: MotionClass, seen: Observation) -> MotionClass:
     return MotionClass.NO_CONTACT if seen.is_free else kind
+
+
+def interval_of_orbit(
+    solver, z: np.ndarray, amplitude: float, period: int, settings: SweepSettings
+) -> stability.MeanInterval:
+    """Return the exponent of the orbit from z, if there is one and a job asks for it."""
+    if not (period and "lyapunov" in settings.metrics):
+        return stability.UNKNOWN
+    return stability.MeanInterval.exact(stability.orbit_exponent(solver, z, amplitude, period))
 
 
 def spectrum_variables(

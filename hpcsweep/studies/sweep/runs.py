@@ -19,8 +19,8 @@ steady-state window. Rules that spare periods whose result is known (`skip`):
 
 A motion that the window leaves open may be classified after it (`classification`).
 
-Motions of sliders (`solvers.yielding_map`) have no tangent: `newton` finds nothing, and `linear`
-needs that none has slipped before.
+Motions of sliders (`solvers.yielding_map`) have a tangent map on their orbits alone: `newton` finds
+nothing, and `linear` needs that none has slipped before.
 
 A run that fails is data: its results are NaN, its outcome says why, and its final state is the
 last one that was reached. After a collapse the path goes on from rest.
@@ -35,7 +35,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.classify_motion import SETTLED
-from hpcsweep.dynamics.stability import UNKNOWN, MeanInterval
+from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
@@ -46,6 +46,7 @@ from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import (
     Classification,
     classify_window,
+    interval_of_orbit,
     spectrum_variables,
 )
 from hpcsweep.studies.sweep.rows import (
@@ -249,7 +250,10 @@ class FrameRuns:
             return
         if end.period and self.structure.sliders:
             kind = MotionClass.NO_CONTACT if seen.is_free else MotionClass.PERIODIC
-            found = Classification(seen, end.period, UNKNOWN, kind)
+            exponent = interval_of_orbit(
+                self.solver, seen.points[-1], amplitude, end.period, settings
+            )
+            found = Classification(seen, end.period, exponent, kind)
         else:
             found = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
         self._store(row, amplitude, found, seen.points[-1], cycles, poll)

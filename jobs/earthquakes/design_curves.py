@@ -5,7 +5,8 @@ r"""Design curves: responses to records against a key that the job varies.
 
 Draws a panel for each response, a variable of the file, of one storey, floor or slider or else the
 largest of all: the median of the records over the key ``--over``, the band from their 16 to their
-84 % fractile, and a curve for each value of ``--by``, another varied key or ``scale``. With
+84 % fractile, and a curve for each value of ``--by``, another varied key or ``scale``; of further
+keys that vary the values are those with which the 84 % fractile is least. With
 ``--least`` a mark is at the least median, which is printed.
 """
 
@@ -40,14 +41,26 @@ def shown(results, name: str):
     return (array.sel({dim: place}) if place else array.max(dim)), label
 
 
-def curves(array, over: str, by: str | None) -> list[tuple[float | None, np.ndarray]]:
-    """Return fractiles of the records over a key, shape (3, k), for each value of another."""
+def curves(array, over: str, by: str | None) -> list[tuple[float | None, np.ndarray, list[str]]]:
+    """Return fractiles of the records over a key, shape (3, k), for each value of another.
+
+    Of further keys that vary, those of the design whose 84 % fractile is the least, which is named.
+    """
     values = [None] if by is None else array[by].values.tolist()
     found = []
     for value in values:
         own = (array if value is None else array.sel({by: value})).squeeze()
-        own = own.transpose("record", over)
-        found.append((value, np.array(hpcsweep.fractiles(own.values, (0.16, 0.5, 0.84)))))
+        own = own.transpose("record", over, ...)
+        each = np.array(hpcsweep.fractiles(own.values.reshape(len(own), -1), (0.16, 0.5, 0.84)))
+        each = each.reshape(3, own.shape[1], -1)
+        best = each[2].argmin(axis=1)
+        keys = [own[dim] for dim in own.dims[2:]]
+        places = np.transpose(np.unravel_index(best, own.shape[2:] or (1,)))
+        named = [
+            ", ".join(f"{key.name} = {key.values[k]:.4g}" for key, k in zip(keys, at, strict=False))
+            for at in places
+        ]
+        found.append((value, np.take_along_axis(each, best[None, :, None], axis=2)[..., 0], named))
     return found
 
 
@@ -65,7 +78,8 @@ def draw(results, options) -> list[str]:
     for axis, name in zip(axes[0], names, strict=True):
         array, words = shown(results, name)
         found = curves(array, over, by)[: len(COLOURS)]
-        for colour, (value, (low, median, high)) in zip(COLOURS, found, strict=False):
+        for colour, (value, fractiles, named) in zip(COLOURS, found, strict=False):
+            low, median, high = fractiles
             unit = "" if by is None else unit_of(results[by]).strip(" []")
             key = results[by].attrs["long_name"] if by == "scale" else str(by).split("_")[-1]
             told = "" if by is None else f"{key} = {value:g} {unit}".strip()
@@ -75,6 +89,9 @@ def draw(results, options) -> list[str]:
             if options.least:
                 axis.plot(x[least], median[least], "o", color=colour, markersize=5)
             lines.append(f"{words}, {told}: least median {median[least]:.4g} at {x[least]:.4g}")
+            for at, three, design in zip(x, fractiles.T, named, strict=True):
+                shares = ", ".join(f"{one:.4g}" for one in three)
+                lines += [f"  at {at:.4g}: {shares} with {design}"] if design else []
         axis.set(xlabel=options.label or over + unit_of(results[over]), ylabel=words)
         axis.set(xlim=(x[0], x[-1]), ylim=(0, None))
         axis.ticklabel_format(style="sci", axis="x", scilimits=(-3, 4), useMathText=True)

@@ -107,7 +107,8 @@ class Layout:
         self.variables = [_named(variable, structure) for variable in study.variables]
         further = self.growth.coordinates if self.growth else {}
         coordinates = study.coordinates | further
-        self.derived = self.growth.variables if self.growth else []
+        derived = self.growth.variables if self.growth else []
+        self.derived = [_named(variable, structure) for variable in derived]
         self.sizes = {name: one.values.size for name, one in further.items()}
         self.sizes |= study.dimensions
         self.coordinates = {

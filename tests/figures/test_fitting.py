@@ -1,5 +1,7 @@
 """Words and legends stay within the picture, names of different contact sets stay different."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -103,7 +105,9 @@ def test_regions_of_shortened_sets_stay_two_and_are_listed_whole():
     )
     _, axes = new_grid(1, 1, (5.0, 3.0))
     done = np.ones(contact.shape, bool)
-    note = orbit_diagram._mark_regions([axes[0, 0]], frame, done, labels, np.zeros(40, bool))
+    study = SimpleNamespace(run_dims=("direction", "omega", "amplitude"))
+    one = SimpleNamespace(along=amplitude, runs=frame, done=done, study=study)
+    note = orbit_diagram._mark_regions([axes[0, 0]], one, labels, np.zeros(40, bool))
     shown = [text.get_text() for text in axes[0, 0].texts]
     assert [one.split("\n")[0] for one in shown] == ["(i)", "(ii)", "(iii)"]
     assert shown[1].endswith("...")

@@ -82,6 +82,18 @@ class PageData:
     and `structures`, one a step, or none."""
 
 
+def _check(path: Path, study: RunGrid, grid, rows: range, by_share: bool) -> None:
+    """Refuse what has no page."""
+    style.refuse_sliders(f"{path}: explore", study.structure)
+    if len(rows) * grid.along.size > MAX_CELLS:
+        raise style.PlotError(
+            f"{path}: its points lie on a grid of {grid.rows.size} frequencies and "
+            f"{grid.along.size} amplitudes, more than {MAX_CELLS} places"
+        )
+    if by_share and study.holds != "attractors":
+        raise style.PlotError(f"{path}: --by-share: holds no attractors")
+
+
 def gather(
     path: Path,
     most_points: int | None = None,
@@ -116,15 +128,8 @@ def gather(
 
     reader = Frames(path, ("motions", "attractors"), at)
     study, grid = as_kind(reader.study, RunGrid), Grid(reader)
-    style.refuse_sliders(f"{path}: explore", study.structure)
     rows = range(0, grid.rows.size, frame_step)
-    if len(rows) * grid.along.size > MAX_CELLS:
-        raise style.PlotError(
-            f"{path}: its points lie on a grid of {grid.rows.size} frequencies and "
-            f"{grid.along.size} amplitudes, more than {MAX_CELLS} places"
-        )
-    if by_share and study.holds != "attractors":
-        raise style.PlotError(f"{path}: --by-share: holds no attractors")
+    _check(path, study, grid, rows, by_share)
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points

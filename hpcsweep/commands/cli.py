@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import re
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -71,6 +72,8 @@ class _Parser(argparse.ArgumentParser):
     def __init__(self, *arguments, complete: Callable | None = None, **options):
         super().__init__(*arguments, **options)
         self._complete = complete
+        # argparse takes -1e-3 and -inf for options
+        self._negative_number_matcher = re.compile(r"-(\.?\d|inf|nan)")
 
     def parse_known_args(self, args=None, namespace=None):
         if self._complete is not None:

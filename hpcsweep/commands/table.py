@@ -152,6 +152,10 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
     filled: dict = {name: [value] * (len(done) * len(places)) for name, value in keys.items()}
     for dim, index in zip(runs, at, strict=True):
         filled[dim] = np.repeat(results[dim].values[index], len(places))
+    for name in ("omega", "amplitude"):
+        if name in results.coords and name not in runs:  # by a formula
+            of_runs = results[name].broadcast_like(outcome).transpose(*runs).values
+            filled[name] = np.repeat(of_runs.ravel()[done], len(places))
     if places != [NOWHERE]:
         filled["place"] = np.tile(places, len(done))
     for column, own in columns.items():

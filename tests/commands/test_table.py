@@ -2,6 +2,7 @@
 
 import csv
 import importlib
+import re
 
 import pytest
 from tools import RECORDS, SMALL
@@ -132,3 +133,22 @@ def test_mistakes_are_told_in_one_line_and_nothing_is_written(
     assert said in told
     assert told.count("\n") == 1
     assert [*tmp_path.iterdir()] == []
+
+
+def test_frequencies_and_amplitudes_of_formulas_are_columns(tmp_path):
+    job = (
+        SMALL
+        + """
+[vary]
+"structure.gap" = [0.5, 1.0]
+"""
+    )
+    job = re.sub("(?m)^amplitude = .*$", 'amplitude = "0.01 / gap"\nalong = "structure.gap"', job)
+    job = re.sub("(?m)^omega = .*$", 'omega = "0.4 + 0.1 * gap"', job)
+    path = tmp_path / "path.h5"
+    assert campaign.run(parse_job(job, "job", "path"), path, Serial()) == 0
+    assert main(["table", str(path), "--what", "cycles"]) == 0
+    rows = read(path.with_suffix(".csv"))
+    assert [*rows[0]] == ["direction", "frame", "gap", "omega", "amplitude", "cycles"]
+    found = {(row["gap"], row["omega"], row["amplitude"]) for row in rows}
+    assert found == {("0.5", "0.45", "0.02"), ("1.0", "0.5", "0.01")}

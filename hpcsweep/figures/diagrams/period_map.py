@@ -168,6 +168,7 @@ def _of_points(results) -> bool:
 def _numbers(figure, axes, results, value: str) -> None:
     """Draw numbers of the runs, those of modes on a panel each."""
     from matplotlib.colors import LogNorm, Normalize, TwoSlopeNorm
+    from matplotlib.ticker import LogFormatter
 
     numbers = np.ma.masked_invalid(results[value].values[0])
     inside = numbers.compressed()
@@ -192,4 +193,6 @@ def _numbers(figure, axes, results, value: str) -> None:
             shown = numbers[..., mode]
             axis.set_title(f"mode {mode + 1}", fontsize=9)
         cells = mesh.draw_mesh(axis, results, shown, cmap=palette.NUMBERS, norm=norm)
-    figure.colorbar(cells, ax=axes, **bar)
+    scale = figure.colorbar(cells, ax=axes, **bar).ax.yaxis
+    if value == "ductility":
+        scale.set(major_formatter=LogFormatter(), minor_formatter=LogFormatter())

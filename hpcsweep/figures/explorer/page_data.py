@@ -133,8 +133,7 @@ def gather(
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points
-    runs, points = [], []
-    held = 0
+    runs, points, held = [], [], 0
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
         if several:

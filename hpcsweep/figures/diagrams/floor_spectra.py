@@ -7,6 +7,7 @@ from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
 from hpcsweep.earthquakes.stripes import fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses, suite_spectra
+from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "floor-spectra"
@@ -41,11 +42,13 @@ def draw(results, scale: float | None = None, place: str | None = None):
         periods, ratio = suite_spectra.periods_of(structure, samples[0].dt), DAMPING_RATIO
 
         def spectra(of) -> np.ndarray:
-            made = [
-                floor_spectra(of, one, periods, ratio, factor, study.tail, places=[place])
-                for one, factor in zip(samples, study.factor[:, at].tolist(), strict=False)
-            ]
-            return np.array([one.acceleration[0] for one in made])
+            made, tell = [], counted("floor spectrum" + " without contacts" * (of is not structure))
+            for i, one in enumerate(samples):
+                factor = float(study.factor[i, at])
+                of_one = floor_spectra(of, one, periods, ratio, factor, study.tail, places=[place])
+                made.append(of_one.acceleration[0])
+                tell(i + 1, n)
+            return np.array(made)
 
         found = spectra(structure)
         if structure.contacts:

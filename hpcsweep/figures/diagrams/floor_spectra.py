@@ -7,6 +7,7 @@ from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
 from hpcsweep.earthquakes.stripes import fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses, suite_spectra
+from hpcsweep.model.reduction import physical
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.ground_motion.records import Records
 
@@ -29,14 +30,16 @@ def draw(results, scale: float | None = None, place: str | None = None):
     study, at = style.study_of(results, Records), responses.scale_index(results, scale)
     structure, stored = study.structure, study.floors
     names = [str(one) for one in structure.floor_names]
-    top = names[int(np.flatnonzero(structure.buildings == 0)[-1])]
+    top = names[[k for k in physical(names) if structure.buildings[k] == 0][-1]]
     place = place or (stored.places[0] if stored.places else top)
     if place not in names:
         raise style.PlotError(f"--place {place}: must be a floor, of {', '.join(names)}")
     n, alone = min(results.sizes["record"], responses.MAX_GREY), None
     if place in stored.places:
         periods, ratio = np.array(stored.periods), stored.damping_ratio
-        found = results["floor_spectrum"].isel(scale=at).sel(place=place).values[:n]
+        found = (
+            results["floor_spectrum"].isel(scale=at, place=stored.places.index(place))[:n].values
+        )
     else:
         samples = [responses.samples_of(study, i) for i in range(n)]
         periods, ratio = suite_spectra.periods_of(structure, samples[0].dt), DAMPING_RATIO

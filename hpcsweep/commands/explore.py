@@ -96,7 +96,6 @@ def _motions(options, _frames):
         options.amplitude_step,
         at=options.at,
         by_share=options.by_share,
-        say=counted("reading frame"),
     )
     if options.branches is not None:
         add_branches(study, options.branches)

@@ -1,7 +1,7 @@
 """Gather the data of the explorer from a results file, one frame at a time."""
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from hpcsweep.figures.inferred import filled, filled_classes, inferred
 from hpcsweep.figures.measures import held_measures, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.model.structure import Structure
+from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
@@ -88,7 +89,6 @@ def gather(
     frame_step: int = 1,
     amplitude_step: int = 1,
     at: Mapping[str, float | str] | None = None,
-    say: Callable[[int, int], None] | None = None,
     by_share: bool = False,
 ) -> PageData:
     """Read a results file, one frame in memory at a time.
@@ -102,8 +102,6 @@ def gather(
         Steps between the frames and amplitudes to keep.
     at : mapping, optional
         Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
-    say : callable, optional
-        Called with the number of frames done and their total.
     by_share : bool
         Whether attractors are shown by falling share at each point.
 
@@ -130,6 +128,7 @@ def gather(
     limit = stored if most_points is None else most_points
     runs, points = [], []
     held = 0
+    tell = counted("reading frame")
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
         if several:
@@ -144,8 +143,7 @@ def gather(
             for place, (frame, u) in enumerate(zip(runs, points, strict=True)):
                 frame["counts"], points[place] = _fewer(frame["counts"], u, limit)
             held = sum(u.size for u in points)
-        if say is not None:
-            say(done, len(rows))
+        tell(done, len(rows))
     reader.close()
     gathered = PageData(
         name=", ".join(filter(None, (reader.job.name, reader.part))),

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.special import expit
 
 from hpcsweep.job import Job
 from hpcsweep.model.description import few, one_line
@@ -16,6 +17,8 @@ MAX_MODES = 12
 """Number of lowest modes that are listed."""
 MAX_WORDS = 6
 """Number of values of a key that are words, names of structures say, that are listed."""
+PULLED = 0.01
+"""Part of a gap over which smooth contacts may pull at rest without a warning."""
 ROUNDING = 1e-12
 """Entry of a mode, over its largest, that is 0."""
 
@@ -172,6 +175,24 @@ def _warnings(structure) -> Iterator[str]:
             yield f"the contact is softer than a storey: stiffness_ratio = {least:g}"
     elif structure.matrices is not None:
         yield from _soft_contacts(structure)
+    yield from _pulling_contacts(structure)
+
+
+def _pulling_contacts(structure) -> Iterator[str]:
+    """Yield one line if open smooth contacts pull the structure at rest towards them."""
+    gaps = np.array([max(contact.gap, 0.0) for contact in structure.contacts])
+    if np.isinf(structure.sharpness) or not gaps.any():
+        return
+    force = structure.contact_stiffness * expit(-structure.sharpness * gaps) * gaps
+    rows = structure.directions
+    moved = rows @ np.linalg.pinv(structure.stiffness_matrix) @ rows.T @ force
+    if (share := moved[gaps > 0] / gaps[gaps > 0]).max() > PULLED:
+        name = [*structure.contact_names.values()][int(force.argmax())]
+        yield (
+            f"smooth contacts pull at rest, over {share.max():.2g} gaps, {name} with "
+            f"{force.max():.4g}{known_unit(structure, 'force')}: sharpness must be far above "
+            f"{structure.sharpness:g}, or inf"
+        )
 
 
 def _soft_contacts(structure) -> Iterator[str]:

@@ -1,11 +1,11 @@
 """`hpcsweep explore`: make a page that shows a whole study in a browser."""
 
 import contextlib
-import sys
 
 from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.figures.options import BRANCHES, Option, positive, whole_number
+from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.run_names import count
 
 SUMMARY = "make one page to explore a study in a browser, without a network"
@@ -96,7 +96,6 @@ def _motions(options, _frames):
         options.amplitude_step,
         at=options.at,
         by_share=options.by_share,
-        say=_progress("frame"),
     )
     if options.branches is not None:
         add_branches(study, options.branches)
@@ -119,20 +118,10 @@ def _responses(options, frames):
     for option in OPTIONS[:-1]:
         if getattr(options, option.keyword) not in (option.arguments.get("default"), False):
             raise CommandError(f"{option.flag}: is for maps; {options.file} holds responses")
-    meta, arrays = gather_responses(frames, _progress("structure"))
+    meta, arrays = gather_responses(frames, counted("reading structure"))
     told = (
         f"{count(len(meta['records']), 'record')} x {count(len(meta['scales']), 'scale')} x "
         f"{count(len(meta['parts']), 'structure')}, {', '.join(meta['responses'])}"
     )
     page, sizes = fill_page("records", meta["name"], *pack_responses(meta, arrays))
     return page, sizes, told, "--at KEY=VALUE for one of the structures"
-
-
-def _progress(noun: str):
-    """Return what tells the progress of reading on a terminal; None without one."""
-
-    def say(done: int, total: int) -> None:
-        end = "\n" if done == total else ""
-        print(f"\rreading {noun} {done} of {total}", end=end, file=sys.stderr, flush=True)
-
-    return say if sys.stderr.isatty() else None

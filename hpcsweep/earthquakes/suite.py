@@ -156,10 +156,14 @@ def checked_record(source: Files | Synthetic, facts: Facts, i: int) -> Record:
 
     Raises
     ------
-    ValueError, OSError
+    ValueError
         If it cannot be read, or differs from the record of the facts.
     """
-    record = source.record(i)
+    try:
+        record = source.record(i)
+    except OSError as error:
+        said = f"records.files: {error.filename}: cannot be read: {error.strerror}"
+        raise ValueError(said) from None
     if record.digest != facts.digest:
         raise ValueError(f"record {facts.name} is not the one the job was made with")
     return record

@@ -18,6 +18,7 @@ from hpcsweep.job.keys import keys_of
 from hpcsweep.job.structures import read_structure
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import parts_of
+from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.study import Study, as_kind
@@ -64,6 +65,7 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
             raise values.error("records.scale.period", keys.OWN_PERIOD, limit)
     found: dict[str, Facts] = {}
     measures: dict[str, list[float]] = {}
+    tell = counted("reading record")
     for i in range(n_records):
         try:
             record = source.record(i)
@@ -84,6 +86,7 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
             shown = f"{values.source}: records: the {measure} of {record.name}"
             raise JobError(f"{shown} is {facts.measure:g}, must be above 0")
         found[record.name] = facts
+        tell(len(found), n_records)
     if "found" in table:
         _compare(values, found)
     told: Any = [facts._asdict() for facts in found.values()]

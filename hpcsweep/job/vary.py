@@ -4,6 +4,7 @@ A part of the job is the job without the table, with one value of each of its ke
 its own: it is validated like any other, and has a text from which it can be run alone.
 """
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,6 +18,7 @@ from hpcsweep.job.rows import FIRST_LINE, NAME
 from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_value, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.model.structure import Structure
+from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import ROWS, Axis, as_kind
@@ -92,7 +94,9 @@ class Parts:
             Of the first part that is refused; other wrong lines of the file of rows are told.
         """
         wrong: dict[str, str] = {}
-        for place in np.ndindex(*(len(axis.values) for axis in self.axes)):
+        shape = [len(axis.values) for axis in self.axes]
+        tell, total = counted("reading structure"), math.prod(shape)
+        for done, place in enumerate(np.ndindex(*shape), 1):
             try:
                 function(place)
             except JobError as error:
@@ -100,6 +104,7 @@ class Parts:
                 wrong.setdefault(line[0] if line else "", str(error))
                 if line is None or len(wrong) == MAX_WRONG:
                     break
+            tell(done, total)
         if wrong:
             first, *more = wrong
             raise JobError(wrong[first] + f" (and {', '.join(more)})" * bool(more))

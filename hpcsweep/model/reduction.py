@@ -31,7 +31,8 @@ the largest difference of a displacement of the rows from that of three times as
 """
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -52,6 +53,8 @@ DEPENDENT = 1e-10
 the square of this."""
 DISTINCT = 1e-3
 """Part of a row that no other row has, from which on it is a coordinate of its own."""
+MODAL = re.compile(r"(?:mode|residual) \d+|missing mass")
+"""Names of coordinates that are amounts of modes."""
 SAMPLES = 1000
 """Instants of the motion that the error is taken from."""
 MIN_PERIOD, MAX_PERIOD = 1e-5, 100.0
@@ -339,6 +342,11 @@ def absurd(first: float) -> str:
     if MIN_PERIOD <= period <= MAX_PERIOD:
         return ""
     return f"the first period is {period:.4g} units of time: are mass and stiffness in one system?"
+
+
+def physical(names: Sequence[str]) -> list[int]:
+    """Return the places of names that are no amounts of modes; all where there is no other."""
+    return [i for i, name in enumerate(names) if not MODAL.fullmatch(name)] or [*range(len(names))]
 
 
 def clean(rows: np.ndarray) -> np.ndarray:

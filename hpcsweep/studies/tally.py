@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, Shakedown, classify, contact_name
+from hpcsweep.model.reduction import physical
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -60,6 +61,8 @@ class BaseTally:
     def _add_largest(self, frame, variable: Variable, study: Study) -> None:
         """Update the largest value of a measure, and its place."""
         array = frame[variable.name]
+        if array.dims[-1] == "floor":
+            array = array.isel(floor=physical(array["floor"].values.tolist()))
         if not np.isfinite(array.values).any():
             return
         place = np.unravel_index(int(np.nanargmax(array.values)), array.shape)

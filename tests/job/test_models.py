@@ -240,3 +240,20 @@ def test_a_job_is_described_run_and_read_without_its_model(folder):
     assert refused.returncode == 2
     assert "beam.toml: structure.model.file: beam.npz: there is no such file" in refused.stderr
     assert not (folder / "none.h5").exists()
+
+
+def test_amounts_of_modes_are_not_taken_for_accelerations_of_floors(folder):
+    records = "[records]\nsynthetic = {count = 1, duration = 4.0}\nscale = {values = [2.0, 50.0]}\n"
+    floors = "[output]\nfloor_spectra = {periods = [0.1, 0.5], places = ['15.UY']}\n"
+    structure = JOB[: JOB.index("[sweep]")]
+    Path("beam.toml").write_text(f'{structure}{records}{floors}[study]\nkind = "records"\n')
+    hpcsweep(0, "run", "beam.toml")
+    peak = open_results("beam.h5")["floor_acceleration"]
+    own = float(peak.sel(floor=["15.UY", "30.UY"]).max())
+    assert float(peak.max()) > own
+    assert f"largest floor_acceleration  {own:.4g} " in hpcsweep(0, "summary", "beam.h5").stdout
+    hpcsweep(0, "table", "beam.h5")
+    assert "mode" not in Path("beam.csv").read_text()
+    drawn = hpcsweep(0, "plot", "beam.h5", "--kind", "floor-spectra", "-o", "beam.png")
+    assert drawn.returncode == 0
+    assert "is for buildings" in hpcsweep(0, "plot", "beam.h5", "--kind", "profile").stderr

@@ -230,6 +230,15 @@ def test_a_stiffness_of_pounding_with_too_few_digits_is_a_line():
     assert found == "contact A1-B1, A2-B2: softer than the structure along it, stiffness 2e+07"
 
 
+def test_smooth_contacts_that_pull_at_rest_are_a_line():
+    smooth = TWO.replace("stiffness = 2e9", "stiffness = 2e9\nsharpness = {}")
+    assert warnings(parse(smooth.format(1e4))) == warnings(parse(TWO)) == []
+    (found,) = warnings(parse(smooth.format(100.0)))
+    gap = parse(TWO).structure.contacts[0].gap
+    assert f"with {2e9 * gap / (1.0 + np.exp(100.0 * gap)):.4g}" in found
+    assert "sharpness must be far above 100" in found
+
+
 def test_inherited_keys_without_use_go_with_a_line(tmp_path):
     (tmp_path / "base.toml").write_text(SMALL + '[solver]\nskip = "none"\n')
     job = tmp_path / "job.toml"

@@ -7,6 +7,8 @@ from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
 from hpcsweep.earthquakes.stripes import fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses, suite_spectra
+from hpcsweep.model.reduction import physical
+from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "floor-spectra"
@@ -28,24 +30,28 @@ def draw(results, scale: float | None = None, place: str | None = None):
     study, at = style.study_of(results, Records), responses.scale_index(results, scale)
     structure, stored = study.structure, study.floors
     names = [str(one) for one in structure.floor_names]
-    top = names[int(np.flatnonzero(structure.buildings == 0)[-1])]
+    top = names[[k for k in physical(names) if structure.buildings[k] == 0][-1]]
     place = place or (stored.places[0] if stored.places else top)
     if place not in names:
         raise style.PlotError(f"--place {place}: must be a floor, of {', '.join(names)}")
     n, alone = min(results.sizes["record"], responses.MAX_GREY), None
     if place in stored.places:
         periods, ratio = np.array(stored.periods), stored.damping_ratio
-        found = results["floor_spectrum"].isel(scale=at).sel(place=place).values[:n]
+        found = (
+            results["floor_spectrum"].isel(scale=at, place=stored.places.index(place))[:n].values
+        )
     else:
         samples = [responses.samples_of(study, i) for i in range(n)]
         periods, ratio = suite_spectra.periods_of(structure, samples[0].dt), DAMPING_RATIO
 
         def spectra(of) -> np.ndarray:
-            made = [
-                floor_spectra(of, one, periods, ratio, factor, study.tail, places=[place])
-                for one, factor in zip(samples, study.factor[:, at].tolist(), strict=False)
-            ]
-            return np.array([one.acceleration[0] for one in made])
+            made, tell = [], counted("floor spectrum" + " without contacts" * (of is not structure))
+            for i, one in enumerate(samples):
+                factor = float(study.factor[i, at])
+                of_one = floor_spectra(of, one, periods, ratio, factor, study.tail, places=[place])
+                made.append(of_one.acceleration[0])
+                tell(i + 1, n)
+            return np.array(made)
 
         found = spectra(structure)
         if structure.contacts:

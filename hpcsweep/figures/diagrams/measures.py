@@ -7,6 +7,7 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.figure import load_frame, open_frame
 from hpcsweep.figures.measures import LABELS, held_measures, measure_of
 from hpcsweep.figures.options import AMPLITUDES, DIRECTION, OMEGA
+from hpcsweep.model.reduction import physical
 
 NAME = "measures"
 DRAWS = "motions"
@@ -43,10 +44,10 @@ def draw(
     figure, axes = style.new_figure(len(shown), 1.2 + 2.3 * len(shown))
     for axis, name in zip(axes, shown, strict=True):
         measure = measure_of(results, structure, name)
-        for place, words in enumerate(measure.places[:MAX_LINES]):
+        for place in physical(results[measure.dim].values.tolist())[:MAX_LINES]:
             values = frame[name].isel({measure.dim: place}).where(done) * measure.factor[place]
             looks = {"markersize": 3, "linewidth": 0.8, "color": palette.series_colour(place)}
-            axis.plot(one.along, values, ".-", label=words, **looks)
+            axis.plot(one.along, values, ".-", label=measure.places[place], **looks)
         axis.set_ylabel(measure.label + measure.unit)
         axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)

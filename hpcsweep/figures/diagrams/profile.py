@@ -24,6 +24,8 @@ def draw(results, response: str = "drift", scale: float | None = None):
     at, study = responses.scale_index(results, scale), style.study_of(results, Records)
     whole = responses.opened(results, response, None)
     found = responses_of(results, study, response)
+    if study.structure.reduction is not None:
+        raise style.PlotError("a profile is for buildings: a finite element model has no storeys")
     panels = responses.heights(found.names)
     figure, axes = style.new_grid(1, len(panels), (1.2 + 2.6 * len(panels), 4.2), sharex=True)
     for axis, (building, places, level) in zip(axes[0], panels, strict=True):

@@ -7,6 +7,7 @@ import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.model.reduction import physical
 from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 
@@ -42,11 +43,12 @@ def draw(
             f"--place {place}: must be a contact, of {', '.join(names) or 'none'}"
         )
     seen = responses.history_of(study, (i, at), time)
-    shown, k = [structure.n_floors - 1], names.index(place) if place else 0
+    shown, k = physical(structure.floor_names)[-1:], names.index(place) if place else 0
     if names:
         if place is None:
             k = int(seen.peak_force.max(axis=0).argmax())
-        shown = np.flatnonzero(structure.directions[k]).tolist()
+        moved = np.flatnonzero(structure.directions[k]).tolist()
+        shown = [i for i in physical(structure.floor_names) if i in moved] or moved
     figure, axes = style.new_figure(5 if names else 3, 8.8 if names else 6.2, 7.6)
 
     def panel(axis, label: str, columns, *, of=seen, **looks) -> None:

@@ -206,7 +206,7 @@ def samples_of(study: Records, i: int):
     """
     try:
         return study.record(i)
-    except (ValueError, OSError) as error:
+    except ValueError as error:
         raise style.PlotError(f"the record is needed: {error}") from None
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from hpcsweep.figures import labels, palette
 from hpcsweep.figures.diagrams.responses import heights
 from hpcsweep.figures.explorer import encode
+from hpcsweep.model.reduction import physical
 from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import (
@@ -127,7 +128,7 @@ def _arrays(results, study: Records, told: dict[str, dict]) -> dict[str, np.ndar
             continue
         free = found.values * np.nan if found.alone is None else found.alone
         arrays |= {name: found.values, f"{name}_alone": free[:, -1]}
-        told.setdefault(name, _describe(found))
+        told.setdefault(name, _describe(found, study.structure.reduction is None))
     if HISTORY in results:
         motion = np.moveaxis(results[HISTORY].values, -2, -1)
         size = np.nanmax(np.abs(motion), axis=-1, initial=0.0)
@@ -149,11 +150,11 @@ def pack_responses(meta: dict, arrays: dict[str, np.ndarray]) -> tuple[dict, dic
     return {**meta, "arrays": specs}, texts
 
 
-def _describe(found) -> dict:
+def _describe(found, has_buildings: bool) -> dict:
     """Describe a response: its label, places, groups of places, and panels of its profile."""
-    every = [*range(len(found.names))]
+    every = physical(found.names)
     panels = [("", every, every)]
-    if found.dim in OF_BUILDINGS:
+    if has_buildings and found.dim in OF_BUILDINGS:
         panels = heights(found.names)
     each = [(name, [i]) for i, name in enumerate(found.names)]
     groups = [(f"building {name}", places) for name, places, _ in panels if name]

@@ -45,7 +45,7 @@ def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunA
     again = RunAgain(at=run_name(study.describe((record, at))), solver=study.settings.solver)
     try:
         samples = study.record(record)
-    except (ValueError, OSError) as error:
+    except ValueError as error:
         again.compared = f"nothing: the record is not at hand: {error}"
         return again
     structure, tail = study.structure, study.tail

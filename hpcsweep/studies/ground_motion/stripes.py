@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hpcsweep.earthquakes.stripes import Capacity, capacity, linear_capacity
+from hpcsweep.model.reduction import physical
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.ground_motion.records import Records
@@ -222,9 +223,9 @@ def _label(unit: str) -> str:
 
 
 def places_of(names: list[str], place: str | None) -> list[int]:
-    """Return the places of a name, or of a building's names."""
+    """Return the places of a name, or of a building's names; without one no amounts of modes."""
     if place is None:
-        return list(range(len(names)))
+        return physical(names)
     if place in names:
         return [names.index(place)]
     found = [

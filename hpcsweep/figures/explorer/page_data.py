@@ -1,7 +1,7 @@
 """Gather the data of the explorer from a results file, one frame at a time."""
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from hpcsweep.figures.inferred import filled, filled_classes, inferred
 from hpcsweep.figures.measures import held_measures, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.model.structure import Structure
+from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
@@ -82,25 +83,12 @@ class PageData:
     and `structures`, one a step, or none."""
 
 
-def _check(path: Path, study: RunGrid, grid, rows: range, by_share: bool) -> None:
-    """Refuse what has no page."""
-    style.refuse_sliders(f"{path}: explore", study.structure)
-    if len(rows) * grid.along.size > MAX_CELLS:
-        raise style.PlotError(
-            f"{path}: its points lie on a grid of {grid.rows.size} frequencies and "
-            f"{grid.along.size} amplitudes, more than {MAX_CELLS} places"
-        )
-    if by_share and study.holds != "attractors":
-        raise style.PlotError(f"{path}: --by-share: holds no attractors")
-
-
 def gather(
     path: Path,
     most_points: int | None = None,
     frame_step: int = 1,
     amplitude_step: int = 1,
     at: Mapping[str, float | str] | None = None,
-    say: Callable[[int, int], None] | None = None,
     by_share: bool = False,
 ) -> PageData:
     """Read a results file, one frame in memory at a time.
@@ -114,8 +102,6 @@ def gather(
         Steps between the frames and amplitudes to keep.
     at : mapping, optional
         Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
-    say : callable, optional
-        Called with the number of frames done and their total.
     by_share : bool
         Whether attractors are shown by falling share at each point.
 
@@ -128,12 +114,21 @@ def gather(
 
     reader = Frames(path, ("motions", "attractors"), at)
     study, grid = as_kind(reader.study, RunGrid), Grid(reader)
+    style.refuse_sliders(f"{path}: explore", study.structure)
     rows = range(0, grid.rows.size, frame_step)
-    _check(path, study, grid, rows, by_share)
+    if len(rows) * grid.along.size > MAX_CELLS:
+        raise style.PlotError(
+            f"{path}: its points lie on a grid of {grid.rows.size} frequencies and "
+            f"{grid.along.size} amplitudes, more than {MAX_CELLS} places"
+        )
+    if by_share and study.holds != "attractors":
+        raise style.PlotError(f"{path}: --by-share: holds no attractors")
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit = stored if most_points is None else most_points
-    runs, points, held = [], [], 0
+    runs, points = [], []
+    held = 0
+    tell = counted("reading frame")
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
         if several:
@@ -148,8 +143,7 @@ def gather(
             for place, (frame, u) in enumerate(zip(runs, points, strict=True)):
                 frame["counts"], points[place] = _fewer(frame["counts"], u, limit)
             held = sum(u.size for u in points)
-        if say is not None:
-            say(done, len(rows))
+        tell(done, len(rows))
     reader.close()
     gathered = PageData(
         name=", ".join(filter(None, (reader.job.name, reader.part))),

@@ -70,10 +70,11 @@ SOLVERS = {
 def witness_of(name: str, structure: Structure) -> str:
     """Return the solver that recomputes the runs of another one: the other one if it can.
 
-    ``bdf`` knows no dashpots and no sliders: there `flow` computes again, at a tight tolerance.
+    ``bdf`` knows no dashpots and no sliders, and takes minutes for a run with the fast modes of a
+    reduced model: there `flow` computes again, at a tight tolerance.
     """
-    alone = name == "flow" and (structure.contact_damping.any() or structure.sliders)
-    return name if alone else next(other for other in SOLVERS if other != name)
+    special = structure.contact_damping.any() or structure.sliders or structure.reduction
+    return name if name == "flow" and special else next(one for one in SOLVERS if one != name)
 
 
 class Solver(Protocol):

@@ -1,7 +1,7 @@
 """Recompute a stored run, with the other solver and as it was.
 
 With the other solver, at a tight tolerance (`flow` itself where contacts have dashpots,
-or springs yield):
+springs yield, or a model is reduced):
 
 periodic run (period p)
     From the stored last point, p forcing periods: every point on the way must equal the stored one,

@@ -200,8 +200,9 @@ def need_amplitudes(study: Study, any_path: bool = False) -> None:
         raise PlotError("a list of points is no sweep over amplitudes: draw it with --kind map")
     if not any_path and study.run_dims[-2:] != ("omega", "amplitude"):
         raise PlotError(
-            f"the sweep is along {study.run_dims[-1]}: only --kind orbit, frames, measures, "
-            "animate and, along omega at several amplitudes, --kind map draw it"
+            f"the sweep is along {study.run_dims[-1]}: only plot --kind orbit, frames, measures, "
+            "animate without --branches, explore, and, along omega at several amplitudes, plot "
+            "--kind map draw it"
         )
 
 

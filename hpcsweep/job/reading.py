@@ -214,11 +214,12 @@ def _portion(values: Values, study):
     if given is None:
         return study
     if not study.cut(slice(None)):
-        raise values.error("part", given, "must go: the runs of this job depend on one another")
-    if not is_part(given) or given[1] > study.n_frames:
+        raise values.error("part", given, "cannot be: this job is computed as a whole")
+    if not is_part(given):
+        raise values.error("part", given, "must be [k, n], part k of n, from 1 to n")
+    if given[1] > study.n_frames:
         frames = count(study.n_frames, study.run_dims[-2])
-        limit = f"must be [k, n], part k of n, from 1 to n, n at most that of the {frames}"
-        raise values.error("part", given, limit)
+        raise values.error("part", given, f"n must be at most that of the {frames}")
     return replace(study, **study.cut(slice(given[0] - 1, None, given[1])))
 
 

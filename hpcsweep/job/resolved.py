@@ -35,8 +35,11 @@ def resolved(job: Job) -> str:
     if study.settings.classify_cycles is None:  # of a study that classifies in its own way
         defaults.pop("sweep.classify_cycles", None)
     known = keys_of(study)
-    if known["forcing"] and "forcing" not in tree:
+    if known["forcing"] and set(tree.get("forcing", {})) <= {"harmonics"}:
         terms = [dict(zip(HARMONIC, one, strict=True)) for one in job.structure.harmonics]
+        for term in terms:
+            if not term["order"]:
+                del term["phase"]
         defaults["forcing.harmonics"] = terms
     whole: dict[str, Any] = {"name": job.name} | tree
     for key, value in defaults.items():

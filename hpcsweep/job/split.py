@@ -28,7 +28,10 @@ def split(job: Job, n_parts: int, path: Path) -> dict[Path, str]:
         raise JobError(f"{path}: is a part already")
     named = (path.with_name(f"{path.stem}-{k + 1}of{n_parts}.toml") for k in range(n_parts))
     texts = {name: f"part = [{k}, {n_parts}]\n{job.text}" for k, name in enumerate(named, 1)}
-    parse_job(next(iter(texts.values())), str(path), path.stem, path.parent)
+    try:
+        parse_job(next(iter(texts.values())), str(path), path.stem, path.parent)
+    except JobError as error:
+        raise JobError(str(error).replace(f"part = [1, {n_parts}]: ", f"-n {n_parts}: ")) from None
     return texts
 
 

@@ -53,7 +53,8 @@ def ranges(structure: Structure, omega: np.ndarray, amplitude: np.ndarray) -> Li
         most = int(np.where(np.isfinite(grazes), grazes, 0).argmax())
         ends = dict.fromkeys((least, most))
         text = " to ".join(f"{grazes[k]:.6g}{unit} (Omega = {omegas[k]:.6g})" for k in ends)
-        yield "grazing", f"the free motion first touches at A = {text}"
+        motion = "motion without slip" if structure.sliders else "free motion"
+        yield "grazing", f"the {motion} first touches at A = {text}"
     else:
         yield "grazing", "there is no contact"
 

@@ -96,12 +96,11 @@ def test_a_name_that_a_job_gives_is_that_of_the_whole(tmp_path):
 @pytest.mark.parametrize(
     ("text", "n", "said"),
     [
-        (SMALL, 5, "part = [1, 5]: must be [k, n], part k of n, from 1 to n, n at most that of the "
-         "4 omegas"),
+        (SMALL, 5, "-n 5: n must be at most that of the 4 omegas"),
         (SMALL, 1, "-n 1: must be from 2 to 10000"),
         (f"part = [1, 2]\n{SMALL}", 2, "is a part already"),
-        (REFINED, 2, "part = [1, 2]: must go: the runs of this job depend on one another"),
-        (BASINS, 2, "part = [1, 2]: must go"),
+        (REFINED, 2, "-n 2: cannot be: this job is computed as a whole"),
+        (BASINS, 2, "-n 2: cannot be"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_cut_is_refused(text, n, said, tmp_path):

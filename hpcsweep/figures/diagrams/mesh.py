@@ -11,6 +11,7 @@ from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
 from hpcsweep.figures.fitting import LEGEND, area, blank
 from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.point_grid import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -226,16 +227,18 @@ def finish(axes, results, cells: bool | None = None) -> None:
 def map_keys(results) -> list:
     """Return the legend keys of the grazing curve, where it crosses the map, and special points."""
     omega, across = results["omega"].values, amplitudes(results)
-    reached, _ = _curve(style.structure_of(results), omega.min(), omega.max())
+    structure = style.structure_of(results)
+    reached, _ = _curve(structure, omega.min(), omega.max())
     crosses = ((across.min() <= reached) & (reached <= across.max())).any()
-    return [*([grazing_key()] if crosses else []), *special_keys(results)]
+    return [*([grazing_key(structure)] if crosses else []), *special_keys(results)]
 
 
-def grazing_key():
-    """Return the legend key of the grazing curve."""
+def grazing_key(structure: Structure):
+    """Return the legend key of the grazing curve, which is that of motions in which none slips."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], color=palette.GRAZING, linewidth=1.2, label="grazing, closed form")
+    label = f"grazing{' without slip' * bool(structure.sliders)}, closed form"
+    return Line2D([], [], color=palette.GRAZING, linewidth=1.2, label=label)
 
 
 def share_keys(

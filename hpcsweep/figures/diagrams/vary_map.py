@@ -151,7 +151,8 @@ def draw(results: Panels, **_options):
         if each is NARROW:
             axis.locator_params(axis="x", nbins=4)
     notes = results.by_period, bool(results.inferred)
-    mesh.legend_of_motions(figure, results.motion, [mesh.grazing_key()], (), *notes)
+    grazing = [mesh.grazing_key(results.study.structure)]
+    mesh.legend_of_motions(figure, results.motion, grazing, (), *notes)
     return style.head(figure, results.title, share_note(results.inferred))
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import tomllib
 
 import h5py
 import numpy as np
@@ -190,3 +191,12 @@ def test_a_frame_has_the_names_dimensions_and_words_of_the_whole(kind, tmp_path)
             k: str(v) for k, v in right[name].attrs.items()
         }
         np.testing.assert_array_equal(one, right[name])
+
+
+def test_each_harmonic_has_all_its_values():
+    given = "[{order = 0, amplitude = 0.1}, {order = 1}]"
+    job = parse_job(f"{SMALL}\n[forcing]\nharmonics = {given}\n", "x", "x")
+    whole = parse_job(resolved(job), "x", "x")
+    terms = [{"order": 0, "amplitude": 0.1}, {"order": 1, "amplitude": 1.0, "phase": 0.0}]
+    assert tomllib.loads(resolved(job))["forcing"]["harmonics"] == terms
+    assert whole.fingerprint == job.fingerprint

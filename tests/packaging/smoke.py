@@ -161,6 +161,11 @@ def check(hpcsweep: Installed) -> None:
     hpcsweep("table", "records.h5", "-o", "records.csv", makes="records.csv")
     hpcsweep("zoom", "study.h5", *finer, "-o", "finer.toml", makes="finer.toml")
     hpcsweep("run", "finer.toml", "--reuse", "study.h5", "-o", "finer.h5", makes="finer.h5")
+    hpcsweep("split", "study.toml", *given, "-n", "2", makes="study-2of2.toml")
+    parts = [f"study-{k}of2.h5" for k in (1, 2)]
+    for part in parts:
+        hpcsweep("run", part.replace(".h5", ".toml"), makes=part)
+    assert "72 runs of 2 parts" in hpcsweep("merge", *parts, "-o", "whole.h5", makes="whole.h5")
     drawn = (
         ("study.h5", PLOTS),
         ("gaps.h5", VARY_PLOTS),
@@ -177,7 +182,9 @@ def check(hpcsweep: Installed) -> None:
     for film in ("study.mp4", "study.gif"):
         hpcsweep("animate", "study.h5", "--width", "640", "-o", film, makes=film)
     hpcsweep("explore", "study.h5", "--branches", "curves.h5", makes="study.html")
-    assert "<html" in Path("study.html").read_text()
+    hpcsweep("explore", "records.h5", makes="records.html")
+    for page in ("study.html", "records.html"):
+        assert "<html" in Path(page).read_text()
     hpcsweep("pack", "study.h5", "-o", "packed.h5", makes="packed.h5")
     assert json.loads(hpcsweep("status", "packed.h5", "--json"))["complete"]
     used = {name for name in hpcsweep.used if not name.startswith("-")}

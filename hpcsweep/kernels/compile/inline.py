@@ -69,6 +69,17 @@ class _WholeLibrary(JITCodeLibrary):
         self._linking_libraries = [one for one in called if not isinstance(one, _InlineLibrary)]
         super().finalize()
 
+    def _optimize_final_module(self):
+        """Optimise, then keep the parts that are left as functions to this kernel alone.
+
+        As functions that any module may define (``linkonce_odr``) the first copy that a process
+        loads would serve all kernels: one whose calls lead to kernels of other sizes.
+        """
+        super()._optimize_final_module()
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
+                function.linkage = "internal"
+
     def _get_module_for_linking(self):
         """Return only the names, which numba needs when it loads the machine code.
 
@@ -78,7 +89,7 @@ class _WholeLibrary(JITCodeLibrary):
         names = ir.Module(self.name)
         nothing = ir.FunctionType(ir.VoidType(), ())
         for function in self._final_module.functions:
-            if not function.is_declaration:
+            if not function.is_declaration and function.linkage != Linkage.internal:
                 entry = ir.Function(names, nothing, function.name).append_basic_block()
                 ir.IRBuilder(entry).ret_void()
         return binding.parse_assembly(str(names))

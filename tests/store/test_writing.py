@@ -64,7 +64,14 @@ def test_a_full_disk_takes_one_line_and_the_run_goes_on_when_there_is_room(
     path, whole = tmp_path / "full.h5", tmp_path / "whole.h5"
     assert hpcsweep(0, "run", small_job, "-o", whole).returncode == 0
     job = parse_job(SMALL, "test", "small")
-    notes = {"hpcsweep_version": "", "git_commit": "", "libraries": "", "mpi": "", "hosts": ""}
+    notes = {
+        "hpcsweep_version": "",
+        "git_commit": "",
+        "libraries": "",
+        "mpi": "",
+        "hosts": "",
+        "history": "",
+    }
     create(path, Layout(job), {**notes, "ranks": 1, "created": ""})
     with h5py.File(path, "r") as file:
         # what lies last in the file: sweeps up can be written, sweeps down cannot

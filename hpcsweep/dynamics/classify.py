@@ -296,7 +296,7 @@ def contact_name(contact: int, labels: int | Sequence[str], room: int | None = N
     for side in ("", "L"):
         own = [int(m.rstrip("L")) for m in members if m.endswith("L") == bool(side)]
         if many:
-            items += [part + side for part in _ranges(own)]
+            items += [part + side for part in ranges(own)]
         elif own:
             items.append("".join(map(str, own)) + side)
     name = "C" + ",".join(items)
@@ -306,10 +306,10 @@ def contact_name(contact: int, labels: int | Sequence[str], room: int | None = N
     return name
 
 
-def _ranges(numbers: Sequence[int]) -> list[str]:
+def ranges(numbers: Sequence[int], dash: str = "-") -> list[str]:
     """Format ascending numbers, three and more in a row as a range."""
     parts: list[str] = []
     for _, group in groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
         row = [str(number) for _, number in group]
-        parts += [f"{row[0]}-{row[-1]}"] if len(row) > 2 else row
+        parts += [row[0] + dash + row[-1]] if len(row) > 2 else row
     return parts

@@ -246,10 +246,7 @@ def _check_size(tree: dict, source: str) -> None:
         if isinstance(value, dict):
             for key, item in value.items():
                 if len(key) > MAX_WORD:
-                    raise TreeError(
-                        f"{source}: key {key[:20]!r}...: has {len(key)} characters, the most are "
-                        f"{MAX_WORD}"
-                    )
+                    raise TreeError(f"{source}: key {key[:20]!r}...: {_too_long(key)}")
                 waiting.append((f"{full}.{key}" if full else key, item, depth + 1))
         elif isinstance(value, list):
             tables = any(isinstance(item, dict) for item in value)
@@ -258,15 +255,14 @@ def _check_size(tree: dict, source: str) -> None:
                 for i, item in enumerate(value)
             ]
         elif isinstance(value, str) and len(value) > MAX_WORD:
-            raise TreeError(
-                f"{source}: {full} = {value[:20]!r}...: has {len(value)} characters, the most are "
-                f"{MAX_WORD}"
-            )
+            raise TreeError(f"{source}: {full} = {value[:20]!r}...: {_too_long(value)}")
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:
-            raise TreeError(
-                f"{source}: {full}: a whole number of {value.bit_length()} bits does not fit into "
-                "64"
-            )
+            bits = value.bit_length()
+            raise TreeError(f"{source}: {full}: a whole number of {bits} bits does not fit into 64")
+
+
+def _too_long(word: str) -> str:
+    return f"has {len(word)} characters, the most are {MAX_WORD}"
 
 
 def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:

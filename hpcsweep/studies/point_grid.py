@@ -26,7 +26,9 @@ POINTS = Key(
 
 
 def read_points(values) -> tuple[np.ndarray, np.ndarray]:
-    """Read the frequencies and amplitudes of the list of points of a job."""
+    """Read the frequencies and amplitudes of the list of points of a job, or of its axes."""
+    if not values.has("study.points"):
+        return values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
     for key in ("sweep.omega", "sweep.amplitude"):
         if values.has(key):
             raise values.error(
@@ -78,13 +80,8 @@ class PointGrid(RunGrid):
     @classmethod
     def of(cls, values, **common) -> Self:
         """Read the points of a job, a grid or a list, beside its other fields."""
-        listed = values.has("study.points")
-        if listed:
-            omega, amplitude = read_points(values)
-        else:
-            omega = values.frequencies("sweep.omega")
-            amplitude = values.amplitudes("sweep.amplitude")
-        return cls(omega=omega, amplitude=amplitude, listed=listed, **common)
+        omega, amplitude = read_points(values)
+        return cls(omega=omega, amplitude=amplitude, listed=values.has("study.points"), **common)
 
     def cut(self, frames: slice) -> dict[str, Any]:
         """Return the fields of a study of some frames; none of a map that is refined as a whole."""

@@ -10,8 +10,6 @@ def test_near_points_share_a_label_with_their_numbers():
     at = np.array([[0.0, 0.0], [3.0, 2.0], [50.0, 0.0], [5.0, -4.0], [51.0, 1.0]])
     groups = numbered.together(at)
     assert groups == [[0, 1, 3], [2, 4]]
-    assert [numbered.ranges(members) for members in groups] == ["1,2,4", "3,5"]
-    assert numbered.ranges([2, 3, 4, 9]) == "3–5,10"
 
 
 def test_labels_keep_clear_of_lines_and_within_the_panel():

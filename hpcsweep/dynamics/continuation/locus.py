@@ -156,7 +156,7 @@ class Locus(Curve):
         reached: float = 0.0,
         keeps: bool = False,
     ) -> Solution:
-        """Find the point of the locus near a guess.
+        """Find the point of the locus near a guess, to its own `PRECISION` whatever was reached.
 
         Parameters
         ----------
@@ -165,7 +165,6 @@ class Locus(Curve):
         near : Solution
             A point of the locus, with its inverse.
         """
-        del reached, keeps  # `PRECISION` is the locus's own
         assert near is not None
         assert near.inverse is not None
         steep = abs(border[-1]) >= max(STEEP * math.hypot(*border[-2:]), FLAT)

@@ -66,7 +66,7 @@ def _drift(axis, frame, classes, free: float) -> None:
         frame["amplitude"].values,
         dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]],
     )
-    names = _directions(frame)
+    names = frame["direction"].values.tolist()
     for direction, drift, row in zip(names, frame["drift"].values, classes, strict=True):
         chaos, marker = row == MotionClass.CHAOTIC, style.MARKERS[direction]
         for chosen, colour, label in (
@@ -79,10 +79,6 @@ def _drift(axis, frame, classes, free: float) -> None:
     axis.set_ylabel(labels.DRIFT)
 
 
-def _directions(frame) -> list[str]:
-    return [str(name) for name in frame["direction"].values]
-
-
 def _plot(axis, x, y, marker: str, colour: str, direction: str, label: str) -> None:
     """Draw points, hollow on the way down."""
     face = "none" if direction == DOWN else colour
@@ -92,10 +88,10 @@ def _plot(axis, x, y, marker: str, colour: str, direction: str, label: str) -> N
 
 def _norms(axis, frame, free: np.ndarray) -> None:
     amplitude = frame["amplitude"].values
-    shown = min(frame.sizes["mode"], labels.MAX_MODES)
+    names, shown = frame["direction"].values.tolist(), min(frame.sizes["mode"], labels.MAX_MODES)
     for mode in range(shown):
         colour, marker = palette.mode_colour(mode, shown), "os^D<>pX*h"[mode % 10]
-        for direction, norm in zip(_directions(frame), frame["modal_norm"].values, strict=True):
+        for direction, norm in zip(names, frame["modal_norm"].values, strict=True):
             label = f"mode {mode + 1}, {direction}"
             _plot(axis, amplitude, norm[:, mode], marker, colour, direction, label)
         looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}

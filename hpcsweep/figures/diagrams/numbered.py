@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hpcsweep.dynamics.classify import ranges
 from hpcsweep.figures import palette
 
 SIZE, LETTER, LINE = 6.5, 0.68, 1.45
@@ -82,7 +83,7 @@ def number(axis, x: np.ndarray, y: np.ndarray) -> None:
 
     halo = [withStroke(linewidth=1.5, foreground="white")]
     for members in together(at):
-        text = ranges(members)
+        text = ",".join(ranges([k + 1 for k in members], "–"))
         middle = at[members].mean(axis=0)
         box = min((_box(middle, offset, text) for offset in AROUND), key=hidden)
         taken.append(box)
@@ -103,20 +104,6 @@ def together(at: np.ndarray) -> list[list[int]]:
         else:
             groups.append([k])
     return groups
-
-
-def ranges(members: Sequence[int]) -> str:
-    """Return ascending places as numbers from 1, of three or more in a row the outer ones."""
-    parts: list[list[int]] = []
-    for k in members:
-        if parts and parts[-1][-1] == k - 1:
-            parts[-1].append(k)
-        else:
-            parts.append([k])
-    return ",".join(
-        f"{part[0] + 1}–{part[-1] + 1}" if len(part) > 2 else ",".join(str(k + 1) for k in part)
-        for part in parts
-    )
 
 
 def _box(middle: np.ndarray, offset: tuple[float, float], text: str) -> np.ndarray:

@@ -70,6 +70,21 @@ def predict_points(codes: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return (codes - before).astype(np.uint16)
 
 
+def pack(codes: np.ndarray, row: int = 0, **notes) -> tuple[dict, str]:
+    """Return what the decoder needs to know of an array, and its text.
+
+    Parameters
+    ----------
+    codes : ndarray of unsigned integers
+    row : int
+        Length of the rows along which values are predicted; 0: they are not.
+    **notes
+        What the page is told besides.
+    """
+    text = to_text(predict_rows(codes) if row else codes)
+    return {"bytes": codes.itemsize, "length": codes.size, "row": row, **notes}, text
+
+
 def to_text(codes: np.ndarray) -> str:
     """Write an array of unsigned integers as base64 of its deflated byte planes.
 

@@ -130,8 +130,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
     arrays: dict[str, dict] = {}
 
     def add(name: str, codes: np.ndarray, row: int = 0, **notes) -> None:
-        texts[name] = encode.to_text(encode.predict_rows(codes) if row else codes)
-        arrays[name] = {"bytes": codes.dtype.itemsize, "length": codes.size, "row": row, **notes}
+        arrays[name], texts[name] = encode.pack(codes, row, **notes)
 
     n_amplitudes = study.amplitude.size
     sets, contact = _contact_index(study.runs.get("contact"))

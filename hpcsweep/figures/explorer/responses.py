@@ -143,10 +143,8 @@ def pack_responses(meta: dict, arrays: dict[str, np.ndarray]) -> tuple[dict, dic
     specs, texts = {}, {}
     for name, values in arrays.items():
         real = values.dtype.kind == "f"
-        codes = values.view("<u4") if real else encode.predict_rows(values)
-        row = 0 if real else values.shape[-1]
-        specs[name] = {"bytes": codes.itemsize, "length": codes.size, "row": row, "float32": real}
-        texts[name] = encode.to_text(codes)
+        codes, row = (values.view("<u4"), 0) if real else (values, values.shape[-1])
+        specs[name], texts[name] = encode.pack(codes, row, float32=real)
     return {**meta, "arrays": specs}, texts
 
 

@@ -77,7 +77,6 @@ class Basins(SliceGrid):
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach."""
-        del places, state
         return runs_of(self).row(self.horizontal, float(self.vertical[frame]), poll)
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
@@ -169,7 +168,6 @@ class RefinedBasins(SliceGrid):
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> dict:
         """Classify starts of a row, each on its own."""
-        del state
         return runs_of(self).starts(self.horizontal[places], float(self.vertical[frame]), poll)
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:

@@ -185,7 +185,6 @@ class Branches(BranchGrid):
         # here, where orbits are computed: who only reads them loads no kernel
         from hpcsweep.studies.branches.runs import line_of
 
-        del places, state
         return line_of(self, frame, self.seeds_of(frame), poll)
 
     def time_runs(self, share: float, _along: float, _n_runs: int, poll: Poll = None) -> Timed:

@@ -121,10 +121,7 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
         given = values.get("study.points")
         limit = f"must not be given along {parameter}: sweep.omega and sweep.amplitude make lines"
         raise values.error("study.points", given, limit)
-    if listed:
-        omega, amplitude = read_points(values)
-    else:
-        omega, amplitude = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
+    omega, amplitude = read_points(values)
     span = _span_of(values, parameter, omega, amplitude)
     # the parameter of a line is at the end of its span
     ends = np.array(span[1:])

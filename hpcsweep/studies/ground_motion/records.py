@@ -138,12 +138,10 @@ class Records(RecordGrid):
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return rest: runs inherit nothing from each other."""
-        del rows, row
         return self.initial_state
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute the runs of a record at some of its scales."""
-        del state
         return self.responses.rows(self.record(frame), self.factor[frame, places], poll)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
@@ -165,7 +163,6 @@ class Records(RecordGrid):
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way; see `.recompute`."""
-        del start
         return response_again(self, block, row, run)
 
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
@@ -185,7 +182,6 @@ class Records(RecordGrid):
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return nothing: a response does not repeat."""
-        del run
         return []
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
@@ -201,14 +197,12 @@ class Records(RecordGrid):
         """Return whether the cache is known to hold all that its runs call."""
         from hpcsweep.studies.compilation import missing
 
-        del n_ranks
         return not missing(self._kernels())
 
     def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import load
 
-        del n_ranks
         load(self._kernels(), say)
 
     def _kernels(self) -> list:

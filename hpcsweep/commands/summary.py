@@ -9,7 +9,7 @@ from typing import Any
 from hpcsweep.commands import Rows, listing
 from hpcsweep.commands.rows import inferred_text, percent, rows_of, share
 from hpcsweep.figures.options import whole_number
-from hpcsweep.studies.run_names import count, plural
+from hpcsweep.studies.run_names import count, plural, written
 
 SUMMARY = "summarise studies: cost, kinds of motion"
 HELP = """\
@@ -207,7 +207,7 @@ def _listed(key: str, together: list[dict]) -> list:
 
 def _ends(values: list) -> str:
     """Format the values of a key; only the ends of many."""
-    words = [f"{one:.6g}" if isinstance(one, int | float) else one for one in values]
+    words = [*map(written, values)]
     if len(words) <= 3:
         return ", ".join(words)
     return f"{words[0]} to {words[-1]} ({len(words)} values)"

@@ -280,10 +280,8 @@ class Values:
         """Return the value of a key that is a formula in sweeps alone."""
         given = self.get(key)
         if isinstance(given, str):
-            limit = (
-                'must be numbers; a formula goes with sweep.along, study.kind = "amplitude_sweep"'
-            )
-            raise self.error(key, given, limit)
+            goes = 'a formula goes with sweep.along, study.kind = "amplitude_sweep"'
+            raise self.error(key, given, f"must be numbers; {goes}")
         return given
 
     def tied(self, key: str, text: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -292,14 +290,13 @@ class Values:
             value = formula(text, known)
         except ValueError as error:
             raise self.error(key, text, str(error)) from None
-        least, most = {"omega": (MIN_OMEGA, MAX_OMEGA)}.get(
-            key.removeprefix("sweep."), (MIN_AMPLITUDE, MAX_AMPLITUDE)
-        )
+        is_omega = key == "sweep.omega"
+        least, most = (MIN_OMEGA, MAX_OMEGA) if is_omega else (MIN_AMPLITUDE, MAX_AMPLITUDE)
         found = np.empty(np.shape(next(iter(known.values()))))
         for place in np.ndindex(found.shape):
             at = {name: float(own[place]) for name, own in known.items()}
             found[place] = value(**at)
-            if not least <= found[place] <= most and (found[place] != 0 or least == MIN_OMEGA):
+            if not least <= found[place] <= most and (found[place] != 0 or is_omega):
                 where = ", ".join(f"{name} = {one:.6g}" for name, one in at.items())
                 limit = f"must be from {least:g} to {most:g}, is {found[place]:.6g} at {where}"
                 raise self.error(key, text, limit)

@@ -184,10 +184,6 @@ class Blocks:
             yield block, end is not None
             before, state = block, end
 
-    def valid(self, task: int) -> list[tuple[Block, bool]]:
-        """Return for each block of a task whether its checksum holds."""
-        return list(self.verify(task))
-
     def valid_runs(self) -> np.ndarray:
         """Return for each run whether it belongs to a valid block."""
         mask = np.zeros([self.layout.sizes[dim] for dim in self.study.run_dims], bool)

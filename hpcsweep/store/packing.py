@@ -88,7 +88,7 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
         # in a complete map the points that are not committed are inferred
         inferred = layout.derived and not Inferred(blocks).unknown()
         for task in blocks.begun():
-            for block, good in blocks.valid(task):
+            for block, good in blocks.verify(task):
                 if good:
                     committed.append(block.place)
                 elif blocks.committed(block):
@@ -153,7 +153,7 @@ def _verify(path: Path, temporary: Path, layout: Layout, committed) -> None:
                 different.append(name)
     with Blocks(temporary, layout) as copied:
         tasks = sorted({layout.study.block(place).task for place in committed})
-        good = [block.place for task in tasks for block, ok in copied.valid(task) if ok]
+        good = [block.place for task in tasks for block, ok in copied.verify(task) if ok]
         if sorted(good) != sorted(committed):
             different.append("the checksums")
     if different:

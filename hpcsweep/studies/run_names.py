@@ -16,13 +16,17 @@ def plural(noun: str, number: int = 2) -> str:
     return noun if number == 1 else f"{noun}s"
 
 
+def written(value: object) -> str:
+    """Write the value of a key: whole numbers in full, others with six digits."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
 def run_name(described: Mapping[str, Any]) -> str:
     """Format the name of a run, from `Study.describe` or a part of it, on one line."""
     last = [name for name in SYMBOLS if name in described]
     others = [name for name in described if name not in (*SYMBOLS, "outcome")]
     shown = []
     for name in (*others, *last):
-        value = described[name]
-        number = f"{value:.6g}" if isinstance(value, float) else str(value)
-        shown.append(number if name == "direction" else f"{SYMBOLS.get(name, name)} = {number}")
+        value = written(described[name])
+        shown.append(value if name == "direction" else f"{SYMBOLS.get(name, name)} = {value}")
     return ", ".join(shown)

@@ -110,10 +110,9 @@ class RunTally(BaseTally):
             self._compare(frame)
         periodic = classes == MotionClass.PERIODIC
         self.count("orbit_period", frame["orbit_period"].values[:, 0][periodic])
-        if "shakedown" in frame:
-            self.count("shakedown", frame["shakedown"].values[:, 0][outcome == Outcome.COMPLETE])
-        if "contact" in frame:
-            self.count("contact", frame["contact"].values[:, 0][outcome == Outcome.COMPLETE])
+        for name in ("shakedown", "contact"):
+            if name in frame:
+                self.count(name, frame[name].values[:, 0][outcome == Outcome.COMPLETE])
 
     def _compare(self, frame) -> None:
         """Compare the window test with the classification, where there is a whole window."""

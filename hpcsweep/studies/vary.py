@@ -16,6 +16,7 @@ import numpy as np
 from hpcsweep.model.unit_names import is_in_gaps, unit_of
 from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.run_names import written
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis, RunAgain, Study
 from hpcsweep.studies.variable import Coordinate, Variable, real
@@ -231,7 +232,7 @@ class Varied:
         structure = self.base.structure
         named = any(structure.unit_names)
         return ", ".join(
-            f"{axis.name} = {_short(axis.values[at])}"
+            f"{axis.name} = {written(axis.values[at])}"
             + (f" {unit_of(structure, axis.units)}" if named and axis.units != "1" else "")
             for axis, at in zip(self.axes, place, strict=True)
         )
@@ -285,7 +286,3 @@ def _part(study: Varied, place: Place) -> RunGrid:
 def _picks_kernels(key: str) -> bool:
     """Return whether values of a key may need kernels that others do not: solvers, dashpots."""
     return key.startswith("solver.") or key.endswith(("restitution", "damping", "sharpness"))
-
-
-def _short(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, int | float) else str(value)

@@ -193,7 +193,7 @@ def test_single_frames_are_read_as_the_whole_file_is(results, tmp_path):
     copy = tmp_path / "c.h5"
     content = bytearray(results.read_bytes())
     frames = Frames(results)
-    block, _ = frames._blocks.valid(2)[0]
+    block, _ = next(frames._blocks.verify(2))
     place = frames._blocks.places(block)["drift"][0]
     frames.close()
     content[place] ^= 1

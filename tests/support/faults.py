@@ -197,7 +197,7 @@ def valid(path: Path) -> set[tuple[int, int, int]]:
         return {
             block.place
             for task in range(blocks.study.n_tasks)
-            for block, good in blocks.valid(task)
+            for block, good in blocks.verify(task)
             if good
         }
 

@@ -13,13 +13,9 @@ HELP = """\
 work of the ground, and where it is: taken by sliders, contacts and damping, kinetic and
 strain energy, over time, of one record at one intensity; needs the record"""
 OPTIONS = (responses.RECORD, responses.SCALE)
+load = responses.load_run
 PARTS = {"sliders": [5], "contacts": [4], "damping": [3], "kinetic and strain": [1, 2]}
 """Fields of an `Energy`, from below."""
-
-
-def load(frames, **_options):
-    """Read the facts about the records of one structure."""
-    return frames.gather(["outcome", *responses.COLLAPSE_NAMES])
 
 
 def draw(results, record: str | None = None, scale: float | None = None):

@@ -32,8 +32,7 @@ def draw(results, scale: float | None = None, place: str | None = None):
     names = [str(one) for one in structure.floor_names]
     top = names[[k for k in physical(names) if structure.buildings[k] == 0][-1]]
     place = place or (stored.places[0] if stored.places else top)
-    if place not in names:
-        raise style.PlotError(f"--place {place}: must be a floor, of {', '.join(names)}")
+    responses.check_place(place, names, "a floor, of")
     n, alone = min(results.sizes["record"], responses.MAX_GREY), None
     if place in stored.places:
         periods, ratio = np.array(stored.periods), stored.damping_ratio

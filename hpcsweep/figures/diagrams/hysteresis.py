@@ -19,17 +19,13 @@ HELP = """\
 force of each storey that yields against its drift, and of other sliders, of one record at
 one intensity; needs the record"""
 OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE, responses.TIME)
+load = responses.load_run
 IN_A_ROW = 4
 """Panels."""
 EACH, MORE = (2.6, 2.3), (1.0, 0.6)
 """Inches of a panel, and of what is beside all ..."""
 ONE = EACH[0] + MORE[0], EACH[1] + MORE[1]
 """... of a figure of one."""
-
-
-def load(frames, **_options):
-    """Read the facts about the records of one structure."""
-    return frames.gather(["outcome", *responses.COLLAPSE_NAMES])
 
 
 def springs(structure: Structure) -> np.ndarray:
@@ -61,8 +57,7 @@ def draw(
     structure, names = study.structure, study.structure.slider_names
     if not names:
         raise style.PlotError("--kind hysteresis: the structure has no sliders, nothing yields")
-    if place is not None and place not in names:
-        raise style.PlotError(f"--place {place}: must be a slider, of {', '.join(names)}")
+    responses.check_place(place, names, "a slider, of")
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
     seen = responses.history_of(study, (i, at), time)
     shown = [names.index(place)] if place else range(len(names))

@@ -38,10 +38,7 @@ def draw(
     samples = responses.samples_of(study, i)
     structure, factor = study.structure, float(study.factor[i, at])
     names = list(structure.contact_names.values())
-    if place is not None and place not in names:
-        raise style.PlotError(
-            f"--place {place}: must be a contact, of {', '.join(names) or 'none'}"
-        )
+    responses.check_place(place, names, "a contact, of")
     seen = responses.history_of(study, (i, at), time)
     shown, k = physical(structure.floor_names)[-1:], names.index(place) if place else 0
     if names:

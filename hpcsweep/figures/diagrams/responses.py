@@ -1,6 +1,6 @@
 """Common parts of the figures of responses to records: options and data."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,22 @@ MIN_LENGTH = 1e-12
 def load(frames, **_options):
     """Read all responses of one structure."""
     return frames.gather([*frames])
+
+
+def load_run(frames, **_options):
+    """Read the facts about the records of one structure, as `run_title` tells them."""
+    return frames.gather(["outcome", *COLLAPSE_NAMES])
+
+
+def check_place(place: str | None, names: Iterable[str], what: str) -> None:
+    """Refuse a place that is none of some names; `what` they are is said in the error.
+
+    Raises
+    ------
+    PlotError
+    """
+    if place is not None and place not in names:
+        raise style.PlotError(f"--place {place}: must be {what} {', '.join(names) or 'none'}")
 
 
 def opened(results, response: str, place: str | None, units: str | None = None) -> Stripes:

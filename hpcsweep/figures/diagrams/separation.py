@@ -41,8 +41,7 @@ def draw(results, place: str | None = None):
         raise style.PlotError(f"--kind {NAME}: no contact is between two floors")
     if "gap_needed" not in results:
         raise style.PlotError("the file holds no gap_needed: set output.alone = true")
-    if place is not None and place not in pairs:
-        raise style.PlotError(f"--place {place}: must be one of {', '.join(pairs)}")
+    responses.check_place(place, pairs, "one of")
     needs = np.nanmedian(results["gap_needed"].values, axis=(0, 1))
     name = place or max(pairs, key=lambda one: needs[pairs[one][0]])
     k, floors = pairs[name]

@@ -14,17 +14,13 @@ HELP = """\
 response spectra of the records as they are, 5 % damping, with fractiles and the
 natural periods of the structure, or of each building; needs the records"""
 OPTIONS = ()
+load = responses.load_run
 PERIODS = 60
 LONGEST = 4.0
 """Periods drawn, in longest natural periods."""
 MAX_MODES = 3
 NEAR = 1.2
 """Ratio of periods whose names would lie over each other."""
-
-
-def load(frames, **_options):
-    """Read the facts about the records of one structure."""
-    return frames.gather(["outcome"])
 
 
 def periods_of(structure, dt: float) -> np.ndarray:

@@ -12,6 +12,7 @@ from hpcsweep.figures.inferred import drawn_classes, inferred, is_by_period, sha
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option
 from hpcsweep.figures.style import PlotError
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.run_names import written
 from hpcsweep.studies.study import as_kind
 
 NAME = "vary"
@@ -112,7 +113,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
             from_cells.append(float(inferred(frame)[at, 0].mean()))
             motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
             grazing.append(frames.study.structure.grazing_amplitude(frame["omega"].item()))
-        pairs = ((_words(n), _written(v)) for n, v in frames.at.items() if n != over)
+        pairs = ((_words(n), written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
     study, shape = frames.study, (len(panels), len(rows))
     words = style.frequency_words(study.structure, float(study.omega[place]))
@@ -170,7 +171,7 @@ def _panel(axis, results: Panels, panel: int) -> None:
     if is_wide:
         axis.set_yscale("log")
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):
-        axis.set_yticks(heights, [_written(key) for key in keys])
+        axis.set_yticks(heights, [written(key) for key in results.values])
     limits = axis.get_xlim()
     for colour, width in (("white", 1.8), (palette.GRAZING, 1.0)):
         axis.stairs(grazing, edges, baseline=None, orientation="horizontal", color=colour, lw=width)
@@ -179,7 +180,3 @@ def _panel(axis, results: Panels, panel: int) -> None:
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
-
-
-def _written(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, int | float | np.number) else str(value)

@@ -22,6 +22,7 @@ from hpcsweep.studies.ground_motion.stripes import (
     responses_of,
 )
 from hpcsweep.studies.ground_motion.variables import FACTS
+from hpcsweep.studies.run_names import written
 from hpcsweep.studies.study import as_kind
 
 HISTORY, BITS = "history_displacement", 12
@@ -170,9 +171,8 @@ def _describe(found, has_buildings: bool) -> dict:
 def _menu(axis, structure) -> dict:
     """Describe the menu of a key that the job varies, or of rows of keys."""
     if not axis.columns:
-        values = [f"{v:.6g}" if isinstance(v, float) else str(v) for v in axis.values]
         unit = labels.unit(structure, axis.units) if axis.units != "1" else ""
-        return {"name": axis.name + unit, "values": values}
+        return {"name": axis.name + unit, "values": [*map(written, axis.values)]}
     rows = (
         ", ".join(f"{one.name} = {one.values[i]}" for one in axis.columns)
         for i in range(len(axis.values))

@@ -19,16 +19,16 @@ from hpcsweep.studies.variables import (
 
 EACH = (*RUN, "attractor")
 SLOTS = {"attractor": "attractor_id"}
-LIFETIME = ("transient_lifetime", "transient_lifetime_low", "transient_lifetime_high")
+LIFETIME = {
+    "transient_lifetime": "mean lifetime",
+    "transient_lifetime_low": "lower end of the mean lifetime",
+    "transient_lifetime_high": "upper end of the mean lifetime",
+}
 TRANSIENT = (
     count("n_transient", RUN, "starts that were transient chaos, wherever they end", failed=VALID),
     *(
         real(name, RUN, "forcing periods", f"{which} of transient chaos", None, failed=ANY)
-        for name, which in zip(
-            LIFETIME,
-            ("mean lifetime", "lower end of the mean lifetime", "upper end of the mean lifetime"),
-            strict=True,
-        )
+        for name, which in LIFETIME.items()
     ),
 )
 """Outcome of the tests of lifetimes (`hpcsweep.dynamics.lifetime`)."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, spectrum
 from hpcsweep.earthquakes.units import STANDARD_GRAVITY
-from hpcsweep.model.arguments import instance, number, positive
+from hpcsweep.model.arguments import instance, positive
 from hpcsweep.model.record import Record
 
 START, END = 0.05, 0.95
@@ -102,29 +102,16 @@ def ground_motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
     return velocity, displacement
 
 
-def significant_duration(record: Record, start: float = START, end: float = END) -> float:
-    """Return the time in which the Arias intensity grows between two fractions of its final value.
-
-    Parameters
-    ----------
-    record : Record
-    start, end : float
-        Fractions, from 0 to 1, ascending.
+def significant_duration(record: Record) -> float:
+    """Return the time in which the Arias intensity grows from `START` to `END` of its final value.
 
     Returns
     -------
     float
         In the record's unit of time; 0 if the ground does not move.
-
-    Raises
-    ------
-    ValueError
     """
-    instance("record", record, Record)
-    number("start", start, "from 0 to 1", 0.0, 1.0)
-    number("end", end, f"from start, {start}, to 1", start, 1.0)
     grown = _energy(record)
-    return _reached(record, grown, end * grown[-1]) - _reached(record, grown, start * grown[-1])
+    return _reached(record, grown, END * grown[-1]) - _reached(record, grown, START * grown[-1])
 
 
 def spectral_acceleration(

@@ -58,14 +58,10 @@ def refuse_smooth(contacts: Sequence, sharpness: float, told: tuple[str, Any] | 
         )
 
 
-def restitution_of(ratio: float, tension: bool = False) -> float:
-    """Return the coefficient of restitution e of a collision at the damping ratio xi >= 0."""
+def restitution_of(ratio: float) -> float:
+    """Return the restitution e at the damping ratio xi >= 0 of a contact that does not pull."""
     if ratio == 0.0:
         return 1.0
-    if tension:
-        if ratio >= 1.0:
-            return 0.0
-        return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio * ratio))
     if ratio < 1.0:
         return math.exp(-2.0 * ratio * math.acos(ratio) / math.sqrt(1.0 - ratio * ratio))
     if ratio == 1.0:

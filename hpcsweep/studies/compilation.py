@@ -105,8 +105,10 @@ def worth_specialising(study: Study, n_ranks: float | None) -> bool:
 
 def warm_up_all(say: Say = None, jobs: int | None = None) -> None:
     """Compile, or load, what runs with any settings and responses to records call."""
+    from hpcsweep.solvers.flow.record_map import kernels_of
+
     every = SweepSettings(metrics=frozenset(METRICS))
-    needed = dict.fromkeys([*_needed(every, None, False), *record_kernels(Structure(1), True)])
+    needed = dict.fromkeys([*_needed(every, None, False), *kernels_of(Structure(1), True)])
     load(list(needed), say, jobs)
     for name in SOLVERS:
         warm_up(replace(every, solver=name), say, jobs)
@@ -129,17 +131,3 @@ def _needed(settings: SweepSettings, structure: Structure | None, specialised: b
     from hpcsweep.solvers.flow.specialised import needed_kernels
 
     return needed_kernels(structure, specialised, settings.measures != 0)
-
-
-def branch_kernels(structure: Structure) -> list[Any]:
-    """Return what branches of a structure call besides."""
-    from hpcsweep.solvers.flow import specialised
-
-    return specialised.branch_kernels(structure)
-
-
-def record_kernels(structure: Structure, energy: bool) -> list[Any]:
-    """Return what responses of a structure to records, and their energies, call."""
-    from hpcsweep.solvers.flow.record_map import kernels_of
-
-    return kernels_of(structure, energy)

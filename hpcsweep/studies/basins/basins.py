@@ -176,9 +176,7 @@ class RefinedBasins(SliceGrid):
         if label <= 0:
             return []
         known = {name: values[0] for name, values in runs_of(self).attractors().items()}
-        listed = [
-            v for v in variables.basin_variables(self.settings) if variables.is_of_attractors(v)
-        ]
+        listed = variables.of_attractors(self.settings)
         return attractors_as_runs(listed, known)[label - 1 : label]
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.attractors.search import UNSTORED, store_attractor
 from hpcsweep.studies.basins.slice import SliceGrid
-from hpcsweep.studies.basins.variables import basin_variables, is_of_attractors
+from hpcsweep.studies.basins.variables import basin_variables, of_attractors
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.variables import empty_results
 
@@ -89,8 +89,7 @@ class SliceRuns:
 
     def attractors(self, poll: Poll = None) -> Rows:
         """Return the attractors of the slice, arrays of shape (1, max_attractors, ...)."""
-        variables = [v for v in basin_variables(self._settings) if is_of_attractors(v)]
-        most = self._study.max_attractors
+        variables, most = of_attractors(self._settings), self._study.max_attractors
         found = empty_results(variables, self._structure, 1, attractor=most)
         for slot, one in enumerate(self._known(poll).attractors):
             known = {"attractor_id": slot + 1, "point": one.points[-1]}

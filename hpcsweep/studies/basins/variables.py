@@ -56,9 +56,9 @@ def basin_variables(settings: SweepSettings) -> list[Variable]:
     return attractor_variables(settings, VARIABLES)
 
 
-def is_of_attractors(variable: Variable) -> bool:
-    """Return whether a variable of a row has a value for each attractor."""
-    return variable.dims[: len(EACH)] == EACH
+def of_attractors(settings: SweepSettings) -> list[Variable]:
+    """Return those variables of a row that have a value for each attractor."""
+    return [each for each in basin_variables(settings) if each.dims[: len(EACH)] == EACH]
 
 
 def listed_variables(settings: SweepSettings) -> list[Variable]:
@@ -68,6 +68,6 @@ def listed_variables(settings: SweepSettings) -> list[Variable]:
     """
     return [
         replace(variable, dims=(*START_RUN[:2], *variable.dims[len(RUN) :]))
-        for variable in basin_variables(settings)
-        if is_of_attractors(variable) and variable.name != "hits"
+        for variable in of_attractors(settings)
+        if variable.name != "hits"
     ]

@@ -224,13 +224,15 @@ class Branches(BranchGrid):
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import branch_kernels, missing
+        from hpcsweep.solvers.flow.specialised import branch_kernels
+        from hpcsweep.studies.compilation import missing
 
         return super().is_compiled(n_ranks) and not missing(branch_kernels(self.structure))
 
     def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import branch_kernels, load
+        from hpcsweep.solvers.flow.specialised import branch_kernels
+        from hpcsweep.studies.compilation import load
 
         super().warm_up(say, n_ranks)
         load(branch_kernels(self.structure), say, kernels="kernels of branches")

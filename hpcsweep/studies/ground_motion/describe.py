@@ -1,6 +1,7 @@
 """Describe the records of a study, before anything is computed, and count over its runs after."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,11 +31,7 @@ FAR = 0.3
 
 def lines(study: RecordGrid) -> Lines:
     """Tell the scales and the records."""
-    structure, measure, scale = study.structure, study.measure, study.scale
-
-    def named(quantity: str) -> str:
-        return unit_of(structure, quantity)
-
+    measure, scale, named = study.measure, study.scale, partial(unit_of, study.structure)
     unit = "" if measure.quantity == "1" else f" {named(measure.quantity)}"
     low, high = study.factor.min(), study.factor.max()
     yield (
@@ -42,7 +39,7 @@ def lines(study: RecordGrid) -> Lines:
         f"{scale.size} of {measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records are "
         f"multiplied by {low:.4g} to {high:.4g}",
     )
-    period = longest_period(structure)
+    period = longest_period(study.structure)
     yield (
         "records",
         f"PGA in g of {study.gravity:g} {named('acceleration')}, PGV in {named('velocity')}, "

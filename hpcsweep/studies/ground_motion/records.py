@@ -207,9 +207,9 @@ class Records(RecordGrid):
 
     def _kernels(self) -> list:
         """Return what its runs call."""
-        from hpcsweep.studies.compilation import record_kernels
+        from hpcsweep.solvers.flow.record_map import kernels_of
 
-        return record_kernels(self.structure, "energy" in self.settings.metrics)
+        return kernels_of(self.structure, "energy" in self.settings.metrics)
 
     def lines(self) -> Lines:
         """Tell the scales and the records, in order."""

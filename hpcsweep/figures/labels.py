@@ -67,10 +67,8 @@ def common(values: np.ndarray) -> float | None:
 
 def path_words(study, runs) -> str:
     """Format what a sweep along another parameter than the amplitude does with that one."""
-    amplitude, over = (
-        common(runs["amplitude"].values),
-        study.run_dims[-2:] == ("omega", "amplitude"),
-    )
+    amplitude = common(runs["amplitude"].values)
+    over = study.run_dims[-2:] == ("omega", "amplitude")
     own = [] if amplitude is None or over else [f"$A$ = {amplitude:.6g}"]
     return ",  ".join([*own, *study.ties])
 

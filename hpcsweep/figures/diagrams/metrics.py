@@ -62,10 +62,8 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
 
 
 def _drift(axis, frame, classes, free: float) -> None:
-    amplitude, chaotic = (
-        frame["amplitude"].values,
-        dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]],
-    )
+    amplitude = frame["amplitude"].values
+    chaotic = dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]]
     names = frame["direction"].values.tolist()
     for direction, drift, row in zip(names, frame["drift"].values, classes, strict=True):
         chaos, marker = row == MotionClass.CHAOTIC, style.MARKERS[direction]

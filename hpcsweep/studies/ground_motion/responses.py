@@ -127,10 +127,8 @@ class RecordResponses:
             is_linear = scale <= first
             if is_linear:
                 more = self._powers("linear_power") - self._powers("power")
-                outcome, own = (
-                    Outcome.COMPLETE,
-                    free * factor ** self._powers("power") * scale**more,
-                )
+                outcome = Outcome.COMPLETE
+                own = free * factor ** self._powers("power") * scale**more
             else:
                 row, outcome = self._respond(record, digest, scale, poll)
                 own = row * (factor / scale) ** self._powers("power")

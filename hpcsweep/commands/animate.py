@@ -10,9 +10,9 @@ from hpcsweep.figures.options import BRANCHES, FLOORS, Option, file_name, positi
 
 SUMMARY = "make a film of the orbit diagrams over Omega"
 HELP = """\
-Make a film (MP4) of the orbit diagrams, or of a measure, one frame a forcing frequency, with fixed
-axes. Start it under mpirun to use many ranks; alone it uses several processes. The film is the same
-for any number. Needs the extra 'video' (imageio-ffmpeg)."""
+Make a film of the orbit diagrams, or of a measure, one frame a forcing frequency, with fixed axes:
+MP4 or, by the ending of OUT, GIF. Start it under mpirun to use many ranks; alone it uses several
+processes. The film is the same for any number. Needs the extra 'video' (imageio-ffmpeg)."""
 OPTIONS = (
     Option(
         "--poster", "also write the frame with most kinds of motion", type=file_name, metavar="PNG"
@@ -42,7 +42,7 @@ OPTIONS = (
     BRANCHES,
     Option(
         "--width",
-        "even (default: 1280); the height follows from the number of floors shown",
+        "even (default: 1280, GIF 960); the height follows from the number of floors shown",
         type=whole_number(1),
         default=0,
         metavar="PIXELS",
@@ -52,8 +52,7 @@ OPTIONS = (
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    add_file(parser, "OUT", "film, .mp4 (default: FILE.mp4)")
-
+    add_file(parser, "OUT", "film, .mp4 or .gif (default: FILE.mp4)")
     for option in OPTIONS:
         option.add(parser)
     parser.add_argument(

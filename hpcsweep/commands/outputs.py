@@ -21,7 +21,7 @@ KINDS = {
     "journal": rb'\{"kind": ',
     PICTURE: rb"\x89PNG|\xff\xd8\xff|RIFF....WEBP|%PDF|%!PS|II\*\0|MM\0\*|\s*<(\?xml|svg)|\x1f\x8b",
     PAGE: rb"(?i)\s*<!doctype html",
-    FILM: rb"....ftyp",
+    FILM: rb"GIF8|....ftyp",
     DEMANDS: rb",\d+-P[FI][AD]-",
     TABLE: rb"PAR1|([^\n]+,)?(record,scale|direction,\w+,amplitude),",
 }

@@ -186,9 +186,8 @@ def read_values(values: Values):
     structure = min(each, key=lambda one: (one.is_uniform, is_in_gaps(one)))
     settings = _settings(values, study.skip_rules)
     damped = any(one.contact_damping.any() for one in each)
-    if settings.solver == "bdf" and (damped or structure.sliders or settings.measures):
-        limit = "must be 'flow' where contacts have dashpots, springs yield, or peaks and impacts "
-        limit += "of storeys, floors or contacts are asked for"
+    if settings.solver == "bdf" and (damped or structure.sliders):
+        limit = "must be 'flow' where contacts have dashpots, or springs yield"
         raise values.error("solver.method", settings.solver, limit)
     if structure.sliders and not study.yields:
         known = ", ".join(name for name in KINDS if KINDS[name].yields)

@@ -6,7 +6,7 @@ state alone (a sweep can be cut and resumed anywhere with the same result) and t
 forcing never loses digits. Keeping one object over all periods is no more accurate; the start at
 order 1 costs some 20 steps a period, 3 to 8 per cent once there is contact.
 
-`bdf_steps` integrates a period. Contacts with dashpots, and measures, are left to `flow`.
+`bdf_steps` integrates a period. Contacts with dashpots are left to `flow`.
 """
 
 import math
@@ -104,13 +104,12 @@ class BdfMap:
         poll: Callable[[], None] | None = None,
         measures: int = 0,
     ) -> Observation:
-        """Integrate `n_periods` and gather points, contact set, drift and modal norms.
+        """Integrate `n_periods` and gather points, contact set, drift, modal norms and measures.
 
-        Measures are left to `flow`; of `bdf` they are empty, whatever `measures` asks for. With
-        `growth` also the growth of a tangent vector, initially (1, ..., 1), for which the window is
-        integrated again.
+        With `growth` also the growth of a tangent vector, initially (1, ..., 1), for which the
+        window is integrated again.
         """
-        tally = StepTally(self._model, modal_norm)
+        tally = StepTally(self._model, modal_norm, measures, self._absolute(amplitude))
         points, outcome = self._collect(state, amplitude, n_periods, poll, tally.add)
         logarithms = np.empty(0)
         if growth and outcome is Outcome.COMPLETE:
@@ -123,6 +122,7 @@ class BdfMap:
             outcome,
             window_growth(logarithms),
             logarithms,
+            tally.measures(self.structure, len(points)),
         )
 
     def grow(
@@ -196,6 +196,19 @@ class BdfMap:
                 poll()
             ends[k], matrices[k] = self.monodromy(state, amplitude, 1)
         return ends, matrices
+
+    def _absolute(self, amplitude) -> Callable[[Callable, float, np.ndarray], np.ndarray]:
+        """Return the absolute accelerations of the floors as a function for `StepTally`."""
+        n = self.structure.n_floors
+        order, size, phase = self._model.harmonics.T
+
+        def accelerations(field: Callable, tau: float, z: np.ndarray) -> np.ndarray:
+            base = amplitude / self._units.amplitude_unit
+            ground = base * (size @ np.sin(order * self._model.omega * tau + phase))
+            forced = field(tau, z)[len(z) // 2 :][:n]
+            return forced + self._model.ground * ground
+
+        return accelerations
 
     def _collect(self, state, amplitude, n_periods, poll, on_step):
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)

@@ -72,7 +72,7 @@ class BdfSteps:
         amplitude, length : float
         poll : callable, optional
         on_step : callable, optional
-            Called with the interpolant of each step and its ends.
+            Called with the interpolant of each step, its ends and the right-hand side.
         columns : int
 
         Returns
@@ -102,7 +102,7 @@ class BdfSteps:
                         finite = np.all(np.isfinite(field(solver.t, solver.y)))
                         return z, Outcome.SOLVER_FAILED if finite else Outcome.NON_FINITE
                     if on_step is not None:
-                        on_step(solver.dense_output(), solver.t_old, solver.t)
+                        on_step(solver.dense_output(), solver.t_old, solver.t, field)
             except (ValueError, np.linalg.LinAlgError, FloatingPointError, OverflowError):
                 return z, Outcome.NON_FINITE
         return solver.y, Outcome.COMPLETE

@@ -1,7 +1,7 @@
 """Recompute a stored run, with the other solver and as it was.
 
 With the other solver, at a tight tolerance (`flow` itself where contacts have dashpots,
-springs yield, or a model is reduced, and for peaks of storeys, floors and contacts):
+springs yield, or a model is reduced):
 
 periodic run (period p)
     From the stored last point, p forcing periods: every point on the way must equal the stored one,
@@ -143,13 +143,10 @@ def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -
         again.compared = f"{len(ways)} points, each carried to the next"
     on_orbit = bool(period) and (int(run["skip_rule"]) != SkipRule.NONE or off_path)
     for z, stored in ways:
-        run_on = z, again.amplitude, period or 1
-        seen = solver.observe(*run_on, True)
+        measures = study.settings.measures
+        seen = solver.observe(z, again.amplitude, period or 1, True, measures=measures)
         if seen.outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"{again.solver}: {seen.outcome.name}")
-        if wanted := study.settings.measures:  # `flow` alone gathers them
-            seen = replace(seen, measures=tangent.observe(*run_on, measures=wanted).measures)
-
         growth, product = 1.0, np.eye(z.size)
         for _ in range(0 if study.structure.sliders else period or 1):
             z, step = tangent.monodromy(z, again.amplitude, 1)
@@ -184,7 +181,7 @@ def _judge_metrics(study: Study, again: RunAgain, seen: Observation, run: dict, 
     found["drift"] = normalised_drift(seen.peak_drift, *place)
     peaks = [v for v in RUN_VARIABLES if v.name in run and v.name in MEASURES]
     rows = empty_results(peaks, structure, 1)
-    if seen.measures.size:
+    if peaks:
         store_measures(rows, structure, seen.measures[None])
     found |= {name: values[0] for name, values in rows.items()}
     lengths = {"length": 1.0, DRIFT.units: again.amplitude / again.omega**2}

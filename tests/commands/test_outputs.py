@@ -95,6 +95,7 @@ def test_kinds_are_told_by_the_first_bytes(tmp_path):
     contents = {
         b"<!DOCTYPE html><p>": PAGE,
         b"\0\0\0\x18ftypmp42": FILM,
+        b"GIF89a": FILM,
         b"%PDF-1.7": PICTURE,
         b"<?xml version": PICTURE,
         b"words": "file",

@@ -13,6 +13,7 @@ from tools import SMALL, hpcsweep, spot
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands import cli
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.film import film, video
 from hpcsweep.figures.film.film import check
 from hpcsweep.figures.film.frames import Film, Request, common_of
@@ -146,6 +147,30 @@ def test_poster_is_the_frame_with_most_kinds_of_motion(made):
     assert min(errors) < 3
 
 
+@pytest.mark.slow
+def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
+    from PIL import Image
+
+    request = Request(results, tmp_path / "o.gif", every=2, color="period", width=480, fps=20)
+    check(request)
+    assert film.make(request, Serial()) == 2
+    view = picture_of(request)
+    p1 = MOTION_COLOURS[motion_place(MotionClass.PERIODIC, 1)]
+    with Image.open(request.output) as gif:
+        assert gif.n_frames == 2
+        assert gif.info["loop"] == 0
+        assert gif.info["duration"] == 50
+        for k, frame in enumerate((0, 2)):
+            gif.seek(k)
+            picture = np.asarray(gif.convert("RGB")).astype(int)
+            wanted = view.paint(frame)
+            assert np.abs(picture - wanted).mean() < 1
+            own = np.all(wanted == rgb(p1), axis=2)
+            assert own.sum() > 20
+            assert np.abs(picture[own] - rgb(p1)).max() <= 2
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["o.gif"]
+
+
 @pytest.mark.parametrize("color", ["contact", "period"])
 def test_colours_tell_the_class_of_the_run(made, tmp_path, color):
     request = replace(made, color=color, direction="down")
@@ -219,10 +244,10 @@ def test_mistakes_take_one_line_and_write_nothing(results, tmp_path, capsys, mon
         return error
 
     out = tmp_path / "o.mp4"
-    assert "must end in .mp4" in fails(results, "-o", tmp_path / "o.avi")
+    assert ".mp4 or .gif" in fails(results, "-o", tmp_path / "o.avi")
     assert "does not exist" in fails(results, "-o", tmp_path / "no" / "o.mp4")
     assert "even" in fails(results, "-o", out, "--width", 641)
-
+    assert "50" in fails(results, "-o", tmp_path / "o.gif", "--fps", 60)
     assert "--poster" in fails(results, "-o", out, "--poster", tmp_path / "p.jpg")
     assert "cannot be read" in fails(tmp_path / "none.h5", "-o", out)
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
@@ -248,7 +273,7 @@ def test_what_is_not_there_is_refused(results, tmp_path):
     assert film.make(request, Serial()) == 4
     assert len(decode(request.output)[0]) == 4
     with pytest.raises(RuntimeError, match="ffmpeg ended with code"):
-        video.encode(tmp_path / "none", tmp_path / "x.mp4", 25.0)
+        video.encode(tmp_path / "none", tmp_path / "x.mp4", 25.0, tmp_path, ())
 
 
 @pytest.mark.slow

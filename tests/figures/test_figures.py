@@ -383,7 +383,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     page = build_page(gather(path))[0]
     assert DIRECTIONS[START] in page
     assert "each from the initial state" in page
-    film = tmp_path / "film.mp4"
+    film = tmp_path / "film.gif"
     assert main(["animate", str(path), "-o", str(film), "--width", "320", "--fps", "5"]) == 0
     assert film.stat().st_size > 1000
 

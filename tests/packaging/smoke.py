@@ -179,7 +179,8 @@ def check(hpcsweep: Installed) -> None:
             picture = f"{kind}.png"
             hpcsweep("plot", file, "--kind", kind, *more, "-o", picture, makes=picture)
             assert Path(picture).read_bytes().startswith(b"\x89PNG")
-    hpcsweep("animate", "study.h5", "--width", "640", "-o", "study.mp4", makes="study.mp4")
+    for film in ("study.mp4", "study.gif"):
+        hpcsweep("animate", "study.h5", "--width", "640", "-o", film, makes=film)
     hpcsweep("explore", "study.h5", "--branches", "curves.h5", makes="study.html")
     hpcsweep("explore", "records.h5", makes="records.html")
     for page in ("study.html", "records.html"):

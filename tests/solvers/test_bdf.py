@@ -80,7 +80,7 @@ def test_drift_and_contact_come_from_extrema_between_step_ends(peak, contact):
         u, v = peak * np.sin(t), peak * np.cos(t)
         return np.array([u, -u, v, -v])
 
-    tally.add(interpolant, 0.3, 2.5)
+    tally.add(interpolant, 0.3, 2.5, None)
     assert tally.contact == contact
     assert tally.peak_drift == pytest.approx(2 * peak, abs=1e-11)
 

@@ -10,6 +10,7 @@ from hpcsweep.model.equations import MODEL, derivative
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
+from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.measures import CLOSINGS, FORCE, IMPACT_FLAG, SPEED, TIME
 
@@ -106,6 +107,8 @@ def test_impacts_are_those_of_the_motion(structure, amplitude, omega):
     assert expected[CLOSINGS].any()
     flow = FlowMap(structure, omega).observe(start, amplitude, PERIODS, measures=IMPACT_FLAG)
     compare(flow, expected, structure, 2e-8)
+    bdf = BdfMap(structure, omega, 1e-9).observe(start, amplitude, PERIODS, measures=IMPACT_FLAG)
+    compare(bdf, expected, structure, 1e-4)
 
 
 @pytest.mark.slow

@@ -49,16 +49,17 @@ def check(request: Request) -> None:
     StoreError
         If the file is not a campaign file, or holds no stroboscopic points.
     """
-    asked = ("output", request.output, ".mp4"), ("poster", request.poster, ".png")
-    for option, path, ending in asked:
-        if path is None:
-            continue
-        if path.suffix.lower() != ending:
-            raise PlotError(f"--{option} {path}: must end in {ending}")
-        if not path.parent.is_dir():
+    if request.output.suffix.lower() not in video.ENDINGS:
+        raise PlotError(f"--output {request.output}: must end in {' or '.join(video.ENDINGS)}")
+    for path in (request.output, request.poster):
+        if path is not None and not path.parent.is_dir():
             raise PlotError(f"{path}: folder {path.parent} does not exist")
-        if path.is_dir():
+        if path is not None and path.is_dir():
             raise PlotError(f"{path}: is a folder")
+    if request.poster is not None and request.poster.suffix.lower() != ".png":
+        raise PlotError(f"--poster {request.poster}: must end in .png")
+    if request.is_gif and request.fps > video.MAX_GIF_RATE:
+        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
     if request.width and (request.width % 2 or not MIN_WIDTH <= request.width <= MAX_WIDTH):
         raise PlotError(f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}")
     Film(request).frames.close()
@@ -117,8 +118,7 @@ def make(
         if share(partial(_draw, request, common, folder), [*enumerate(drawn)]) is None:
             return None
         richest = max(drawn, key=lambda k: (found[k].kinds, found[k].points, -k))
-        finish = partial(_finish, request, folder, drawn.index(richest))
-
+        finish = partial(_finish, request, common, folder, drawn.index(richest))
         with StopFlag():  # a film whose frames are drawn is finished
             _on_first(request, comm, finish)
     return len(drawn)
@@ -178,10 +178,14 @@ def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
         raise PlotError(problem) from None
 
 
-def _finish(request: Request, folder: Path, richest: int) -> None:
+def _finish(request: Request, common: Common, folder: Path, richest: int) -> None:
     """Make the film, move it and the poster to their places."""
-    whole = folder / "film.mp4"
-    video.encode(folder, whole, request.fps)
+    poster, whole = folder / (video.PICTURES % richest), folder / f"film{request.output.suffix}"
+    keys: list[tuple[str, str]] = []
+    if request.is_gif:
+        picture = _picture(request, common)
+        keys = [*picture.keys.values(), *picture.sets.values()]
+    video.encode(folder, whole, request.fps, poster, [colour for colour, _ in keys])
     if request.poster is not None:
-        (folder / (video.PICTURES % richest)).replace(request.poster)
+        poster.replace(request.poster)
     whole.replace(request.output)

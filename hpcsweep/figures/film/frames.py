@@ -25,8 +25,7 @@ class Request:
     Attributes
     ----------
     file, output : Path
-        Results, and the film.
-
+        Results, and the film; its ending selects MP4 or GIF.
     poster : Path or None
         Picture of the frame with most kinds of motion.
     fps : float
@@ -58,6 +57,11 @@ class Request:
     show: str = ""
     branches: Path | None = None
     at: Mapping[str, float | str] = field(default_factory=dict, hash=False)
+
+    @property
+    def is_gif(self) -> bool:
+        """Return whether a GIF is requested."""
+        return self.output.suffix.lower() == ".gif"
 
 
 class FrameSurvey(NamedTuple):

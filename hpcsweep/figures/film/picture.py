@@ -12,9 +12,8 @@ from hpcsweep.figures.fitting import area, dot, legend_below
 from hpcsweep.figures.overlay import Drawn
 from hpcsweep.solvers.outcome import Outcome
 
-PIXELS = 1280
-"""Width of a frame, unless it is requested."""
-
+PIXELS = 1280, 960
+"""Width of a frame of MP4 and of GIF, unless it is requested."""
 WIDTH = 12.8
 """Inches: sizes of letters and points are those of figures."""
 STABLE, UNSTABLE = (palette.DARK_INK, 2.2), ("#8c8c8c", 0.7)
@@ -65,7 +64,7 @@ class Picture:
         n_panels, n_bands = len(film.floors), len(film.directions) if self.sets else 0
         tall = float(np.clip(PANELS / n_panels, MIN_PANEL, MAX_PANEL))
         heights = [SCALE, *([BAND * n_bands] if n_bands else []), *[tall] * n_panels]
-        pixels = film.request.width or PIXELS
+        pixels = film.request.width or PIXELS[film.request.is_gif]
         dpi = pixels / WIDTH
         # an even number of pixels; matplotlib cuts to whole ones
         size = pixels + 0.01, 2 * round((sum(heights) + REST) * dpi / 2) + 0.01
@@ -90,7 +89,7 @@ class Picture:
             self.bands.set_yticks(np.arange(n_bands) + 0.5, words, fontsize=8)
             self.bands.tick_params(length=0)
         room = 0.9 * pixels / self._along.size
-        radius = float(np.clip(0.3 * room, 1.0, 3.2 * max(pixels / PIXELS, 0.6)))
+        radius = float(np.clip(0.3 * room, 1.0, 3.2 * max(pixels / PIXELS[0], 0.6)))
         # points of chaos are fine, those of orbits are large and lie on them
         sizes = ("s", np.clip(radius, 1.5, 3)), ("o", 2 * radius + 1)
         self._markers: list[dict[str, Any]] = [

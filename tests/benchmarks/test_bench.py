@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from speed import figure, peers, profile, ratios, scaling, skips, startup, work_precision
+from together import together
 from tools import JOBS
 
 from hpcsweep.job import load_job, parse_job
@@ -39,8 +40,8 @@ def test_a_run_agrees_with_itself_and_with_its_orbit_alone():
     assert reported(one_run(), one_run(SweepSettings().skip)) == []
 
 
-@pytest.mark.parametrize(
-    ("name", "change"),
+@together(
+    "name, change",
     [
         ("orbit_period", 2), ("contact", 1), ("drift", 3e-5), ("modal_norm", 2e-3),
         ("poincare", 2e-5), ("final_state", 2e-5), ("outcome", 1),

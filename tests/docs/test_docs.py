@@ -12,6 +12,7 @@ from pathlib import Path
 import from_code
 import h5py
 import pytest
+from together import together
 from tools import ATTRACTORS, BASINS, GRID, RECORDS, ROOT, SMALL, hpcsweep
 
 import hpcsweep as hpcsweep_api
@@ -196,9 +197,7 @@ def test_every_room_has_its_page_of_words():
         assert ast.get_docstring(ast.parse(source))
 
 
-@pytest.mark.parametrize(
-    "text", [SMALL + MEASURED + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST, RECORDS]
-)
+@together("text", [SMALL + MEASURED + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST, RECORDS])
 def test_every_name_in_a_file_is_in_the_glossary_or_among_the_variables(text):
     study = parse_job(text, "job.toml", "job").study
     named = spans((ROOT / "docs" / "glossary.md").read_text() + generated()["variables.md"])

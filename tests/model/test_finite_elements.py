@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from beams import beam
 from scipy import sparse
+from together import together
 
 from hpcsweep import (
     Contact,
@@ -252,7 +253,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("make", "said"), WRONG)
+@together("make, said", WRONG)
 def test_a_wrong_model_is_refused_in_one_line(make, said):
     with pytest.raises(ValueError, match=said) as caught:
         make()

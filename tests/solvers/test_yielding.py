@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from together import together
 from yielding import SmoothYielding, Yielding
 
 import hpcsweep
@@ -317,7 +318,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("wrong", "message"), WRONG)
+@together("wrong, message", WRONG)
 def test_wrong_sliders_are_refused(wrong, message):
     given = {"direction": (1.0, 0.0), "stiffness": 1.0, "strength": 1.0}
     with pytest.raises(ValueError, match=message):
@@ -369,8 +370,8 @@ def test_a_limit_is_needed_of_storeys_that_soften_alone():
         frame(**given, collapse_drift=[math.inf, 0.3])
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
+@together(
+    "given, message",
     [
         ({"weight": None}, "weight is missing: p_delta needs it"),
         ({"storey_height": None}, "storey_height is missing: p_delta needs it"),

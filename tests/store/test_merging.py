@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from together import together
 from tools import (
     ATTRACTORS,
     BASINS,
@@ -93,8 +94,8 @@ def test_a_name_that_a_job_gives_is_that_of_the_whole(tmp_path):
     assert np.array_equal(jobs[1].study.omega, [0.6, 0.8])
 
 
-@pytest.mark.parametrize(
-    ("text", "n", "said"),
+@together(
+    "text, n, said",
     [
         (SMALL, 5, "-n 5: n must be at most that of the 4 omegas"),
         (SMALL, 1, "-n 1: must be from 2 to 10000"),
@@ -109,7 +110,7 @@ def test_what_cannot_be_cut_is_refused(text, n, said, tmp_path):
     assert said in str(error.value)
 
 
-@pytest.mark.parametrize("given", ["[0, 2]", "[3, 2]", "[1.0, 2]", "2", "[1, 2, 3]", "[true, 2]"])
+@together("given", ["[0, 2]", "[3, 2]", "[1.0, 2]", "2", "[1, 2, 3]", "[true, 2]"])
 def test_a_part_is_one_of_several(given):
     with pytest.raises(JobError, match=r"x: part = .*: must be \[k, n\]"):
         parse_job(f"part = {given}\n{SMALL}", "x", "x")

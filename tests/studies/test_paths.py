@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 from tools import ALONG, ATTRACTORS, GAPS, SMALL, hpcsweep, made
 
 import hpcsweep as api
@@ -187,8 +188,8 @@ def test_a_formula_counts_by_its_values():
     assert first == same != other
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
+@together(
+    "old, new, words",
     [
         ('"omega"', '"Omega"', "sweep.along = 'Omega': must be omega, amplitude or a key of"),
         ('"omega"', '"solver.rtol"', "sweep.along = 'solver.rtol': must be omega, amplitude or"),
@@ -219,8 +220,8 @@ def test_bad_paths_are_refused_in_one_line(old, new, words):
     assert "\n" not in said
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
+@together(
+    "old, new, words",
     [
         ("{from = 0.5, to = 1.5, count = 11}", "[1.5, 0.5]", "vary.structure.gap = [1.5, 0.5]: mu"),
         ("{from = 0.5, to = 1.5, count = 11}", "[0.5, inf]", "vary.structure.gap = [0.5, inf]: mu"),

@@ -1,6 +1,7 @@
 """Where things are, how a campaign is started, how two files are compared."""
 
 import dataclasses
+import fnmatch
 import functools
 import os
 import shutil
@@ -24,6 +25,8 @@ DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 """Damping ratios of the building as the paper describes it: jobs/paper/figure3-described.toml."""
 LIMIT = 900
 """Seconds after which a command hangs."""
+FITTED = f"*_{12 * '[0-9a-f]'}-*"
+"""Files of kernels that are specialised to a structure."""
 
 SMALL = """
 [structure]
@@ -232,6 +235,23 @@ def made(text: str, path: Path, **options) -> Path:
     (ending,) = run_all([(parse_job(text, "job", "job"), path)], Serial(), **options)
     assert ending.code == COMPLETE
     return path
+
+
+def kernels_but(cache: Path, *left_out: str) -> int:
+    """Copy all compiled kernels into another cache, without those of some modules; count these.
+
+    To compile all of them takes minutes; some are enough for what a test is about.
+    """
+    from hpcsweep.kernels.compile.cache import SUFFIX, cache_folder
+
+    assert forked(["warmup"]).returncode == 0
+    kept = cache_folder()
+    folder = cache / kept.name
+    shutil.copytree(kept, folder, ignore=lambda _, names: fnmatch.filter(names, FITTED))
+    gone = [path for module in left_out for path in (folder / module).glob(f"*{SUFFIX}")]
+    for path in gone:
+        path.unlink()
+    return len(gone)
 
 
 def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: str):

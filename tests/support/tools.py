@@ -1,6 +1,7 @@
 """Where things are, how a campaign is started, how two files are compared."""
 
 import dataclasses
+import faulthandler
 import fnmatch
 import functools
 import os
@@ -374,6 +375,8 @@ def _alone(main: Callable, cwd: Path | None, out: int, err: int) -> int:
     sys.stdin, sys.stdout, sys.stderr = (
         os.fdopen(number, mode, closefd=False) for number, mode in ((0, "r"), (1, "w"), (2, "w"))
     )
+    # what hangs tells where, before it is killed
+    faulthandler.dump_traceback_later(0.9 * LIMIT, file=err)
     os.chdir(cwd or Path.cwd())
     warnings.resetwarnings()
     for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):

@@ -29,6 +29,7 @@ from hpcsweep.store import StoreError, merge
 
 LISTED = GRID.replace("[structure]", "points = [[0.2, 0.6], [0.1, 0.5], [0.3, 0.7]]\n[structure]")
 LISTED = "\n".join(line for line in LISTED.splitlines() if not line.startswith(("omega", "ampl")))
+FEW = ATTRACTORS.replace("starts = 24", "starts = 8").replace("count = 6", "count = 2")
 BRANCHES = SEEDS.replace(
     "[structure]",
     '[study]\nkind = "branches"\n[branches]\nseeds = "seeds.h5"\nmax_points = 400\n[structure]',
@@ -56,7 +57,14 @@ def parts_of(text: str, n: int, folder: Path, name: str = "job") -> tuple[Path, 
 
 @pytest.mark.parametrize(
     ("text", "n"),
-    [(SMALL, 3), (GRID, 4), (SMALL + VARY, 2), (LISTED, 3), (RECORDS, 3), (ATTRACTORS, 2)],
+    [
+        (SMALL, 3),
+        (GRID, 4),
+        (SMALL.replace("count = 11", "count = 3") + VARY, 2),
+        (LISTED, 3),
+        (RECORDS, 3),
+        (FEW, 2),
+    ],
     ids=["sweeps", "points", "vary", "list", "records", "attractors"],
 )
 def test_merged_parts_are_the_whole_to_the_last_bit(text, n, tmp_path):

@@ -263,6 +263,7 @@ def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_
         add_branches(page, tmp_path / "none.h5")
 
 
+@pytest.mark.slow
 def test_branches_along_the_frequency_start_from_its_sweeps_and_are_drawn_beneath(folder, tmp_path):
     from hpcsweep.campaign.summary import summarize
 

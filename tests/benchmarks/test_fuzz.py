@@ -4,7 +4,7 @@ import fuzz
 import pytest
 
 SHARE = {
-    **{"job": 15, "journal": 3, "data": 2, "packed": 2, "cut": 2, "removed": 2},
+    **{"job": 15, "journal": 1, "data": 2, "packed": 2, "cut": 2, "removed": 2},
     **{"study": 8},
     **{"kernel": 10, "output": 5, "link": 3, "threads": 4},
     **{"session": 4, "range": 200, "yield": 60},

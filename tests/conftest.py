@@ -10,6 +10,11 @@ from pathlib import Path
 
 import pytest
 from tools import SMALL
+from tqdm import tqdm
+
+# no threads beside that of the tests: what they hold locked a fork finds locked for ever
+tqdm.monitor_interval = 0
+os.environ["JE_ARROW_MALLOC_CONF"] = "background_thread:false"  # read by pyarrow, of pandas
 
 
 def pytest_collection_finish():

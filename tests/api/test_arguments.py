@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from claims import judge_files
 from scipy.integrate import solve_ivp
+from together import together
 from tools import SMALL
 
 import hpcsweep
@@ -138,10 +139,10 @@ CALLS = {
 def cases(calls: dict[str, Call]) -> list:
     """Return every odd value of every argument of every call."""
     return [
-        pytest.param(call, argument, value, id=f"{name}-{argument}-{odd}")
-        for name, call in calls.items()
+        (call, argument, value)
+        for call in calls.values()
         for argument, values in call.bad.items()
-        for odd, value in values.items()
+        for value in values.values()
     ]
 
 
@@ -200,7 +201,7 @@ def test_what_is_right_is_taken():
         assert RIGHT[name.rpartition(".")[2]](call.function(**call.good)), name
 
 
-@pytest.mark.parametrize(("call", "argument", "value"), cases(CALLS))
+@together("call, argument, value", cases(CALLS))
 def test_an_odd_value_is_refused_by_its_name(call, argument, value):
     refused(lambda: call.function(**{**call.good, argument: value}), argument)
 
@@ -227,12 +228,12 @@ OF_FILES = {
 }
 
 
-@pytest.mark.parametrize("name", OF_FILES)
+@together("name", OF_FILES)
 def test_what_is_no_path_is_refused(name):
     refused(lambda: OF_FILES[name]("a\0b"), "path")
 
 
-@pytest.mark.parametrize("odd", ["a.h5", [1, 2], {"a.h5"}])
+@together("odd", ["a.h5", [1, 2], {"a.h5"}])
 def test_what_are_no_paths_is_refused(odd):
     refused(lambda: judge_files(odd), "paths")
 

@@ -12,6 +12,7 @@ from stability.cases import Case, made
 from stability.hard_structures import hard_structures
 from stability.runs import _inconsistent, answer, as_json, energy
 from stability.watchdog import Lost, each
+from together import together
 
 from hpcsweep.model.contact import contact_force
 from hpcsweep.model.matrices import Contact
@@ -100,8 +101,8 @@ def seen(**changes):
     return Observation(**{**good, **changes})
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
+@together(
+    "changes, said",
     [
         ({}, ""),
         ({"points": np.full((2, 4), math.nan)}, "not finite"),

@@ -77,8 +77,7 @@ max_points = 32
 }
 
 
-QUICK = ("amplitude_sweep", "refined basins")
-"""Studies of which this takes a second: of paths, of rounds."""
+QUICK = ("amplitude_sweep",)
 
 
 class StopsAtLook(StopFlag):

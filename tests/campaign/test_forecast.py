@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from together import together
 from tools import GRID, hpcsweep
 
 from hpcsweep.campaign import forecast
@@ -25,16 +26,16 @@ from hpcsweep.job import parse_job
 from hpcsweep.store import Layout
 
 
-@pytest.mark.parametrize(
-    ("tasks", "expected"),
+@together(
+    "tasks, expected",
     [([1.0], 1), ([1.0] * 5, 5), ([2.0, 1.0, 1.0], 2), ([50.0] + [1.0] * 50, 2), ([3, 4, 5], 2.4)],
 )
 def test_more_ranks_than_the_whole_over_the_longest_task_are_of_no_use(tasks, expected):
     assert useful_ranks(np.array(tasks, float)) == pytest.approx(expected, rel=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("useful", "hours", "within", "expected"),
+@together(
+    "useful, hours, within, expected",
     [
         (832.0, 1.26, 1.0, 2),
         (832.0, 1.26, 0.1, 13),
@@ -74,8 +75,8 @@ def test_the_interval_holds_the_whole_in_its_share_of_samples(kind, n):
     assert min(held) >= SHARE * DRAWS
 
 
-@pytest.mark.parametrize(
-    ("processor", "clock", "expected"),
+@together(
+    "processor, clock, expected",
     [
         ((1.0, 1.0), (1.0, 1.0), (1.0, LOAD)),
         ((1.0, 1.0), (3.0, 2.0), (1.0, 3.0)),  # others had two thirds of the core
@@ -97,8 +98,8 @@ def test_the_whole_has_the_runs_and_their_blocks_at_least_those_of_a_refined_map
     assert whole(job, equal, 11).low == pytest.approx(5.5 + least)
 
 
-@pytest.mark.parametrize(
-    ("ranks", "work", "memory", "tasks", "time", "megabytes"),
+@together(
+    "ranks, work, memory, tasks, time, megabytes",
     [
         (1, 0.1, 330e6, 1, "00:15:00", 400),  # 393.4 MiB
         (24, 24 * 300.0, 340e6, 24, "00:15:00", 500),  # 15 min exactly, 405.3 MiB

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from tools import JOBS, SMALL, environment, hpcsweep
+from tools import SMALL, environment, hpcsweep
 
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 
@@ -30,55 +30,58 @@ def results(tmp_path_factory):
 LOADED = """
 import json, sys
 from hpcsweep.commands import cli
-try:
-    code = cli.main(sys.argv[1:])
-except SystemExit as end:
-    code = end.code
-print(json.dumps([code, *sys.modules]))
+for arguments in json.loads(sys.argv[1]):
+    try:
+        code = cli.main(arguments)
+    except SystemExit as end:
+        code = end.code
+    print(json.dumps([code, *sys.modules]))
 """
 
 
-def loaded(*arguments: object, cwd=None) -> tuple[int, set[str]]:
-    """Exit code of a command, and the modules it has loaded."""
+def loaded_by(*commands: tuple, cwd=None) -> list[set[str]]:
+    """Run commands one after the other in one process; give the modules loaded after each."""
+    asked = json.dumps([[str(word) for word in command] for command in commands])
     done = subprocess.run(
-        [sys.executable, "-c", LOADED, *map(str, arguments)],
+        [sys.executable, "-c", LOADED, asked],
         cwd=cwd,
         env=environment(),
         capture_output=True,
         text=True,
         check=True,
     )
-    code, *modules = json.loads(done.stdout.splitlines()[-1])
-    return code, set(modules)
+    told = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[0, ")]
+    assert len(told) == len(commands), done.stdout
+    return [set(modules) for _, *modules in told]
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
+def loaded(*arguments: object, cwd=None) -> set[str]:
+    """Modules that a command has loaded."""
+    return loaded_by(arguments, cwd=cwd)[0]
+
+
+def test_a_command_that_computes_nothing_loads_nothing_that_computes(tmp_path, results):
+    shutil.copy(results, tmp_path)
+    *without_scipy, with_options_of_figures = loaded_by(
         ["--help"],
+        ["new", "job.toml"],
         ["status", RESULTS],
         ["status", RESULTS, "--job"],
         ["validate", RESULTS, "--samples", "0"],
         ["plot", "--help"],
-        ["new", "job.toml"],
-    ],
-    ids=lambda arguments: " ".join(str(one).rsplit("/", 1)[-1] for one in arguments),
-)
-def test_a_command_that_computes_nothing_loads_nothing_that_computes(tmp_path, results, arguments):
-    shutil.copy(results, tmp_path)
-    code, modules = loaded(*arguments, cwd=tmp_path)
-    assert code == 0
-    assert not modules & (COMPUTES | DRAWS)
-    assert "plot" in arguments or "scipy" not in modules
+        cwd=tmp_path,
+    )
+    assert not with_options_of_figures & (COMPUTES | DRAWS)
+    assert "scipy" not in without_scipy[-1]
 
 
-def test_a_run_loads_kernels_without_what_would_compile_them(tmp_path, small_job):
+def test_a_run_loads_kernels_of_its_solver_without_what_would_compile_them(tmp_path, small_job):
     arguments = ("run", small_job, "-o", tmp_path / "out.h5")
     assert hpcsweep(0, *arguments).returncode == 0  # compiles them where they are not yet
     (tmp_path / "out.h5").unlink()
-    code, modules = loaded(*arguments)
-    assert code == 0
-    assert not modules & COMPILES
+    modules = loaded(*arguments)
+    assert {"numba", "hpcsweep.solvers.flow"} <= modules
+    assert not modules & (COMPILES | DRAWS | {"scipy.integrate", "hpcsweep.solvers.bdf"})
 
 
 @pytest.mark.parametrize(
@@ -91,18 +94,7 @@ def test_a_run_loads_kernels_without_what_would_compile_them(tmp_path, small_job
 )
 def test_results_are_read_and_drawn_without_what_computes(tmp_path, results, arguments):
     shutil.copy(results, tmp_path)
-    code, modules = loaded(*arguments, cwd=tmp_path)
-    assert code == 0
-    assert not modules & COMPUTES
-
-
-def test_a_run_loads_the_solver_of_its_job_and_no_other(tmp_path):
-    job = tmp_path / "one.toml"
-    job.write_text(f'extends = "{JOBS / "demo.toml"}"\nsweep.amplitude = 0.01\n')
-    code, modules = loaded("run", job, cwd=tmp_path)
-    assert code == 0
-    assert {"numba", "hpcsweep.solvers.flow"} <= modules
-    assert not modules & ({"scipy.integrate", "hpcsweep.solvers.bdf"} | DRAWS)
+    assert not loaded(*arguments, cwd=tmp_path) & COMPUTES
 
 
 @pytest.mark.slow
@@ -119,8 +111,7 @@ def test_each_solver_runs_in_a_process_that_has_loaded_no_other(tmp_path, method
     ):
         text = text.replace(old, new)
     job.write_text(f'{text}\n[solver]\nmethod = "{method}"\n')
-    code, modules = loaded("run", job, "-o", tmp_path / "out.h5")
-    assert code == 0
+    modules = loaded("run", job, "-o", tmp_path / "out.h5")
     studies = {name for name, study in KINDS.items() if study.__module__ in modules}
     assert studies == {DEFAULT_KIND}
     assert f"hpcsweep.solvers.{method}" in modules

@@ -12,6 +12,7 @@ from pathlib import Path
 import from_code
 import h5py
 import pytest
+from together import together
 from tools import ATTRACTORS, BASINS, GRID, RECORDS, ROOT, SMALL, hpcsweep
 
 import hpcsweep as hpcsweep_api
@@ -54,10 +55,11 @@ def spans(text: str) -> list[str]:
     return [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", text)]
 
 
-def anchors(text: str) -> set[str]:
+@functools.cache
+def anchors(text: str) -> frozenset[str]:
     """Return the anchors that GitHub gives a page's headings."""
     headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in headings}
+    return frozenset(re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in headings)
 
 
 def command_lines(text: str) -> list[str]:
@@ -196,9 +198,7 @@ def test_every_room_has_its_page_of_words():
         assert ast.get_docstring(ast.parse(source))
 
 
-@pytest.mark.parametrize(
-    "text", [SMALL + MEASURED + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST, RECORDS]
-)
+@together("text", [SMALL + MEASURED + "lyapunov = true\n", GRID, ATTRACTORS, BASINS, LIST, RECORDS])
 def test_every_name_in_a_file_is_in_the_glossary_or_among_the_variables(text):
     study = parse_job(text, "job.toml", "job").study
     named = spans((ROOT / "docs" / "glossary.md").read_text() + generated()["variables.md"])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import binom
+from together import together
 from tools import DESCRIBED
 
 import hpcsweep
@@ -275,7 +276,7 @@ def test_the_ghost_of_a_fold_is_no_orbit():
     assert sum(one.hits for one in found) == 40
 
 
-@pytest.mark.parametrize("states", [None, 3, "rest"])
+@together("states", [None, 3, "rest"])
 def test_states_that_are_none_are_refused(states):
     with pytest.raises(ValueError, match="states must be an array of shape"):
         hpcsweep.attractors(Structure(1), 0.1, 0.7, states=states)

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep.dynamics.classify import (
     CHAOS_GROWTH,
@@ -144,8 +145,8 @@ def test_shares_are_of_the_runs_that_were_computed(every_kind):
     assert set(nothing.values()) == {0}
 
 
-@pytest.mark.parametrize(
-    ("points", "expected"),
+@together(
+    "points, expected",
     [
         (torus(), True),
         (torus(curves=2), True),

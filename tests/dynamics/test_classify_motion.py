@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from maps import GOLDEN, circle, delayed_logistic, focus, henon, logistic
+from together import together
 from tools import DESCRIBED
 
 from hpcsweep.dynamics.classify import MotionClass
@@ -21,8 +22,8 @@ def reported(solver, start=(0.3, 0.4), max_cycles=50_000, **more):
     return classify_motion(solver, np.array(start), 1.0, SETTINGS, max_cycles, **more)
 
 
-@pytest.mark.parametrize("modulus", [0.2, 0.9, 0.99, 0.999, 0.9995])
-@pytest.mark.parametrize("turns", [0.0, 0.5, GOLDEN, 1 / 3 + 1e-4])
+@together("modulus", [0.2, 0.9, 0.99, 0.999, 0.9995])
+@together("turns", [0.0, 0.5, GOLDEN, 1 / 3 + 1e-4])
 def test_a_slow_approach_is_an_orbit_of_period_1(modulus, turns):
     motion = reported(focus(modulus, turns))
     assert (motion.kind, motion.period) == (MotionClass.PERIODIC, 1)
@@ -32,8 +33,8 @@ def test_a_slow_approach_is_an_orbit_of_period_1(modulus, turns):
     assert motion.interval.low == motion.interval.mean == motion.interval.high
 
 
-@pytest.mark.parametrize(
-    ("r", "period"),
+@together(
+    "r, period",
     # doublings at 3, 1 + sqrt 6, 3.54409, ...; windows of 3, 5, 6 and 7 (May, Nature 261, 1976)
     [
         *((2.9, 1), (3.0005, 2), (3.3, 2), (3.4494, 2), (3.45, 4), (3.5, 4), (3.55, 8)),

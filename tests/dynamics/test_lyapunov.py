@@ -8,6 +8,7 @@ import pytest
 from maps import delayed_logistic, henon, logistic
 from scipy.integrate import solve_ivp
 from scipy.special import expit
+from together import together
 from tools import DESCRIBED
 
 import hpcsweep
@@ -26,8 +27,8 @@ CHAOTIC = Structure(3, 1000.0, 1e4, damping_ratio=DESCRIBED)
 CHAOS = 0.09877, 0.445
 
 
-@pytest.mark.parametrize(
-    ("exponents", "dimension"),
+@together(
+    "exponents, dimension",
     [
         ((-1.0, -2.0), 0.0),
         ((0.0, -2.0), 1.0),

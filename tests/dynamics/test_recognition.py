@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from maps import GOLDEN, circle, delayed_logistic, focus, logistic
+from together import together
 
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify_motion import _Classifier
@@ -167,15 +168,15 @@ def test_neighbours_that_still_come_closer_are_no_orbit():
     assert closed_period(points, 16, 1e-5) == 0
 
 
-@pytest.mark.parametrize("apart", [1e-4, 3e-5, 1.1e-5])
-@pytest.mark.parametrize("mu", [0.5, -0.9, 0.97])
+@together("apart", [1e-4, 3e-5, 1.1e-5])
+@together("mu", [0.5, -0.9, 0.97])
 def test_branches_that_are_close_are_an_orbit(apart, mu):
     points = approach([0.5, 0.5 + apart], [1e-6], [mu])
     assert closed_period(points, 16, 1e-5) == 2
 
 
-@pytest.mark.parametrize(
-    ("three", "vanishes"),
+@together(
+    "three, vanishes",
     [
         # of L + c q^k the limit is L: here 0.49 and 0.51 of the last distance, and below 0
         ((0.49 + 0.51 * 4, 0.49 + 0.51 * 2, 1.0), True),

@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep import write_demands
 
@@ -39,8 +40,8 @@ def test_other_units_events_and_directions(tmp_path):
     assert lines[1] == "Units,g,g,g,rad,rad"
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
+@together(
+    "given, message",
     [
         ({"drift_ratio": [0.1]}, "drift_ratio must have two dimensions"),
         ({"floor_acceleration": [[1.0]]}, r"floor_acceleration must have shape \(3, 2\)"),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep import read_record
 
@@ -127,8 +128,8 @@ def read(tmp_path):
     return write_and_read
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "samples", "dt"),
+@together(
+    "name, text, samples, dt",
     [
         ("MYG0121103111446.EW", KNET, OF_KNET, 0.01),
         ("a.smc", SMC, SAMPLES, 0.005),
@@ -138,7 +139,6 @@ def read(tmp_path):
         ("a.ASC", ESM, SAMPLES, 0.005),
         *(("a.AT2", head + fields(SAMPLES, "{:15.7E}", 5), SAMPLES, 0.005) for head in PEER),
     ],
-    ids=["knet", "smc", "cosmos", "cosmos-recorder", "csmip", "esm", "cm/s/s", "gal", "cm/sec^2"],
 )
 def test_each_format_gives_its_samples_step_and_unit(read, name, text, samples, dt):
     record = read(name, text)
@@ -155,8 +155,8 @@ def test_a_channel_of_several(read):
     assert record.name == "a-2"
 
 
-@pytest.mark.parametrize(
-    ("text", "given", "message"),
+@together(
+    "text, given, message",
     [
         (csmip(SAMPLES) * 3, {}, "CSMIP file: channel must be given, from 1 to 3"),
         (csmip(SAMPLES), {"channel": 2}, "channel must be a whole number from 1 to 1, is 2"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from scipy.stats import binom, chi2, linregress, norm
+from together import together
 
 from hpcsweep import capacity, capacity_fragility, cloud, fragility
 
@@ -111,8 +112,8 @@ def test_the_order_of_stripes_does_not_matter_and_few_records_bound_little():
     assert 0 < few.dispersion_interval[0] < few.dispersion
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
+@together(
+    "arguments, message",
     [
         (([1, 2], [0, 0], 5), "exceeded must not be 0 everywhere, is 0 of 10 records"),
         (([1, 2], [5, 5], 5), "exceeded must not be total everywhere, is, of 10 records"),
@@ -206,8 +207,8 @@ def test_the_same_records_at_more_stripes_bound_no_more():
     assert width(200) == pytest.approx(width(10), rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("x", "k", "told"),
+@together(
+    "x, k, told",
     [
         (STRIPES, EXCEEDED, ""),
         ([1.0, 2.0, 3.0], [1, 4, 9], "above the highest stripe, 3: at most 20 % of the records"),
@@ -219,8 +220,8 @@ def test_an_extrapolated_median_is_told(x, k, told):
     assert (told in found.caution) if told else not found.caution
 
 
-@pytest.mark.parametrize(
-    ("responses", "message"),
+@together(
+    "responses, message",
     [
         ([[0.1, 0.2], [0.1, 0.3]], "of 2 records 0 reach the threshold"),
         ([[0.1, 1.2], [0.1, 0.3]], "of 2 records 1 reach the threshold"),
@@ -257,8 +258,8 @@ def test_cloud_analysis_is_a_line_through_logarithms():
     assert dispersion == found.dispersion / found.slope
 
 
-@pytest.mark.parametrize(
-    ("x", "r", "message"),
+@together(
+    "x, r, message",
     [
         ([1, 2], [1, 2], "intensity must have at least 3 values, 2 of them different, has 2"),
         ([1, 1, 1], [1, 2, 3], "intensity must have at least 3 values, 2 of them different, has 3"),

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep import read_record
 from hpcsweep.earthquakes.reading import MAX_BYTES
@@ -32,7 +33,7 @@ def read(tmp_path):
     return write_and_read
 
 
-@pytest.mark.parametrize(
+@together(
     "step",
     [
         "NPTS=   5, DT=   .0100 SEC,",
@@ -54,7 +55,7 @@ def test_npts_and_dt_are_found_in_every_spelling(read, step):
     assert (record.dt, record.name) == (0.01, "a")
 
 
-@pytest.mark.parametrize(
+@together(
     "values",
     [
         "\n".join(map(str, SAMPLES)),
@@ -72,8 +73,8 @@ def test_the_header_may_have_any_number_of_lines(read):
     np.testing.assert_array_equal(record.acceleration, SAMPLES)
 
 
-@pytest.mark.parametrize(
-    ("said", "unit", "factor"),
+@together(
+    "said, unit, factor",
     [
         ("G", "g", 9.81),
         ("g.", "g", 9.81),
@@ -97,8 +98,8 @@ def test_metres_a_second_squared_are_as_they_are_with_the_standard_gravity(read)
     np.testing.assert_array_equal(read(text, unit="m/s2").acceleration, SAMPLES)
 
 
-@pytest.mark.parametrize(
-    ("text", "given"),
+@together(
+    "text, given",
     [
         ("0 .01\n0.01 -.02\n0.02 .003\n.03 .4\n.04 -.5\n", {}),
         ("time,acc (g)\n0,.01\n0.01,-.02\n0.02,.003\n.03,.4\n.04,-.5", {}),
@@ -120,8 +121,8 @@ def test_times_of_few_digits_are_equal_steps_and_give_a_short_number(read):
     assert record.dt == 0.005
 
 
-@pytest.mark.parametrize(
-    ("text", "given", "message"),
+@together(
+    "text, given, message",
     [
         ("", {}, "must have at least 2 samples, is empty"),
         (" \n\n", {}, "must have at least 2 samples, is empty"),
@@ -151,8 +152,8 @@ def test_what_is_no_at2_file_is_refused_in_one_line(read, text, given, message):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "given", "message"),
+@together(
+    "text, given, message",
     [
         ("only words\nand more\n", {}, "must have at least 2 samples, has none in 2 lines"),
         ("0 .1\n", {}, "must have from 2 to 500000 samples, has 1"),
@@ -187,8 +188,8 @@ def test_what_is_too_long_is_refused(read):
         read("1" * (MAX_BYTES + 1))
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
+@together(
+    "given, message",
     [
         ({"unit": "furlongs"}, "unit must be one of g, m/s2, .*, structure, is 'furlongs'"),
         ({"gravity": 0.0}, "gravity must be finite and positive, is 0.0"),
@@ -229,8 +230,8 @@ VALUES = np.array([0.1, -0.2, 0.3, -0.4, 0.5])
 ESM = "SAMPLING_INTERVAL_S: 0.010000\nNDATA: 5\nUNITS: cm/s^2\nDATA_TYPE: ACCELERATION"
 
 
-@pytest.mark.parametrize(
-    ("text", "unit"),
+@together(
+    "text, unit",
     [
         ("t [s];a [m.s-2]" + TIMED, "m/s2"),
         ("t [s];a [m/s²]" + TIMED, "m/s2"),
@@ -280,8 +281,8 @@ def _says_unit_step_and_count(path, text, unit):
     np.testing.assert_allclose(record.acceleration, VALUES * in_g[unit], rtol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("text", "given", "message"),
+@together(
+    "text, given, message",
     [
         ("t (s);a (counts)" + TIMED, {}, "acceleration that is not known, 'counts'"),
         ("t (s);a (V)" + TIMED, {}, "not known, 'V'"),
@@ -315,15 +316,15 @@ def test_what_a_header_contradicts_is_refused_in_one_line(read, text, given, mes
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("start", [0.0, 225.35, 4000.0])
-@pytest.mark.parametrize("step", [0.025, 0.005, 1 / 128])
+@together("start", [0.0, 225.35, 4000.0])
+@together("step", [0.025, 0.005, 1 / 128])
 def test_times_in_single_precision_give_the_step(read, start, step):
     times = (start + step * np.arange(3000)).astype(np.float32)
     assert read("\n".join(f"{t:.6f} .1" for t in times), name="a.txt").dt == step
 
 
-@pytest.mark.parametrize(
-    ("unit", "gravity", "factor"),
+@together(
+    "unit, gravity, factor",
     [
         ("m/s2", 9.81, 1.0),
         ("m/s2", 9.80665, 1.0),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
+from together import together
 
 from hpcsweep import separation
 
@@ -32,8 +33,8 @@ def test_the_double_difference_has_the_correlation_of_white_noise(period, other,
     np.testing.assert_allclose(mirrored.ddc, found.ddc, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("changed", "said"),
+@together(
+    "changed, said",
     [
         ({"peak": [-1.0, 1.0]}, "peak must be finite and at least 0, is"),
         ({"other_peak": np.nan}, "other_peak must be finite and at least 0, is nan"),

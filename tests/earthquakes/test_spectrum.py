@@ -6,6 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from together import together
 
 from hpcsweep import Record, intensity, read_record, spectrum
 from hpcsweep.earthquakes.spectrum import Oscillator, phi_1, phi_2
@@ -108,7 +109,7 @@ def test_a_ground_that_stands_still_moves_nothing():
     assert spectrum(Record(np.zeros(5), 0.1), []).displacement.shape == (0,)
 
 
-@pytest.mark.parametrize("size", [0.0, 1e-100, 1e-9, 1e-3, 0.3, 0.499, 0.501, 3.0, 40.0])
+@together("size", [0.0, 1e-100, 1e-9, 1e-3, 0.3, 0.499, 0.501, 3.0, 40.0])
 def test_phi_functions(size):
     with mpmath.workdps(400):
         for angle in (0.0, 1.0, 2.5):
@@ -120,8 +121,8 @@ def test_phi_functions(size):
             assert complex(phi_2(x)) == pytest.approx(complex(want_2), rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("periods", "given", "message"),
+@together(
+    "periods, given, message",
     [
         ([0.0], {}, "periods must be from 0.001 to 100000 with samples every 0.1, is 0.0"),
         ([1.0, math.nan], {}, "periods must be from 0.001 to 100000 .* is nan"),

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep import capacity, fractiles
 from hpcsweep.earthquakes.stripes import response_fractiles
@@ -63,8 +64,8 @@ def test_capacities_lie_between_the_stripes_around_the_threshold():
     assert capacity(scales, [curves[:2], curves[2:4]], 0.3).scale.shape == (2, 2)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
+@together(
+    "arguments, message",
     [
         (([1, 1], [1, 2], 1), "scales must be above 0 and increase"),
         (([0, 1], [1, 2], 1), "scales must be above 0 and increase"),
@@ -78,8 +79,8 @@ def test_what_are_no_stripes_is_refused(arguments, message):
         capacity(*arguments)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
+@together(
+    "arguments, message",
     [
         (([1.0], [1.5]), r"parts must be from 0 to 1, is 1\.5"),
         (([1.0], 7), r"parts must be from 0 to 1, is 7\.0"),

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep import intensity, synthetic_records
 from hpcsweep.earthquakes import synthetic
@@ -111,8 +112,8 @@ def test_the_baseline_is_small(monkeypatch):
         assert 0 < added < 0.01 * record.peak
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
+@together(
+    "given, message",
     [
         ({"n": 0}, "n must be a whole number from 1 to 1000, is 0"),
         ({"seed": -1}, "seed must be a whole number from 0 to"),

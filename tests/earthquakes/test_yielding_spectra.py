@@ -4,11 +4,13 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from tools import JOBS, hpcsweep
 
 import hpcsweep as package
 
 
+@pytest.mark.slow
 def test_what_is_told_alone_is_the_building_that_yields_alone(tmp_path):
     job = JOBS / "earthquakes" / "yielding-pounding-spectra.toml"
     few = {

@@ -139,7 +139,7 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
         (frames, {}),
         (metrics, {}),
         (benefit, {}),
-        *((period_map, {"value": value}) for value in period_map.VALUES if value != "ductility"),
+        *((period_map, {"value": value}) for value in ("contact", "drift")),
     ):
         view.save(module.draw(results, **options), picture)
         assert picture.stat().st_size > 10_000

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from together import together
 from tools import spot
 
 from hpcsweep import figures
@@ -104,7 +105,7 @@ def test_the_ruler_is_that_of_the_standard():
     assert difference(one, other) == pytest.approx(expected, abs=5e-5)
 
 
-@pytest.mark.parametrize("eye", list(EYES))
+@together("eye", list(EYES))
 def test_three_attractors_of_one_motion_are_apart_to_every_eye(eye):
     for name, colour in palette.MOTIONS:
         shades = [palette.shade(colour, place) for place in range(3)]
@@ -113,18 +114,14 @@ def test_three_attractors_of_one_motion_are_apart_to_every_eye(eye):
         assert name == palette.MOTION_NAMES[0] or least(shades, eye) >= 15
 
 
-@pytest.mark.parametrize(
-    ("eye", "bound"), [("normal", 20), ("protanope", 12), ("deuteranope", 12), ("tritanope", 12)]
-)
+@together("eye, bound", [("normal", 20), ("protanope", 12), ("deuteranope", 12), ("tritanope", 12)])
 def test_any_two_motions_are_apart_to_every_eye(eye, bound):
     assert least(palette.MOTION_COLOURS, eye) > bound
     assert least([colour for _, colour in benefit.SHADES], eye) > 8
 
 
-@pytest.mark.parametrize("n_floors", [2, 3])
-@pytest.mark.parametrize(
-    ("eye", "bound"), [("normal", 18), ("protanope", 12), ("deuteranope", 12), ("tritanope", 12)]
-)
+@together("n_floors", [2, 3])
+@together("eye, bound", [("normal", 18), ("protanope", 12), ("deuteranope", 12), ("tritanope", 12)])
 def test_any_two_contact_sets_are_apart_to_every_eye(n_floors, eye, bound):
     colours = [palette.contact_colour(c, n_floors) for c in range(2**n_floors)]
     assert least(colours, eye) > bound

@@ -13,7 +13,7 @@ from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Frames, open_results
 
-TEXT = SMALL + (
+TEXT = SMALL.replace("count = 11", "count = 6") + (
     "[vary]\nstructure.stiffness_ratio = [100, 3000]\n"
     "structure.gap = {from = 0.5, to = 1.5, count = 3}\nsolver.skip = ['all', 'none']\n"
 )

@@ -3,6 +3,7 @@
 import tomllib
 
 import pytest
+from together import together
 
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.structures import read_structure
@@ -68,8 +69,8 @@ def test_dashpots_are_read(form, damping, tension):
     assert all(contact.tension == tension for contact in structure.contacts)
 
 
-@pytest.mark.parametrize(
-    ("form", "old", "new", "said"),
+@together(
+    "form, old, new, said",
     [
         ("short", "0.65", "0.0", "job.toml: structure.restitution must be from 1e-06 to 1"),
         ("short", "0.65", "[0.5]", "job.toml: structure.restitution must have 2 numbers"),

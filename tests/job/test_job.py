@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 from tools import SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
@@ -16,8 +17,8 @@ def job(text: str):
     return parse_job(text, "x.toml", "x")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
+@together(
+    "old, new, words",
     [
         ("n_floors = 2", "n_floors = 0", ("structure.n_floors", "1 to 64", "0")),
         ("n_floors = 2", "n_floors = 2.5", ("structure.n_floors", "whole", "2.5")),
@@ -246,8 +247,8 @@ def test_the_kind_of_study_is_part_of_the_fingerprint():
     assert len({sweep.fingerprint, points.fingerprint, listed.fingerprint}) == 3
 
 
-@pytest.mark.parametrize(
-    ("text", "parts"),
+@together(
+    "text, parts",
     [
         ('[study]\nkind = "pionts"', ("study.kind", "amplitude_sweep, points")),
         ("[study]\nkind = 3", ("study.kind", "amplitude_sweep, points")),

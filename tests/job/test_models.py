@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from beams import beam
 from scipy import io, sparse
+from together import together
 from tools import hpcsweep
 
 from hpcsweep import open_results, read_model
@@ -213,7 +214,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "said"), WRONG)
+@together("old, new, said", WRONG)
 def test_a_wrong_model_in_a_job_is_one_line_with_file_and_key(folder, old, new, said):
     assert old in JOB
     (folder / "beam.toml").write_text(JOB.replace(old, new, 1))

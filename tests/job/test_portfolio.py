@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from together import together
 from tools import RECORDS, hpcsweep
 
 from hpcsweep import open_results, spectrum, synthetic_records
@@ -119,8 +120,8 @@ def test_rows_may_be_tables_of_the_job():
         parse_job(text.replace("X", '"pounding.gap" = 1') + "pounding.gap = [1]", "job", "job")
 
 
-@pytest.mark.parametrize(
-    ("was", "now", "said"),
+@together(
+    "was, now, said",
     [
         ("6e7", "-6", "line 3, column building[0].storey_stiffness[1]: building[0].storey_stiff"),
         (";1;", ";wide;", "line 3, column pounding.gap: pounding.gap must be a list of numbers"),

@@ -8,6 +8,7 @@ import tomllib
 import h5py
 import numpy as np
 import pytest
+from together import together
 from tools import JOBS
 
 import hpcsweep
@@ -117,46 +118,25 @@ def test_the_public_names_are_those_of_the_job_file():
     assert points.shape == (3, 4)
 
 
+# of rules of the structure itself, which tests/model tries, one of each kind of key
 WRONG = [
     (BUILDING, "mass = [1.0, 2]", "mass = [1.0]", "structure.mass must have 2 numbers, one per"),
-    (BUILDING, "mass = [1.0, 2]", "mass = [1.0, 0.0]", "structure.mass must be finite and above 0"),
-    (BUILDING, "mass = [1.0, 2]", "mass = -1", "structure.mass must be finite and above 0"),
-    (BUILDING, "mass = [1.0, 2]", "mass = 'heavy'", "structure.mass must be a number"),
-    (BUILDING, "mass = [1.0, 2]", "mass = true", "structure.mass must be a number, is True"),
-    (BUILDING, "mass = [1.0, 2]", "mass = [1.0, 1e17]", "structure.mass has eigenvalues"),
     (BUILDING, "mass = [1.0, 2]", "mass = {m = 1}", "structure.mass must be"),
     (BUILDING, "mass = [1.0, 2]", "mass = [1e40, 1e40]", "structure.mass = 1e+40: must be 0 or"),
     (BUILDING, "mass = [1.0, 2]", "masses = 1.0", "unknown key 'structure.masses'"),
-    (BUILDING, "[3.0, 2.0]", "[3.0, inf]", "structure.storey_stiffness must be finite and above"),
-    (BUILDING, "[3.0, 2.0]", "[3.0, 2.0, 1.0]", "structure.storey_stiffness must have 2 numbers"),
     (BUILDING, "[3.0, 2.0]", "[[3.0], [2.0]]", "structure.storey_stiffness must be a"),
-    (BUILDING, "[0.5, inf]", "-inf", "structure.gap must not be -inf"),
-    (BUILDING, "[0.5, inf]", "nan", "structure.gap must be a number, is nan"),
-    (BUILDING, "[0.5, inf]", "[]", "structure.gap must have 2 numbers, one per floor, has 0"),
-    (BUILDING, "gap_left = 0.7", "gap_left = [0.7]", "structure.gap_left must have 2 numbers"),
     (BUILDING, "gap_left = 0.7", "gap_left = 1e-40", "structure.gap_left = 1e-40: must be 0 or"),
-    (BUILDING, "[100.0, 200.0]", "[1.0, -1.0]", "structure.stiffness_ratio must be finite and"),
     (BUILDING, "[100.0, 200.0]", "[1.0, 1e13]", "structure.stiffness_ratio = 10000000000000.0"),
-    (BUILDING, "[0.01, 0.02]", "[0.01]", "structure.rayleigh must have 2 numbers: alpha, beta"),
-    (BUILDING, "[0.01, 0.02]", "[0.01, -1.0]", "structure.rayleigh must be at least 0, is -1.0"),
     (BUILDING, "sharpness", "damping_ratio = 0.1\nsharpness", "structure.rayleigh = [0.01, 0.02]:"),
     (BUILDING, "n_floors = 2", "n_floors = 40\n", "structure.stiffness_ratio must have 40 numbers"),
     (BUILDING, "sharpness = inf", "contact = []", "structure.contact = []: goes with"),
     (BUILDING, "sharpness = inf", "matrices = 3", "does not go with matrices"),
     (MATRICES, "mass = [1.0, 2.0]", "mass = [[1, 0.1], [0, 1]]", "matrices.mass must be symmetric"),
-    (MATRICES, "mass = [1.0, 2.0]", "mass = [1, -1]", "matrices.mass must be positive definite"),
-    (MATRICES, "mass = [1.0, 2.0]", "mass = [[1, 0]]", "matrices.mass must have"),
     (MATRICES, "mass = [1.0, 2.0]", "mass = []", "structure.matrices.mass must"),
     (MATRICES, "mass = [1.0, 2.0]\n", "", "structure.matrices.mass is missing"),
-    (MATRICES, "[2.0, -1.0], [-1.0, 1.0]", "[1, -1], [-1, 1]", "matrices.stiffness must be posit"),
-    (MATRICES, "[2.0, -1.0], [-1.0, 1.0]", "[1, -2], [-1, 9]", "matrices.stiffness must be symm"),
     (MATRICES, "[2.0, -1.0], [-1.0, 1.0]", "2", "structure.matrices.stiffness must"),
-    (MATRICES, "[0.2, -0.1], [-0.1, 0.1]", "[-1, 0], [0, 1]", "matrices.damping must not feed"),
     (MATRICES, "[0.2, -0.1], [-0.1, 0.1]", "[1, 0]", "structure.matrices.damping must"),
-    (MATRICES, "forcing = [0.0, 1.0]", "forcing = [1]", "matrices.forcing must have 2 entries"),
-    (MATRICES, "forcing = [0.0, 1.0]", "forcing = [1, inf]", "matrices.forcing must be finite"),
     (MATRICES, "forcing = [0.0, 1.0]", "force = [1, 1]", "unknown key 'structure.matrices.force'"),
-    (MATRICES, "[[1.0, 0.0], [-1.0, 1.0]]", "[[1.0]]", "matrices.drift must have 2 entries"),
     (MATRICES, "direction = [1, -1]", "direction = [0, 0]", "contact[0].direction must not be 0"),
     (MATRICES, "direction = [1, -1]", "direction = [1]", "structure.contact.direction of contact"),
     (
@@ -172,34 +152,17 @@ WRONG = [
     (MATRICES, "gap = 0.1", "gap = inf", "structure.contact[0].gap must be finite, is inf"),
     (MATRICES, "gap = 0.1", "gap = 'none'", "structure.contact[0].gap must be a number"),
     (MATRICES, "gap = 0.1", "gpa = 0.1", "unknown key 'structure.contact[0].gpa'"),
-    (
-        MATRICES,
-        "stiffness = 50",
-        "stiffness = -50",
-        "structure.contact[0].stiffness must be at least",
-    ),
     (MATRICES, "stiffness = 50", "stiffness = 1e40", "structure.contact[0].stiffness = 1e+40"),
     (MATRICES, "sharpness", "n_floors = 2\nsharpness", "structure.n_floors = 2: does not go with"),
     (MATRICES, "sharpness", "gap = 1.0\nsharpness", "structure.gap = 1.0: does not go with"),
-    (MATRICES, "sharpness", "damping_ratio = 0.1\nsharpness", "damping_ratio and damping must not"),
-    (MATRICES, "sharpness", "rayleigh = [1, 1]\nsharpness", "damping and rayleigh must not"),
-    (MATRICES, "{order = 1}, ", "{order = -1}, ", "forcing.harmonics.order must be a whole number"),
-    (
-        MATRICES,
-        "{order = 1}, ",
-        "{order = 1.4142}, ",
-        "without a common period are not offered, is",
-    ),
     (
         MATRICES,
         "{order = 1}, ",
         "{order = 0, phase = 1.0}, ",
         "phase = 1.0: does not go with order",
     ),
-    (MATRICES, "{order = 1}, ", "{order = 3}, ", "forcing.harmonics.order must not hold a value"),
     (MATRICES, "{order = 1}, ", "{phase = 1.0}, ", "forcing.harmonics.order is missing"),
     (MATRICES, "{order = 1}, ", "1, ", "forcing.harmonics = 1: must be a table"),
-    (MATRICES, "phase = -1.0", "phase = inf", "forcing.harmonics.phase must be finite"),
     (MATRICES, "phase = -1.0", "fase = 1.0", "unknown key 'forcing.harmonics.fase'"),
     (MATRICES, "amplitude = 0.5", "amplitude = 1e40", "forcing.harmonics[1].amplitude = 1e+40"),
     (MATRICES, "harmonics = [", "harmonics = []\nx = [", "unknown key 'forcing.x'"),
@@ -208,7 +171,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("text", "old", "new", "said"), WRONG)
+@together("text, old, new, said", WRONG)
 def test_a_wrong_structure_is_one_line_that_names_file_key_and_rule(text, old, new, said):
     with pytest.raises(JobError) as caught:
         structure(changed(text, old, new))
@@ -219,7 +182,7 @@ def test_a_wrong_structure_is_one_line_that_names_file_key_and_rule(text, old, n
     assert len(message) < 400
 
 
-@pytest.mark.parametrize("place", range(0, len(WRONG), 8))
+@pytest.mark.parametrize("place", range(0, len(WRONG), 12))
 def test_it_ends_with_code_2_and_nothing_written(place, tmp_path, monkeypatch, capsys):
     text, old, new, said = WRONG[place]
     monkeypatch.chdir(tmp_path)
@@ -293,8 +256,8 @@ def test_every_new_field_is_part_of_the_fingerprint():
     assert len(found) == len(other) + 1
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
+@together(
+    "old, new",
     [
         ("mass = [1.0, 2.0]", "mass = [1.0, 2.5]"),
         ("[2.0, -1.0], [-1.0, 1.0]", "[2.5, -1.0], [-1.0, 1.0]"),

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from together import together
 from tools import SMALL, assert_same_datasets, hpcsweep, shipped
 
 from hpcsweep.job import JobError, load_job, parse_job
@@ -108,8 +109,8 @@ def test_a_chain_may_be_long_but_not_too_long(tmp_path):
     refused(chain(tmp_path, MAX_BASES + 1), "job8.toml: extends = 'job9.toml': ", "8 files at most")
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
+@together(
+    "text, words",
     [
         ("extends = 3", ("own.toml: extends = 3: ", "the name of one job file")),
         ('extends = ["base.toml"]', ("own.toml: extends = ['base.toml']: ", "one job file")),
@@ -146,8 +147,8 @@ def test_a_mistake_in_any_file_names_what_the_job_is_built_on(base):
 # --- set on the command line
 
 
-@pytest.mark.parametrize(
-    ("setting", "value"),
+@together(
+    "setting, value",
     [
         ("structure.stiffness_ratio=100", 100.0),
         ("structure.stiffness_ratio = 1e2", 100.0),
@@ -197,8 +198,8 @@ def test_settings_that_are_valid_only_together_are_judged_together(base):
     refused(base, "sweep.max_orbit_period = 16", settings=("sweep.sampling_cycles=20",))
 
 
-@pytest.mark.parametrize(
-    ("setting", "words"),
+@together(
+    "setting, words",
     [
         ("structure.stiffness_ratio=-1", ("structure.stiffness_ratio", "at least 0", "-1")),
         ("structure.stifness_ratio=1", ("unknown key", "did you mean 'stiffness_ratio'")),
@@ -273,7 +274,11 @@ def test_the_text_is_the_whole_job_in_the_order_of_the_keys(base):
 
 
 EQUAL_EVERYWHERE = hypothesis_settings(
-    derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
+    derandomize=True,
+    deadline=None,
+    database=None,
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 """The same trees on every machine, however busy it is."""
 KEY = st.text(st.characters(codec="utf-8"), max_size=8) | st.sampled_from(["omega", "n_floors"])

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 from tools import SMALL
 
 from hpcsweep import Building, adjacent, load_job
@@ -65,8 +66,8 @@ UNEVEN = (
 )
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
+@together(
+    "text, words",
     [
         (UNITS + SMALL, "units.length = 'm': goes with masses and stiffnesses of one's own"),
         (OWN + '[units]\nlength = "5 m"\n', "units.length = '5 m': must be the name of a unit"),

@@ -6,6 +6,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from together import together
 from tools import ATTRACTORS, BASINS, GRID, SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job, part_of
@@ -121,8 +122,8 @@ def test_it_is_set_and_extended_as_any_key_is(tmp_path):
     assert found.study.shape == (2, 4)
 
 
-@pytest.mark.parametrize(
-    ("table", "words"),
+@together(
+    "table, words",
     [
         ("", "vary"),
         ("gap = [1.0, 2.0]", "'gap': must be a key of study, structure, pounding, sweep, solver"),
@@ -164,8 +165,8 @@ def test_what_cannot_be_varied_is_refused_with_one_line(table, words):
 SHARP = SMALL.replace("sharpness = 4e3", "sharpness = inf\nrestitution = 0.7")
 
 
-@pytest.mark.parametrize(
-    ("key", "given", "values", "job"),
+@together(
+    "key, given, values, job",
     [
         ("structure.sharpness", "[inf, 1e4]", (math.inf, 1e4), SMALL),
         ("structure.gap_left", "[1, 0.5]", (1.0, 0.5), SMALL),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep.model import arguments
 
@@ -131,8 +132,8 @@ def test_odd_values_are_refused_in_one_line_by_their_name(name):
             pytest.fail(f"{odd} is taken as {taken!r}")
 
 
-@pytest.mark.parametrize(
-    ("found", "right"),
+@together(
+    "found, right",
     [
         (arguments.real("x", np.float32(0.5)), 0.5),
         (arguments.real("x", np.array(2)), 2.0),
@@ -166,8 +167,8 @@ def test_vectors_are_copies():
     assert given[0] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
+@together(
+    "value, text",
     [
         (HUGE, "a whole number of 1329 bits"),
         (LONG, "a whole number of 16610 bits"),
@@ -178,7 +179,6 @@ def test_vectors_are_copies():
         ("two\nlines", r"'two\nlines'"),
         (np.zeros((2, 2)), "an array of float64, shape (2, 2)"),
     ],
-    ids=lambda value: value if isinstance(value, str) and len(value) < 60 else "of",
 )
 def test_values_are_shown_on_one_short_line(value, text):
     assert arguments.shown(value) == text

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from mpmath import mp, mpf
+from together import together
 
 import hpcsweep
 from hpcsweep.model.buildings import Building, adjacent
@@ -35,8 +36,8 @@ def collision(ratio, tension):
         return float(-motion(end, 1))
 
 
-@pytest.mark.parametrize("tension", [False, True])
-@pytest.mark.parametrize("e", GIVEN)
+@together("tension", [False, True])
+@together("e", GIVEN)
 def test_the_damping_ratio_gives_the_restitution_that_is_asked(e, tension):
     ratio = ratio_of_restitution(e, tension)
     pulls = math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio * ratio)) if tension else 0.0
@@ -83,8 +84,8 @@ def of_matrices(**more):
     return hpcsweep.Structure.from_matrices([1.0], [[1.0]], [contact], **more)
 
 
-@pytest.mark.parametrize(
-    ("make", "said"),
+@together(
+    "make, said",
     [
         (lambda: hpcsweep.Contact([1.0], 0.1, 5.0, -1.0), "contact.damping must be at least 0"),
         (lambda: hpcsweep.Contact([1.0], 0.1, 5.0, math.nan), "contact.damping must be"),

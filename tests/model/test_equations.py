@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep.model.contact import contact_stiffness, sigmoid, switch
 from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
@@ -23,7 +24,7 @@ def matrix(structure, z):
     return jacobian_matrix(z, MODEL.pack(model))
 
 
-@pytest.mark.parametrize("y", [-800.0, -50.0, -1.0, 0.0, 1.0, 50.0, 800.0, -1e308, 1e308])
+@together("y", [-800.0, -50.0, -1.0, 0.0, 1.0, 50.0, 800.0, -1e308, 1e308])
 def test_sigmoid_is_symmetric_and_never_overflows(y):
     assert 0.0 <= sigmoid(y) <= 1.0
     assert sigmoid(y) + sigmoid(-y) == pytest.approx(1.0, abs=1e-15)
@@ -40,13 +41,13 @@ def test_switch_at_infinite_sharpness_is_the_unit_step():
     assert [switch(x, math.inf) for x in (-1e-300, 0.0, 1e-300)] == [0.0, 0.5, 1.0]
 
 
-@pytest.mark.parametrize("x", [-0.3, -1e-4, 0.0, 2e-4, 0.3])
+@together("x", [-0.3, -1e-4, 0.0, 2e-4, 0.3])
 def test_switch_at_zero_sharpness_is_one_half(x):
     assert switch(x, 0.0) == 0.5
 
 
-@pytest.mark.parametrize("rho", SHARPNESS)
-@pytest.mark.parametrize("n", [1, 2, 5])
+@together("rho", SHARPNESS)
+@together("n", [1, 2, 5])
 def test_right_hand_side_is_equation_8(n, rho):
     structure = Structure(n, 50.0, rho, 0.1)
     rng = np.random.default_rng(n)
@@ -64,8 +65,8 @@ def test_right_hand_side_is_equation_8(n, rho):
     assert np.allclose(found, np.concatenate((v, acceleration)), rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("rho", SHARPNESS)
-@pytest.mark.parametrize("past", [-0.2, -1.3e-4, -2e-5, 2e-5, 1.3e-4, 0.2])
+@together("rho", SHARPNESS)
+@together("past", [-0.2, -1.3e-4, -2e-5, 2e-5, 1.3e-4, 0.2])
 def test_jacobian_is_the_derivative(rho, past):
     structure = Structure(3, 1000.0, rho, (0.05, 0.1, 0.0))
     z = np.array([0.4, 1.0 + past, 1.0 - past, 0.3, -0.2, 0.1])
@@ -92,8 +93,8 @@ def test_contact_stiffness_against_the_complex_step(rho):
         assert contact_stiffness(x, 1000.0, rho) == pytest.approx(exact, rel=1e-12, abs=1e-9)
 
 
-@pytest.mark.parametrize("rho", SHARPNESS)
-@pytest.mark.parametrize("u", [-1e150, -10.0, 1.0, 10.0, 1e150])
+@together("rho", SHARPNESS)
+@together("u", [-1e150, -10.0, 1.0, 10.0, 1e150])
 def test_extremes_do_not_overflow(rho, u):
     structure = Structure(2, 1e7, rho, 2.0)
     z = np.array([u, 1.0, 0.0, 0.0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from beams import beam
 from scipy import sparse
+from together import together
 
 from hpcsweep import (
     Contact,
@@ -149,7 +150,7 @@ def random_model(seed: int) -> tuple:
 
 
 @pytest.mark.parametrize(
-    "seeds", [range(3), pytest.param(range(3, 100), marks=pytest.mark.slow)], ids=["few", "many"]
+    "seeds", [range(3), pytest.param(range(3, 40), marks=pytest.mark.slow)], ids=["few", "many"]
 )
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(seeds, monkeypatch):
     monkeypatch.setattr(reduction, "SMALL", 10)
@@ -252,7 +253,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("make", "said"), WRONG)
+@together("make, said", WRONG)
 def test_a_wrong_model_is_refused_in_one_line(make, said):
     with pytest.raises(ValueError, match=said) as caught:
         make()

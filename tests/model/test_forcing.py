@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reference import reference_points
+from together import together
 
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.model.forcing import Harmonics, fourier_series
@@ -133,8 +134,8 @@ def test_a_half_wave_of_a_job():
     )
 
 
-@pytest.mark.parametrize(
-    ("forcing", "said"),
+@together(
+    "forcing, said",
     [
         ("samples = 3", "forcing.samples = 3: must be a list of 3 to 100000 numbers, finite"),
         ("samples = [1, 2]", "forcing.samples = [1, 2]: must be a list of 3 to 100000"),

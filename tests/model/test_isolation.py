@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from together import together
 from yielding import Yielding
 
 import hpcsweep
@@ -113,7 +114,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("wrong", "message"), WRONG)
+@together("wrong, message", WRONG)
 def test_wrong_bearings_are_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
         _ = hpcsweep.Building(1.0, 1.0, isolation=GIVEN | wrong).structure

@@ -154,8 +154,8 @@ def swept(structure, omega, amplitudes):
 @pytest.mark.parametrize(
     "seed",
     [
-        *(0, 1, 2, 3, 4, 6),
-        *(pytest.param(seed, marks=pytest.mark.slow) for seed in (5, *range(7, 24))),
+        *(0, 2, 4, 6),
+        *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, 5, *range(7, 16))),
     ],
 )
 def test_units_of_length_mass_and_time_change_no_class_and_no_number(seed):

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from together import together
 
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.matrices import Contact
@@ -261,7 +262,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("make", "said"), WRONG)
+@together("make, said", WRONG)
 def test_a_wrong_structure_is_refused_in_one_line(make, said):
     with pytest.raises(ValueError, match=said) as caught:
         make()

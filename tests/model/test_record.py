@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep import Record
 from hpcsweep.model.record import MAX_SAMPLES
@@ -42,8 +43,8 @@ def test_scaling_multiplies_the_samples():
     assert scaled == Record([0.0, -2.0, 6.0], 0.1, "a")
 
 
-@pytest.mark.parametrize(
-    ("acceleration", "dt", "name", "message"),
+@together(
+    "acceleration, dt, name, message",
     [
         ([1.0], 0.1, "", "acceleration must have from 2 to 500000 samples, has 1"),
         ([], 0.1, "", "acceleration must have from 2 to 500000 samples, has 0"),

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from reference import reference_window
 from scipy.linalg import eigh
+from together import together
 
 from hpcsweep.model.contact import layer_half_width
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import MAX_FLOORS, Structure
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 7, 20, MAX_FLOORS])
+@together("n", [1, 2, 3, 7, 20, MAX_FLOORS])
 def test_modes_diagonalise_the_stiffness(n):
     structure = Structure(n, damping_ratio=np.linspace(0.01, 0.2, n))
     phi, omega = structure.modes, structure.frequencies
@@ -94,8 +95,8 @@ def test_matrices_cannot_be_changed():
         Structure().stiffness_matrix[0, 0] = 1.0
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "said"),
+@together(
+    "key, value, said",
     [
         ("n_floors", 0, "n_floors must be a whole number from 1 to 64, is 0"),
         ("n_floors", 65, "n_floors must be a whole number from 1 to 64, is 65"),
@@ -129,7 +130,7 @@ def test_limits_are_allowed():
     assert Structure(1, 1e7, 0.0, 2.0).damping_matrix == pytest.approx(4.0, rel=1e-15)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 7, 20, MAX_FLOORS])
+@together("n", [1, 2, 3, 7, 20, MAX_FLOORS])
 def test_what_the_solvers_know_of_the_matrices_holds(n):
     structure = Structure(n)
     stiffness = structure.stiffness_matrix

@@ -9,6 +9,7 @@ from hpcsweep.parallel.stopping import LauncherLostError, StopFlag
 
 
 def test_ranks_do_not_outlive_their_launcher(monkeypatch):
+    monkeypatch.setattr(os, "getppid", lambda: 7)
     flag = StopFlag(launched=True)
     assert not flag.is_set()
     monkeypatch.setattr(os, "getppid", lambda: 1)

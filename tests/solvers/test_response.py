@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import expit
+from together import together
 
 import hpcsweep
 from hpcsweep import Contact, Record, Slider, Structure, history, read_record
@@ -194,8 +195,8 @@ def test_below_first_contact_the_response_is_linear():
     assert hpcsweep.first_contact_scale(structure.without_contacts(), record) == math.inf
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
+@together(
+    "change, said",
     [
         ({"record": [1.0, 2.0]}, "record must be a Record"),
         ({"scale": math.nan}, "scale must be a number, is nan"),
@@ -210,7 +211,7 @@ def test_wrong_arguments_are_told(change, said):
         hpcsweep.response(**arguments)
 
 
-@pytest.mark.parametrize("step", [5e-324, 1e-300, 1e300, 0.013])
+@together("step", [5e-324, 1e-300, 1e300, 0.013])
 def test_a_step_far_from_that_of_the_samples_is_refused(step):
     with pytest.raises(ValueError, match=r"step must be a whole multiple or a whole part of 0\.01"):
         hpcsweep.history(oscillator(1.0, 0.0), Record([0.0, 1.0, 0.0], 0.01), step=step)

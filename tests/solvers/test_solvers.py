@@ -12,6 +12,7 @@ from reference import (
     reference_window,
 )
 from scipy.linalg import expm
+from together import together
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -333,8 +334,8 @@ def test_unknown_solver():
         make_solver("euler", IMPACTING, OMEGA, 1e-9)
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
+@together(
+    "change, said",
     [
         ({"state": np.zeros(5)}, r"state must have shape \(6,\), has shape \(5,\)"),
         ({"state": np.full(6, math.nan)}, "state must be finite"),

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from together import together
 from yielding import SmoothYielding, Yielding
 
 import hpcsweep
@@ -59,7 +60,13 @@ def test_random_storeys_move_as_the_reference(seed):
     np.testing.assert_allclose(found.slider_energy, reference.strength * found.plastic_path)
 
 
-@pytest.mark.parametrize(("seed", "sharpness"), [(0, 20.0), (1, 400.0), (2, 1e4), (3, 3.0)])
+@pytest.mark.parametrize(
+    ("seed", "sharpness"),
+    [
+        *((2, 1e4), (3, 3.0)),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((0, 20.0), (1, 400.0))),
+    ],
+)
 def test_storeys_that_yield_beside_smooth_stops_move_as_the_reference(seed, sharpness):
     """Three storeys between soft and hard stops, one slider in a layer at a time or several."""
     rng = np.random.default_rng(seed)
@@ -317,7 +324,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("wrong", "message"), WRONG)
+@together("wrong, message", WRONG)
 def test_wrong_sliders_are_refused(wrong, message):
     given = {"direction": (1.0, 0.0), "stiffness": 1.0, "strength": 1.0}
     with pytest.raises(ValueError, match=message):
@@ -369,8 +376,8 @@ def test_a_limit_is_needed_of_storeys_that_soften_alone():
         frame(**given, collapse_drift=[math.inf, 0.3])
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
+@together(
+    "given, message",
     [
         ({"weight": None}, "weight is missing: p_delta needs it"),
         ({"storey_height": None}, "storey_height is missing: p_delta needs it"),

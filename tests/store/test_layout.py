@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 import xarray
+from together import together
 from tools import ATTRACTORS, BASINS, GRID, RECORDS, REFINED, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep import Structure, meanings, open_results
@@ -120,7 +121,7 @@ NUMBERS = {"stable", "curve_unstable", "label", "cell", "crossed"}
 """Variables of one byte that count, or number, what they tell."""
 
 
-@pytest.mark.parametrize("text", [SMALL, GRID, REFINED, ATTRACTORS, BASINS, RECORDS, None])
+@together("text", [SMALL, GRID, REFINED, ATTRACTORS, BASINS, RECORDS, None])
 def test_every_code_has_a_word_also_what_fills_unused_room(text):
     if text is None:
         structure, variables = Structure(2), (*VARIABLES, *CURVE_VARIABLES)

@@ -162,7 +162,7 @@ def test_a_disk_with_no_room_for_the_whole_file_is_found_before_the_start(tmp_pa
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    ("ranks", "transport"), [pytest.param(0, "pwrite", marks=pytest.mark.slow), (2, "offset")]
+    ("ranks", "transport"), [(0, "pwrite"), pytest.param(2, "offset", marks=pytest.mark.slow)]
 )
 def test_status_tells_what_was_written_how_fast_and_in_what_share_of_the_time(
     tmp_path, small_job, ranks, transport

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from together import together
 from tools import ATTRACTORS as JOB
 from tools import TWO_STOPS, assert_same_datasets, hpcsweep
 
@@ -331,8 +332,8 @@ def test_places_of_attractors_are_kept_along_the_amplitudes():
     assert [sorted(row) for row in shown.tolist()] == [sorted(row) for row in identity.tolist()]
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
+@together(
+    "old, new, words",
     [
         ("starts = 24", "starts = 0", ("study.starts", "0", "1 to")),
         ("seed = 3", "seed = -1", ("study.seed", "-1")),

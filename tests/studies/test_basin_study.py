@@ -6,6 +6,7 @@ import shutil
 import h5py
 import numpy as np
 import pytest
+from together import together
 from tools import BASINS as JOB
 from tools import assert_same_datasets, hpcsweep
 
@@ -194,8 +195,8 @@ def test_every_command_tells_it(tmp_path, whole):
     assert not (tmp_path / "page.html").exists()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
+@together(
+    "old, new, words",
     [
         ("omega = 1.0", "omega = [1.0, 1.1]", ("sweep.omega", "one number")),
         ("amplitude = 0.7", "amplitude = [0.6, 0.7]", ("sweep.amplitude", "one number")),

@@ -418,7 +418,7 @@ def test_a_search_finds_orbits_that_no_motion_tells(folder, whole):
     seeded, searched = open_results(whole), open_results(path)
     assert (searched["found_by"] == 3).any()
     assert searched["n_branches"].item() > seeded["n_branches"].values[0, 1, 0]
-    assert validate(path, samples=3).problems == []
+    assert validate(path, samples=1).problems == []
 
 
 def test_a_part_of_a_structure_that_is_no_one_number_is_refused():

@@ -1,7 +1,7 @@
 """What a variable declares of itself is checked of every run, and of every slot of one."""
 
 import numpy as np
-import pytest
+from together import together
 
 from hpcsweep import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -32,8 +32,8 @@ SOUND = {
 }
 
 
-@pytest.mark.parametrize(
-    ("name", "at", "value", "invariant"),
+@together(
+    "name, at, value, invariant",
     [
         ("outcome", 1, 6, "outcome is one of 1 to 5"),
         ("rule", 0, 4, "rule is one of 0 to 3"),

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from together import together
 from tools import SMALL, hpcsweep
 
 from hpcsweep.figures.style import classes_of
@@ -26,7 +27,7 @@ def test_all_points_are_no_other_job():
     assert len(fewer) == 4
 
 
-@pytest.mark.parametrize("value", ["11", "0", "-1", "true", "12.0", "'all'"])
+@together("value", ["11", "0", "-1", "true", "12.0", "'all'"])
 def test_fewer_points_than_tell_an_orbit_are_refused(value):
     with pytest.raises(JobError, match=r"^x\.toml: output\.max_points = .*2 max_orbit_period = 12"):
         job(f"max_points = {value}")

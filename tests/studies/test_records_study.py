@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from together import together
 from tools import RECORDS, hpcsweep
 
 from hpcsweep import (
@@ -296,8 +297,8 @@ def test_a_bad_record_is_one_line(tmp_path, name):
     assert {path.name for path in tmp_path.iterdir()} == {"job.toml", f"{name}.txt"}
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
+@together(
+    "old, new, words",
     [
         ("synthetic = ", 'files = "x"\nsynthetic = ', ("records.files = 'x'", "one of the two")),
         ("count = 4", "count = 0", ("records.synthetic.count", "from 1 to 1000")),
@@ -586,7 +587,7 @@ WRONG_YIELD = [
 ]
 
 
-@pytest.mark.parametrize(("given", "message"), WRONG_YIELD)
+@together("given, message", WRONG_YIELD)
 def test_storeys_that_cannot_yield_so_are_refused(given, message):
     with pytest.raises(JobError) as caught:
         parse_job(RECORDS.replace('"A"', given), "job.toml", "job")
@@ -690,7 +691,7 @@ WRONG_ISOLATION = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "message"), WRONG_ISOLATION)
+@together("old, new, message", WRONG_ISOLATION)
 def test_what_is_wrong_with_an_isolation_is_one_line(old, new, message):
     assert old in ISOLATED
     with pytest.raises(JobError) as caught:
@@ -785,8 +786,8 @@ def test_an_elastic_storey_that_collapses_is_not_linear(tmp_path):
     assert validate(path, 2).sound
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
+@together(
+    "old, new, message",
     [
         ("gravity = 9.80665\n", "", "structure.p_delta = True: needs one g: give [units] or rec"),
         ("p_delta = true", "weight = 1e6", "structure.weight = 1000000.0: goes with p_delta"),

@@ -6,6 +6,7 @@ import shutil
 import h5py
 import numpy as np
 import pytest
+from together import together
 from tools import JOBS, assert_same_datasets, hpcsweep, made
 
 from hpcsweep import open_results
@@ -176,7 +177,7 @@ def test_a_file_that_is_not_complete_is_refused(folder, tmp_path):
     assert "curves.h5: is not complete; run its job again to resume it" in done.stderr
 
 
-@pytest.mark.parametrize("given", ["3", "[]", '["a.h5", 4]', '""'])
+@together("given", ["3", "[]", '["a.h5", 4]', '""'])
 def test_names_that_are_none_get_one_line(given):
     with pytest.raises(JobError, match=r"study\.refine\.curves = .*must be a results file of"):
         parse_job(MAP.replace('"curves.h5"', given), "job", "job")

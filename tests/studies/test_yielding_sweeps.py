@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from together import together
 from tools import hpcsweep, made, refuse
 
 from hpcsweep import open_results
@@ -123,8 +124,8 @@ def test_a_collapse_is_an_outcome_and_the_path_goes_on_from_rest(tmp_path):
     assert not validate(path).problems
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
+@together(
+    "more, said",
     [
         ('[study]\nkind = "attractors"\n', "study.kind = 'attractors': must be one of amplitude"),
         ('[study]\nkind = "basins"\n', "study.kind = 'basins': must be one of amplitude_sweep"),

@@ -1,6 +1,8 @@
 """Where things are, how a campaign is started, how two files are compared."""
 
 import dataclasses
+import faulthandler
+import fnmatch
 import functools
 import os
 import shutil
@@ -24,6 +26,8 @@ DESCRIBED = (0.12622293348805766, 0.016077603302694768, 0.007699463209247604)
 """Damping ratios of the building as the paper describes it: jobs/paper/figure3-described.toml."""
 LIMIT = 900
 """Seconds after which a command hangs."""
+FITTED = f"*_{12 * '[0-9a-f]'}-*"
+"""Files of kernels that are specialised to a structure."""
 
 SMALL = """
 [structure]
@@ -234,6 +238,23 @@ def made(text: str, path: Path, **options) -> Path:
     return path
 
 
+def kernels_but(cache: Path, *left_out: str) -> int:
+    """Copy all compiled kernels into another cache, without those of some modules; count these.
+
+    To compile all of them takes minutes; some are enough for what a test is about.
+    """
+    from hpcsweep.kernels.compile.cache import SUFFIX, cache_folder
+
+    assert forked(["warmup"]).returncode == 0
+    kept = cache_folder()
+    folder = cache / kept.name
+    shutil.copytree(kept, folder, ignore=lambda _, names: fnmatch.filter(names, FITTED))
+    gone = [path for module in left_out for path in (folder / module).glob(f"*{SUFFIX}")]
+    for path in gone:
+        path.unlink()
+    return len(gone)
+
+
 def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: str):
     """Run hpcsweep to its end; return the completed process with its output as text.
 
@@ -354,6 +375,8 @@ def _alone(main: Callable, cwd: Path | None, out: int, err: int) -> int:
     sys.stdin, sys.stdout, sys.stderr = (
         os.fdopen(number, mode, closefd=False) for number, mode in ((0, "r"), (1, "w"), (2, "w"))
     )
+    # what hangs tells where, before it is killed
+    faulthandler.dump_traceback_later(0.9 * LIMIT, file=err)
     os.chdir(cwd or Path.cwd())
     warnings.resetwarnings()
     for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from one_impact import OneImpact
+from together import together
 
 from hpcsweep import Structure, branch, load_job, meanings, orbit, stroboscopic_points
 from hpcsweep.dynamics.continuation.forced import ForcedMap
@@ -223,7 +224,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
+@together("name", BAD)
 def test_a_bad_start_is_told_in_one_line(name):
     changes, expected = BAD[name]
     given = {"state": settled(ONE, 0.6), "period": 1, **changes}

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from one_impact import OneImpact
+from together import together
 
 from hpcsweep import Structure, branch, curve, meanings, stroboscopic_points
 from hpcsweep.solvers.trajectory import crossings, trajectory
@@ -104,7 +105,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
+@together("name", BAD)
 def test_bad_arguments_are_told_in_one_line(name, one_impact_branch):
     changes, expected = BAD[name]
     given = {"special": one_impact_branch.isel(special=0), "span": SPAN, **changes}

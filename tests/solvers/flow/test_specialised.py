@@ -1,15 +1,13 @@
 """Kernels specialised to a structure: when they are made, and that they change no result."""
 
-import shutil
 from dataclasses import astuple
 
 import numba
 import numpy as np
 import pytest
-from tools import JOBS, PAPER, SMALL, assert_same_datasets, hpcsweep, run_script
+from tools import JOBS, PAPER, SMALL, assert_same_datasets, hpcsweep, kernels_but, run_script
 
 from hpcsweep.job import load_job
-from hpcsweep.kernels.compile.cache import cache_folder
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap, specialised
 from hpcsweep.studies import compilation
@@ -133,10 +131,7 @@ sys.exit(code)
 @pytest.mark.mpi
 @pytest.mark.slow
 def test_a_large_study_fits_kernels_first_and_gives_the_same(tmp_path, monkeypatch):
-    # a cache with the kernels for any structure alone
-    kept = cache_folder()
-    specialises = shutil.ignore_patterns("*_????????????-*")
-    shutil.copytree(kept, tmp_path / "cache" / kept.name, ignore=specialises)
+    kernels_but(tmp_path / "cache")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     script, job = tmp_path / "run.py", tmp_path / "job.toml"
     script.write_text(FITTING)

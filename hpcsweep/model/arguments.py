@@ -204,8 +204,9 @@ def words(name: str, value: object) -> tuple[str, ...]:
     ------
     ValueError
     """
-    is_sequence = isinstance(value, Sequence) and not isinstance(value, str)
-    if not is_sequence or not all(isinstance(one, str) for one in value):
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise refused(name, "a sequence of texts", value)
+    if not all(isinstance(one, str) for one in value):
         raise refused(name, "a sequence of texts", value)
     return tuple(value)
 

@@ -194,7 +194,7 @@ class FiniteElements:
             accelerations are wanted; pairs of them are drifts.
         reduce : dict, optional
             ``{"modes": 12}``, ``{"error": 1e-3}`` or ``{"up_to": 60.0}``, cycles per unit of time:
-            which modes are kept. Default: all coordinates with mass, 64 at most.
+            which modes are kept. Default: all coordinates with mass, 512 at most.
         fixed : sequence of str or int
             Coordinates that move with the base.
         **others

@@ -17,7 +17,7 @@ import numpy as np
 from hpcsweep.model.arguments import finite, flag, not_negative, number, plain, positive, shown
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 
-MAX_FLOORS = 64
+MAX_FLOORS = 512
 MAX_LABEL = 100
 """Characters of a name."""
 MAX_CONTACTS = 64

@@ -87,7 +87,7 @@ class Structure(MeasuredDynamics):
     Parameters
     ----------
     n_floors : int
-        Number of storeys n, 1 to 64.
+        Number of storeys n, 1 to 512.
     stiffness_ratio : float or sequence of n floats
         Contact-to-storey stiffness ratio beta >= 0 (7), one or one per floor: the spring behind a
         stop of floor i has beta_i times the stiffness of storey i. 0 means no stop.

@@ -8,11 +8,12 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import (
-    evaluate_rows,
-    expand_row,
-    expand_rows,
-    value_and_slope,
+from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
+from hpcsweep.solvers.flow.linear.spectral import (
+    is_spectral,
+    spectral_step,
+    step_row,
+    step_state,
 )
 from hpcsweep.solvers.flow.search.search import (
     UNDECIDED,
@@ -75,7 +76,7 @@ def is_clear(key, k, d, x, z_end, model, bound4):
 
 
 @inlined
-def first_event(segment, span, model, poly, work):
+def first_event(segment, span, model, tables, work):
     """Find the first contact that reaches the edge of its layer within `span` of a step.
 
     Parameters
@@ -83,8 +84,7 @@ def first_event(segment, span, model, poly, work):
     segment : Segment
     span : float
         The step from ``work.x`` ends there, at ``work.z_end``.
-    poly : ndarray
-        Of `Tables`.
+    tables : Tables
 
     Returns
     -------
@@ -107,7 +107,7 @@ def first_event(segment, span, model, poly, work):
             continue
         near |= contact_bit(k)
         if not expanded[i]:
-            expand_row(poly, index, i, x, rows)
+            step_row(i, index, tables, work)
             expanded[i] = True
         curve = Curve(rows, i, h)
         edge = layer_edge(key, k, model)
@@ -153,8 +153,11 @@ def coast(segment, steps_left, model, tables, work):
     places = model.contacts.places
     n_steps = 0
     while tau + h < end and n_steps < steps_left:
-        product(tables.step, index, x, wide)
-        product_of_moduli(tables.bound4, index, x, bounds)
+        if is_spectral(tables):
+            spectral_step(index, model, tables, work)
+        else:
+            product(tables.step, index, x, wide)
+            product_of_moduli(tables.bound4, index, x, bounds)
         for k in range(places.shape[0]):
             if not is_clear(key, k, h, x, wide, model, bounds[places[k, 0]]):
                 return tau, n_steps, True
@@ -167,7 +170,7 @@ def coast(segment, steps_left, model, tables, work):
 
 
 @inlined
-def take_step(segment, known, tables, work):
+def take_step(segment, known, model, tables, work):
     """Take one linear step from ``work.x`` to ``work.z_end``, at most to the end of the period.
 
     Returns
@@ -179,15 +182,17 @@ def take_step(segment, known, tables, work):
     for row in range(work.z_end.shape[0]):
         work.expanded[row] = False
     span = segment.h
+    spectral = is_spectral(tables)
+    if spectral and not known:
+        spectral_step(index, model, tables, work)
     if segment.tau + segment.h < segment.end:
-        if not known:
+        if not (known or spectral):
             product(tables.step, index, x, work.wide)
         for row in range(work.z_end.shape[0]):
             work.z_end[row] = work.wide[row]
     else:
         span = segment.end - segment.tau
-        expand_rows(tables.poly, index, x, work.rows, work.expanded, work.z_end.shape[0])
-        evaluate_rows(work.rows, segment.h, span, work.z_end)
-    if not known:
+        step_state(segment, span, tables, work, work.z_end)
+    if not (known or spectral):
         product_of_moduli(tables.bound4, index, x, work.bounds)
     return span

@@ -1,0 +1,374 @@
+r"""Linear motion of large structures in the modes of the free one: without a table of each set.
+
+A contact set of R rows has a table of 64 R^2 numbers for polynomials alone, which takes the time of
+hundreds of steps to build, is met once or twice, and is read from memory at each event. From
+`LARGE` rows on steps need none. In modal coordinates q of the free structure, u = Phi q, the
+springs of a set c are of low rank, one for each contact that is closed,
+
+    q'' = -Lambda q - Gamma q' + Phi^-1 f G - sum_c (beta_k x_k + drag_k x_k') Phi^-1 e_k,
+
+so that a term of the Taylor series of all modes about the start of a step,
+
+    Q_(k+1) = h Q'_k / (k + 1),        Q'_(k+1) = h / (k + 1) (q'' of the terms k),
+
+takes the time of n (2 + 2 |c|) products where Gamma = Phi^-1 D Phi is diagonal (modal and Rayleigh
+damping), and n^2 more where it is not. A slider that slips is one more term, of the opposite sign.
+
+What a step costs beyond these terms are the states at its ends, 2 n^2 products each, and the rows
+that are looked at: the terms of a row are those of the modes times its shares of them, economised
+to the polynomials that all searches use (`series`). So all that is searched and measured along a
+step is the same. The bound of |y''''| is that of a row's own polynomial, of rows that are only
+measured the sum of those of the modes; both are of this motion, and sharper than a table's.
+
+Steps have the length h = theta / w of tables, w a bound of |lambda| of the set: the square of w is
+at most the largest eigenvalue of the free structure and the largest sum of a row of sqrt(kappa_k
+kappa_l) |d_k M^-1 d_l| over closed contacts. The terms theta^k / k! grow to 7 at theta = 3.6, which
+costs three bits; those beyond `N_FREE` and `N_CLOSED` are below 3e-16 and 3e-17.
+
+The tangent map multiplies column by column, without a matrix. That of free flight with a diagonal
+Gamma is known in closed form for any time.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, store, total
+from hpcsweep.model.kernel_contacts import DRAG
+from hpcsweep.solvers.flow.linear.polynomials import (
+    evaluate_rows,
+    expand_row,
+    expand_rows,
+    fourth_derivative,
+)
+from hpcsweep.solvers.flow.linear.series import about_start
+from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.state.workspace import N_CLOSED
+
+N_FREE = 24
+"""Terms of a step of free flight."""
+STATE, TANGENT = range(2)
+"""Places of terms: of the present step, and of a tangent vector along it."""
+ABOUT_START = about_start(N_CLOSED)
+"""(N_CLOSED, N_COEFFICIENTS): (s / h)^k as polynomials in sigma = 2 s / h - 1."""
+NEARLY_CRITICAL = 1e-3
+"""Square of an angle below which its sine and cosine are series."""
+
+
+@inlined
+def is_spectral(tables):
+    """Return whether steps are those of this module; tables then hold lengths and rotations."""
+    return tables.step.shape[1] == 0
+
+
+@kernel
+def _dot(a, i, b, j, size):
+    """Return the sum of the products of a[i:] and b[j:], flat; the size is one of `LANES`."""
+    even, odd = load(ZERO, 0), load(ZERO, 0)
+    pairs = size - size % (2 * LANES)
+    for p in range(0, pairs, 2 * LANES):
+        even = fma(load(a, i + p), load(b, j + p), even)
+        odd = fma(load(a, i + p + LANES), load(b, j + p + LANES), odd)
+    if pairs < size:
+        even = fma(load(a, i + pairs), load(b, j + pairs), even)
+    return total(even + odd)
+
+
+@kernel
+def bound_of_set(key, model):
+    """Bound the moduli of the eigenvalues of M of a set; see the module, and `spectral_bound`."""
+    kappa, reach, contacts = model.energy.kappa, model.energy.reach, model.contacts
+    hardest = strongest = 0.0
+    for k in range(kappa.shape[0]):
+        if key & contact_bit(k) == np.uint64(0):
+            continue
+        stiff = drag = 0.0
+        for i in range(kappa.shape[0]):
+            if key & contact_bit(i) != np.uint64(0):
+                along, own, other = 0.0, 0.0, 0.0
+                for j in range(reach.shape[1]):
+                    along += reach[k, j] * reach[i, j]
+                    own += reach[k, j] ** 2
+                    other += reach[i, j] ** 2
+                stiff += math.sqrt(kappa[k] * kappa[i]) * abs(along)
+                both = contacts.edges[k, DRAG] * contacts.edges[i, DRAG] / (own * other)
+                drag += math.sqrt(both) * abs(along)
+        hardest, strongest = max(hardest, stiff), max(strongest, drag)
+    fastest = model.omega
+    for h in range(model.harmonics.shape[0]):
+        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
+    stiffest = math.sqrt(model.stiffness_bound + hardest)
+    return max(stiffest, max(model.energy.drag + strongest, fastest))
+
+
+@kernel
+def _write_start(z, half, place, spectrum, own):
+    """Write the modal coordinates of a state with so many rows as terms 0."""
+    n, width, start = spectrum.to_modes.shape[0], spectrum.squares.shape[0], own.start
+    for i in range(n):
+        start[i], start[width + i] = z[i], z[half + i]
+    for j in range(n):
+        own.terms[place, 0, j] = _dot(spectrum.to_modes, j * width, start, 0, width)
+        own.terms[place, 0, width + j] = _dot(spectrum.to_modes, j * width, start, width, width)
+
+
+@inlined
+def _next_forcing(rate, model, pairs):
+    """Return a term of the forcing, and make pairs those of the next one."""
+    ground = 0.0
+    for k in range(0, pairs.shape[0], 2):
+        sine, cosine = pairs[k], pairs[k + 1]
+        ground += sine
+        rise, fall = rate, 0.0
+        if model.ramp.shape[0] == 0:
+            rise = fall = rate * model.harmonics[k // 2, 0] * model.omega
+        pairs[k], pairs[k + 1] = rise * cosine, -fall * sine
+    return ground
+
+
+@kernel
+def write_forcing(h, model, work, out):
+    """Write the polynomial of G along the present step, of length h."""
+    pairs, size = work.spectral.pairs, work.z_end.shape[0]
+    copy_state(work.x[size : size + pairs.shape[0]], pairs)
+    for p in range(N_COEFFICIENTS):
+        out[p] = 0.0
+    for k in range(N_CLOSED):
+        ground = _next_forcing(h / (k + 1), model, pairs)
+        for p in range(N_COEFFICIENTS):
+            out[p] += ground * ABOUT_START[k, p]
+
+
+@kernel
+def _write_terms(key, place, count, h, forced, model, spectrum, own, x):
+    """Write the terms that follow those of the start, with or without what acts from outside."""
+    width = spectrum.squares.shape[0]
+    contacts, elements, pairs = model.contacts, model.elements, own.pairs
+    m, terms, half = contacts.row.shape[0], own.terms, 2 * model.stiffness.shape[0]
+    loads = x.shape[0] - 1 - elements.stiffness.shape[0]
+    for k in range(pairs.shape[0]):
+        pairs[k] = x[half + k] if forced else 0.0
+    for term in range(count - 1):
+        rate, at = h / (term + 1), (place * terms.shape[1] + term) * 2 * width
+        to = at + 2 * width
+        ground = _next_forcing(rate, model, pairs)
+        for p in range(0, width, LANES):
+            speed = load(terms, at + width + p)
+            store(terms, to + p, speed * rate)
+            force = fma(load(spectrum.forcing, p), ground, load(spectrum.rates, p) * speed)
+            store(terms, to + width + p, force - load(spectrum.squares, p) * load(terms, at + p))
+        for j in range(spectrum.damping.shape[0]):
+            drag = _dot(spectrum.damping, j * width, terms, at + width, width)
+            terms[place, term + 1, width + j] -= drag
+        for k in range(m):
+            if key & contact_bit(k) == np.uint64(0):
+                continue
+            row, sign = contacts.row[k] * width, contacts.sign[k]
+            push = contacts.beta[k] * sign * _dot(spectrum.shapes, row, terms, at, width)
+            if contacts.edges[k, DRAG] > 0.0:
+                rise = _dot(spectrum.shapes, row, terms, at + width, width)
+                push += contacts.edges[k, DRAG] * sign * rise
+            if forced and term == 0:
+                push -= contacts.beta[k] * contacts.gap[k]
+            _add(terms, to + width, -push, spectrum.kicks, k * width, width)
+        for j in range(elements.stiffness.shape[0]):
+            push = x[loads + j] if forced and term == 0 else 0.0
+            if key & contact_bit(m + j) != np.uint64(0):
+                push += _dot(spectrum.slides, j * width, terms, at, width)
+            if push != 0.0:
+                _add(terms, to + width, push, spectrum.kicks, (m + j) * width, width)
+        for p in range(0, width, LANES):
+            store(terms, to + width + p, load(terms, to + width + p) * rate)
+
+
+@inlined
+def _add(out, o, factor, table, t, size):
+    """Add a multiple of table[t:] to out[o:], flat."""
+    for p in range(0, size, LANES):
+        store(out, o + p, fma(load(table, t + p), factor, load(out, o + p)))
+
+
+@kernel
+def _write_row(row, half, spectrum, own, rows):
+    """Write the polynomial of a row, of `half` rows of displacements and as many of speeds."""
+    width, count = spectrum.squares.shape[0], own.count[0]
+    first, i = (width, row - half) if row >= half else (0, row)
+    low, high = load(ZERO, 0), load(ZERO, 0)
+    for k in range(count):
+        value = _dot(spectrum.shapes, i * width, own.terms, 2 * k * width + first, width)
+        low = fma(load(ABOUT_START, k * N_COEFFICIENTS), value, low)
+        high = fma(load(ABOUT_START, k * N_COEFFICIENTS + LANES), value, high)
+    store(rows, row * N_COEFFICIENTS, low)
+    store(rows, row * N_COEFFICIENTS + LANES, high)
+
+
+@kernel
+def write_modes(h, spectrum, own, rows):
+    """Write the polynomials of the modal coordinates along the present step, of length h.
+
+    Bounds of the moduli of their fourth derivatives are left in ``own.bounds``.
+    """
+    for j in range(spectrum.to_modes.shape[0]):
+        low, high = load(ZERO, 0), load(ZERO, 0)
+        for k in range(own.count[0]):
+            value = own.terms[STATE, k, j]
+            low = fma(load(ABOUT_START, k * N_COEFFICIENTS), value, low)
+            high = fma(load(ABOUT_START, k * N_COEFFICIENTS + LANES), value, high)
+        store(rows, j * N_COEFFICIENTS, low)
+        store(rows, j * N_COEFFICIENTS + LANES, high)
+        own.bounds[j] = fourth_derivative(rows[j : j + 1], h)
+
+
+@kernel
+def bound_rows(h, tables, work):
+    """Write ``work.bounds`` of all rows, if they are not, by the bounds of the modes."""
+    spectrum, own = tables.spectrum, work.spectral
+    if own.count[1] == 1:
+        return
+    own.count[1] = 1
+    width = spectrum.squares.shape[0]
+    write_modes(h, spectrum, own, work.modal_rows)
+    for i in range(spectrum.shapes.shape[0]):
+        value = load(ZERO, 0)
+        for p in range(0, width, LANES):
+            value = fma(modulus(load(spectrum.shapes, i * width + p)), load(own.bounds, p), value)
+        work.bounds[i] = total(value)
+
+
+@kernel
+def _write_state(place, ratio, half, spectrum, own, out):
+    """Write the state at that part of a step."""
+    width, terms, end = spectrum.squares.shape[0], own.terms, own.start
+    first = place * terms.shape[1] * 2 * width
+    for p in range(0, 2 * width, LANES):
+        value = load(terms, first + (own.count[0] - 1) * 2 * width + p)
+        for k in range(own.count[0] - 2, -1, -1):
+            value = fma(value, ratio, load(terms, first + k * 2 * width + p))
+        store(end, p, value)
+    _write_rows(half, spectrum, own, out)
+
+
+@kernel
+def _write_rows(half, spectrum, own, out):
+    """Write the rows of a state by its modal coordinates in ``own.start``."""
+    width = spectrum.squares.shape[0]
+    for i in range(half):
+        out[i] = _dot(spectrum.shapes, i * width, own.start, 0, width)
+        out[half + i] = _dot(spectrum.shapes, i * width, own.start, width, width)
+
+
+@kernel
+def spectral_step(index, model, tables, work):
+    """Expand a step of table `index` from ``work.x``; write ``work.wide`` and ``work.bounds``.
+
+    The bounds are those of the rows of contacts; of all rows where there are elements.
+    """
+    spectrum, own, half = tables.spectrum, work.spectral, work.z_end.shape[0] // 2
+    key, h = tables.keys[index], tables.h[index]
+    own.count[0], own.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
+    _write_start(work.x, half, STATE, spectrum, own)
+    _write_terms(key, STATE, own.count[0], h, True, model, spectrum, own, work.x)
+    _write_state(STATE, 1.0, half, spectrum, own, work.wide)
+    if model.elements.first.shape[0] > 0:
+        bound_rows(h, tables, work)
+        return
+    for k in range(model.contacts.row.shape[0]):
+        row = model.contacts.row[k]
+        _write_row(row, half, spectrum, own, work.rows)
+        work.bounds[row] = fourth_derivative(work.rows[row : row + 1], h)
+
+
+@inlined
+def step_row(row, index, tables, work):
+    """Write the polynomial of a row along the present step of table `index`."""
+    if is_spectral(tables):
+        _write_row(row, work.z_end.shape[0] // 2, tables.spectrum, work.spectral, work.rows)
+    else:
+        expand_row(tables.poly, index, row, work.x, work.rows)
+
+
+@inlined
+def rows_of_contacts(segment, model, tables, work):
+    """Write the polynomials of the rows of all contacts along the present step, if they are not.
+
+    Of a step with a table those of all rows.
+    """
+    if is_spectral(tables):
+        for k in range(model.contacts.row.shape[0]):
+            row = model.contacts.row[k]
+            if not work.expanded[row]:
+                step_row(row, segment.index, tables, work)
+                work.expanded[row] = True
+    else:
+        count = work.z_end.shape[0]
+        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
+
+
+@inlined
+def step_state(segment, s, tables, work, out):
+    """Write the state at time s of the present step; its polynomials, too, where it has a table."""
+    if segment.index >= 0 and is_spectral(tables):
+        half = work.z_end.shape[0] // 2
+        _write_state(STATE, s / segment.h, half, tables.spectrum, work.spectral, out)
+    else:
+        count = work.z_end.shape[0]
+        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
+        evaluate_rows(work.rows, segment.h, s, out)
+
+
+@kernel
+def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
+    """Multiply `tangent` by exp(M s) to the power `n_steps` of table `index`, in place."""
+    spectrum, own, half = tables.spectrum, work.spectral, tangent.shape[0] // 2
+    key, h = tables.keys[index], tables.h[index]
+    exact = key == np.uint64(0) and spectrum.damping.shape[0] == 0
+    if exact:
+        _write_exponential(s * n_steps, spectrum, own.exponential)
+    vector, width, kept = work.tangent.column, spectrum.squares.shape[0], own.count[0]
+    own.count[0] = N_FREE if key == np.uint64(0) else N_CLOSED
+    for column in range(tangent.shape[1]):
+        for i in range(2 * half):
+            vector[i] = tangent[i, column]
+        if exact:
+            _write_start(vector, half, TANGENT, spectrum, own)
+            for p in range(0, width, LANES):
+                first = own.terms.shape[1] * 2 * width + p
+                q, v = load(own.terms, first), load(own.terms, first + width)
+                e = own.exponential
+                store(own.start, p, fma(load(e, p), q, load(e, width + p) * v))
+                more = load(e, 3 * width + p) * v
+                store(own.start, width + p, fma(load(e, 2 * width + p), q, more))
+            _write_rows(half, spectrum, own, vector)
+        else:
+            for _ in range(n_steps):
+                _write_start(vector, half, TANGENT, spectrum, own)
+                _write_terms(key, TANGENT, own.count[0], h, False, model, spectrum, own, work.x)
+                _write_state(TANGENT, s / h, half, spectrum, own, vector)
+        for i in range(2 * half):
+            tangent[i, column] = vector[i]
+    own.count[0] = kept
+
+
+@kernel
+def _write_exponential(t, spectrum, out):
+    """Write exp of a time t of each mode of free flight: q of q and of q', q' of both."""
+    for j in range(spectrum.to_modes.shape[0]):
+        square, half = spectrum.squares[j], -0.5 * spectrum.rates[j]
+        inner = square - half * half
+        angle = inner * t * t
+        if abs(angle) < NEARLY_CRITICAL:
+            cosine = 1.0 - angle * (0.5 - angle * (1.0 / 24.0 - angle / 720.0))
+            sine = 1.0 - angle * (1.0 / 6.0 - angle * (1.0 / 120.0 - angle / 5040.0))
+            decay = math.exp(-half * t)
+            cosine, sine = cosine * decay, sine * t * decay
+        elif inner > 0.0:
+            decay, w = math.exp(-half * t), math.sqrt(inner)
+            cosine, sine = decay * math.cos(w * t), decay * math.sin(w * t) / w
+        else:
+            w = math.sqrt(-inner)
+            slow, fast = math.exp((w - half) * t), math.exp(-(w + half) * t)
+            cosine, sine = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
+        out[0, j], out[1, j] = fma(half, sine, cosine), sine
+        out[2, j], out[3, j] = -square * sine, fma(-half, sine, cosine)

@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from hpcsweep.model.arguments import shown
-from hpcsweep.model.matrices import MAX_FLOORS, Contact, Slider, is_named, vector
+from hpcsweep.model.matrices import MAX_ROWS, Contact, Slider, is_named, vector
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.reduction import (
     absurd,
@@ -246,9 +246,9 @@ class FiniteElements:
         drag = None if self.damping is None else _part(self.damping, used)
         forced, drift = _array([*hits, *slides], used), _array(drifts, used)
         n_mass = int((used & self._has_mass).sum())
-        room = MAX_FLOORS - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
-        if reduce is None and n_mass > MAX_FLOORS:
-            limit = f"at most {MAX_FLOORS} coordinates with mass, has {n_mass}"
+        room = MAX_ROWS - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
+        if reduce is None and n_mass > MAX_ROWS:
+            limit = f"at most {MAX_ROWS} coordinates with mass, has {n_mass}"
             raise ValueError(f'reduce is missing: without, as {{"modes": 12}}, there are {limit}')
         modes = find_modes(mass, sticking, forced, push, most_modes(reduce, room))
         if reduce is None:

@@ -86,7 +86,7 @@ CALLS = {
         hpcsweep.Structure,
         {"n_floors": 2, "stiffness_ratio": 10.0, "sharpness": 1e3, "damping_ratio": 0.05},
         {
-            "n_floors": {**NO_COUNT, "zero": 0, "many": 513},
+            "n_floors": {**NO_COUNT, "zero": 0, "many": 65},
             "stiffness_ratio": {**NOT_FINITE, "negative": -1.0},
             "sharpness": {**NO_NUMBER, "negative": -1.0},
             "damping_ratio": {**NOT_FINITE, "negative": -1.0, "three": [0.1] * 3},

@@ -97,11 +97,11 @@ def test_matrices_cannot_be_changed():
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("n_floors", 0, "n_floors must be a whole number from 1 to 512, is 0"),
-        ("n_floors", 513, "n_floors must be a whole number from 1 to 512, is 513"),
-        ("n_floors", 3.0, "n_floors must be a whole number from 1 to 512, is 3.0"),
-        ("n_floors", True, "n_floors must be a whole number from 1 to 512, is True"),
-        ("n_floors", "3", "n_floors must be a whole number from 1 to 512, is '3'"),
+        ("n_floors", 0, "n_floors must be a whole number from 1 to 64, is 0"),
+        ("n_floors", 65, "n_floors must be a whole number from 1 to 64, is 65"),
+        ("n_floors", 3.0, "n_floors must be a whole number from 1 to 64, is 3.0"),
+        ("n_floors", True, "n_floors must be a whole number from 1 to 64, is True"),
+        ("n_floors", "3", "n_floors must be a whole number from 1 to 64, is '3'"),
         ("stiffness_ratio", -1.0, "stiffness_ratio must be finite and at least 0, is -1.0"),
         ("stiffness_ratio", math.inf, "stiffness_ratio must be finite and at least 0, is inf"),
         ("stiffness_ratio", math.nan, "stiffness_ratio must be a number, is nan"),

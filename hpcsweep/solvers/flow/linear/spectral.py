@@ -34,9 +34,10 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, store, total
+from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, modulus, store, total
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.linear.polynomials import (
+    FOURTH,
     evaluate_rows,
     expand_row,
     expand_rows,
@@ -53,6 +54,7 @@ STATE, TANGENT = range(2)
 """Places of terms: of the present step, and of a tangent vector along it."""
 ABOUT_START = about_start(N_CLOSED)
 """(N_CLOSED, N_COEFFICIENTS): (s / h)^k as polynomials in sigma = 2 s / h - 1."""
+BY_POWER = np.ascontiguousarray(ABOUT_START.T)
 NEARLY_CRITICAL = 1e-3
 """Square of an angle below which its sine and cosine are series."""
 
@@ -238,46 +240,93 @@ def bound_rows(h, tables, work):
 
 
 @kernel
-def _write_state(place, ratio, half, spectrum, own, out):
-    """Write the state at that part of a step."""
-    width, terms, end = spectrum.squares.shape[0], own.terms, own.start
-    first = place * terms.shape[1] * 2 * width
-    for p in range(0, 2 * width, LANES):
-        value = load(terms, first + (own.count[0] - 1) * 2 * width + p)
+def _evaluate(place, ratio, own, out):
+    """Write the modal coordinates and speeds at that part of a step."""
+    size, terms = out.shape[0], own.terms
+    first = place * terms.shape[1] * size
+    for p in range(0, size, LANES):
+        value = load(terms, first + (own.count[0] - 1) * size + p)
         for k in range(own.count[0] - 2, -1, -1):
-            value = fma(value, ratio, load(terms, first + k * 2 * width + p))
-        store(end, p, value)
-    _write_rows(half, spectrum, own, out)
+            value = fma(value, ratio, load(terms, first + k * size + p))
+        store(out, p, value)
 
 
 @kernel
-def _write_rows(half, spectrum, own, out):
-    """Write the rows of a state by its modal coordinates in ``own.start``."""
+def write_rows(modes, spectrum, half, out):
+    """Write all rows of a state by its modal coordinates and speeds."""
     width = spectrum.squares.shape[0]
     for i in range(half):
-        out[i] = _dot(spectrum.shapes, i * width, own.start, 0, width)
-        out[half + i] = _dot(spectrum.shapes, i * width, own.start, width, width)
+        out[i] = _dot(spectrum.shapes, i * width, modes, 0, width)
+        out[half + i] = _dot(spectrum.shapes, i * width, modes, width, width)
 
 
 @kernel
-def spectral_step(index, model, tables, work):
-    """Expand a step of table `index` from ``work.x``; write ``work.wide`` and ``work.bounds``.
+def modal_step(index, tau, end, model, tables, work):
+    """Expand a step of table `index` from ``work.x`` at tau; its modes at the end go to ``end``.
 
-    The bounds are those of the rows of contacts; of all rows where there are elements.
+    Where a step begins at the end of the last one, in time and set, its modes are those there.
     """
     spectrum, own, half = tables.spectrum, work.spectral, work.z_end.shape[0] // 2
     key, h = tables.keys[index], tables.h[index]
+    if tau > 0.0 and own.chain[0] == tau and own.chain[1] == index:
+        copy_state(own.end, own.terms[STATE, 0])
+    else:
+        _write_start(work.x, half, STATE, spectrum, own)
+    own.chain[0], own.chain[1] = end, index
     own.count[0], own.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
-    _write_start(work.x, half, STATE, spectrum, own)
     _write_terms(key, STATE, own.count[0], h, True, model, spectrum, own, work.x)
-    _write_state(STATE, 1.0, half, spectrum, own, work.wide)
-    if model.elements.first.shape[0] > 0:
-        bound_rows(h, tables, work)
+    _evaluate(STATE, 1.0, own, own.end)
+
+
+@kernel
+def bound_contacts(index, model, tables, work):
+    """Write ``work.bounds`` of the rows of contacts along the present step."""
+    spectrum, own, rows = tables.spectrum, work.spectral, model.contacts.row
+    h, count, m = tables.h[index], own.count[0], rows.shape[0]
+    if spectrum.stops.shape[0] == 0:
+        for k in range(m):
+            _write_row(rows[k], work.z_end.shape[0] // 2, spectrum, own, work.rows)
+            work.bounds[rows[k]] = fourth_derivative(work.rows[rows[k] : rows[k] + 1], h)
         return
-    for k in range(model.contacts.row.shape[0]):
-        row = model.contacts.row[k]
-        _write_row(row, half, spectrum, own, work.rows)
-        work.bounds[row] = fourth_derivative(work.rows[row : row + 1], h)
+    n, width, sums = spectrum.stops.shape[0], spectrum.stops.shape[1], own.sums
+    step = 2 * spectrum.squares.shape[0]
+    rate = (2.0 / h) ** 4
+    for first in range(0, width, LANES):
+        for k in range(count):
+            at, stops = k * LANES, spectrum.stops
+            combine(sums, at, ZERO, 0, 1.0, stops, first, width, own.terms, k * step, n)
+        bound, last = load(ZERO, 0), N_CLOSED * LANES
+        for p in range(4, N_COEFFICIENTS):
+            combine(sums, last, ZERO, 0, 1.0, sums, 0, LANES, BY_POWER, p * N_CLOSED, count)
+            bound = fma(modulus(load(sums, last)), FOURTH[p], bound)
+        store(sums, last, bound * rate)
+        for k in range(first, min(first + LANES, m)):
+            work.bounds[rows[k]] = sums[N_CLOSED, k - first]
+
+
+@kernel
+def spectral_step(index, tau, end, model, tables, work):
+    """Expand a step of table `index` from tau to `end`; write ``work.wide`` and ``work.bounds``.
+
+    The bounds are those of the rows of contacts; of all rows where there are elements.
+    """
+    modal_step(index, tau, end, model, tables, work)
+    write_rows(work.spectral.end, tables.spectrum, work.z_end.shape[0] // 2, work.wide)
+    if model.elements.first.shape[0] > 0:
+        bound_rows(tables.h[index], tables, work)
+    else:
+        bound_contacts(index, model, tables, work)
+
+
+@kernel
+def ends_of_contacts(model, tables, work):
+    """Write into ``work.wide`` where contacts are at the end of the present step."""
+    spectrum, places, end = tables.spectrum, model.contacts.places, work.spectral.end
+    width = spectrum.squares.shape[0]
+    for k in range(places.shape[0]):
+        row = model.contacts.row[k] * width
+        work.wide[places[k, 0]] = _dot(spectrum.shapes, row, end, 0, width)
+        work.wide[places[k, 1]] = _dot(spectrum.shapes, row, end, width, width)
 
 
 @inlined
@@ -311,7 +360,8 @@ def step_state(segment, s, tables, work, out):
     """Write the state at time s of the present step; its polynomials, too, where it has a table."""
     if segment.index >= 0 and is_spectral(tables):
         half = work.z_end.shape[0] // 2
-        _write_state(STATE, s / segment.h, half, tables.spectrum, work.spectral, out)
+        _evaluate(STATE, s / segment.h, work.spectral, work.spectral.start)
+        write_rows(work.spectral.start, tables.spectrum, half, out)
     else:
         count = work.z_end.shape[0]
         expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
@@ -340,12 +390,13 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
                 store(own.start, p, fma(load(e, p), q, load(e, width + p) * v))
                 more = load(e, 3 * width + p) * v
                 store(own.start, width + p, fma(load(e, 2 * width + p), q, more))
-            _write_rows(half, spectrum, own, vector)
+            write_rows(own.start, spectrum, half, vector)
         else:
             for _ in range(n_steps):
                 _write_start(vector, half, TANGENT, spectrum, own)
                 _write_terms(key, TANGENT, own.count[0], h, False, model, spectrum, own, work.x)
-                _write_state(TANGENT, s / h, half, spectrum, own, vector)
+                _evaluate(TANGENT, s / h, own, own.start)
+                write_rows(own.start, spectrum, half, vector)
         for i in range(2 * half):
             tangent[i, column] = vector[i]
     own.count[0] = kept

@@ -194,7 +194,7 @@ def _coast(segment, amplitude, wanted, shared):
         n_steps = int(end / h)
     for step in range(n_steps):
         if is_spectral(tables):
-            spectral_step(index, model, tables, work)
+            spectral_step(index, step * h, (step + 1) * h, model, tables, work)
         else:
             product(tables.step, index, x, wide)
             product_of_moduli(tables.bound4, index, x, work.bounds)

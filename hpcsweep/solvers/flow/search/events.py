@@ -10,10 +10,15 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
 from hpcsweep.solvers.flow.linear.spectral import (
+    bound_contacts,
+    bound_rows,
+    ends_of_contacts,
     is_spectral,
+    modal_step,
     spectral_step,
     step_row,
     step_state,
+    write_rows,
 )
 from hpcsweep.solvers.flow.search.search import (
     UNDECIDED,
@@ -136,6 +141,37 @@ def first_event(segment, span, model, tables, work):
     return contact, first, near
 
 
+@kernel
+def _coast_in_modes(segment, steps_left, model, tables, work):
+    """Take such steps as `coast` in modes, of which all rows are written at the end alone."""
+    key, index, h, tau, end = segment
+    x, wide, places, half = work.x, work.wide, model.contacts.places, work.z_end.shape[0] // 2
+    n_steps, clear = 0, True
+    while tau + h < end and n_steps < steps_left:
+        modal_step(index, tau, tau + h, model, tables, work)
+        bound_contacts(index, model, tables, work)
+        ends_of_contacts(model, tables, work)
+        for k in range(places.shape[0]):
+            if not is_clear(key, k, h, x, wide, model, work.bounds[places[k, 0]]):
+                clear = False
+                break
+        if not clear:
+            break
+        for k in range(places.shape[0]):
+            x[places[k, 0]], x[places[k, 1]] = wide[places[k, 0]], wide[places[k, 1]]
+        turn_forcing(x, 2 * half, tables, index)
+        tau += h
+        n_steps += 1
+    own, spectrum = work.spectral, tables.spectrum
+    if n_steps > 0:
+        write_rows(own.end if clear else own.terms[0, 0], spectrum, half, x)
+    if not clear:
+        write_rows(own.end, spectrum, half, wide)
+        if model.elements.first.shape[0] > 0:
+            bound_rows(h, tables, work)
+    return tau, n_steps, not clear
+
+
 @inlined
 def coast(segment, steps_left, model, tables, work):
     """Take linear steps while no contact can reach the edge of its layer (proved) and time remains.
@@ -148,16 +184,15 @@ def coast(segment, steps_left, model, tables, work):
     known : bool
         Whether ``work.wide`` and ``work.bounds`` are those of a step from there.
     """
+    if is_spectral(tables):
+        return _coast_in_modes(segment, steps_left, model, tables, work)
     key, index, h, tau, end = segment
     x, wide, bounds = work.x, work.wide, work.bounds
     places = model.contacts.places
     n_steps = 0
     while tau + h < end and n_steps < steps_left:
-        if is_spectral(tables):
-            spectral_step(index, model, tables, work)
-        else:
-            product(tables.step, index, x, wide)
-            product_of_moduli(tables.bound4, index, x, bounds)
+        product(tables.step, index, x, wide)
+        product_of_moduli(tables.bound4, index, x, bounds)
         for k in range(places.shape[0]):
             if not is_clear(key, k, h, x, wide, model, bounds[places[k, 0]]):
                 return tau, n_steps, True
@@ -184,7 +219,8 @@ def take_step(segment, known, model, tables, work):
     span = segment.h
     spectral = is_spectral(tables)
     if spectral and not known:
-        spectral_step(index, model, tables, work)
+        tau = segment.tau
+        spectral_step(index, tau, tau + segment.h, model, tables, work)
     if segment.tau + segment.h < segment.end:
         if not (known or spectral):
             product(tables.step, index, x, work.wide)

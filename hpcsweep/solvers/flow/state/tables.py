@@ -69,9 +69,10 @@ THETA_FREE = 2.2
 """Free flight: shorter, because the proof that no floor reaches the stop weakens with h^4."""
 MAX_TABLES = 64
 """Most tables; when more contact sets occur the table store is emptied and refilled."""
-LARGE, LARGE_SMOOTH = 16, 65
-"""Rows from which on there are no propagators: steps are taken in modes (`linear.spectral`). Smooth
-contacts pass their layers alone by tables (`solitary`, `slow_passage`), which spare most steps."""
+LARGE, LARGE_SPARED = 32, 65
+"""Rows from which on there are no propagators: steps are taken in modes (`linear.spectral`). The
+second is for smooth contacts, which pass their layers alone by tables (`solitary`, `slow_passage`)
+that spare most steps, and for sliders, most sets of which have no table anyway (`series`)."""
 N_POWERS = 4
 """Powers of the propagator of a step that are kept: exp(M h 2^k), k = 1, .., `N_POWERS`."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
@@ -107,8 +108,7 @@ def sizes_of(model: Model) -> dict[str, int]:
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
     sizes |= {"2 padded F": 2 * sizes["padded F"], "R+padded R": rows + padded(rows)}
-    alone = 0.0 < model.layer and not model.elements.first.size
-    large = rows >= (LARGE_SMOOTH if alone else LARGE)
+    large = rows >= (LARGE_SPARED if model.layer > 0.0 or n_loads else LARGE)
     for name in ("n", "2R", "N", "B", "m"):
         sizes[f"tabled {name}"] = 0 if large else sizes[name]
     sizes["responses"] = 0 if large else N_NODES
@@ -135,6 +135,12 @@ class Spectrum(NamedTuple):
     """(m + L, padded n): Phi^-1 e_k of contacts, then of sliders, times their stiffness."""
     slides: np.ndarray
     """(L, padded n): elongations of sliders."""
+    stops: np.ndarray
+    """(n, padded m): the rows of contacts, by columns; no rows where they are `FEW`."""
+
+
+FEW = 3
+"""Contacts that are looked at one by one, not in eights."""
 
 
 COUPLED = 1e-14
@@ -146,7 +152,7 @@ def spectrum_of(model: Model, sizes: dict[str, int]) -> Spectrum:
     n, width = sizes["n"], sizes["modes"]
     if width == 0:
         rows, numbers = np.zeros((0, 0)), np.zeros(0)
-        return Spectrum(rows, rows, numbers, numbers, rows, numbers, rows, rows)
+        return Spectrum(rows, rows, numbers, numbers, rows, numbers, rows, rows, rows)
     inverse = model.modal_transform[:, :n]
     shapes = np.linalg.inv(inverse)
     gamma = inverse @ model.damping[:n, :n] @ shapes
@@ -154,13 +160,16 @@ def spectrum_of(model: Model, sizes: dict[str, int]) -> Spectrum:
     rest = gamma - np.diag(rates)
     coupled = np.abs(rest).max() > COUPLED * np.abs(gamma).max()
     sliders = model.elements.stiffness[:, None] * model.elements.kick[:, :n]
+    m, row = sizes["m"], model.contacts.row
     kicks = np.vstack((model.contacts.kick[:, :n], sliders)) @ inverse.T
 
     def wide(values: np.ndarray) -> np.ndarray:
         return np.pad(values, [*(values.ndim - 1) * [(0, 0)], (0, width - n)])
 
+    every = np.vstack((shapes, model.rows @ shapes))
+    stops = np.pad(every[row].T, [(0, 0), (0, sizes["padded m"] - m)])
     return Spectrum(
-        shapes=wide(np.vstack((shapes, model.rows @ shapes))),
+        shapes=wide(every),
         to_modes=wide(inverse),
         squares=wide(np.sum(inverse * (model.stiffness[:n, :n] @ shapes).T, 1)),
         rates=wide(-rates),
@@ -168,6 +177,7 @@ def spectrum_of(model: Model, sizes: dict[str, int]) -> Spectrum:
         forcing=wide(inverse @ model.forcing[:n]),
         kicks=wide(kicks),
         slides=wide(model.elements.reach @ shapes),
+        stops=stops if m > FEW else stops[:0],
     )
 
 

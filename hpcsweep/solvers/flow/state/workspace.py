@@ -135,6 +135,12 @@ class SpectralWorkspace(NamedTuple):
     """A state, its first n rows or its modes ..."""
     pairs: np.ndarray = zeros("2H")
     """... and a term of the forcing."""
+    end: np.ndarray = zeros("2 modes")
+    """The modes at the end of the present step ..."""
+    chain: np.ndarray = zeros(2)
+    """... and when that is, and its table."""
+    sums: np.ndarray = zeros(N_CLOSED + 1, LANES)
+    """Terms of eight contacts, and a sum."""
     bounds: np.ndarray = zeros("modes")
     """Of the fourth derivatives of the modes."""
     exponential: np.ndarray = zeros(4, "modes")

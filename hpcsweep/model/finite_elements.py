@@ -22,6 +22,8 @@ from hpcsweep.model.reduction import (
 )
 from hpcsweep.model.structure import Structure
 
+MAX_REDUCED = 64
+"""Rows of a reduced model."""
 ASYMMETRY = 1e-6
 """Largest difference of a matrix from its transpose, over its largest entry: files round."""
 RIGID = 1e-13
@@ -246,7 +248,7 @@ class FiniteElements:
         drag = None if self.damping is None else _part(self.damping, used)
         forced, drift = _array([*hits, *slides], used), _array(drifts, used)
         n_mass = int((used & self._has_mass).sum())
-        room = MAX_ROWS - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
+        room = MAX_REDUCED - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
         if reduce is None and n_mass > MAX_ROWS:
             limit = f"at most {MAX_ROWS} coordinates with mass, has {n_mass}"
             raise ValueError(f'reduce is missing: without, as {{"modes": 12}}, there are {limit}')

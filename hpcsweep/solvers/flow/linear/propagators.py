@@ -31,8 +31,12 @@ from hpcsweep.kernels.simd.vectors import (
     modulus,
     store,
 )
-from hpcsweep.solvers.flow.linear.generator import spectral_bound, write_generator
-from hpcsweep.solvers.flow.linear.spectral import bound_of_set, is_spectral
+from hpcsweep.solvers.flow.linear.generator import (
+    bound_of_set,
+    spectral_bound,
+    write_generator,
+)
+from hpcsweep.solvers.flow.linear.spectral import is_spectral
 from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,

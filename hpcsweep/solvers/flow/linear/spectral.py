@@ -79,33 +79,6 @@ def _dot(a, i, b, j, size):
 
 
 @kernel
-def bound_of_set(key, model):
-    """Bound the moduli of the eigenvalues of M of a set; see the module, and `spectral_bound`."""
-    kappa, reach, contacts = model.energy.kappa, model.energy.reach, model.contacts
-    hardest = strongest = 0.0
-    for k in range(kappa.shape[0]):
-        if key & contact_bit(k) == np.uint64(0):
-            continue
-        stiff = drag = 0.0
-        for i in range(kappa.shape[0]):
-            if key & contact_bit(i) != np.uint64(0):
-                along, own, other = 0.0, 0.0, 0.0
-                for j in range(reach.shape[1]):
-                    along += reach[k, j] * reach[i, j]
-                    own += reach[k, j] ** 2
-                    other += reach[i, j] ** 2
-                stiff += math.sqrt(kappa[k] * kappa[i]) * abs(along)
-                both = contacts.edges[k, DRAG] * contacts.edges[i, DRAG] / (own * other)
-                drag += math.sqrt(both) * abs(along)
-        hardest, strongest = max(hardest, stiff), max(strongest, drag)
-    fastest = model.omega
-    for h in range(model.harmonics.shape[0]):
-        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
-    stiffest = math.sqrt(model.stiffness_bound + hardest)
-    return max(stiffest, max(model.energy.drag + strongest, fastest))
-
-
-@kernel
 def _write_start(z, half, place, spectrum, own):
     """Write the modal coordinates of a state with so many rows as terms 0."""
     n, width, start = spectrum.to_modes.shape[0], spectrum.squares.shape[0], own.start
@@ -143,16 +116,41 @@ def write_forcing(h, model, work, out):
             out[p] += ground * ABOUT_START[k, p]
 
 
+@inlined
+def _add_pushes(key, at, constant, model, spectrum, own, x):
+    """Add what contacts and sliders do by the terms at a place of all, flat, to those that follow.
+
+    `constant` tells whether they have what does not depend on the terms.
+    """
+    width, contacts, terms = spectrum.squares.shape[0], model.contacts, own.terms
+    m, n_sliders, to = contacts.row.shape[0], model.elements.stiffness.shape[0], at + 3 * width
+    for k in range(m):
+        if key & contact_bit(k) == np.uint64(0):
+            continue
+        row, sign = contacts.row[k] * width, contacts.sign[k]
+        push = contacts.beta[k] * sign * _dot(spectrum.shapes, row, terms, at, width)
+        if contacts.edges[k, DRAG] > 0.0:
+            rise = _dot(spectrum.shapes, row, terms, at + width, width)
+            push += contacts.edges[k, DRAG] * sign * rise
+        if constant:
+            push -= contacts.beta[k] * contacts.gap[k]
+        _add(terms, to, -push, spectrum.kicks, k * width, width)
+    for j in range(n_sliders):
+        push = x[x.shape[0] - 1 - n_sliders + j] if constant else 0.0
+        if key & contact_bit(m + j) != np.uint64(0):
+            push += _dot(spectrum.slides, j * width, terms, at, width)
+        if push != 0.0:
+            _add(terms, to, push, spectrum.kicks, (m + j) * width, width)
+
+
 @kernel
-def _write_terms(key, place, count, h, forced, model, spectrum, own, x):
+def _write_terms(key, place, h, forced, model, spectrum, own, x):
     """Write the terms that follow those of the start, with or without what acts from outside."""
     width = spectrum.squares.shape[0]
-    contacts, elements, pairs = model.contacts, model.elements, own.pairs
-    m, terms, half = contacts.row.shape[0], own.terms, 2 * model.stiffness.shape[0]
-    loads = x.shape[0] - 1 - elements.stiffness.shape[0]
+    pairs, terms, half = own.pairs, own.terms, 2 * model.stiffness.shape[0]
     for k in range(pairs.shape[0]):
         pairs[k] = x[half + k] if forced else 0.0
-    for term in range(count - 1):
+    for term in range(own.count[0] - 1):
         rate, at = h / (term + 1), (place * terms.shape[1] + term) * 2 * width
         to = at + 2 * width
         ground = _next_forcing(rate, model, pairs)
@@ -164,23 +162,7 @@ def _write_terms(key, place, count, h, forced, model, spectrum, own, x):
         for j in range(spectrum.damping.shape[0]):
             drag = _dot(spectrum.damping, j * width, terms, at + width, width)
             terms[place, term + 1, width + j] -= drag
-        for k in range(m):
-            if key & contact_bit(k) == np.uint64(0):
-                continue
-            row, sign = contacts.row[k] * width, contacts.sign[k]
-            push = contacts.beta[k] * sign * _dot(spectrum.shapes, row, terms, at, width)
-            if contacts.edges[k, DRAG] > 0.0:
-                rise = _dot(spectrum.shapes, row, terms, at + width, width)
-                push += contacts.edges[k, DRAG] * sign * rise
-            if forced and term == 0:
-                push -= contacts.beta[k] * contacts.gap[k]
-            _add(terms, to + width, -push, spectrum.kicks, k * width, width)
-        for j in range(elements.stiffness.shape[0]):
-            push = x[loads + j] if forced and term == 0 else 0.0
-            if key & contact_bit(m + j) != np.uint64(0):
-                push += _dot(spectrum.slides, j * width, terms, at, width)
-            if push != 0.0:
-                _add(terms, to + width, push, spectrum.kicks, (m + j) * width, width)
+        _add_pushes(key, at, forced and term == 0, model, spectrum, own, x)
         for p in range(0, width, LANES):
             store(terms, to + width + p, load(terms, to + width + p) * rate)
 
@@ -274,7 +256,7 @@ def modal_step(index, tau, end, model, tables, work):
         _write_start(work.x, half, STATE, spectrum, own)
     own.chain[0], own.chain[1] = end, index
     own.count[0], own.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
-    _write_terms(key, STATE, own.count[0], h, True, model, spectrum, own, work.x)
+    _write_terms(key, STATE, h, True, model, spectrum, own, work.x)
     _evaluate(STATE, 1.0, own, own.end)
 
 
@@ -394,7 +376,7 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
         else:
             for _ in range(n_steps):
                 _write_start(vector, half, TANGENT, spectrum, own)
-                _write_terms(key, TANGENT, own.count[0], h, False, model, spectrum, own, work.x)
+                _write_terms(key, TANGENT, h, False, model, spectrum, own, work.x)
                 _evaluate(TANGENT, s / h, own, own.start)
                 write_rows(own.start, spectrum, half, vector)
         for i in range(2 * half):

@@ -22,6 +22,7 @@ import json
 import math
 from collections import Counter
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numba
@@ -298,9 +299,10 @@ def main():
     parser.add_argument("--worst", type=int, default=10)
     parser.add_argument("--certify", action="store_true")
     parser.add_argument("--general", action="store_true", help="random structures of any kind")
+    parser.add_argument("--rows", type=int, nargs=2, help="fewest and most of general structures")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    make = random_general_cases if options.general else random_cases
+    make = partial(random_general_cases, rows=options.rows) if options.general else random_cases
     found = []
     for case in make(options.cases, options.seed):
         reference = refer(case)

@@ -87,10 +87,10 @@ def somewhere(rng, structure):
     return omega, float(size / unit_push), state * structure.state_units
 
 
-def random_general_case(rng, kind, number=0):
+def random_general_case(rng, kind, number=0, rows=None):
     """Draw a case."""
     sharpness = math.inf if rng.random() < 0.35 else log_uniform(rng, 1e2, 1e6)
-    structure = random_structure(rng, sharpness)
+    structure = random_structure(rng, sharpness, rows=rows)
     omega, amplitude, state = somewhere(rng, structure)
     case = GeneralCase(kind, number, structure, omega, amplitude, tuple(state.tolist()))
     if kind == "anywhere, general":
@@ -131,8 +131,8 @@ def earlier(rng, structure, amplitude, omega, z, chosen):
     return z
 
 
-def random_general_cases(number, seed=0):
-    """Return as many cases of each kind; each has a generator of its own."""
+def random_general_cases(number, seed=0, rows=None):
+    """Return as many cases of each kind; each has a generator of its own. `rows`: fewest, most."""
     for k in range(number):
         rng = np.random.default_rng([seed, k])
-        yield random_general_case(rng, GENERAL_KINDS[k % len(GENERAL_KINDS)], k)
+        yield random_general_case(rng, GENERAL_KINDS[k % len(GENERAL_KINDS)], k, rows)

@@ -49,7 +49,9 @@ def _direction(rng, n):
     return direction
 
 
-def random_structure(rng, sharpness: float, half: float = 2.0) -> Structure:
+def random_structure(
+    rng, sharpness: float, half: float = 2.0, rows: tuple[int, int] | None = None
+) -> Structure:
     """Draw a structure.
 
     Chains and full matrices; one to eight contacts with random directions, on one side and on
@@ -63,6 +65,8 @@ def random_structure(rng, sharpness: float, half: float = 2.0) -> Structure:
         Of a gap of 1.
     half : float
         Masses, storeys and contacts each spread over 2 `half` decades.
+    rows : (int, int), optional
+        Fewest and most rows, of matrices alone. Default: few.
     """
     unit = log_uniform(rng, 1e-3, 1e3)
     rate = log_uniform(rng, 1e-1, 1e1)
@@ -75,7 +79,7 @@ def random_structure(rng, sharpness: float, half: float = 2.0) -> Structure:
     }
     damping = rng.choice(["ratio", "rayleigh", "matrix"])
     zeta = log_uniform(rng, 0.002, 0.3)
-    if rng.random() < 0.4:
+    if rows is None and rng.random() < 0.4:
         n = int(rng.integers(1, 5))
         gaps = np.array([_gap(rng) * unit for _ in range(2 * n)])
         gaps[rng.random(2 * n) < 0.4] = math.inf
@@ -92,7 +96,7 @@ def random_structure(rng, sharpness: float, half: float = 2.0) -> Structure:
             gap_left=tuple(gaps[n:]),
             **more,
         )
-    n = int(rng.integers(1, 7))
+    n = int(rng.integers(1, 7) if rows is None else rng.integers(rows[0], rows[1] + 1))
     mass, stiffness = _decades(rng, n, half), _decades(rng, n, half) * rate**2
     masses = np.diag(mass) if rng.random() < 0.5 else _full(rng, mass)
     springs = _full(rng, stiffness)

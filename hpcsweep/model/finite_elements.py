@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from hpcsweep.model.arguments import shown
-from hpcsweep.model.matrices import MAX_FLOORS, Contact, Slider, is_named, vector
+from hpcsweep.model.matrices import MAX_ROWS, Contact, Slider, is_named, vector
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.reduction import (
     absurd,
@@ -22,6 +22,8 @@ from hpcsweep.model.reduction import (
 )
 from hpcsweep.model.structure import Structure
 
+MAX_REDUCED = 64
+"""Rows of a reduced model."""
 ASYMMETRY = 1e-6
 """Largest difference of a matrix from its transpose, over its largest entry: files round."""
 RIGID = 1e-13
@@ -194,7 +196,7 @@ class FiniteElements:
             accelerations are wanted; pairs of them are drifts.
         reduce : dict, optional
             ``{"modes": 12}``, ``{"error": 1e-3}`` or ``{"up_to": 60.0}``, cycles per unit of time:
-            which modes are kept. Default: all coordinates with mass, 64 at most.
+            which modes are kept. Default: all coordinates with mass, 512 at most.
         fixed : sequence of str or int
             Coordinates that move with the base.
         **others
@@ -246,9 +248,9 @@ class FiniteElements:
         drag = None if self.damping is None else _part(self.damping, used)
         forced, drift = _array([*hits, *slides], used), _array(drifts, used)
         n_mass = int((used & self._has_mass).sum())
-        room = MAX_FLOORS - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
-        if reduce is None and n_mass > MAX_FLOORS:
-            limit = f"at most {MAX_FLOORS} coordinates with mass, has {n_mass}"
+        room = MAX_REDUCED - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
+        if reduce is None and n_mass > MAX_ROWS:
+            limit = f"at most {MAX_ROWS} coordinates with mass, has {n_mass}"
             raise ValueError(f'reduce is missing: without, as {{"modes": 12}}, there are {limit}')
         modes = find_modes(mass, sticking, forced, push, most_modes(reduce, room))
         if reduce is None:

@@ -18,6 +18,8 @@ from hpcsweep.model.arguments import finite, flag, not_negative, number, plain, 
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 
 MAX_FLOORS = 64
+"""Storeys of a building before stops: each may have one."""
+MAX_ROWS = 512
 MAX_LABEL = 100
 """Characters of a name."""
 MAX_CONTACTS = 64
@@ -324,10 +326,8 @@ def read_matrices(
         mass = np.diag(vector("matrices.mass", listed, None)).tolist()
     checked = matrix("matrices.mass", mass, (None, None))
     n = len(checked)
-    if n > MAX_FLOORS:
-        limit = (
-            f"at most {MAX_FLOORS} rows, has {n}: a larger model is reduced (hpcsweep.read_model)"
-        )
+    if n > MAX_ROWS:
+        limit = f"at most {MAX_ROWS} rows, has {n}: a larger model is reduced (hpcsweep.read_model)"
         raise ValueError(f"matrices.mass must have {limit}")
     if forcing is not None and influence is not None:
         raise ValueError("matrices.forcing and influence must not be given both")

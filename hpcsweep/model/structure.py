@@ -30,6 +30,7 @@ from hpcsweep.model.linear_dynamics import ROUNDED
 from hpcsweep.model.matrices import (
     MAX_CONTACTS,
     MAX_FLOORS,
+    MAX_ROWS,
     check_definite,
     read_matrices,
     vector,
@@ -87,7 +88,7 @@ class Structure(MeasuredDynamics):
     Parameters
     ----------
     n_floors : int
-        Number of storeys n, 1 to 64.
+        Number of storeys n, 1 to 64; of matrices up to 512 rows.
     stiffness_ratio : float or sequence of n floats
         Contact-to-storey stiffness ratio beta >= 0 (7), one or one per floor: the spring behind a
         stop of floor i has beta_i times the stiffness of storey i. 0 means no stop.
@@ -154,7 +155,7 @@ class Structure(MeasuredDynamics):
     """
 
     def __post_init__(self) -> None:
-        n = count("n_floors", self.n_floors, 1, MAX_FLOORS)
+        n = count("n_floors", self.n_floors, 1, MAX_ROWS if self.matrices else MAX_FLOORS)
         self._set("n_floors", n)
         self._set(
             "sharpness", number("sharpness", self.sharpness, "at least 0 (inf is allowed)", 0.0)

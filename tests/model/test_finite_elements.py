@@ -234,7 +234,7 @@ WRONG = [
     (lambda: of().structure(outputs=["1"], reduce={"n": 9}), "must be one of modes, error, up_to"),
     (lambda: of().structure(outputs=[1, 2], reduce={"modes": 1}), "not told apart by 1 modes"),
     (lambda: model().structure(outputs=["1.UY"]), "influence is missing: .* one of RZ, UY"),
-    (lambda: of((1.0,) * 80, np.eye(80)).structure(outputs=["1"]), "reduce is missing: .* has 80"),
+    (lambda: of((1.0,) * 513, np.eye(513)).structure(outputs=[1]), "reduce is missing: .* has 513"),
     (lambda: with_stop({"error": 1e-18}, n=40), "reduce.error must be at least .*, is 1e-18"),
     (lambda: with_stop({"modes": 4}, fixed=["30.UY"]), "contact.direction names '30.UY'"),
     (

@@ -258,7 +258,7 @@ WRONG = [
     (lambda: of(contacts=5), "contacts must be a list of Contact, is 5"),
     (lambda: of(contacts=[ANY] * 65), "contacts must be at most 64, are 65"),
     (lambda: of(damping_ratio=0.1, damping=CHAIN), "damping_ratio and damping must not be given"),
-    (lambda: of(mass=np.eye(65)), "matrices.mass must have at most 64 rows, has 65"),
+    (lambda: of(mass=np.eye(513)), "matrices.mass must have at most 512 rows, has 513"),
 ]
 
 

@@ -16,11 +16,10 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, negative
 from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
 from hpcsweep.solvers.flow.linear.polynomials import (
-    evaluate_rows,
-    expand_rows,
     fourth_derivative,
     value_and_slope,
 )
+from hpcsweep.solvers.flow.linear.spectral import step_state
 from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.search.search import (
@@ -261,9 +260,7 @@ def first_change(segment, span, modes, tables, elements, work):
                 if found >= 0.0:
                     first, time = g, found
     if first >= 0 and segment.index != IN_LAYER:
-        index, n = segment.index, work.z_end.shape[0]
-        expand_rows(tables.poly, index, work.x, work.rows, work.expanded, n)
-        evaluate_rows(work.rows, segment.h, time, work.z_end)
+        step_state(segment, time, tables, work, work.z_end)
     return first, time
 
 

@@ -91,7 +91,7 @@ def observe_segment(segment, past, span, amplitude, wanted, tangent, shared):
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     index = segment.index
     if tangent.shape[1] > 0:
-        linear_tangent(tables, index, span, tangent, work.tangent)
+        linear_tangent(index, span, tangent, shared)
     if wanted == NO_TALLY:
         return
     tally.contact[0] |= past
@@ -243,7 +243,7 @@ def _step(packed, key, stretch, coasts, steps, tangent, shared):
     step and the number of steps.
     """
     model, tables, work = shared.model, shared.tables, shared.work
-    if tangent is None and not is_tabled(key, model):
+    if tangent is None and not is_tabled(key, model, tables):
         h = expand_series(key, stretch.end - stretch.tau, model, work)
         evaluate_rows(work.rows, h, h, work.z_end)
         shared.counts[LINEAR_STEPS] += 1
@@ -251,7 +251,7 @@ def _step(packed, key, stretch, coasts, steps, tangent, shared):
     index = table_of(key, tables, packed)
     segment = Segment(key, index, tables.h[index], stretch.tau, stretch.end)
     segment, known, steps = coast_on(segment, coasts, steps, tangent, shared)
-    return segment, take_step(segment, known, tables, work), steps
+    return segment, take_step(segment, known, model, tables, work), steps
 
 
 @inlined

@@ -115,3 +115,30 @@ def spectral_bound(key, model, contact):
     for h in range(model.harmonics.shape[0]):
         fastest = max(fastest, model.harmonics[h, 0] * model.omega)
     return max(hardest, max(drag, fastest))
+
+
+@kernel
+def bound_of_set(key, model):
+    """Bound the moduli of the eigenvalues of M like `spectral_bound`, by sums; see `spectral`."""
+    kappa, reach, contacts = model.energy.kappa, model.energy.reach, model.contacts
+    hardest = strongest = 0.0
+    for k in range(kappa.shape[0]):
+        if key & contact_bit(k) == np.uint64(0):
+            continue
+        stiff = drag = 0.0
+        for i in range(kappa.shape[0]):
+            if key & contact_bit(i) != np.uint64(0):
+                along, own, other = 0.0, 0.0, 0.0
+                for j in range(reach.shape[1]):
+                    along += reach[k, j] * reach[i, j]
+                    own += reach[k, j] ** 2
+                    other += reach[i, j] ** 2
+                stiff += math.sqrt(kappa[k] * kappa[i]) * abs(along)
+                both = contacts.edges[k, DRAG] * contacts.edges[i, DRAG] / (own * other)
+                drag += math.sqrt(both) * abs(along)
+        hardest, strongest = max(hardest, stiff), max(strongest, drag)
+    fastest = model.omega
+    for h in range(model.harmonics.shape[0]):
+        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
+    stiffest = math.sqrt(model.stiffness_bound + hardest)
+    return max(stiffest, max(model.energy.drag + strongest, fastest))

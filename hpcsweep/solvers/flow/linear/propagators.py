@@ -31,7 +31,12 @@ from hpcsweep.kernels.simd.vectors import (
     modulus,
     store,
 )
-from hpcsweep.solvers.flow.linear.generator import spectral_bound, write_generator
+from hpcsweep.solvers.flow.linear.generator import (
+    bound_of_set,
+    spectral_bound,
+    write_generator,
+)
+from hpcsweep.solvers.flow.linear.spectral import is_spectral
 from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
@@ -133,13 +138,13 @@ def _find(key, tables):
 
 
 @inlined
-def is_tabled(key, model):
+def is_tabled(key, model, tables):
     """Return whether a set has a table: none slips, or all sets of the structure fit in the store.
 
     That does not depend on the motions before.
     """
     m, n_sliders = model.contacts.row.shape[0], model.elements.stiffness.shape[0]
-    if n_sliders == 0 or m + n_sliders <= LARGEST_STORE:
+    if n_sliders == 0 or m + n_sliders <= LARGEST_STORE or is_spectral(tables):
         return True
     return key >> np.uint64(m) == np.uint64(0)
 
@@ -180,7 +185,10 @@ def lookup(key, packed):
         tables.count[0] = 0
         forget(shared.responses)
     index = tables.count[0]
-    _build(key, shared.model, tables, index)
+    if is_spectral(tables):
+        _write_length(bound_of_set(key, shared.model), key, shared.model, tables, index)
+    else:
+        _build(key, shared.model, tables, index)
     shared.counts[TABLES] += 1
     tables.keys[index] = key
     tables.count[0] = index + 1
@@ -229,6 +237,20 @@ def _half_step(generator, n, h, half, term, spare):
                 half[i, j] += term[i, j]
 
 
+@inlined
+def _write_length(radius, key, model, tables, index):
+    """Write the length of a step, by a bound of |lambda(M)|, and the rotations; return it."""
+    h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
+    if model.ramp.shape[0] > 0:
+        h = model.period / math.ceil(model.period / h)
+    tables.h[index] = h
+    for k in range(model.harmonics.shape[0]):
+        angle = model.harmonics[k, 0] * model.omega * h
+        tables.rotation[index, 2 * k] = math.cos(angle)
+        tables.rotation[index, 2 * k + 1] = math.sin(angle)
+    return h
+
+
 @kernel
 def _build(key, model, tables, index):
     """Fill table `index` with the propagators of contact set `key`."""
@@ -238,15 +260,7 @@ def _build(key, model, tables, index):
     scale = math.sqrt(model.stiffness_bound + (model.hardest if key != np.uint64(0) else 0.0))
     generator, half, term, full = tables.work[0], tables.work[1], tables.work[2], tables.work[3]
     write_generator(key, model, scale, generator)
-    radius = spectral_bound(key, model, tables.energy)
-    h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
-    if model.ramp.shape[0] > 0:
-        h = model.period / math.ceil(model.period / h)
-    tables.h[index] = h
-    for k in range(model.harmonics.shape[0]):
-        angle = model.harmonics[k, 0] * model.omega * h
-        tables.rotation[index, 2 * k] = math.cos(angle)
-        tables.rotation[index, 2 * k + 1] = math.sin(angle)
+    h = _write_length(spectral_bound(key, model, tables.energy), key, model, tables, index)
 
     # x in the units of the model: balance for u, times s for v, s * forcing, 1 with s = scale
     unit = tables.vectors[0]

@@ -26,11 +26,16 @@ IN_SERIES = -2
 """In place of the table of a segment: all its rows are expanded."""
 NEGLIGIBLE = 1e-17
 """Size of a term, in the largest of the first ones, from which on they are left out."""
-ABOUT_START = (
-    np.array([[math.comb(k, p) * 0.5**k for p in range(N_TERMS)] for k in range(N_TERMS)])
-    @ ECONOMISATION[:N_TERMS]
-)
-"""(N_TERMS, N_COEFFICIENTS): (s / h)^k as polynomials in sigma = 2 s / h - 1."""
+
+
+def about_start(count: int) -> np.ndarray:
+    """Return (s / h)^k, k < `count`, as polynomials in sigma = 2 s / h - 1, a row each."""
+    powers = [[math.comb(k, p) * 0.5**k for p in range(count)] for k in range(count)]
+    return np.array(powers) @ ECONOMISATION[:count]
+
+
+ABOUT_START = about_start(N_TERMS)
+"""(N_TERMS, N_COEFFICIENTS)"""
 
 
 @kernel

@@ -13,7 +13,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, store
-from hpcsweep.solvers.flow.linear.polynomials import expand_row
+from hpcsweep.solvers.flow.linear.spectral import step_row
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, STAGE_POLYNOMIALS
 from hpcsweep.solvers.flow.state.state import Segment
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
@@ -50,7 +50,7 @@ def expand(row, segment, tables, work):
             stage = work.layer
             _expand_stages(row, segment.h, work.x, stage.v, stage.g, stage.values, work.rows)
         else:
-            expand_row(tables.poly, segment.index, row, work.x, work.rows)
+            step_row(row, segment.index, tables, work)
 
 
 @kernel

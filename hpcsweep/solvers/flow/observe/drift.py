@@ -16,6 +16,7 @@ from hpcsweep.solvers.flow.linear.polynomials import (
     value_and_slope,
     value_slope_bend,
 )
+from hpcsweep.solvers.flow.linear.spectral import bound_rows, is_spectral
 from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
 from hpcsweep.solvers.flow.search.search import HERMITE_BEND, may_exceed, may_reach
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
@@ -56,6 +57,7 @@ class Peak(NamedTuple):
 @inlined
 def drift_on_segment(segment, span, model, tables, tally, work):
     """Update the largest drift over the first `span` of the present step (`dense_output`)."""
+    bound_measured(segment, tables, work)
     for d in range(model.drift_rows.shape[0]):
         i, below = model.drift_rows[d]
         peak = Peak(tally.peak_drift, 0, -math.inf)
@@ -124,6 +126,13 @@ def row_at_ends(row, x, z_end, bounds):
 
 
 @inlined
+def bound_measured(segment, tables, work):
+    """Write ``work.bounds`` of all rows along a linear step, where those of contacts are enough."""
+    if segment.index >= 0 and is_spectral(tables):
+        bound_rows(segment.h, tables, work)
+
+
+@inlined
 def raise_to_ends(ends, side, s, peak):
     """Raise a `Peak` to the values at the ends of a step; return when, -1 if it was not below."""
     start, end = _size(ends[0], side), _size(ends[2], side)
@@ -147,7 +156,7 @@ def expand_difference(row, segment, tables, work):
     """Write the polynomial of a row, as of `row_at_ends`, into ``work.drift_rows``."""
     i, below, side, gap = row
     sign = -1.0 if side < 0 else 1.0
-    if segment.index != IN_LAYER:
+    if segment.index != IN_LAYER and not is_spectral(tables):
         count = max(i, below) + 1
         expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
     else:

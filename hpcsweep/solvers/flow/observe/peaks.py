@@ -11,6 +11,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
+from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
 from hpcsweep.solvers.flow.linear.forcing import (
     forcing_after,
@@ -24,9 +25,12 @@ from hpcsweep.solvers.flow.linear.polynomials import (
     value_and_slope,
 )
 from hpcsweep.solvers.flow.linear.series import IN_SERIES
+from hpcsweep.solvers.flow.linear.spectral import is_spectral, write_forcing
+from hpcsweep.solvers.flow.observe.dense_output import expand
 from hpcsweep.solvers.flow.observe.drift import (
     SAME_PEAK,
     Peak,
+    bound_measured,
     raise_peak,
     raise_row,
     raise_to_ends,
@@ -36,7 +40,7 @@ from hpcsweep.solvers.flow.observe.drift import (
 from hpcsweep.solvers.flow.observe.outputs import differentiate, fill_outputs
 from hpcsweep.solvers.flow.search.search import HERMITE_MIDDLE
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, time_of
-from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, product, product_of_moduli
 
 DISPLACEMENT_KINDS = 3
 DISPLACEMENTS = DRIFT | FLOOR | CONTACT
@@ -77,6 +81,7 @@ def displacements_on_segment(segment, span, wanted, only_look, shared):
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     contacts, peaks = model.contacts, tally.peaks
     time = time_of(segment.tau, model)
+    bound_measured(segment, tables, work)
     for kind in range(DISPLACEMENT_KINDS):
         flag, first, count = _rows_of_kind(kind, shared)
         if wanted & flag == 0 or (flag == CONTACT and segment.key == np.uint64(0)):
@@ -106,7 +111,7 @@ def displacements_on_segment(segment, span, wanted, only_look, shared):
 def _accelerations_on_segment(segment, span, amplitude, shared):
     """Raise the peaks of absolute accelerations; arguments of `peaks_on_segment`."""
     outputs = shared.outputs
-    if segment.index == IN_SERIES:
+    if segment.index == IN_SERIES or is_spectral(shared.tables):
         _ends_in_series(segment, span, shared)
     else:
         _ends_by_tables(segment, span, amplitude, shared)
@@ -164,15 +169,46 @@ def _ends_in_series(segment, span, shared):
     size = work.z_end.shape[0]
     slope = 0.5 * h * forcing_rate(work.x, size, model)
     middle = total_forcing(work.x, size, model) + slope
+    if is_spectral(shared.tables):
+        write_forcing(h, model, work, work.layer.values)
     for p in range(outputs.rows.shape[0]):
         rows, at = outputs.rows[p : p + 1], p + p // LANES * LANES
+        expand(size // 2 + p, segment, shared.tables, work)
         differentiate(work.rows[size // 2 + p], h, rows[0])
-        rows[0, 0] += model.ground[p] * middle
-        rows[0, 1] += model.ground[p] * slope
+        if is_spectral(shared.tables):
+            _add_forcing(p, segment, rows[0], shared)
+        else:
+            rows[0, 0] += model.ground[p] * middle
+            rows[0, 1] += model.ground[p] * slope
         outputs.start[at], outputs.start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
         outputs.end[at], outputs.end[at + LANES] = value_and_slope(rows, 0, h, span)
         outputs.bounds[p] = fourth_derivative(rows, h)
     outputs.place[0] = IN_SERIES
+
+
+@kernel
+def _add_forcing(p, segment, out, shared):
+    """Add what the ground has to the polynomial of an acceleration, and take from that of a base.
+
+    The reaction of a base is without what contacts do.
+    """
+    model, work, contacts = shared.model, shared.work, shared.model.contacts
+    n, size = model.modal_transform.shape[0], work.z_end.shape[0]
+    for power in range(N_COEFFICIENTS):
+        out[power] += model.ground[p] * work.layer.values[power]
+    for k in range(contacts.row.shape[0] if p >= n else 0):
+        if segment.key & contact_bit(k) == np.uint64(0):
+            continue
+        push = 0.0
+        for j in range(n):
+            push += model.rows[p - n, j] * contacts.kick[k, j]
+        row, sign = contacts.row[k], contacts.sign[k]
+        expand(row, segment, shared.tables, work)
+        expand(size // 2 + row, segment, shared.tables, work)
+        for power in range(N_COEFFICIENTS):
+            out[power] += push * contacts.beta[k] * sign * work.rows[row, power]
+            out[power] += push * contacts.edges[k, DRAG] * sign * work.rows[size // 2 + row, power]
+        out[0] -= push * contacts.beta[k] * contacts.gap[k]
 
 
 @inlined
@@ -187,7 +223,7 @@ def _raise_acceleration(p, segment, span, shared):
     reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
         rows = outputs.rows[p : p + 1]
-        if segment.index != IN_SERIES:
+        if segment.index != IN_SERIES and not is_spectral(shared.tables):
             expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
         found = raise_peak(rows, segment.h, span, ends, bound4, 0, peak, work.stack)
         reached = found if found >= 0.0 else reached

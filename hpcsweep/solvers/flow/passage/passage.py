@@ -32,6 +32,7 @@ from hpcsweep.model.contact import FULL_POTENTIAL
 from hpcsweep.solvers.flow.linear.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.linear.polynomials import value_and_slope, value_slope_bend
 from hpcsweep.solvers.flow.linear.propagators import table_at_hand
+from hpcsweep.solvers.flow.linear.spectral import is_spectral
 from hpcsweep.solvers.flow.passage.crossing import NEGLECTED, add_kick, moments, passage_is_fast
 from hpcsweep.solvers.flow.passage.slow_passage import (
     cross_half,
@@ -361,6 +362,8 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
 def _pass_slowly(how, arrival, z, index, packed, shared):
     """Take the contact at its stop by `slow_passage`; return how it was taken."""
     contact, moved = arrival.contact, shared.work.moved
+    if is_spectral(shared.tables):
+        return INTEGRATED
     after = index
     if how == SLOW:
         after = table_at_hand(arrival.key ^ contact_bit(contact), shared.tables, packed)

@@ -27,6 +27,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma
+from hpcsweep.solvers.flow.linear.spectral import is_spectral, spectral_tangent
 from hpcsweep.solvers.flow.passage.crossing import (
     add_kick,
     at_stop,
@@ -66,10 +67,9 @@ def coast_on(segment, coasts, steps, tangent, shared):
     """
     known = False
     if tangent is not None and coasts:
-        tables, work = shared.tables, shared.work
         left = shared.max_steps - steps
-        tau, coasted, known = coast(segment, left, shared.model, tables, work)
-        coasted_tangent(tables, segment.index, coasted, tangent, work.tangent)
+        tau, coasted, known = coast(segment, left, shared.model, shared.tables, shared.work)
+        coasted_tangent(segment.index, coasted, tangent, shared)
         segment = Segment(segment.key, segment.index, segment.h, tau, segment.end)
         shared.counts[LINEAR_STEPS] += coasted
         steps += coasted
@@ -78,17 +78,20 @@ def coast_on(segment, coasts, steps, tangent, shared):
 
 
 @inlined
-def linear_tangent(tables, index, s, tangent, work):
+def linear_tangent(index, s, tangent, shared):
     """Multiply `tangent` by exp(M s) of table `index`, in place.
 
     Parameters
     ----------
-    tables : Tables
     index : int
     s : float
     tangent : ndarray, shape (2R, m)
-    work : TangentWorkspace
+    shared : Shared
     """
+    tables, work = shared.tables, shared.work.tangent
+    if is_spectral(tables):
+        spectral_tangent(index, s, 1, tangent, shared.model, tables, shared.work)
+        return
     size = tangent.shape[0]
     rows = work.propagator.shape[1]
     h = tables.h[index]
@@ -120,9 +123,14 @@ def linear_tangent(tables, index, s, tangent, work):
 
 
 @inlined
-def coasted_tangent(tables, index, n_steps, tangent, work):
+def coasted_tangent(index, n_steps, tangent, shared):
     """Multiply `tangent` by exp(M n h) of table `index`, in place, by the powers kept."""
-    if tangent.shape[1] == 0:
+    tables, work = shared.tables, shared.work.tangent
+    if tangent.shape[1] == 0 or n_steps == 0:
+        return
+    if is_spectral(tables):
+        h = tables.h[index]
+        spectral_tangent(index, h, n_steps, tangent, shared.model, tables, shared.work)
         return
     size, rows = tables.powers.shape[2], tables.powers.shape[3]
     if n_steps & 1:

@@ -112,7 +112,7 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
 def segment_tangent(segment, ending, packed, shared, tangent):
     """Multiply `tangent` by the tangent map of a segment and of the passage at its end."""
     model, tables, work = shared.model, shared.tables, shared.work
-    linear_tangent(tables, segment.index, ending.span, tangent, work.tangent)
+    linear_tangent(segment.index, ending.span, tangent, shared)
     if ending.how == FAST:
         z = work.z_end
         contact = ending.contact

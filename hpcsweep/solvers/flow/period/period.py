@@ -22,8 +22,8 @@ from hpcsweep.solvers.flow.layer.visit import (
     visit_layer,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, expand_rows
 from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.linear.spectral import rows_of_contacts, step_state
 from hpcsweep.solvers.flow.passage.passage import (
     EXTRAPOLATION,
     FAST,
@@ -87,7 +87,7 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
     """
     model, work = shared.model, shared.work
     rows, h, tau = work.rows, segment.h, segment.tau
-    expand_rows(shared.tables.poly, segment.index, work.x, rows, work.expanded, z.shape[0])
+    rows_of_contacts(segment, model, shared.tables, work)
     contacts = model.contacts
     contact, bracket, near = event
     edge = layer_edge(segment.key, contact, model)
@@ -110,7 +110,7 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
     how = INTEGRATED
     jerk = 0.0
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
-        evaluate_rows(rows, h, at_stop, z)
+        step_state(segment, at_stop, shared.tables, work, z)
         copy_state(z, work.z_end)
         forcing_after(at_stop, tau + at_stop, amplitude, work.x, z.shape[0], model, work.forcing)
         how, jerk, promised = pass_layer(
@@ -121,7 +121,7 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
     span = rising_root(curve, bracket, edge)
     beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
     rounded = model.rho == math.inf and at_stop < bracket.a
-    evaluate_rows(rows, h, span, work.z_end)
+    step_state(segment, span, shared.tables, work, work.z_end)
     return Ending(span, contact, INTEGRATED, beyond, rounded, jerk, promised)
 
 
@@ -192,8 +192,8 @@ def take_segment(segment, known, promised, z, amplitude, packed, shared):
     Ending
         Its contact is `UNDECIDED` if rounding prevents a decision.
     """
-    span = take_step(segment, known, shared.tables, shared.work)
-    event = first_event(segment, span, shared.model, shared.tables.poly, shared.work)
+    span = take_step(segment, known, shared.model, shared.tables, shared.work)
+    event = first_event(segment, span, shared.model, shared.tables, shared.work)
     if event[0] >= 0:
         return _end_at_event(segment, event, promised, z, amplitude, packed, shared)
     return Ending(span, event[0], INTEGRATED, False, False, 0.0, promised)

@@ -36,6 +36,7 @@ from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import is_tabled, table_of
+from hpcsweep.solvers.flow.linear.spectral import is_spectral, spectral_step
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
 from hpcsweep.solvers.flow.observe.outputs import fill_outputs
@@ -164,7 +165,7 @@ def _table_at_start(z, amplitude, packed, shared):
             return key, NO_TABLE
         set_contacts(nothing, nothing, shared.modes, model.contacts)
         _, key = sets_of(shared.modes, model.elements)
-        if not is_tabled(key, model):
+        if not is_tabled(key, model, shared.tables):
             return key, NO_TABLE
         write_windows(shared.modes, model.elements, work)
     elif inside_layer(z, model):
@@ -192,8 +193,11 @@ def _coast(segment, amplitude, wanted, shared):
         # a part of an interval
         n_steps = int(end / h)
     for step in range(n_steps):
-        product(tables.step, index, x, wide)
-        product_of_moduli(tables.bound4, index, x, work.bounds)
+        if is_spectral(tables):
+            spectral_step(index, step * h, (step + 1) * h, model, tables, work)
+        else:
+            product(tables.step, index, x, wide)
+            product_of_moduli(tables.bound4, index, x, work.bounds)
         for row in range(work.z_end.shape[0]):
             work.expanded[row] = False
             work.z_end[row] = wide[row]
@@ -236,7 +240,8 @@ def _sample_peaks(packed, j, z, amplitude, shared):
         if by_elements(model):
             _, sliding = sets_of(shared.modes, model.elements)
             key = pushing(key, z, model) | sliding >> m << m
-    if not within and model.elements.stiffness.shape[0] > 0:
+    by_field = model.elements.stiffness.shape[0] > 0 or is_spectral(tables)
+    if not within and by_field:
         write_loads(shared.modes, model.elements, work.forcing)
         elements_accelerations(key, z, model, work)
         copy_state(work.series.a[: work.a.shape[0]], work.a)
@@ -250,7 +255,7 @@ def _sample_peaks(packed, j, z, amplitude, shared):
         k = p - outputs.first_contact
         if flag == ACCELERATION:
             value = outputs.end[i + i // LANES * LANES]
-            if within or model.elements.stiffness.shape[0] > 0:
+            if within or by_field:
                 value = work.a[i] + model.ground[i] * ground
         elif flag == CONTACT:
             edges = model.contacts.edges

@@ -8,11 +8,17 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import (
-    evaluate_rows,
-    expand_row,
-    expand_rows,
-    value_and_slope,
+from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
+from hpcsweep.solvers.flow.linear.spectral import (
+    bound_contacts,
+    bound_rows,
+    ends_of_contacts,
+    is_spectral,
+    modal_step,
+    spectral_step,
+    step_row,
+    step_state,
+    write_rows,
 )
 from hpcsweep.solvers.flow.search.search import (
     UNDECIDED,
@@ -75,7 +81,7 @@ def is_clear(key, k, d, x, z_end, model, bound4):
 
 
 @inlined
-def first_event(segment, span, model, poly, work):
+def first_event(segment, span, model, tables, work):
     """Find the first contact that reaches the edge of its layer within `span` of a step.
 
     Parameters
@@ -83,8 +89,7 @@ def first_event(segment, span, model, poly, work):
     segment : Segment
     span : float
         The step from ``work.x`` ends there, at ``work.z_end``.
-    poly : ndarray
-        Of `Tables`.
+    tables : Tables
 
     Returns
     -------
@@ -107,7 +112,7 @@ def first_event(segment, span, model, poly, work):
             continue
         near |= contact_bit(k)
         if not expanded[i]:
-            expand_row(poly, index, i, x, rows)
+            step_row(i, index, tables, work)
             expanded[i] = True
         curve = Curve(rows, i, h)
         edge = layer_edge(key, k, model)
@@ -136,6 +141,37 @@ def first_event(segment, span, model, poly, work):
     return contact, first, near
 
 
+@kernel
+def _coast_in_modes(segment, steps_left, model, tables, work):
+    """Take such steps as `coast` in modes, of which all rows are written at the end alone."""
+    key, index, h, tau, end = segment
+    x, wide, places, half = work.x, work.wide, model.contacts.places, work.z_end.shape[0] // 2
+    n_steps, clear = 0, True
+    while tau + h < end and n_steps < steps_left:
+        modal_step(index, tau, tau + h, model, tables, work)
+        bound_contacts(index, model, tables, work)
+        ends_of_contacts(model, tables, work)
+        for k in range(places.shape[0]):
+            if not is_clear(key, k, h, x, wide, model, work.bounds[places[k, 0]]):
+                clear = False
+                break
+        if not clear:
+            break
+        for k in range(places.shape[0]):
+            x[places[k, 0]], x[places[k, 1]] = wide[places[k, 0]], wide[places[k, 1]]
+        turn_forcing(x, 2 * half, tables, index)
+        tau += h
+        n_steps += 1
+    own, spectrum = work.spectral, tables.spectrum
+    if n_steps > 0:
+        write_rows(own.end if clear else own.terms[0, 0], spectrum, half, x)
+    if not clear:
+        write_rows(own.end, spectrum, half, wide)
+        if model.elements.first.shape[0] > 0:
+            bound_rows(h, tables, work)
+    return tau, n_steps, not clear
+
+
 @inlined
 def coast(segment, steps_left, model, tables, work):
     """Take linear steps while no contact can reach the edge of its layer (proved) and time remains.
@@ -148,6 +184,8 @@ def coast(segment, steps_left, model, tables, work):
     known : bool
         Whether ``work.wide`` and ``work.bounds`` are those of a step from there.
     """
+    if is_spectral(tables):
+        return _coast_in_modes(segment, steps_left, model, tables, work)
     key, index, h, tau, end = segment
     x, wide, bounds = work.x, work.wide, work.bounds
     places = model.contacts.places
@@ -167,7 +205,7 @@ def coast(segment, steps_left, model, tables, work):
 
 
 @inlined
-def take_step(segment, known, tables, work):
+def take_step(segment, known, model, tables, work):
     """Take one linear step from ``work.x`` to ``work.z_end``, at most to the end of the period.
 
     Returns
@@ -179,15 +217,18 @@ def take_step(segment, known, tables, work):
     for row in range(work.z_end.shape[0]):
         work.expanded[row] = False
     span = segment.h
+    spectral = is_spectral(tables)
+    if spectral and not known:
+        tau = segment.tau
+        spectral_step(index, tau, tau + segment.h, model, tables, work)
     if segment.tau + segment.h < segment.end:
-        if not known:
+        if not (known or spectral):
             product(tables.step, index, x, work.wide)
         for row in range(work.z_end.shape[0]):
             work.z_end[row] = work.wide[row]
     else:
         span = segment.end - segment.tau
-        expand_rows(tables.poly, index, x, work.rows, work.expanded, work.z_end.shape[0])
-        evaluate_rows(work.rows, segment.h, span, work.z_end)
-    if not known:
+        step_state(segment, span, tables, work, work.z_end)
+    if not (known or spectral):
         product_of_moduli(tables.bound4, index, x, work.bounds)
     return span

@@ -29,6 +29,7 @@ from hpcsweep.solvers.flow.state.tables import (
     Tables,
     outputs_of,
     sizes_of,
+    spectrum_of,
 )
 from hpcsweep.solvers.flow.state.workspace import Workspace
 from hpcsweep.solvers.measures import IMPACT_FLAG, N_IMPACTS
@@ -165,6 +166,7 @@ def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
         model=model,
         responses=allocate(Responses, sizes, place=place),
         outputs=outputs_of(model, sizes),
+        tables=allocate(Tables, sizes, spectrum=spectrum_of(model, sizes)),
         tolerance=float(tolerance),
         max_steps=int(max_steps),
     )

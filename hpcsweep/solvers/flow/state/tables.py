@@ -69,6 +69,10 @@ THETA_FREE = 2.2
 """Free flight: shorter, because the proof that no floor reaches the stop weakens with h^4."""
 MAX_TABLES = 64
 """Most tables; when more contact sets occur the table store is emptied and refilled."""
+LARGE, LARGE_SPARED = 32, 65
+"""Rows from which on there are no propagators: steps are taken in modes (`linear.spectral`). The
+second is for smooth contacts, which pass their layers alone by tables (`solitary`, `slow_passage`)
+that spare most steps, and for sliders, most sets of which have no table anyway (`series`)."""
 N_POWERS = 4
 """Powers of the propagator of a step that are kept: exp(M h 2^k), k = 1, .., `N_POWERS`."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
@@ -104,40 +108,141 @@ def sizes_of(model: Model) -> dict[str, int]:
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
     sizes |= {"2 padded F": 2 * sizes["padded F"], "R+padded R": rows + padded(rows)}
+    large = rows >= (LARGE_SPARED if model.layer > 0.0 or n_loads else LARGE)
+    for name in ("n", "2R", "N", "B", "m"):
+        sizes[f"tabled {name}"] = 0 if large else sizes[name]
+    sizes["responses"] = 0 if large else N_NODES
+    sizes |= {"modes": padded(n) if large else 0, "2 modes": 2 * padded(n) if large else 0}
     return sizes
 
 
-class Tables(NamedTuple):
-    """Propagators of the contact sets so far; `count[0]` of them are valid."""
+class Spectrum(NamedTuple):
+    """The free structure in its modes, u = Phi q, of a large one; rows are padded with zeros."""
 
+    shapes: np.ndarray
+    """(R, padded n): Phi, of all rows."""
+    to_modes: np.ndarray
+    """(n, padded n): Phi^-1."""
+    squares: np.ndarray
+    """(padded n,): Lambda."""
+    rates: np.ndarray
+    """(padded n,): minus the diagonal of Gamma."""
+    damping: np.ndarray
+    """(n, padded n): the rest of Gamma; no rows if there is none."""
+    forcing: np.ndarray
+    """(padded n,): Phi^-1 f."""
+    kicks: np.ndarray
+    """(m + L, padded n): Phi^-1 e_k of contacts, then of sliders, times their stiffness."""
+    slides: np.ndarray
+    """(L, padded n): elongations of sliders."""
+    stops: np.ndarray
+    """(n, padded m): the rows of contacts, by columns; no rows where they are `FEW`."""
+
+
+FEW = 3
+"""Contacts that are looked at one by one, not in eights."""
+
+
+REFINED, CONVERGED, SAME_SQUARE = 3, 1e-9, 1e-13
+"""Most steps of that refinement; a change whose square is rounding; difference of eigenvalues, in
+the largest, whose modes are left."""
+COUPLED = 1e-14
+"""Entry of Gamma beside its diagonal, in the largest of all, that is rounding."""
+
+
+def _refined_modes(inverse: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return Phi, Phi^-1 and Lambda of a matrix, as exact as doubles are, from Phi^-1.
+
+    Those of a symmetric eigenproblem have errors of the size of the largest eigenvalue: after a
+    time t a slow mode would be off by 1e-16 max(Lambda) t^2. With D = Phi^-1 A Phi they are taken
+    off by Phi (1 + E), E_ij = D_ij / (D_jj - D_ii), in the longest numbers of the processor.
+    """
+    exact = matrix.astype(np.longdouble)
+    shapes, left = (one.astype(np.longdouble) for one in (np.linalg.inv(inverse), inverse))
+    for _ in range(REFINED):
+        # what is small needs no more than doubles
+        left += (np.eye(len(left)) - left @ shapes).astype(float) @ left.astype(float)
+        found = left @ (exact @ shapes)
+        squares = np.diag(found).copy()
+        apart = squares - squares[:, None]
+        near = np.abs(apart) <= SAME_SQUARE * squares.max()
+        change = np.where(near, 0, found / np.where(near, 1, apart)).astype(float)
+        squares += np.sum(found * change.T - found.T * change, 1)
+        shapes += shapes.astype(float) @ change
+        left -= change @ left.astype(float)
+        if np.abs(change).max() < CONVERGED:
+            break
+    return shapes.astype(float), left.astype(float), squares.astype(float)
+
+
+def spectrum_of(model: Model, sizes: dict[str, int]) -> Spectrum:
+    """Return the modes of a structure; nothing of one that has tables."""
+    n, width = sizes["n"], sizes["modes"]
+    if width == 0:
+        rows, numbers = np.zeros((0, 0)), np.zeros(0)
+        return Spectrum(rows, rows, numbers, numbers, rows, numbers, rows, rows, rows)
+    shapes, inverse, squares = _refined_modes(model.modal_transform[:, :n], model.stiffness[:n, :n])
+    gamma = inverse @ model.damping[:n, :n] @ shapes
+    rates = np.diag(gamma).copy()
+    rest = gamma - np.diag(rates)
+    coupled = np.abs(rest).max() > COUPLED * np.abs(gamma).max()
+    sliders = model.elements.stiffness[:, None] * model.elements.kick[:, :n]
+    m, row = sizes["m"], model.contacts.row
+    kicks = np.vstack((model.contacts.kick[:, :n], sliders)) @ inverse.T
+
+    def wide(values: np.ndarray) -> np.ndarray:
+        return np.pad(values, [*(values.ndim - 1) * [(0, 0)], (0, width - n)])
+
+    every = np.vstack((shapes, model.rows @ shapes))
+    stops = np.pad(every[row].T, [(0, 0), (0, sizes["padded m"] - m)])
+    return Spectrum(
+        shapes=wide(every),
+        to_modes=wide(inverse),
+        squares=wide(squares),
+        rates=wide(-rates),
+        damping=wide(rest if coupled else rest[:0]),
+        forcing=wide(inverse @ model.forcing[:n]),
+        kicks=wide(kicks),
+        slides=wide(model.elements.reach @ shapes),
+        stops=stops if m > FEW else stops[:0],
+    )
+
+
+class Tables(NamedTuple):
+    """Propagators of the contact sets so far; `count[0]` of them are valid.
+
+    Of a large structure they have lengths and rotations alone.
+    """
+
+    spectrum: Spectrum
     count: np.ndarray = zeros(1, dtype=int)
     keys: np.ndarray = zeros("T", dtype=np.uint64)
     h: np.ndarray = zeros("T")
-    step: np.ndarray = zeros("T", "N", "padded 2R")
+    step: np.ndarray = zeros("T", "tabled N", "padded 2R")
     """Column k of exp(M h), its first 2R rows, contiguous; rows are padded with zeros to a multiple
     of `LANES`."""
-    powers: np.ndarray = zeros("T", N_POWERS, "2R", "padded 2R")
+    powers: np.ndarray = zeros("T", N_POWERS, "tabled 2R", "padded 2R")
     """The same over 2, 4, .. steps, without the forcing."""
-    poly: np.ndarray = zeros("T", "2R", "N", N_COEFFICIENTS)
-    columns: np.ndarray = zeros("T", N_COEFFICIENTS, "2R", "padded 2R")
+    poly: np.ndarray = zeros("T", "2R", "tabled N", N_COEFFICIENTS)
+    columns: np.ndarray = zeros("T", N_COEFFICIENTS, "tabled 2R", "padded 2R")
     """The same again, without the forcing, by coefficient, column, then row."""
-    bound4: np.ndarray = zeros("T", "N", "padded R")
+    bound4: np.ndarray = zeros("T", "tabled N", "padded R")
     """Column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray = zeros("T", "harmonics")
     """cos and sin of h Omega times the step, for each harmonic."""
-    series: np.ndarray = zeros("T", "m", "N", LANES)
+    series: np.ndarray = zeros("T", "m", "tabled N", LANES)
     """Taylor series of the distance of each contact, see `propagators` ..."""
-    impulses: np.ndarray = zeros("T", "m", LANES, "padded 2R")
+    impulses: np.ndarray = zeros("T", "tabled m", LANES, "padded 2R")
     """... and of the effect of its unit impulse."""
-    work: np.ndarray = zeros(4, "B", "padded B")
+    work: np.ndarray = zeros(4, "tabled B", "padded B")
     """Workspace for building a table: matrices ..."""
     vectors: np.ndarray = zeros(3, "B")
     """... vectors ..."""
-    energy: np.ndarray = zeros("n", "n")
+    energy: np.ndarray = zeros("tabled n", "n")
     """... the stiffness of all closed contacts ..."""
     rows: np.ndarray = zeros("2R")
     """... and a column of all rows."""
-    modal: np.ndarray = zeros(1, "N", "padded n nodes")
+    modal: np.ndarray = zeros(1, "tabled N", "padded n nodes")
     """The modal coordinates at the nodes `MODAL_NODES` of a step of free flight, column k per x_k,
     rows by mode, then node."""
 
@@ -172,13 +277,13 @@ class Responses(NamedTuple):
     place: np.ndarray
     """(T, m, LEVELS) int: table of a contact set, contact and length, or -1."""
     count: np.ndarray = zeros(1, dtype=int)
-    linear: np.ndarray = zeros(CAPACITY, "N", N_NODES)
+    linear: np.ndarray = zeros(CAPACITY, "tabled N", N_NODES)
     """The displacement of the contact at the nodes, column k per x_k."""
     response: np.ndarray = zeros(CAPACITY, N_NODES, N_NODES)
     """Row k, by a unit force at node k."""
-    step: np.ndarray = zeros(CAPACITY, "N", "padded 2R")
+    step: np.ndarray = zeros(CAPACITY, "tabled N", "padded 2R")
     """The state at the end, column k per x_k."""
-    kick: np.ndarray = zeros(CAPACITY, N_NODES, "padded 2R")
+    kick: np.ndarray = zeros(CAPACITY, "responses", "padded 2R")
     """Row k, by a unit force at node k."""
     impulse: np.ndarray = zeros(N_COEFFICIENTS)
     values: np.ndarray = zeros(N_NODES)
@@ -208,11 +313,11 @@ class Outputs(NamedTuple):
     """Contact set of each table ..."""
     filled: np.ndarray = zeros("T", dtype=bool)
     """... and which are filled."""
-    pair: np.ndarray = zeros("T", "N", "2 padded F")
+    pair: np.ndarray = zeros("T", "tabled N", "2 padded F")
     """Column k of values and slopes per x_k, `LANES` of each in turns."""
-    poly: np.ndarray = zeros("T", "F", "N", N_COEFFICIENTS)
+    poly: np.ndarray = zeros("T", "F", "tabled N", N_COEFFICIENTS)
     """Polynomials on a step per x_k."""
-    bound4: np.ndarray = zeros("T", "N", "padded F")
+    bound4: np.ndarray = zeros("T", "tabled N", "padded F")
     """Column k bounds |q''''| per |x_k|."""
     start: np.ndarray = zeros("2 padded F")
     """Values and slopes at the start of a step ..."""

@@ -120,6 +120,33 @@ class SeriesWorkspace(NamedTuple):
     """An augmented state, and its accelerations."""
 
 
+N_CLOSED = 31
+"""Most terms of a step in modes."""
+
+
+class SpectralWorkspace(NamedTuple):
+    """A step of a large structure, see `linear.spectral`."""
+
+    terms: np.ndarray = zeros(2, N_CLOSED, "2 modes")
+    """Terms of modal coordinates, then of their speeds, of a step, and of a tangent vector."""
+    count: np.ndarray = zeros(2, dtype=int)
+    """How many there are, and 1 where the bounds of all rows are those of this step."""
+    start: np.ndarray = zeros("2 modes")
+    """A state, its first n rows or its modes ..."""
+    pairs: np.ndarray = zeros("2H")
+    """... and a term of the forcing."""
+    end: np.ndarray = zeros("2 modes")
+    """The modes at the end of the present step ..."""
+    chain: np.ndarray = zeros(2)
+    """... and when that is, and its table."""
+    sums: np.ndarray = zeros(N_CLOSED + 1, LANES)
+    """Terms of eight contacts, and a sum."""
+    bounds: np.ndarray = zeros("modes")
+    """Of the fourth derivatives of the modes."""
+    exponential: np.ndarray = zeros(4, "modes")
+    """Of free flight, see `spectral._write_exponential`."""
+
+
 class Workspace(NamedTuple):
     """Workspace for the kernels; contents mean nothing between calls.
 
@@ -166,3 +193,4 @@ class Workspace(NamedTuple):
     layer: LayerWorkspace = part(LayerWorkspace)
     solitary: SolitaryWorkspace = part(SolitaryWorkspace)
     series: SeriesWorkspace = part(SeriesWorkspace)
+    spectral: SpectralWorkspace = part(SpectralWorkspace)

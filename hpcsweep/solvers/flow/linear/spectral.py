@@ -1,0 +1,407 @@
+r"""Linear motion of large structures in the modes of the free one: without a table of each set.
+
+A contact set of R rows has a table of 64 R^2 numbers for polynomials alone, which takes the time of
+hundreds of steps to build, is met once or twice, and is read from memory at each event. From
+`LARGE` rows on steps need none. In modal coordinates q of the free structure, u = Phi q, the
+springs of a set c are of low rank, one for each contact that is closed,
+
+    q'' = -Lambda q - Gamma q' + Phi^-1 f G - sum_c (beta_k x_k + drag_k x_k') Phi^-1 e_k,
+
+so that a term of the Taylor series of all modes about the start of a step,
+
+    Q_(k+1) = h Q'_k / (k + 1),        Q'_(k+1) = h / (k + 1) (q'' of the terms k),
+
+takes the time of n (2 + 2 |c|) products where Gamma = Phi^-1 D Phi is diagonal (modal and Rayleigh
+damping), and n^2 more where it is not. A slider that slips is one more term, of the opposite sign.
+
+What a step costs beyond these terms are the states at its ends, 2 n^2 products each, and the rows
+that are looked at: the terms of a row are those of the modes times its shares of them, economised
+to the polynomials that all searches use (`series`). So all that is searched and measured along a
+step is the same. The bound of |y''''| is that of a row's own polynomial, of rows that are only
+measured the sum of those of the modes; both are of this motion, and sharper than a table's.
+
+Steps have the length h = theta / w of tables, w a bound of |lambda| of the set: the square of w is
+at most the largest eigenvalue of the free structure and the largest sum of a row of sqrt(kappa_k
+kappa_l) |d_k M^-1 d_l| over closed contacts. The terms theta^k / k! grow to 7 at theta = 3.6, which
+costs three bits; those beyond `N_FREE` and `N_CLOSED` are below 3e-16 and 3e-17.
+
+The tangent map multiplies column by column, without a matrix. That of free flight with a diagonal
+Gamma is known in closed form for any time.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, modulus, store, total
+from hpcsweep.model.kernel_contacts import DRAG
+from hpcsweep.solvers.flow.linear.polynomials import (
+    FOURTH,
+    evaluate_rows,
+    expand_row,
+    expand_rows,
+    fourth_derivative,
+)
+from hpcsweep.solvers.flow.linear.series import about_start
+from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.state.workspace import N_CLOSED
+
+N_FREE = 24
+"""Terms of a step of free flight."""
+STATE, TANGENT = range(2)
+"""Places of terms: of the present step, and of a tangent vector along it."""
+ABOUT_START = about_start(N_CLOSED)
+"""(N_CLOSED, N_COEFFICIENTS): (s / h)^k as polynomials in sigma = 2 s / h - 1."""
+BY_POWER = np.ascontiguousarray(ABOUT_START.T)
+NEARLY_CRITICAL = 1e-3
+"""Square of an angle below which its sine and cosine are series."""
+
+
+@inlined
+def is_spectral(tables):
+    """Return whether steps are those of this module; tables then hold lengths and rotations."""
+    return tables.step.shape[1] == 0
+
+
+@kernel
+def _dot(a, i, b, j, size):
+    """Return the sum of the products of a[i:] and b[j:], flat; the size is one of `LANES`."""
+    even, odd = load(ZERO, 0), load(ZERO, 0)
+    pairs = size - size % (2 * LANES)
+    for p in range(0, pairs, 2 * LANES):
+        even = fma(load(a, i + p), load(b, j + p), even)
+        odd = fma(load(a, i + p + LANES), load(b, j + p + LANES), odd)
+    if pairs < size:
+        even = fma(load(a, i + pairs), load(b, j + pairs), even)
+    return total(even + odd)
+
+
+@kernel
+def _write_start(z, half, place, spectrum, own):
+    """Write the modal coordinates of a state with so many rows as terms 0."""
+    n, width, start = spectrum.to_modes.shape[0], spectrum.squares.shape[0], own.start
+    for i in range(n):
+        start[i], start[width + i] = z[i], z[half + i]
+    for j in range(n):
+        own.terms[place, 0, j] = _dot(spectrum.to_modes, j * width, start, 0, width)
+        own.terms[place, 0, width + j] = _dot(spectrum.to_modes, j * width, start, width, width)
+
+
+@inlined
+def _next_forcing(rate, model, pairs):
+    """Return a term of the forcing, and make pairs those of the next one."""
+    ground = 0.0
+    for k in range(0, pairs.shape[0], 2):
+        sine, cosine = pairs[k], pairs[k + 1]
+        ground += sine
+        rise, fall = rate, 0.0
+        if model.ramp.shape[0] == 0:
+            rise = fall = rate * model.harmonics[k // 2, 0] * model.omega
+        pairs[k], pairs[k + 1] = rise * cosine, -fall * sine
+    return ground
+
+
+@kernel
+def write_forcing(h, model, work, out):
+    """Write the polynomial of G along the present step, of length h."""
+    pairs, size = work.spectral.pairs, work.z_end.shape[0]
+    copy_state(work.x[size : size + pairs.shape[0]], pairs)
+    for p in range(N_COEFFICIENTS):
+        out[p] = 0.0
+    for k in range(N_CLOSED):
+        ground = _next_forcing(h / (k + 1), model, pairs)
+        for p in range(N_COEFFICIENTS):
+            out[p] += ground * ABOUT_START[k, p]
+
+
+@inlined
+def _add_pushes(key, at, constant, model, spectrum, own, x):
+    """Add what contacts and sliders do by the terms at a place of all, flat, to those that follow.
+
+    `constant` tells whether they have what does not depend on the terms.
+    """
+    width, contacts, terms = spectrum.squares.shape[0], model.contacts, own.terms
+    m, n_sliders, to = contacts.row.shape[0], model.elements.stiffness.shape[0], at + 3 * width
+    for k in range(m):
+        if key & contact_bit(k) == np.uint64(0):
+            continue
+        row, sign = contacts.row[k] * width, contacts.sign[k]
+        push = contacts.beta[k] * sign * _dot(spectrum.shapes, row, terms, at, width)
+        if contacts.edges[k, DRAG] > 0.0:
+            rise = _dot(spectrum.shapes, row, terms, at + width, width)
+            push += contacts.edges[k, DRAG] * sign * rise
+        if constant:
+            push -= contacts.beta[k] * contacts.gap[k]
+        _add(terms, to, -push, spectrum.kicks, k * width, width)
+    for j in range(n_sliders):
+        push = x[x.shape[0] - 1 - n_sliders + j] if constant else 0.0
+        if key & contact_bit(m + j) != np.uint64(0):
+            push += _dot(spectrum.slides, j * width, terms, at, width)
+        if push != 0.0:
+            _add(terms, to, push, spectrum.kicks, (m + j) * width, width)
+
+
+@kernel
+def _write_terms(key, place, h, forced, model, spectrum, own, x):
+    """Write the terms that follow those of the start, with or without what acts from outside."""
+    width = spectrum.squares.shape[0]
+    pairs, terms, half = own.pairs, own.terms, 2 * model.stiffness.shape[0]
+    for k in range(pairs.shape[0]):
+        pairs[k] = x[half + k] if forced else 0.0
+    for term in range(own.count[0] - 1):
+        rate, at = h / (term + 1), (place * terms.shape[1] + term) * 2 * width
+        to = at + 2 * width
+        ground = _next_forcing(rate, model, pairs)
+        for p in range(0, width, LANES):
+            speed = load(terms, at + width + p)
+            store(terms, to + p, speed * rate)
+            force = fma(load(spectrum.forcing, p), ground, load(spectrum.rates, p) * speed)
+            store(terms, to + width + p, force - load(spectrum.squares, p) * load(terms, at + p))
+        for j in range(spectrum.damping.shape[0]):
+            drag = _dot(spectrum.damping, j * width, terms, at + width, width)
+            terms[place, term + 1, width + j] -= drag
+        _add_pushes(key, at, forced and term == 0, model, spectrum, own, x)
+        for p in range(0, width, LANES):
+            store(terms, to + width + p, load(terms, to + width + p) * rate)
+
+
+@inlined
+def _add(out, o, factor, table, t, size):
+    """Add a multiple of table[t:] to out[o:], flat."""
+    for p in range(0, size, LANES):
+        store(out, o + p, fma(load(table, t + p), factor, load(out, o + p)))
+
+
+@kernel
+def _write_row(row, half, spectrum, own, rows):
+    """Write the polynomial of a row, of `half` rows of displacements and as many of speeds."""
+    width, count = spectrum.squares.shape[0], own.count[0]
+    first, i = (width, row - half) if row >= half else (0, row)
+    low, high = load(ZERO, 0), load(ZERO, 0)
+    for k in range(count):
+        value = _dot(spectrum.shapes, i * width, own.terms, 2 * k * width + first, width)
+        low = fma(load(ABOUT_START, k * N_COEFFICIENTS), value, low)
+        high = fma(load(ABOUT_START, k * N_COEFFICIENTS + LANES), value, high)
+    store(rows, row * N_COEFFICIENTS, low)
+    store(rows, row * N_COEFFICIENTS + LANES, high)
+
+
+@kernel
+def write_modes(h, spectrum, own, rows):
+    """Write the polynomials of the modal coordinates along the present step, of length h.
+
+    Bounds of the moduli of their fourth derivatives are left in ``own.bounds``.
+    """
+    for j in range(spectrum.to_modes.shape[0]):
+        low, high = load(ZERO, 0), load(ZERO, 0)
+        for k in range(own.count[0]):
+            value = own.terms[STATE, k, j]
+            low = fma(load(ABOUT_START, k * N_COEFFICIENTS), value, low)
+            high = fma(load(ABOUT_START, k * N_COEFFICIENTS + LANES), value, high)
+        store(rows, j * N_COEFFICIENTS, low)
+        store(rows, j * N_COEFFICIENTS + LANES, high)
+        own.bounds[j] = fourth_derivative(rows[j : j + 1], h)
+
+
+@kernel
+def bound_rows(h, tables, work):
+    """Write ``work.bounds`` of all rows, if they are not, by the bounds of the modes."""
+    spectrum, own = tables.spectrum, work.spectral
+    if own.count[1] == 1:
+        return
+    own.count[1] = 1
+    width = spectrum.squares.shape[0]
+    write_modes(h, spectrum, own, work.modal_rows)
+    for i in range(spectrum.shapes.shape[0]):
+        value = load(ZERO, 0)
+        for p in range(0, width, LANES):
+            value = fma(modulus(load(spectrum.shapes, i * width + p)), load(own.bounds, p), value)
+        work.bounds[i] = total(value)
+
+
+@kernel
+def _evaluate(place, ratio, own, out):
+    """Write the modal coordinates and speeds at that part of a step."""
+    size, terms = out.shape[0], own.terms
+    first = place * terms.shape[1] * size
+    for p in range(0, size, LANES):
+        value = load(terms, first + (own.count[0] - 1) * size + p)
+        for k in range(own.count[0] - 2, -1, -1):
+            value = fma(value, ratio, load(terms, first + k * size + p))
+        store(out, p, value)
+
+
+@kernel
+def write_rows(modes, spectrum, half, out):
+    """Write all rows of a state by its modal coordinates and speeds."""
+    width = spectrum.squares.shape[0]
+    for i in range(half):
+        out[i] = _dot(spectrum.shapes, i * width, modes, 0, width)
+        out[half + i] = _dot(spectrum.shapes, i * width, modes, width, width)
+
+
+@kernel
+def modal_step(index, tau, end, model, tables, work):
+    """Expand a step of table `index` from ``work.x`` at tau; its modes at the end go to ``end``.
+
+    Where a step begins at the end of the last one, in time and set, its modes are those there.
+    """
+    spectrum, own, half = tables.spectrum, work.spectral, work.z_end.shape[0] // 2
+    key, h = tables.keys[index], tables.h[index]
+    if tau > 0.0 and own.chain[0] == tau and own.chain[1] == index:
+        copy_state(own.end, own.terms[STATE, 0])
+    else:
+        _write_start(work.x, half, STATE, spectrum, own)
+    own.chain[0], own.chain[1] = end, index
+    own.count[0], own.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
+    _write_terms(key, STATE, h, True, model, spectrum, own, work.x)
+    _evaluate(STATE, 1.0, own, own.end)
+
+
+@kernel
+def bound_contacts(index, model, tables, work):
+    """Write ``work.bounds`` of the rows of contacts along the present step."""
+    spectrum, own, rows = tables.spectrum, work.spectral, model.contacts.row
+    h, count, m = tables.h[index], own.count[0], rows.shape[0]
+    if spectrum.stops.shape[0] == 0:
+        for k in range(m):
+            _write_row(rows[k], work.z_end.shape[0] // 2, spectrum, own, work.rows)
+            work.bounds[rows[k]] = fourth_derivative(work.rows[rows[k] : rows[k] + 1], h)
+        return
+    n, width, sums = spectrum.stops.shape[0], spectrum.stops.shape[1], own.sums
+    step = 2 * spectrum.squares.shape[0]
+    rate = (2.0 / h) ** 4
+    for first in range(0, width, LANES):
+        for k in range(count):
+            at, stops = k * LANES, spectrum.stops
+            combine(sums, at, ZERO, 0, 1.0, stops, first, width, own.terms, k * step, n)
+        bound, last = load(ZERO, 0), N_CLOSED * LANES
+        for p in range(4, N_COEFFICIENTS):
+            combine(sums, last, ZERO, 0, 1.0, sums, 0, LANES, BY_POWER, p * N_CLOSED, count)
+            bound = fma(modulus(load(sums, last)), FOURTH[p], bound)
+        store(sums, last, bound * rate)
+        for k in range(first, min(first + LANES, m)):
+            work.bounds[rows[k]] = sums[N_CLOSED, k - first]
+
+
+@kernel
+def spectral_step(index, tau, end, model, tables, work):
+    """Expand a step of table `index` from tau to `end`; write ``work.wide`` and ``work.bounds``.
+
+    The bounds are those of the rows of contacts; of all rows where there are elements.
+    """
+    modal_step(index, tau, end, model, tables, work)
+    write_rows(work.spectral.end, tables.spectrum, work.z_end.shape[0] // 2, work.wide)
+    if model.elements.first.shape[0] > 0:
+        bound_rows(tables.h[index], tables, work)
+    else:
+        bound_contacts(index, model, tables, work)
+
+
+@kernel
+def ends_of_contacts(model, tables, work):
+    """Write into ``work.wide`` where contacts are at the end of the present step."""
+    spectrum, places, end = tables.spectrum, model.contacts.places, work.spectral.end
+    width = spectrum.squares.shape[0]
+    for k in range(places.shape[0]):
+        row = model.contacts.row[k] * width
+        work.wide[places[k, 0]] = _dot(spectrum.shapes, row, end, 0, width)
+        work.wide[places[k, 1]] = _dot(spectrum.shapes, row, end, width, width)
+
+
+@inlined
+def step_row(row, index, tables, work):
+    """Write the polynomial of a row along the present step of table `index`."""
+    if is_spectral(tables):
+        _write_row(row, work.z_end.shape[0] // 2, tables.spectrum, work.spectral, work.rows)
+    else:
+        expand_row(tables.poly, index, row, work.x, work.rows)
+
+
+@inlined
+def rows_of_contacts(segment, model, tables, work):
+    """Write the polynomials of the rows of all contacts along the present step, if they are not.
+
+    Of a step with a table those of all rows.
+    """
+    if is_spectral(tables):
+        for k in range(model.contacts.row.shape[0]):
+            row = model.contacts.row[k]
+            if not work.expanded[row]:
+                step_row(row, segment.index, tables, work)
+                work.expanded[row] = True
+    else:
+        count = work.z_end.shape[0]
+        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
+
+
+@inlined
+def step_state(segment, s, tables, work, out):
+    """Write the state at time s of the present step; its polynomials, too, where it has a table."""
+    if segment.index >= 0 and is_spectral(tables):
+        half = work.z_end.shape[0] // 2
+        _evaluate(STATE, s / segment.h, work.spectral, work.spectral.start)
+        write_rows(work.spectral.start, tables.spectrum, half, out)
+    else:
+        count = work.z_end.shape[0]
+        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
+        evaluate_rows(work.rows, segment.h, s, out)
+
+
+@kernel
+def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
+    """Multiply `tangent` by exp(M s) to the power `n_steps` of table `index`, in place."""
+    spectrum, own, half = tables.spectrum, work.spectral, tangent.shape[0] // 2
+    key, h = tables.keys[index], tables.h[index]
+    exact = key == np.uint64(0) and spectrum.damping.shape[0] == 0
+    if exact:
+        _write_exponential(s * n_steps, spectrum, own.exponential)
+    vector, width, kept = work.tangent.column, spectrum.squares.shape[0], own.count[0]
+    own.count[0] = N_FREE if key == np.uint64(0) else N_CLOSED
+    for column in range(tangent.shape[1]):
+        for i in range(2 * half):
+            vector[i] = tangent[i, column]
+        if exact:
+            _write_start(vector, half, TANGENT, spectrum, own)
+            for p in range(0, width, LANES):
+                first = own.terms.shape[1] * 2 * width + p
+                q, v = load(own.terms, first), load(own.terms, first + width)
+                e = own.exponential
+                store(own.start, p, fma(load(e, p), q, load(e, width + p) * v))
+                more = load(e, 3 * width + p) * v
+                store(own.start, width + p, fma(load(e, 2 * width + p), q, more))
+            write_rows(own.start, spectrum, half, vector)
+        else:
+            for _ in range(n_steps):
+                _write_start(vector, half, TANGENT, spectrum, own)
+                _write_terms(key, TANGENT, h, False, model, spectrum, own, work.x)
+                _evaluate(TANGENT, s / h, own, own.start)
+                write_rows(own.start, spectrum, half, vector)
+        for i in range(2 * half):
+            tangent[i, column] = vector[i]
+    own.count[0] = kept
+
+
+@kernel
+def _write_exponential(t, spectrum, out):
+    """Write exp of a time t of each mode of free flight: q of q and of q', q' of both."""
+    for j in range(spectrum.to_modes.shape[0]):
+        square, half = spectrum.squares[j], -0.5 * spectrum.rates[j]
+        inner = square - half * half
+        angle = inner * t * t
+        if abs(angle) < NEARLY_CRITICAL:
+            cosine = 1.0 - angle * (0.5 - angle * (1.0 / 24.0 - angle / 720.0))
+            sine = 1.0 - angle * (1.0 / 6.0 - angle * (1.0 / 120.0 - angle / 5040.0))
+            decay = math.exp(-half * t)
+            cosine, sine = cosine * decay, sine * t * decay
+        elif inner > 0.0:
+            decay, w = math.exp(-half * t), math.sqrt(inner)
+            cosine, sine = decay * math.cos(w * t), decay * math.sin(w * t) / w
+        else:
+            w = math.sqrt(-inner)
+            slow, fast = math.exp((w - half) * t), math.exp(-(w + half) * t)
+            cosine, sine = 0.5 * (slow + fast), 0.5 * (slow - fast) / w
+        out[0, j], out[1, j] = fma(half, sine, cosine), sine
+        out[2, j], out[3, j] = -square * sine, fma(-half, sine, cosine)

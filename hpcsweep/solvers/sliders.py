@@ -8,6 +8,7 @@ import numpy as np
 
 from hpcsweep.model.elements import LEVEL, SHARE, SIGN, SPRING, TAKES, Elements
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.units import Units
 from hpcsweep.solvers.measures import ROUNDING
 
 
@@ -81,3 +82,26 @@ class Sliders:
         mode = self._first.copy()
         mode[self._of[passed]] = self._elements.after[self._guards[passed]]
         modes.mode[self.own] = mode
+
+
+class SliderUnits(Units):
+    """Conversion of states (u, u', p) to those of the kernels with p behind, and back."""
+
+    def __init__(self, units: Units, sliders: Sliders, length: float):
+        self._state, self._unit = units, sliders.sign * length
+        self.amplitude_unit = units.amplitude_unit
+
+    @property
+    def size(self) -> int:
+        """Size of the state of the kernels: 2 R."""
+        return self._state.size
+
+    def into(self, states: np.ndarray) -> np.ndarray:
+        """Return states of the kernels, a new array (..., 2R + L)."""
+        first, p = np.split(np.asarray(states, float), [-len(self._unit)], -1)
+        return np.concatenate((self._state.into(first), p / self._unit), -1)
+
+    def out_of(self, z: np.ndarray) -> np.ndarray:
+        """Return states of shape (..., 2n + L) from those of the kernels, a new array."""
+        first, p = np.split(z, [self.size], -1)
+        return np.concatenate((self._state.out_of(first), p * self._unit), -1)

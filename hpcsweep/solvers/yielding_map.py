@@ -15,25 +15,20 @@ side of such a motion grow in proportion to how far it is passed, and none are o
 differences to both sides differ so, or do not add up, there is no tangent map.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.kernels.compile.entry_points import with_called
-from hpcsweep.kernels.compile.warm import load_all
 from hpcsweep.model.kernel_model import DRIFT
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.arguments import closing_arguments, motion, points_array
+from hpcsweep.solvers.arguments import closing_arguments
 from hpcsweep.solvers.flow.flow_map import FlowMap
-from hpcsweep.solvers.flow.layer.measures import measure_layer_step
-from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.orbit.chain import Images
 from hpcsweep.solvers.flow.orbit.transient import ROUNDING
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Advance, Approach, Observation
-from hpcsweep.solvers.sliders import Sliders
+from hpcsweep.solvers.records import Approach, Observation
+from hpcsweep.solvers.sliders import Sliders, SliderUnits
 
 DIFFERENCE = 1e-6
 """Step of a difference, in units of the state: errors of rounding and of curvature are about the
@@ -49,39 +44,25 @@ class YieldingMap(FlowMap):
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
         super().__init__(structure, omega, rtol)
-        if self._shared.model.layer > 0.0:
-            load_all(with_called(measure_layer_step))  # `observe` asks for drifts
         self._sliders = Sliders(structure, self._shared.model.elements)
+        self._units = SliderUnits(self._units, self._sliders, structure.length_unit)
         self._strength = np.array([one.strength for one in structure.sliders])
-
-    def advance(self, state, amplitude, n_periods, poll=None) -> Advance:
-        """Integrate `n_periods`, keeping only the last state."""
-        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
-        done, outcome, _ = self._follow(z, amplitude, n_periods, poll)
-        return Advance(z, done, outcome)
-
-    def points(self, state, amplitude, n_periods, poll=None) -> tuple[np.ndarray, Outcome]:
-        """Return the stroboscopic points, shape (n_periods, 2n + L)."""
-        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
-        points = points_array(n_periods, z.size)
-        done, outcome, _ = self._follow(z, amplitude, n_periods, poll, points.__setitem__)
-        return points[:done], outcome
+        self._path = np.zeros(len(structure.sliders))
 
     def settle(
         self, state, amplitude, n_periods, max_period, settled, same, near=0.0, poll=None
     ) -> Approach:
         """Advance until the orbit has closed; as `flow.orbit.transient.watch_motion` tells it."""
-        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
         max_period, settled, same, _ = closing_arguments(max_period, settled, same, near)
-        units, ring, size = self.structure.state_units, max_period + 1, 2 * max_period + 1
-        history, distance = np.empty((size, z.size)), np.full((ring, ring), np.inf)
-        history[0] = self.structure.without_drift(z) / units
-        close, found = np.zeros(ring, int), 0
-
-        def closed(done: int, z: np.ndarray) -> bool:
-            nonlocal found
-            k, p = done + 1, np.arange(1, min(max_period, done + 1) + 1)
-            point = history[k % size] = self.structure.without_drift(z) / units
+        ring, size, close = max_period + 1, 2 * max_period + 1, np.zeros(max_period + 1, int)
+        history, distance = np.tile(self._place(z), (size, 1)), np.full((ring, ring), np.inf)
+        for k in range(1, n_periods + 1):
+            done, outcome = self._march(z, amplitude, 1, poll)
+            if not done:
+                return Approach(self._units.out_of(z), k - 1, 0, 0, np.nan, outcome)
+            p = np.arange(1, min(max_period, k) + 1)
+            point = history[k % size] = self._place(z)
             e = np.abs(point - history[(k - p) % size]).max(axis=1)
             before = np.where(k >= 2 * p, distance[(k - p) % ring, p], -np.inf)
             to_go = np.full(p.size, np.inf)
@@ -96,36 +77,37 @@ class YieldingMap(FlowMap):
                 last = int(known[0]) + 1
                 shorter = (q for q in range(1, last) if last % q == 0 and e[q - 1] <= same)
                 found = next(shorter, last)
-            return found > 0
+                return Approach(self._units.out_of(z), k, 0, found, np.nan, Outcome.COMPLETE)
+        return Approach(self._units.out_of(z), n_periods, 0, 0, np.nan, Outcome.COMPLETE)
 
-        done, outcome, _ = self._follow(z, amplitude, n_periods, poll, closed)
-        return Approach(z, done, 0, found, np.nan, outcome)
+    def _place(self, z: np.ndarray) -> np.ndarray:
+        """Return a state relative to what drifts, in its units."""
+        structure = self.structure
+        return structure.without_drift(self._units.out_of(z)) / structure.state_units
 
     def observe(
         self, state, amplitude, n_periods, modal_norm=False, growth=False, poll=None, measures=0
     ) -> Observation:
         """Integrate `n_periods` and gather; without the growth of a tangent vector."""
-        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
-        start, points = z.copy(), points_array(n_periods, z.size)
+        self._path[:] = 0.0
+        seen = super().observe(state, amplitude, n_periods, modal_norm, False, poll, measures)
         tally, model, structure = self._shared.tally, self._shared.model, self.structure
-        reset(tally)
-        wanted = (NORMS if modal_norm else MAXIMA) + (measures & ANY_MEASURE | DRIFT)
-        done, outcome, path = self._follow(
-            z, amplitude, n_periods, poll, points.__setitem__, wanted
-        )
-        seen = self._gathered(points[:done], outcome, modal_norm, measures)
         # drifts of the kernels are those of the structure, then elongations of sliders
         n, rows = len(structure.drift_rows), model.drift_rows.tolist()
         drifts = tally.peaks[: len(rows)] * structure.length_unit
         own = [rows.index(row) for row in model.elements.rows[self._sliders.own].tolist()]
-        limits, periods = np.array([one.limit for one in structure.sliders]), max(done, 1)
+        limits, periods = np.array([one.limit for one in structure.sliders]), len(seen.points)
+        change = (seen.points[-1] if periods else state) - np.asarray(state, float)
         slid = {
             "ductility": drifts[own] / limits,
-            "slider_energy": self._strength * path / periods,
-            "plastic_drift": (z - start)[2 * structure.n_floors :] / periods,
+            "slider_energy": self._strength * self._path * structure.length_unit / max(periods, 1),
+            "plastic_drift": change[2 * structure.n_floors :] / max(periods, 1),
         }
         cut = np.delete(seen.measures, np.s_[n : len(rows)]) if measures else seen.measures
         return replace(seen, peak_drift=float(drifts[:n].max()), measures=cut, slid=slid)
+
+    def _wanted(self, modal_norm: bool, measures: int) -> int:
+        return (NORMS if modal_norm else MAXIMA) + (measures & ANY_MEASURE | DRIFT)
 
     def images(self, states, amplitude, tangents=False, poll=None) -> Images:
         """Integrate states, shape (p, 2n + L), over one forcing period each."""
@@ -136,17 +118,16 @@ class YieldingMap(FlowMap):
 
     def monodromy(self, state, amplitude, n_periods) -> tuple[np.ndarray, np.ndarray]:
         """Integrate with the tangent map, shape (2n + L, 2n + L), of differences."""
-        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
-        end = self._end(z, amplitude, n_periods)
-        return end, self._tangent(z, amplitude, n_periods)
+        end = self._end(state, amplitude, n_periods)
+        return end, self._tangent(np.asarray(state, float), amplitude, n_periods)
 
     def _end(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None) -> np.ndarray:
         """Return the state to which a motion comes."""
-        z = state.copy()
-        done, outcome, _ = self._follow(z, amplitude, n_periods, poll)
-        if outcome is not Outcome.COMPLETE:
-            raise ArithmeticError(f"flow: {outcome.name} in forcing period {done + 1}")
-        return z
+        reached = self.advance(state, amplitude, n_periods, poll)
+        if reached.outcome is not Outcome.COMPLETE:
+            name, period = reached.outcome.name, reached.n_periods + 1
+            raise ArithmeticError(f"flow: {name} in forcing period {period}")
+        return reached.state
 
     def _tangent(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None):
         """Return d z(n_periods T) / d z(0), shape (2n + L, 2n + L)."""
@@ -189,40 +170,18 @@ class YieldingMap(FlowMap):
         over = (rows @ state[:n] - state[2 * n :]) / limit
         return bool(np.any((np.abs(over) > 1.0) & (over * (rows @ state[n : 2 * n]) <= 0.0)))
 
-    def _follow(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        poll: Callable[[], None] | None = None,
-        told: Callable[[int, np.ndarray], bool | None] | None = None,
-        wanted: int = NO_TALLY,
-    ) -> tuple[int, Outcome, np.ndarray]:
-        """Advance a state in place, until `told` of the number and the end of a period is true.
-
-        Returns
-        -------
-        done : int
-            Periods integrated.
-        outcome : Outcome
-        path : ndarray, shape (L,)
-            Sum of |dp| of each slider.
-        """
-        shared, sliders, length = self._shared, self._sliders, self.structure.length_unit
-        size, amplitude = 2 * self.structure.n_floors, amplitude / self._units.amplitude_unit
+    def _march(self, z, amplitude, n_periods, poll=None, points=None, wanted=NO_TALLY, *_):
+        """Integrate like `FlowMap`, z the state of the kernels and p behind; add to the paths."""
+        shared, sliders, size = self._shared, self._sliders, self._units.size
         nothing = shared.no_points, wanted, shared.no_tangent, shared.no_growth
-        path = np.zeros(state.size - size)
         for first, last in self._polling.cut(n_periods, poll):
             for number in range(first, last):
-                z = self._units.into(state[:size])
-                sliders.place(z, sliders.sign * state[size:] / length, shared.modes)
-                _, outcome = self._kernels.march(self._packed, z, amplitude, 1, *nothing)
+                sliders.place(z[:size], z[size:], shared.modes)
+                _, outcome = self._kernels.march(self._packed, z[:size], amplitude, 1, *nothing)
                 if outcome != Outcome.COMPLETE:
-                    return number, Outcome(outcome), path
-                plastic, change = sliders.plastic(z, shared.modes)
-                path += (shared.modes.path[sliders.own] + change) * length
-                state[:size] = self._units.out_of(z)
-                state[size:] = sliders.sign * plastic * length
-                if told is not None and told(number, state):
-                    return number + 1, Outcome.COMPLETE, path
-        return n_periods, Outcome.COMPLETE, path
+                    return number, Outcome(outcome)
+                z[size:], change = sliders.plastic(z[:size], shared.modes)
+                self._path += shared.modes.path[sliders.own] + change
+                if points is not None:
+                    points[number] = z
+        return n_periods, Outcome.COMPLETE

@@ -85,7 +85,8 @@ def of_elements(model: Model) -> tuple[EntryPoint, ...]:
     """Return the kernels of the elements of a structure, whose contacts may be smooth."""
     if not by_elements.py_func(model):
         return ()
-    return (march_periods, visit_layers) if model.layer else (march_periods,)
+    layers = visit_layers, measure_layer_step  # that of sliders, which always ask for drifts
+    return (march_periods, *layers) if model.layer else (march_periods,)
 
 
 def needed_kernels(

@@ -76,8 +76,7 @@ class AttractorSearch:
         self._max_cycles, self._poll = max_cycles, poll
         self._at_risk = periods_at_risk(max_cycles, confidence)
         self._rng = np.random.default_rng(0)
-        same = settings.period_tolerance
-        self._known = KnownMotions(solver.structure.state_units, same, amplitude, solver.omega)
+        self._known = KnownMotions(solver, amplitude, settings.period_tolerance)
         self.failures: Counter[Outcome] = Counter()
         self.cycles = self.n_transient = self._n_tested = 0
         self.transient = Survival()
@@ -300,7 +299,11 @@ class AttractorSearch:
         seen = self._observe(motion, motion.period)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
-        near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
+        near = None
+        if not motion.families:
+            near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
+        elif (there := self._known.family(motion, seen, self._poll)) is not None:
+            return there
         return self._known.add(motion, motion.points, seen, near)
 
     def _observe(self, motion: Motion, n_periods: int) -> Observation:

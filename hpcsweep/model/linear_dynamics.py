@@ -91,6 +91,19 @@ class LinearDynamics(System):
         own = (moved, np.zeros_like(moved), moved @ self.slider_directions.T)
         return states - np.concatenate(own, -1)
 
+    def slipped(self, states: np.ndarray) -> np.ndarray:
+        """Return states (u, u', p), (..., 2n + L), whose sliders have slipped as they must.
+
+        As far as their strengths demand at these displacements, from the p that is given, or from 0
+        of states (u, u').
+        """
+        n, missing = self.n_floors, self.state_units.size - states.shape[-1]
+        states = np.concatenate((states, np.zeros((*states.shape[:-1], missing))), axis=-1)
+        along = states[..., :n] @ self.slider_directions.T
+        limits = np.array([one.limit for one in self.sliders])
+        states[..., 2 * n :] = np.clip(states[..., 2 * n :], along - limits, along + limits)
+        return states
+
     @property
     def damping_ratios(self) -> np.ndarray:
         """zeta_i of every mode, shape (n,); the diagonal part of a damping matrix."""

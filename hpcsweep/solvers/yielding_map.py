@@ -32,7 +32,7 @@ from hpcsweep.solvers.flow.orbit.chain import Images
 from hpcsweep.solvers.flow.orbit.transient import ROUNDING
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Advance, Approach, Observation
+from hpcsweep.solvers.records import Advance, Approach, Growth, Observation
 from hpcsweep.solvers.sliders import Sliders
 
 DIFFERENCE = 1e-6
@@ -40,6 +40,14 @@ DIFFERENCE = 1e-6
 same where the map bends over lengths of its units."""
 SMOOTH = 1e-3
 """Largest difference between differences to both sides, over the size of the tangent map."""
+
+
+class Stopped(ArithmeticError):
+    """A motion has not come to the end of its periods, with the `outcome`."""
+
+    def __init__(self, text: str, outcome: Outcome):
+        super().__init__(text)
+        self.outcome = outcome
 
 
 class YieldingMap(FlowMap):
@@ -127,6 +135,33 @@ class YieldingMap(FlowMap):
         cut = np.delete(seen.measures, np.s_[n : len(rows)]) if measures else seen.measures
         return replace(seen, peak_drift=float(drifts[:n].max()), measures=cut, slid=slid)
 
+    def grow(self, state, amplitude, n_periods, poll=None, direction=None) -> Growth:
+        """Integrate with a small difference, which stands for a tangent vector.
+
+        One across families: of the same p at first, of which sliders that stick make no other, and
+        without what drifts.
+        """
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        units, n = self.structure.state_units, self.structure.n_floors
+        along = np.repeat((1.0, 0.0), (2 * n, units.size - 2 * n)) * units
+        along = along if direction is None else np.array(direction)
+        points, logarithms = points_array(n_periods, z.size), np.empty(n_periods)
+        for k in range(n_periods):
+            along = self.structure.without_drift(along)
+            along = along / np.linalg.norm(along / units)
+            try:
+                ends = [
+                    self._end(z + h * along, amplitude, 1, poll) for h in (DIFFERENCE, -DIFFERENCE)
+                ]
+                z = points[k] = self._end(z, amplitude, 1, poll)
+            except Stopped as stopped:
+                return Growth(points[:k], stopped.outcome, np.empty(0), along)
+            change = self.structure.without_drift(ends[0] - ends[1]) / (2.0 * DIFFERENCE)
+            size = np.linalg.norm(change / units)
+            logarithms[k] = np.log(size) if size > 0.0 else -np.inf
+            along = change if size > 0.0 else along
+        return Growth(points, Outcome.COMPLETE, logarithms, along)
+
     def images(self, states, amplitude, tangents=False, poll=None) -> Images:
         """Integrate states, shape (p, 2n + L), over one forcing period each."""
         ends = [self._end(z, amplitude, 1, poll) for z in states]
@@ -145,7 +180,7 @@ class YieldingMap(FlowMap):
         z = state.copy()
         done, outcome, _ = self._follow(z, amplitude, n_periods, poll)
         if outcome is not Outcome.COMPLETE:
-            raise ArithmeticError(f"flow: {outcome.name} in forcing period {done + 1}")
+            raise Stopped(f"flow: {outcome.name} in forcing period {done + 1}", outcome)
         return z
 
     def _tangent(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None):

@@ -73,7 +73,7 @@ class Basins(SliceGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the rows, in the order of the file."""
-        return variables.basin_variables(self.settings)
+        return variables.basin_variables(self.settings, self.structure)
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach."""
@@ -147,7 +147,7 @@ class RefinedBasins(SliceGrid):
     @property
     def listed_variables(self) -> list[Variable]:
         """Variables of the attractors, which a complete map lists for each row."""
-        return variables.listed_variables(self.settings)
+        return variables.listed_variables(self.settings, self.structure)
 
     def listed_values(self) -> Rows:
         """Return the values of `listed_variables` for a row, first axis the attractors."""
@@ -179,7 +179,9 @@ class RefinedBasins(SliceGrid):
             return []
         known = {name: values[0] for name, values in runs_of(self).attractors().items()}
         listed = [
-            v for v in variables.basin_variables(self.settings) if variables.is_of_attractors(v)
+            v
+            for v in variables.basin_variables(self.settings, self.structure)
+            if variables.is_of_attractors(v)
         ]
         return attractors_as_runs(listed, known)[label - 1 : label]
 

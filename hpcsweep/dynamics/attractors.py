@@ -299,11 +299,12 @@ class AttractorSearch:
         seen = self._observe(motion, motion.period)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
+        there = self._known.family(motion, seen, self._poll)
+        if there is not None:
+            return there
         near = None
         if not motion.families:
             near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
-        elif (there := self._known.family(motion, seen, self._poll)) is not None:
-            return there
         return self._known.add(motion, motion.points, seen, near)
 
     def _observe(self, motion: Motion, n_periods: int) -> Observation:

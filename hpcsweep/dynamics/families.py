@@ -16,7 +16,8 @@ in the middle of two is sought by Newton's method, which finds the member of the
 nearest. Where it is near the middle of the chord the two are joined, otherwise both halves are
 tested, which ends at a kink, of members that graze a contact, too; where it is not there, repels or
 is another orbit, they are not: so it is past a fold over p. Motions that ratchet are compared
-relative to what drifts, as closing is.
+relative to what drifts, as closing is. There is no such test of motions without a period: where
+sliders stick on them, those with the same class, sliders that slip and contacts count as one.
 
 A motion whose last slip dies out may end at the border of its family, where a slider comes to its
 strength and turns, and which has no tangent map. It is replaced by a member `INWARD` of its
@@ -49,7 +50,7 @@ def told_of_sliders(
     A drift of less than the tolerance, in units of lengths, over an orbit of that period is
     rounding, and so is a path.
     """
-    if not period:
+    if not (period and slid):
         return dict(slid)
     limit = tolerance * structure.length_unit
     drift = np.where(np.abs(slid["plastic_drift"]) * period > limit, slid["plastic_drift"], 0.0)

@@ -5,7 +5,8 @@ which places (`Signature`), of which one motion may need several records.
 
 Orbits are the same if they have the same period and, for one shift of their points, no point
 differs by more than the tolerance; or if they are of one family (`families`), of which some members
-are kept.
+are kept. Motions without a period on which sliders stick are told together where the same sliders
+slip and the same contacts close.
 
 Motions other than orbits, chaos and tori, are distinguished by two statistics of their stroboscopic
 points. First, where the points are: attractors are disjoint closed sets, and a motion comes
@@ -21,6 +22,7 @@ agree within `SAFE_MEANS` times their difference between the halves of either re
 """
 
 from copy import copy
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -221,15 +223,19 @@ class KnownMotions:
         return None
 
     def family(self, motion: Motion, seen: Observation, poll=None) -> int | None:
-        """Return the index of the family of which an orbit, as it was observed, is a member."""
+        """Return the index of the family of which a motion, as it was observed, is a member."""
         structure, points, period = self._structure, motion.points, motion.period
-        slips = slipping(structure, seen.slid, period, self._same)
+        slips = slipping(structure, seen.slid, len(seen.points), self._same)
+        if not seen.slid or (not motion.families and len(slips) == len(structure.sliders)):
+            return None
         for place, known in enumerate(self.attractors):
-            kind = known.orbit_period, known.families, known.contact
-            if kind != (period, motion.families, seen.contact):
+            kind = known.orbit_period, known.families, known.contact, known.kind
+            if kind != (period, motion.families, seen.contact, motion.kind):
                 continue
-            if slipping(structure, known.sliders, period, self._same) != slips:
+            if slipping(structure, known.sliders, len(seen.points), self._same) != slips:
                 continue
+            if not period:
+                return place
             turned = [
                 np.roll(one, k, axis=0) for one in self._members[place] for k in range(period)
             ]
@@ -260,6 +266,10 @@ class KnownMotions:
             ):
                 self.remember(seen.points, there)
                 return there
+        member = self.family(motion, seen)
+        if member is not None:
+            self.remember(seen.points, member)
+            return member
         place = self.add(motion, seen.points, seen, None)
         self._records.append((own, scaled, place))
         return place
@@ -280,11 +290,9 @@ class KnownMotions:
         drift = normalised_drift(seen.peak_drift, self._amplitude, self._solver.omega)
         decided = motion.kind, points, motion.period, motion.multiplier, *motion.interval
         observed = seen.contact, float(drift), seen.modal_norm
-        known = {"measures": seen.measures, "families": motion.families}
-        if seen.slid:
-            told = told_of_sliders(self._structure, seen.slid, motion.period, self._same)
-            known["sliders"] = told
-        self.attractors.append(Attractor(*decided, *observed, **known))
+        told = told_of_sliders(self._structure, seen.slid, motion.period, self._same)
+        known: dict[str, Any] = {"measures": seen.measures, "families": motion.families}
+        self.attractors.append(Attractor(*decided, *observed, **known, sliders=told))
         self._members.append([points])
         self.neighbourhoods.append(near)
         return len(self.attractors) - 1

@@ -215,10 +215,13 @@ class AttractorSearch:
         state = end.state
         if end.outcome is not Outcome.COMPLETE:
             return state, end.n_periods, self._failed(end.outcome)
-        there = self._known.near(state)
+        there, n_periods = self._known.near(state), end.n_periods
         if there is None and end.period:
+            before = self.cycles
             there, state = self._orbit_of(state)
-        return state, end.n_periods, there
+            if there is None and self._solver.structure.sliders:
+                n_periods += self.cycles - before  # at a kink it closes again at once
+        return state, n_periods, there
 
     def _orbit_of(self, state: np.ndarray) -> tuple[int | None, np.ndarray]:
         """Classify a motion; return the index of the orbit it goes to, if any, and its end."""

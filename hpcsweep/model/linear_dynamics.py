@@ -75,11 +75,20 @@ class LinearDynamics(System):
 
         With N^T K N = 1. Along these alone a motion can drift for good, its forces periodic.
         """
+        return self._unopposed(self.directions)
+
+    @cached_property
+    def mechanisms(self) -> np.ndarray:
+        """The same where no contact is closed: along these a motion may stand elsewhere, (n, m)."""
+        return self._unopposed(self.directions[:0])
+
+    def _unopposed(self, held: np.ndarray) -> np.ndarray:
+        """Return what neither springs nor rows `held` oppose, (n, m)."""
         from scipy.linalg import eigh
 
-        d, size = self.directions, np.trace(self.stiffness_matrix)
-        held = self.elastic_stiffness + size * (d.T / (d**2).sum(axis=1)) @ d
-        values, vectors = eigh(held, self.stiffness_matrix)
+        size = np.trace(self.stiffness_matrix)
+        stiffness = self.elastic_stiffness + size * (held.T / (held**2).sum(axis=1)) @ held
+        values, vectors = eigh(stiffness, self.stiffness_matrix)
         return frozen(vectors[:, np.abs(values) <= ROUNDED])
 
     def without_drift(self, states: np.ndarray) -> np.ndarray:

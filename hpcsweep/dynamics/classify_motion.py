@@ -336,7 +336,7 @@ class _Classifier:
         if found.orbit is None and self._solver.structure.sliders:
             inner = moved_inward(self._solver, z, self._amplitude, period)
             found = verify_orbit(self._solver, inner, self._amplitude, period, reach, self._poll)
-            self.cycles += found.cycles + 2 * period * len(self._solver.structure.sliders)
+            self.cycles += found.cycles
         return found.orbit
 
     def _periodic(self, there: VerifiedOrbit) -> Motion:

@@ -38,8 +38,8 @@ STRAIGHT, NEAR, FAR, DEPTH = 0.01, 1e-3, 0.4, 12
 state, at which the chord is not halved again; the largest over its length; and how often it is."""
 SAME = 1e-6
 """Distance, in units of the state, at which orbits of a family are one."""
-INWARD = 1e-3
-"""Part of the elongation at which a slider slips."""
+INWARD, RELAXED = 1e-3, 64
+"""Part of the elongation at which a slider slips, and turns after which it has kept that or not."""
 
 
 def told_of_sliders(
@@ -116,22 +116,21 @@ def are_joined(
 
 
 def moved_inward(solver, state: np.ndarray, amplitude: float, period: int) -> np.ndarray:
-    """Return a state on an orbit, off the strength of sliders that just reach it.
+    """Return a state near an orbit of a family, off the strength of sliders that just reach it.
 
-    Such a slider slips if its p, and the structure with it, is moved one way, not the other.
+    Such a slider keeps a p, with the structure moved likewise, to one side of its own: to the other
+    it slips back. One that slips keeps none, and one that is off its strength both.
     """
     structure, n = solver.structure, solver.structure.n_floors
-    state = state.copy()
     for j, one in enumerate(structure.sliders):
         step = np.zeros(state.size)
-        step[2 * n + j] = INWARD * one.limit
-        push = structure.slider_directions[j] * (one.spring * step[2 * n + j])
+        step[2 * n + j] = moved = INWARD * one.limit
+        push = structure.slider_directions[j] * (one.spring * moved)
         step[:n] = np.linalg.solve(structure.stiffness_matrix, push)
-        slips = []
-        for sign in (1.0, -1.0):
-            start = state + sign * step
-            end = solver.advance(start, amplitude, period).state
-            slips.append(abs((end - start)[2 * n + j]) > 1e-3 * step[2 * n + j])
-        if slips[0] != slips[1]:
-            state += step if slips[1] else -step
+        ends = [
+            solver.advance(state + way, amplitude, RELAXED * period).state for way in (step, -step)
+        ]
+        kept = [abs((end - state)[2 * n + j]) > 0.5 * moved for end in ends]
+        if kept[0] != kept[1]:
+            state = ends[kept.index(True)]
     return state

@@ -225,8 +225,10 @@ class KnownMotions:
     def family(self, motion: Motion, seen: Observation, poll=None) -> int | None:
         """Return the index of the family of which a motion, as it was observed, is a member."""
         structure, points, period = self._structure, motion.points, motion.period
+        if not seen.slid:
+            return None
         slips = slipping(structure, seen.slid, len(seen.points), self._same)
-        if not seen.slid or (not motion.families and len(slips) == len(structure.sliders)):
+        if not motion.families and len(slips) == len(structure.sliders):
             return None
         for place, known in enumerate(self.attractors):
             kind = known.orbit_period, known.families, known.contact, known.kind

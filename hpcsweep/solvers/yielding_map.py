@@ -45,14 +45,6 @@ SMOOTH = 1e-3
 """Largest difference between differences to both sides, over the size of the tangent map."""
 
 
-class Stopped(ArithmeticError):
-    """A motion has not come to the end of its periods, with the `outcome`."""
-
-    def __init__(self, text: str, outcome: Outcome):
-        super().__init__(text)
-        self.outcome = outcome
-
-
 class YieldingMap(FlowMap):
     """Advance states (u, u', p), shape (2n + L,), by the exact flow; otherwise like `FlowMap`."""
 
@@ -152,14 +144,14 @@ class YieldingMap(FlowMap):
         for k in range(n_periods):
             along = self.structure.without_drift(along)
             along = along / np.linalg.norm(along / units)
-            try:
-                ends = [
-                    self._end(z + h * along, amplitude, 1, poll) for h in (DIFFERENCE, -DIFFERENCE)
-                ]
-                z = points[k] = self._end(z, amplitude, 1, poll)
-            except Stopped as stopped:
-                return Growth(points[:k], stopped.outcome, np.empty(0), along)
-            change = self.structure.without_drift(ends[0] - ends[1]) / (2.0 * DIFFERENCE)
+            step = DIFFERENCE * along
+            ends = np.array([z, z + step, z - step])
+            followed = [self._follow(end, amplitude, 1, poll) for end in ends]
+            failed = [outcome for _, outcome, _ in followed if outcome is not Outcome.COMPLETE]
+            if failed:
+                return Growth(points[:k], failed[0], np.empty(0), along)
+            z = points[k] = ends[0]
+            change = self.structure.without_drift(ends[1] - ends[2]) / (2.0 * DIFFERENCE)
             size = np.linalg.norm(change / units)
             logarithms[k] = np.log(size) if size > 0.0 else -np.inf
             along = change if size > 0.0 else along
@@ -183,7 +175,7 @@ class YieldingMap(FlowMap):
         z = state.copy()
         done, outcome, _ = self._follow(z, amplitude, n_periods, poll)
         if outcome is not Outcome.COMPLETE:
-            raise Stopped(f"flow: {outcome.name} in forcing period {done + 1}", outcome)
+            raise ArithmeticError(f"flow: {outcome.name} in forcing period {done + 1}")
         return z
 
     def _tangent(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None):

@@ -32,7 +32,16 @@ SIZE = 6.4, 6.9
 
 def load(frames, cells: bool | None = None):
     """Read the labels and the attractors, of a refined map also what is inferred."""
-    names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point", "outcome")
+    names = (
+        "label",
+        "attractor_id",
+        "motion_class",
+        "orbit_period",
+        "contact",
+        "shakedown",
+        "point",
+        "outcome",
+    )
     return gather(frames, names, cells)
 
 
@@ -139,6 +148,7 @@ def _rest(study: SliceGrid) -> str:
     names = study.coordinates["state"].values
     state = study.initial_state
     others = [k for k in range(state.size) if k not in study.components]
+    slipped = "; sliders slipped from there as far as they must" if study.structure.sliders else ""
     if not np.any(state[others]):
-        return "all other components of the state 0 at the start"
-    return ", ".join(f"{names[k]} = {state[k]:.4g}" for k in others)
+        return f"all other components of the state 0 at the start{slipped}"
+    return ", ".join(f"{names[k]} = {state[k]:.4g}" for k in others) + slipped

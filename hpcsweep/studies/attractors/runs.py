@@ -198,8 +198,7 @@ def attractors(
         Number of starting states, a low-discrepancy sequence in the box, and its seed.
     box : array_like, shape (2n, 2), optional
         Lowest and highest value of each component of (u, v), in gaps and gaps omega_0. Default:
-        -1 to 1 gap, and -1 to 1 gap omega_0. Sliders have slipped as far as their strengths demand
-        at these displacements, from p = 0.
+        -1 to 1 gap, and -1 to 1 gap omega_0. Sliders slip from p = 0 as far as they must.
     states : array_like, shape (m, 2n), of L sliders (m, 2n + L)
         Further states from which motions are followed; they do not count for shares.
     confidence : float
@@ -217,11 +216,9 @@ def attractors(
     Returns
     -------
     list of Attractor
-        In order of decreasing share; see `hpcsweep.dynamics.attractor.Attractor`. Shares are of all
-        starts: they sum to less than 1 where starts were not classified or failed. `n_transient`
-        and `lifetime` of the list tell of transient chaos (`hpcsweep.dynamics.attractor.Found`).
-        Orbits of sliders that are members of one family are one attractor
-        (`hpcsweep.dynamics.families`).
+        In order of decreasing share; see `hpcsweep.dynamics.attractor.Attractor`, and of sliders
+        `hpcsweep.dynamics.families`. Shares are of all starts: less than 1 in all where some were
+        not classified or failed. `n_transient` and `lifetime` of the list tell of transient chaos.
 
     Raises
     ------
@@ -265,8 +262,7 @@ def attractors(
         max_cycles=arguments.count("max_cycles", max_cycles, 1),
     )
     amplitude = arguments.finite("amplitude", amplitude)
-    corner = structure.slipped(np.abs(np.array(limits.box)).max(axis=1))
-    reach = np.vstack((corner, seeds))
+    reach = np.vstack((structure.slipped(np.abs(np.array(limits.box)).max(axis=1)), seeds))
     moving = loaded(structure.within_reach(amplitude, reach), name)
     runs = AttractorRuns(moving, arguments.positive("omega", omega), settings, limits)
     found = runs.at(amplitude, seeds)

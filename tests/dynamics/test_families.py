@@ -70,6 +70,7 @@ def test_a_motion_that_ratchets_is_periodic_less_its_drift():
     assert abs(gain[0]) > 1e-3
 
 
+@pytest.mark.slow
 def test_members_that_touch_a_stop_and_plastic_motions_are_attractors_beside_the_family():
     box = (-2.0, 0.267), (-2.0, 2.0)
     kinds = found(beside_a_stop(), 0.36, 1.218, 40, box)

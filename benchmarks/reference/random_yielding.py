@@ -75,7 +75,8 @@ def random_case(rng, smooth: bool = False) -> Case:
     samples = rng.standard_normal(int(rng.integers(10, 40))) * rng.uniform(0.5, 6.0)
     damping = rng.uniform(0.0, 0.1) * initial
     record = Record(samples, rng.uniform(0.05, 0.3))
-    given = mass, elastic, damping, contacts, sliders, record, float(rng.uniform(0.5, 5.0))
+    limit = max(float(rng.uniform(0.5, 5.0)), 0.61)  # above the elongations of all sliders
+    given = mass, elastic, damping, contacts, sliders, record, limit
     return Case(*given, float(10.0 ** rng.uniform(1.0, 4.0))) if smooth else Case(*given)
 
 

@@ -1,6 +1,7 @@
 """The motion that a state goes to; one attractor, and all at a point (structure, A, Omega)."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,8 @@ class Motion:
         Outcome of the solver.
     seen : Observation, optional
         The window, if it classified the motion, and the motion is not an orbit.
+    families : int
+        Multipliers of 1 along the family of an orbit of sliders, which are left out.
     """
 
     kind: MotionClass
@@ -46,6 +49,7 @@ class Motion:
     cycles: int
     outcome: Outcome
     seen: Observation | None = None
+    families: int = 0
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,12 @@ class Attractor:
         Share of all starts, and its Clopper-Pearson interval.
     measures : ndarray, shape (D + 2 n + 5 m,)
         As in `hpcsweep.solvers.records.Observation`; empty unless requested.
+    families : int
+        Of sliders: in how many directions an orbit is one of a family, which is the attractor
+        (`hpcsweep.dynamics.families`); points, peaks and multiplier are those of one member.
+    sliders : dict
+        ``ductility``, ``slider_energy``, ``plastic_drift`` and ``shakedown``, as files have them;
+        empty without sliders.
     """
 
     kind: MotionClass
@@ -94,6 +104,8 @@ class Attractor:
     share_low: float = 0.0
     share_high: float = 1.0
     measures: np.ndarray = field(default_factory=lambda: np.empty(0))
+    families: int = 0
+    sliders: dict[str, Any] = field(default_factory=dict)
 
 
 class Found(list[Attractor]):

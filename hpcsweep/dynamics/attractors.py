@@ -76,8 +76,7 @@ class AttractorSearch:
         self._max_cycles, self._poll = max_cycles, poll
         self._at_risk = periods_at_risk(max_cycles, confidence)
         self._rng = np.random.default_rng(0)
-        same = settings.period_tolerance
-        self._known = KnownMotions(solver.structure.state_units, same, amplitude, solver.omega)
+        self._known = KnownMotions(solver, amplitude, settings.period_tolerance)
         self.failures: Counter[Outcome] = Counter()
         self.cycles = self.n_transient = self._n_tested = 0
         self.transient = Survival()
@@ -216,10 +215,13 @@ class AttractorSearch:
         state = end.state
         if end.outcome is not Outcome.COMPLETE:
             return state, end.n_periods, self._failed(end.outcome)
-        there = self._known.near(state)
+        there, n_periods = self._known.near(state), end.n_periods
         if there is None and end.period:
+            before = self.cycles
             there, state = self._orbit_of(state)
-        return state, end.n_periods, there
+            if there is None and self._solver.structure.sliders:
+                n_periods += self.cycles - before  # at a kink it closes again at once
+        return state, n_periods, there
 
     def _orbit_of(self, state: np.ndarray) -> tuple[int | None, np.ndarray]:
         """Classify a motion; return the index of the orbit it goes to, if any, and its end."""
@@ -300,7 +302,12 @@ class AttractorSearch:
         seen = self._observe(motion, motion.period)
         if seen.outcome is not Outcome.COMPLETE:
             return self._failed(seen.outcome)
-        near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
+        there = self._known.family(motion, seen, self._poll)
+        if there is not None:
+            return there
+        near = None
+        if not motion.families:
+            near = neighbourhood(self._solver, self._amplitude, motion.points, self._rng)
         return self._known.add(motion, motion.points, seen, near)
 
     def _observe(self, motion: Motion, n_periods: int) -> Observation:

@@ -75,6 +75,11 @@ class Shakedown(IntEnum):
     """Lasting elongations grow each time; relative to that the motion repeats."""
 
 
+def shakedown_name(kind: int | None) -> str:
+    """Return what a name of a motion says of its sliders; nothing without sliders, or an orbit."""
+    return f" {Shakedown(kind).name.lower()}" if kind else ""
+
+
 class MotionClass(IntEnum):
     """Class of the motion of a run."""
 

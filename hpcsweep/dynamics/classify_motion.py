@@ -19,6 +19,9 @@ orbit and M the tangent map there, the motion is verified to go to an attracting
 nearly linear over the last turn, from z: F(z) - o = M (z - o) up to `LINEAR_DEFECT` of F(z) - o. A
 motion that repeats although it repels stays there until rounding drives it away; it is driven by
 `PUSH` at once. Chaos may be a transient that would end later.
+
+At the border of its family (`families`) an orbit of sliders is replaced by one within; growth is
+that across families.
 """
 
 import math
@@ -31,6 +34,7 @@ from hpcsweep.dynamics import orbit, stability
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
+from hpcsweep.dynamics.families import moved_inward
 from hpcsweep.dynamics.lifetime import outlive
 from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count
@@ -329,6 +333,10 @@ class _Classifier:
         """Return the orbit near a state, if there is one."""
         found = verify_orbit(self._solver, z, self._amplitude, period, reach, self._poll)
         self.cycles += found.cycles
+        if found.orbit is None and self._solver.structure.sliders:
+            inner = moved_inward(self._solver, z, self._amplitude, period)
+            found = verify_orbit(self._solver, inner, self._amplitude, period, reach, self._poll)
+            self.cycles += found.cycles
         return found.orbit
 
     def _periodic(self, there: VerifiedOrbit) -> Motion:
@@ -337,7 +345,8 @@ class _Classifier:
         period, multiplier = there.period, there.multiplier
         exact = stability.exponent_of_multiplier(multiplier, period)
         exponent = stability.MeanInterval.exact(exact)
-        return self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
+        motion = self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
+        return replace(motion, families=there.families)
 
     def motion(
         self,

@@ -4,7 +4,9 @@ An orbit is recognised by its neighbourhood or by its points, other motions by h
 which places (`Signature`), of which one motion may need several records.
 
 Orbits are the same if they have the same period and, for one shift of their points, no point
-differs by more than the tolerance.
+differs by more than the tolerance; or if they are of one family (`families`), of which some members
+are kept. Motions without a period on which sliders stick are told together where the same sliders
+slip and the same contacts close.
 
 Motions other than orbits, chaos and tori, are distinguished by two statistics of their stroboscopic
 points. First, where the points are: attractors are disjoint closed sets, and a motion comes
@@ -20,6 +22,7 @@ agree within `SAFE_MEANS` times their difference between the halves of either re
 """
 
 from copy import copy
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -27,12 +30,15 @@ from scipy.spatial import cKDTree
 from hpcsweep.dynamics.attractor import Attractor, Motion
 from hpcsweep.dynamics.birkhoff import weighted_means
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.dynamics.families import are_joined, separation, slipping, told_of_sliders
 from hpcsweep.dynamics.neighbourhood import WINDOW, Neighbourhood, inside
 from hpcsweep.solvers.records import Observation, normalised_drift
 
 UNCERTAIN = 1e-6
 """Distance within which two orbits that attract are one: at a fold they are known to the root of
 rounding, to which motions do not come from one side as from another."""
+MAX_MEMBERS = 64
+"""Most members of a family that are kept."""
 MAX_RECORDS = 16
 """Most records of motions that are not orbits."""
 STRAYS = 0.05
@@ -156,12 +162,10 @@ class KnownMotions:
 
     Parameters
     ----------
-    units : ndarray, shape (2n,)
-        Of the state.
+    solver : Solver
+    amplitude : float
     same : float
         Largest difference, in units of the state, of points that are one.
-    amplitude, omega : float
-        Of the point.
 
     Attributes
     ----------
@@ -170,8 +174,10 @@ class KnownMotions:
         Of each; None of what is no orbit.
     """
 
-    def __init__(self, units: np.ndarray, same: float, amplitude: float, omega: float):
-        self._units, self._same, self._point = units, same, (amplitude, omega)
+    def __init__(self, solver, amplitude: float, same: float):
+        self._solver, self._amplitude, self._same = solver, amplitude, same
+        self._structure, self._units = solver.structure, solver.structure.state_units
+        self._members: list[list[np.ndarray]] = []
         self._records: list[tuple[Signature, np.ndarray, int]] = []
         self.attractors: list[Attractor] = []
         self.neighbourhoods: list[Neighbourhood | None] = []
@@ -179,7 +185,7 @@ class KnownMotions:
     def copy(self) -> "KnownMotions":
         """Return an independent copy."""
         own = copy(self)
-        own._records = list(self._records)
+        own._records, own._members = list(self._records), [list(m) for m in self._members]
         own.attractors, own.neighbourhoods = list(self.attractors), list(self.neighbourhoods)
         return own
 
@@ -198,28 +204,60 @@ class KnownMotions:
         there = int(inside(state[None], self.neighbourhoods)[0])
         if there >= 0:
             return there
-        same = self._same * self._units
         for place, one in enumerate(self.attractors):
-            if one.orbit_period and np.any(np.all(np.abs(one.points - state) <= same, axis=1)):
+            away = np.abs(self._scaled(one.points - state)).max(axis=1)
+            if one.orbit_period and np.any(away <= self._same):
                 return place
         return None
 
+    def _scaled(self, points: np.ndarray) -> np.ndarray:
+        """Return points in units of the state, less what drifts."""
+        return self._structure.without_drift(points) / self._units
+
     def orbit(self, points: np.ndarray) -> int | None:
         """Return the index of an orbit, by its points."""
-        scaled, same = points / self._units, max(self._same, UNCERTAIN)
+        scaled, same = self._scaled(points), max(self._same, UNCERTAIN)
         for place, known in enumerate(self.attractors):
-            if known.orbit_period and same_orbit(scaled, known.points / self._units, same):
+            if known.orbit_period and same_orbit(scaled, self._scaled(known.points), same):
                 return place
+        return None
+
+    def family(self, motion: Motion, seen: Observation, poll=None) -> int | None:
+        """Return the index of the family of which a motion, as it was observed, is a member."""
+        structure, points, period = self._structure, motion.points, motion.period
+        if not seen.slid:
+            return None
+        slips = slipping(structure, seen.slid, len(seen.points), self._same)
+        if not motion.families and len(slips) == len(structure.sliders):
+            return None
+        for place, known in enumerate(self.attractors):
+            kind = known.orbit_period, known.families, known.contact, known.kind
+            if kind != (period, motion.families, seen.contact, motion.kind):
+                continue
+            if slipping(structure, known.sliders, len(seen.points), self._same) != slips:
+                continue
+            if not period:
+                return place
+            turned = [
+                np.roll(one, k, axis=0) for one in self._members[place] for k in range(period)
+            ]
+            turned.sort(key=lambda one: separation(structure, one, points))
+            for one in turned[: max(2, period)]:
+                where = self._solver, self._amplitude, one, points, motion.families, poll
+                if are_joined(*where):
+                    if len(self._members[place]) < MAX_MEMBERS:
+                        self._members[place].append(points)
+                    return place
         return None
 
     def resembling(self, points: np.ndarray) -> int | None:
         """Return the index of the motion, not an orbit, to which points belong."""
-        scaled = points / self._units
+        scaled = self._scaled(points)
         return next((place for own, _, place in self._records if own.holds(scaled)), None)
 
     def record(self, motion: Motion, seen: Observation) -> int:
         """Return the index of a motion that is no orbit, by a record of it; add it if it is new."""
-        scaled = seen.points / self._units
+        scaled = self._scaled(seen.points)
         own = Signature(scaled)
         for signature, points, there in self._records:
             is_torus = motion.kind is MotionClass.QUASI_PERIODIC and self._is_torus(there)
@@ -230,6 +268,10 @@ class KnownMotions:
             ):
                 self.remember(seen.points, there)
                 return there
+        member = self.family(motion, seen)
+        if member is not None:
+            self.remember(seen.points, member)
+            return member
         place = self.add(motion, seen.points, seen, None)
         self._records.append((own, scaled, place))
         return place
@@ -240,17 +282,20 @@ class KnownMotions:
     def remember(self, points: np.ndarray, place: int) -> None:
         """Keep a further record of a motion, which its first record failed to recognise."""
         if len(points) >= 2 * WINDOW and len(self._records) < MAX_RECORDS:
-            scaled = points / self._units
+            scaled = self._scaled(points)
             self._records.append((Signature(scaled), scaled, place))
 
     def add(
         self, motion: Motion, points: np.ndarray, seen: Observation, near: Neighbourhood | None
     ) -> int:
         """Add a motion; return its index."""
-        drift = float(normalised_drift(seen.peak_drift, *self._point))
+        drift = normalised_drift(seen.peak_drift, self._amplitude, self._solver.omega)
         decided = motion.kind, points, motion.period, motion.multiplier, *motion.interval
-        observed = seen.contact, drift, seen.modal_norm
-        self.attractors.append(Attractor(*decided, *observed, measures=seen.measures))
+        observed = seen.contact, float(drift), seen.modal_norm
+        told = told_of_sliders(self._structure, seen.slid, motion.period, self._same)
+        known: dict[str, Any] = {"measures": seen.measures, "families": motion.families}
+        self.attractors.append(Attractor(*decided, *observed, **known, sliders=told))
+        self._members.append([points])
         self.neighbourhoods.append(near)
         return len(self.attractors) - 1
 
@@ -263,6 +308,7 @@ class KnownMotions:
         now = replaced | {place: new for new, place in enumerate(kept)}
         self.attractors = [self.attractors[place] for place in kept]
         self.neighbourhoods = [self.neighbourhoods[place] for place in kept]
+        self._members = [self._members[place] for place in kept]
         self._records = [
             (own, points, now.get(place, place)) for own, points, place in self._records
         ]

@@ -47,8 +47,9 @@ def without_families(structure: Structure, matrix: np.ndarray) -> np.ndarray:
 
     A slider that sticks over the whole orbit keeps its p, whatever that is: the row of p is that of
     the identity. Nor does it matter where a structure stands along directions that no spring
-    opposes once the others slip (`Structure.free_drifts`). Each of these gives a multiplier of 1:
-    in a basis of these directions first M is [[1, X], [0, R]].
+    opposes once the others slip (`Structure.mechanisms`), unless a contact does over the orbit,
+    which M tells. Each of these gives a multiplier of 1: in a basis of these directions first M is
+    [[1, X], [0, R]].
 
     Parameters
     ----------
@@ -66,12 +67,14 @@ def without_families(structure: Structure, matrix: np.ndarray) -> np.ndarray:
     size, rows = 2 * structure.n_floors, structure.slider_directions
     sticks = np.abs(matrix - np.eye(len(matrix)))[size:].max(axis=1, initial=0.0) <= STICKS
     kept = np.append(np.full(size, True), ~sticks)
-    matrix, along = matrix[kept][:, kept], structure.free_drifts
+    matrix, along = matrix[kept][:, kept], structure.mechanisms
+    along = along @ null_space(rows[sticks] @ along) if sticks.any() and along.size else along
     if along.size:
-        along = along @ null_space(rows[sticks] @ along) if sticks.any() else along
         moved = np.vstack((along, np.zeros_like(along), rows[~sticks] @ along))
-        moved /= structure.state_units[kept][:, None]
-        rest = null_space(moved.T)
+        moved = np.linalg.qr(moved / structure.state_units[kept][:, None])[0]
+        _, changes, combined = np.linalg.svd(matrix @ moved - moved)
+        moved = moved @ combined[changes <= STICKS].T
+        rest = null_space(moved.T) if moved.size else np.eye(len(matrix))
         matrix = rest.T @ matrix @ rest
     return matrix
 

@@ -28,7 +28,8 @@ the other side, from which it sees no impact, a move leads past the kink, and th
 from there. Moves need not fall from the first to the last, only in the end.
 
 All points of the orbit are solved for at once, as in `continuation.cycle`: no product of tangent
-maps is formed, and a residual is that of one period.
+maps is formed, and a residual is that of one period. Orbits of sliders come in families: it is the
+nearest one, relative to what drifts along directions that no spring opposes.
 """
 
 import math
@@ -39,7 +40,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.orbit import smallest_period
-from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers
+from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers, without_families
 
 STEPS = 40
 NEAR, PATIENCE = 1e-3, 6
@@ -76,12 +77,15 @@ class VerifiedOrbit(NamedTuple):
         Largest difference between F of a point and the next point, in units of the state.
     uncertainty : float
         Length of the move that is left, in units of the state.
+    transverse : ndarray, shape (m, m), optional
+        Of sliders: the monodromy matrix transverse to the family of the orbit.
     """
 
     points: np.ndarray
     maps: TangentMaps
     residual: float
     uncertainty: float
+    transverse: np.ndarray | None = None
 
     @property
     def period(self) -> int:
@@ -94,9 +98,15 @@ class VerifiedOrbit(NamedTuple):
         return self.maps.multipliers
 
     @property
+    def families(self) -> int:
+        """Number of multipliers that are 1 along the family of the orbit."""
+        return 0 if self.transverse is None else self.points.shape[1] - len(self.transverse)
+
+    @property
     def multiplier(self) -> float:
         """Modulus of the largest multiplier: of the product of tangent maps, which keeps it."""
-        return float(abs(floquet_multipliers(self.maps.product)[0]))
+        known = self.maps.product if self.transverse is None else self.transverse
+        return float(abs(floquet_multipliers(known)[0]))
 
 
 class Verdict(NamedTuple):
@@ -162,6 +172,9 @@ def verify_orbit(
             away = min(away, float(np.abs(found.points[0] - given[0]).max()))
             if away <= reach:
                 orbit = found._replace(points=found.points * search.units)
+                if solver.structure.sliders:
+                    left = without_families(solver.structure, found.maps.product)
+                    orbit = orbit._replace(transverse=left)
                 return Verdict(orbit, found.residual, away, search.cycles)
     return Verdict(None, least, away, search.cycles)
 
@@ -172,8 +185,19 @@ class _Search:
     def __init__(self, solver, amplitude: float, poll):
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self.units = solver.structure.state_units
-        self._factored = _nearest if solver.structure.sliders else _factored
+        self._factored = self._nearest if solver.structure.sliders else _factored
         self.least, self.cycles = math.inf, 0
+
+    def closed(self, apart: np.ndarray) -> np.ndarray:
+        """Return differences of states, (..., N), relative to what drifts."""
+        return self._solver.structure.without_drift(apart * self.units) / self.units
+
+    def _nearest(self, matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the same as `_factored` of sliders: the shortest d."""
+        p, n, _ = matrices.shape
+        whole = self.closed(jacobian(matrices).T.reshape(-1, p, n)).reshape(-1, p * n).T
+        inverse = np.linalg.pinv(whole, rcond=FAMILY)
+        return lambda misses: (inverse @ misses.ravel()).reshape(misses.shape)
 
     def tangents(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the images of points, shape (p, N), and the tangent maps, (p, N, N)."""
@@ -203,7 +227,7 @@ class _Search:
         self.least = math.inf
         for step in range(STEPS):
             images, matrices = self.tangents(points)
-            misses = images - np.roll(points, -1, axis=0)
+            misses = self.closed(images - np.roll(points, -1, axis=0))
             residual = float(np.abs(misses).max())
             if not residual <= FAR:
                 return None
@@ -230,7 +254,7 @@ class _Search:
     def shortened(self, found: VerifiedOrbit) -> VerifiedOrbit:
         """Return one turn of an orbit that repeats within the turn that was solved for."""
         same = max(SAME, UNCERTAIN * found.uncertainty)
-        shortest = smallest_period(found.points, same)
+        shortest = smallest_period(self.closed(found.points), same)
         if shortest == found.period:
             return found
         return self.converge(found.points[:shortest]) or found
@@ -242,12 +266,6 @@ def _gathered(matrices: np.ndarray, bent: np.ndarray) -> np.ndarray:
     for matrix, own in zip(matrices, bent, strict=True):
         total = matrix @ total + own
     return total
-
-
-def _nearest(matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the same of sliders, whose orbits come in families: the shortest d."""
-    whole = np.linalg.pinv(jacobian(matrices), rcond=FAMILY)
-    return lambda misses: (whole @ misses.ravel()).reshape(misses.shape)
 
 
 def _factored(matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:

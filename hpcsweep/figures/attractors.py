@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MOTION, MotionClass
+from hpcsweep.dynamics.classify import MOTION, MotionClass, Shakedown
 from hpcsweep.dynamics.known import matched
 from hpcsweep.figures.style import PlotError
 from hpcsweep.solvers.outcome import Outcome
@@ -28,7 +28,10 @@ def attractor_classes(results) -> np.ndarray:
     held = results["attractor_id"].values > 0
     kind = np.where(held, results["motion_class"].values, MotionClass.NOT_COMPUTED)
     if "contact" in results:
-        kind = np.where(held & (results["contact"].values == 0), MotionClass.NO_CONTACT, kind)
+        free = held & (results["contact"].values == 0)
+        if "shakedown" in results:
+            free &= results["shakedown"].values <= Shakedown.ELASTIC
+        kind = np.where(free, MotionClass.NO_CONTACT, kind)
     return kind.astype(np.int8)
 
 

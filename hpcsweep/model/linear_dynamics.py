@@ -75,11 +75,20 @@ class LinearDynamics(System):
 
         With N^T K N = 1. Along these alone a motion can drift for good, its forces periodic.
         """
+        return self._unopposed(self.directions)
+
+    @cached_property
+    def mechanisms(self) -> np.ndarray:
+        """The same where no contact is closed: along these a motion may stand elsewhere, (n, m)."""
+        return self._unopposed(self.directions[:0])
+
+    def _unopposed(self, held: np.ndarray) -> np.ndarray:
+        """Return what neither springs nor rows `held` oppose, (n, m)."""
         from scipy.linalg import eigh
 
-        d, size = self.directions, np.trace(self.stiffness_matrix)
-        held = self.elastic_stiffness + size * (d.T / (d**2).sum(axis=1)) @ d
-        values, vectors = eigh(held, self.stiffness_matrix)
+        size = np.trace(self.stiffness_matrix)
+        stiffness = self.elastic_stiffness + size * (held.T / (held**2).sum(axis=1)) @ held
+        values, vectors = eigh(stiffness, self.stiffness_matrix)
         return frozen(vectors[:, np.abs(values) <= ROUNDED])
 
     def without_drift(self, states: np.ndarray) -> np.ndarray:
@@ -90,6 +99,19 @@ class LinearDynamics(System):
         moved = states[..., :n] @ (self.stiffness_matrix @ along @ along.T)
         own = (moved, np.zeros_like(moved), moved @ self.slider_directions.T)
         return states - np.concatenate(own, -1)
+
+    def slipped(self, states: np.ndarray) -> np.ndarray:
+        """Return states (u, u', p), (..., 2n + L), whose sliders have slipped as they must.
+
+        As far as their strengths demand at these displacements, from the p that is given, or from 0
+        of states (u, u').
+        """
+        n, missing = self.n_floors, self.state_units.size - states.shape[-1]
+        states = np.concatenate((states, np.zeros((*states.shape[:-1], missing))), axis=-1)
+        along = states[..., :n] @ self.slider_directions.T
+        limits = np.array([one.limit for one in self.sliders])
+        states[..., 2 * n :] = np.clip(states[..., 2 * n :], along - limits, along + limits)
+        return states
 
     @property
     def damping_ratios(self) -> np.ndarray:

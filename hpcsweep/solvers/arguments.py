@@ -27,9 +27,9 @@ def solver_arguments(
     instance("structure", structure, Structure)
     if structure.sliders and not yields:
         raise ValueError(
-            "a structure with sliders moves under ground-motion records, and in sweeps and points "
-            "under a harmonic forcing (hpcsweep.stroboscopic_points, hpcsweep.orbit); branches "
-            "and attractors of it are not followed"
+            "a structure with sliders moves under ground-motion records, and under a harmonic "
+            "forcing in sweeps, points, attractors and basins (hpcsweep.stroboscopic_points, "
+            "hpcsweep.orbit); branches of it are not followed"
         )
     omega = positive("omega", omega)
     rtol = number("rtol", rtol)

@@ -12,7 +12,8 @@ closing in (u, u') and p, relative to what drifts along directions that no sprin
 The tangent map is a central difference of the map, which is exact to rounding: its error is some
 1e-9. It is continuous in the state but where a slider comes to its strength and turns: slips to one
 side of such a motion grow in proportion to how far it is passed, and none are on the other. Where
-differences to both sides differ so, or do not add up, there is no tangent map.
+differences to both sides differ so, or do not add up, of the usual step and of a smaller one, there
+is no tangent map.
 """
 
 from dataclasses import replace
@@ -21,18 +22,20 @@ import numpy as np
 
 from hpcsweep.model.kernel_model import DRIFT
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.arguments import closing_arguments
+from hpcsweep.solvers.arguments import closing_arguments, motion, points_array
 from hpcsweep.solvers.flow.flow_map import FlowMap
 from hpcsweep.solvers.flow.orbit.chain import Images
 from hpcsweep.solvers.flow.orbit.transient import ROUNDING
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Approach, Observation
+from hpcsweep.solvers.records import Approach, Growth, Observation
 from hpcsweep.solvers.sliders import Sliders, SliderUnits
 
 DIFFERENCE = 1e-6
 """Step of a difference, in units of the state: errors of rounding and of curvature are about the
 same where the map bends over lengths of its units."""
+NARROW = 1e-7
+"""The same beside a kink: of a slip that is about to end where a period begins, say."""
 SMOOTH = 1e-3
 """Largest difference between differences to both sides, over the size of the tangent map."""
 
@@ -109,6 +112,33 @@ class YieldingMap(FlowMap):
     def _wanted(self, modal_norm: bool, measures: int) -> int:
         return (NORMS if modal_norm else MAXIMA) + (measures & ANY_MEASURE | DRIFT)
 
+    def grow(self, state, amplitude, n_periods, poll=None, direction=None) -> Growth:
+        """Integrate with a small difference, which stands for a tangent vector.
+
+        One across families: of the same p at first, of which sliders that stick make no other, and
+        without what drifts.
+        """
+        z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
+        units, n = self.structure.state_units, self.structure.n_floors
+        along = np.repeat((1.0, 0.0), (2 * n, units.size - 2 * n)) * units
+        along = along if direction is None else np.array(direction)
+        points, logarithms = points_array(n_periods, z.size), np.empty(n_periods)
+        for k in range(n_periods):
+            along = self.structure.without_drift(along)
+            along = along / np.linalg.norm(along / units)
+            step = DIFFERENCE * along
+            ends = [self.advance(start, amplitude, 1, poll) for start in (z, z + step, z - step)]
+            failed = [end.outcome for end in ends if end.outcome is not Outcome.COMPLETE]
+            if failed:
+                return Growth(points[:k], failed[0], np.empty(0), along)
+            z, above, below = (end.state for end in ends)
+            points[k] = z
+            change = self.structure.without_drift(above - below) / (2.0 * DIFFERENCE)
+            size = np.linalg.norm(change / units)
+            logarithms[k] = np.log(size) if size > 0.0 else -np.inf
+            along = change if size > 0.0 else along
+        return Growth(points, Outcome.COMPLETE, logarithms, along)
+
     def images(self, states, amplitude, tangents=False, poll=None) -> Images:
         """Integrate states, shape (p, 2n + L), over one forcing period each."""
         ends = [self._end(z, amplitude, 1, poll) for z in states]
@@ -132,12 +162,25 @@ class YieldingMap(FlowMap):
     def _tangent(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None):
         """Return d z(n_periods T) / d z(0), shape (2n + L, 2n + L)."""
         units = self.structure.state_units
+        middle = self._end(state, amplitude, n_periods, poll) / units
+        for size in (DIFFERENCE, NARROW):
+            found = self._differences(state, amplitude, n_periods, middle, size, poll)
+            if found is not None:
+                return found
+        raise ArithmeticError(
+            "there is no tangent map: a slider comes to its strength, or a contact closes, and "
+            "turns there"
+        )
+
+    def _differences(self, state, amplitude: float, n_periods: int, middle, size: float, poll):
+        """Return the tangent map by steps of a size, None where both sides differ."""
+        units = self.structure.state_units
 
         def end(moved: np.ndarray) -> np.ndarray:
             return self._end(moved, amplitude, n_periods, poll) / units
 
-        middle, ends = end(state), []
-        for step in DIFFERENCE * np.diag(units):
+        ends = []
+        for step in size * np.diag(units):
             inward = -1.0 if self._is_beyond(state + step) else 1.0
             near = end(state + inward * step)
             if self._is_beyond(state - inward * step):  # a parabola through what can be
@@ -148,17 +191,14 @@ class YieldingMap(FlowMap):
         above, below = np.swapaxes(ends, 0, 1)
         # a direction that no structure prefers: kinks that are alike on both sides do not add up
         along = np.cos(np.arange(units.size))
-        if self._is_beyond(state + DIFFERENCE * along * units):
+        if self._is_beyond(state + size * along * units):
             along = -along
         added = middle + 0.5 * along @ (above - below)
-        wrong = end(state + DIFFERENCE * along * units) - added, above + below - 2.0 * middle
-        size = 1.0 + np.abs(above - below).max() / DIFFERENCE
-        if not max(np.abs(one).max() for one in wrong) <= SMOOTH * size * DIFFERENCE:
-            raise ArithmeticError(
-                "there is no tangent map: a slider comes to its strength, or a contact closes, "
-                "and turns there"
-            )
-        return (above - below).T * units[:, None] / (2.0 * DIFFERENCE * units)
+        wrong = end(state + size * along * units) - added, above + below - 2.0 * middle
+        largest = SMOOTH * (size + np.abs(above - below).max())
+        if not max(np.abs(one).max() for one in wrong) <= largest:
+            return None
+        return (above - below).T * units[:, None] / (2.0 * size * units)
 
     def _is_beyond(self, state: np.ndarray) -> bool:
         """Return whether no motion comes to a state: a slider beyond its strength, on the way back.

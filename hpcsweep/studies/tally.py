@@ -139,11 +139,7 @@ class RunTally(BaseTally):
             "classes": class_shares(classes),
             "by_direction": {name: class_shares(counts[name]) for name in study.directions},
             "periods": shares(counts["orbit_period"], self.done),
-            "shakedown": {
-                kind.name.lower(): share(counts["shakedown"][kind], self.done)
-                for kind in Shakedown
-                if study.structure.sliders
-            },
+            "shakedown": shakedown_shares(counts["shakedown"], self.done, study),
             "window_test": window if study.settings.classify_cycles else None,
             "contact_sets": contact_shares(counts["contact"], self.done, study),
         }
@@ -164,6 +160,13 @@ def share(count: int, done: int) -> dict:
 def shares(counter: Counter[int], done: int) -> dict[int, dict]:
     """Return the shares of all counts, ascending."""
     return {name: share(counter[name], done) for name in sorted(counter)}
+
+
+def shakedown_shares(counter: Counter, total: int, study: Study) -> dict[str, dict[str, Any]]:
+    """Return the counts and shares of what the sliders do, of a structure that has some."""
+    if not study.structure.sliders:
+        return {}
+    return {kind.name.lower(): share(counter[kind], total) for kind in Shakedown}
 
 
 def contact_shares(counter: Counter[int], done: int, study: Study) -> dict[str, dict]:

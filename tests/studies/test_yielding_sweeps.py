@@ -127,8 +127,6 @@ def test_a_collapse_is_an_outcome_and_the_path_goes_on_from_rest(tmp_path):
 @together(
     "more, said",
     [
-        ('[study]\nkind = "attractors"\n', "study.kind = 'attractors': must be one of amplitude"),
-        ('[study]\nkind = "basins"\n', "study.kind = 'basins': must be one of amplitude_sweep"),
         ('[study]\nkind = "branches"\n', "study.kind = 'branches': must be one of amplitude"),
         ('[solver]\nmethod = "bdf"\n', "solver.method = 'bdf': must be 'flow' where"),
     ],

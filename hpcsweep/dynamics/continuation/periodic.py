@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import ForcedMap
-from hpcsweep.dynamics.stability import floquet_multipliers, without_families
+from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.dynamics.verification import REACH, Verdict, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
@@ -27,6 +27,7 @@ class Orbit:
     ----------
     points : ndarray, shape (p, 2n)
         z(0), z(T), ..., z((p - 1) T), p the minimal period; of L sliders (p, 2n + L), (u, u', p).
+        A motion that ratchets closes relative to what it gains along `Structure.free_drifts`.
     multipliers : ndarray of complex, shape (2n,)
         Floquet multipliers over p forcing periods, largest modulus first; of sliders transverse to
         the family of the orbit, (2n + L - families,).
@@ -116,10 +117,9 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     True
     """
     _, found = find(structure, amplitude, omega, state, period, yields=True)
-    if structure.sliders:
-        transverse = floquet_multipliers(without_families(structure, found.maps.product))
-        families = structure.state_units.size - transverse.size
-        return Orbit(found.points, transverse, found.residual, (), families)
+    if found.transverse is not None:
+        transverse = floquet_multipliers(found.transverse)
+        return Orbit(found.points, transverse, found.residual, (), found.families)
     signature = [
         one._replace(phase=one.phase + turn)
         for turn, z in enumerate(found.points)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
-from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, Shakedown, shakedown_name
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.fitting import dot, legend_below
@@ -32,7 +32,16 @@ SIZE = 6.4, 6.9
 
 def load(frames, cells: bool | None = None):
     """Read the labels and the attractors, of a refined map also what is inferred."""
-    names = ("label", "attractor_id", "motion_class", "orbit_period", "contact", "point", "outcome")
+    names = (
+        "label",
+        "attractor_id",
+        "motion_class",
+        "orbit_period",
+        "contact",
+        "shakedown",
+        "point",
+        "outcome",
+    )
     return gather(frames, names, cells)
 
 
@@ -97,9 +106,11 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
         period = int(one["orbit_period"].values[slot])
         name = f"P{period}" if period else CLASS_NAMES[kind]
         place = palette.motion_place(kind, period)
+        slides = int(one["shakedown"].values[slot]) if "shakedown" in one else 0
         if "contact" in one:
             name += f" {words}"
-            place = place if contact else 0
+            place = place if contact or slides > Shakedown.ELASTIC else 0
+        name += shakedown_name(slides)
         colour = palette.shade(palette.MOTION_COLOURS[place], seen.get(place, 0))
         seen[place] = seen.get(place, 0) + 1
         found[slot + 1] = (name, colour, one["point"].values[slot])
@@ -124,6 +135,9 @@ def _mark(axis, study: SliceGrid, point: np.ndarray, colour: str) -> None:
 def _label(structure, component: int) -> str:
     n = structure.n_floors
     at = "(0)"
+    if component >= 2 * n:
+        name = structure.slider_names[component - 2 * n]
+        return rf"$p_\mathrm{{{name}}}${at}" + labels.unit(structure, "length")
     if component < n:
         return labels.displacement(structure, component, at)
     return labels.velocity(structure, component - n, at)
@@ -134,6 +148,7 @@ def _rest(study: SliceGrid) -> str:
     names = study.coordinates["state"].values
     state = study.initial_state
     others = [k for k in range(state.size) if k not in study.components]
+    slipped = "; sliders slipped from there as far as they must" if study.structure.sliders else ""
     if not np.any(state[others]):
-        return "all other components of the state 0 at the start"
-    return ", ".join(f"{names[k]} = {state[k]:.4g}" for k in others)
+        return f"all other components of the state 0 at the start{slipped}"
+    return ", ".join(f"{names[k]} = {state[k]:.4g}" for k in others) + slipped

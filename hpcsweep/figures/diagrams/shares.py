@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hpcsweep.dynamics.classify import shakedown_name
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.attractor_diagram import legend, opened, starts_text
 from hpcsweep.figures.diagrams.figure import load_frame
@@ -116,6 +117,8 @@ def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
             text = str(number)
             if "contact" in frame:
                 text += f"\n{style.set_name(int(contact[middle]), labels)}"
+            if "shakedown" in frame:
+                text += shakedown_name(int(frame["shakedown"].values[middle, slot[middle]]))
             ink = palette.ink(palette.MOTION_COLOURS[motion[middle]])
             axis.text(*at, text, ha="center", va="center", fontsize=7, color=ink)
 

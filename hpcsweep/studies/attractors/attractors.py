@@ -38,6 +38,7 @@ from hpcsweep.studies.variables import numbered
 class AttractorGrid(search.SearchLimits, RunGrid):
     """Attractors of the points of a grid; see `RunGrid`."""
 
+    yields: ClassVar[bool] = True
     kind: ClassVar[str] = "attractors"
     summary: ClassVar[str] = (
         "at each amplitude all attractors that starts of a box reach, and their shares"
@@ -90,7 +91,8 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     @property
     def starting_states(self) -> np.ndarray:
         """The farthest corner of the box, and the initial state."""
-        return np.stack((np.abs(np.array(self.box)).max(axis=1), self.initial_state))
+        corner = self.structure.slipped(np.abs(np.array(self.box)).max(axis=1))
+        return np.stack((corner, self.initial_state))
 
     @property
     def polls_per_run(self) -> int:
@@ -100,7 +102,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the points, in the order of the file."""
-        return attractor_variables(self.settings)
+        return attractor_variables(self.settings, self.structure)
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:

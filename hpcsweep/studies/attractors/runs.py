@@ -73,9 +73,10 @@ class AttractorRuns:
         limits, settings = self._limits, self._settings
         self._measured = self._structure.measured_at(self._omega, amplitude)
         made = settings.solver, self._measured, self._omega, settings.rtol
-        self._solver = make_solver(*made)
+        self._solver = make_solver(*made, yields=True)
         box = np.array(limits.box)
         starts = starting_states(box, limits.starts, limits.seed, self._omega, amplitude)
+        starts = self._measured.slipped(starts)
         return portrait(
             self._solver,
             amplitude,
@@ -106,7 +107,7 @@ class AttractorRuns:
         size = self._structure.state_units.size
         carried = Carried.of(state, size, self._limits.max_attractors)
         result = empty_results(
-            attractor_variables(self._settings),
+            attractor_variables(self._settings, self._structure),
             self._structure,
             len(amplitudes),
             attractor=self._limits.max_attractors,
@@ -197,8 +198,8 @@ def attractors(
         Number of starting states, a low-discrepancy sequence in the box, and its seed.
     box : array_like, shape (2n, 2), optional
         Lowest and highest value of each component of (u, v), in gaps and gaps omega_0. Default:
-        -1 to 1 gap, and -1 to 1 gap omega_0.
-    states : array_like, shape (m, 2n)
+        -1 to 1 gap, and -1 to 1 gap omega_0. Sliders slip from p = 0 as far as they must.
+    states : array_like, shape (m, 2n), of L sliders (m, 2n + L)
         Further states from which motions are followed; they do not count for shares.
     confidence : float
         Confidence of the Clopper-Pearson intervals of the shares.
@@ -215,9 +216,9 @@ def attractors(
     Returns
     -------
     list of Attractor
-        In order of decreasing share; see `hpcsweep.dynamics.attractor.Attractor`. Shares are of all
-        starts: they sum to less than 1 where starts were not classified or failed. `n_transient`
-        and `lifetime` of the list tell of transient chaos (`hpcsweep.dynamics.attractor.Found`).
+        In order of decreasing share; see `hpcsweep.dynamics.attractor.Attractor`, and of sliders
+        `hpcsweep.dynamics.families`. Shares are of all starts: less than 1 in all where some were
+        not classified or failed. `n_transient` and `lifetime` of the list tell of transient chaos.
 
     Raises
     ------
@@ -261,7 +262,7 @@ def attractors(
         max_cycles=arguments.count("max_cycles", max_cycles, 1),
     )
     amplitude = arguments.finite("amplitude", amplitude)
-    reach = np.vstack((np.abs(np.array(limits.box)).max(axis=1), seeds))
+    reach = np.vstack((structure.slipped(np.abs(np.array(limits.box)).max(axis=1)), seeds))
     moving = loaded(structure.within_reach(amplitude, reach), name)
     runs = AttractorRuns(moving, arguments.positive("omega", omega), settings, limits)
     found = runs.at(amplitude, seeds)

@@ -7,27 +7,41 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.boundaries import basin_boundary
-from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name
+from hpcsweep.dynamics.classify import (
+    CLASS_NAMES,
+    MotionClass,
+    contact_name,
+    shakedown_name,
+)
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import KINDS, UNSTORED
 from hpcsweep.studies.refine.variables import SOURCE, inferred_name
 from hpcsweep.studies.refinement import Source
 from hpcsweep.studies.study import Study
-from hpcsweep.studies.tally import BaseTally, class_shares, contact_shares, share, shares
+from hpcsweep.studies.tally import (
+    BaseTally,
+    class_shares,
+    contact_shares,
+    shakedown_shares,
+    share,
+    shares,
+)
 
 
 class Counted(NamedTuple):
-    """Counted properties of an attractor; `contact` is None where the file lacks it."""
+    """Counted properties of an attractor; None where the file lacks them."""
 
     motion_class: int
     orbit_period: int
     contact: int | None
+    shakedown: int | None
 
     def named(self, labels) -> str:
         """Return its name: period or class, and contact set."""
         kind = CLASS_NAMES[MotionClass(self.motion_class)]
         name = f"P{self.orbit_period}" if self.orbit_period else kind
-        return name if self.contact is None else f"{name} {contact_name(self.contact, labels)}"
+        name += "" if self.contact is None else f" {contact_name(self.contact, labels)}"
+        return name + shakedown_name(self.shakedown)
 
 
 def attractors_in(frame) -> tuple[list[int], list[Counted]]:
@@ -37,8 +51,11 @@ def attractors_in(frame) -> tuple[list[int], list[Counted]]:
         frame[name].values[held].tolist()
         for name in ("attractor_id", "motion_class", "orbit_period")
     )
-    contact = frame["contact"].values[held].tolist() if "contact" in frame else [None] * len(kind)
-    return number, list(map(Counted, kind, period, contact))
+    contact, shakedown = (
+        frame[name].values[held].tolist() if name in frame else [None] * len(kind)
+        for name in ("contact", "shakedown")
+    )
+    return number, list(map(Counted, kind, period, contact, shakedown))
 
 
 class AttractorTally(BaseTally):
@@ -69,7 +86,7 @@ class AttractorTally(BaseTally):
         for one, number in counts["attractors"].items():
             for counter, value in zip(of_each, one, strict=True):
                 counter[value] += number
-        classes, periods, contacts = of_each
+        classes, periods, contacts, shakedown = of_each
         del periods[0], contacts[None]
         return super().summary() | {
             "periods_per_start": counts["all"]["cycles"] / starts if starts else None,
@@ -79,6 +96,7 @@ class AttractorTally(BaseTally):
             "attractors": held,
             "classes": class_shares(classes, KINDS),
             "periods": shares(periods, held),
+            "shakedown": shakedown_shares(shakedown, held, self._study),
             "contact_sets": contact_shares(contacts, held, self._study),
         }
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.variable import ANY, FINITE, VALID, Variable, code, contacts, count, real
 from hpcsweep.studies.variables import (
@@ -10,8 +11,10 @@ from hpcsweep.studies.variables import (
     DRIFT,
     LYAPUNOV,
     MODAL_NORM,
+    OF_SLIDERS,
     OUTCOME,
     RUN,
+    RUN_VARIABLES,
     SPECTRUM,
     STATES,
     measures_of_each,
@@ -49,6 +52,8 @@ ATTRACTOR = (
     replace(DRIFT, dims=EACH),
     replace(MODAL_NORM, dims=(*EACH, "mode")),
     *measures_of_each(EACH),
+    *(replace(v, dims=(*EACH, *v.dims[len(RUN) :])) for v in RUN_VARIABLES if v.name in OF_SLIDERS),
+    count("families", EACH, "dimensions of the family of orbits that is the attractor"),
     real("point", (*EACH, "state"), STATES, "a stroboscopic point", FINITE),
 )
 """Variables of an attractor."""
@@ -71,10 +76,12 @@ OPTIONAL = ("contact", "drift", "modal_norm", *MEASURES, *OF_SPECTRUM)
 
 
 def attractor_variables(
-    settings: SweepSettings, variables: tuple[Variable, ...] = VARIABLES
+    settings: SweepSettings, structure: Structure, variables: tuple[Variable, ...] = VARIABLES
 ) -> list[Variable]:
     """Return those of the variables of each point that a job has, in the order of the file."""
     out = set(OPTIONAL) - set(settings.metrics)
     if "lyapunov_spectrum" in settings.metrics:
         out -= set(OF_SPECTRUM)
+    if not structure.sliders:
+        out |= {*OF_SLIDERS, "families"}
     return [variable for variable in variables if variable.name not in out]

@@ -73,7 +73,7 @@ class Basins(SliceGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the rows, in the order of the file."""
-        return variables.basin_variables(self.settings)
+        return variables.basin_variables(self.settings, self.structure)
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Return the attractors that the starts of a row reach."""
@@ -146,7 +146,7 @@ class RefinedBasins(SliceGrid):
     @property
     def listed_variables(self) -> list[Variable]:
         """Variables of the attractors, which a complete map lists for each row."""
-        return variables.listed_variables(self.settings)
+        return variables.listed_variables(self.settings, self.structure)
 
     def listed_values(self) -> Rows:
         """Return the values of `listed_variables` for a row, first axis the attractors."""
@@ -176,7 +176,7 @@ class RefinedBasins(SliceGrid):
         if label <= 0:
             return []
         known = {name: values[0] for name, values in runs_of(self).attractors().items()}
-        listed = variables.of_attractors(self.settings)
+        listed = variables.of_attractors(self.settings, self.structure)
         return attractors_as_runs(listed, known)[label - 1 : label]
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:

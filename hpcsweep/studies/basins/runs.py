@@ -30,7 +30,7 @@ class SliceRuns:
         )
         measured = self._structure.measured_at(*self._point)
         self._solver = make_solver(
-            self._settings.solver, measured, self._omega, self._settings.rtol
+            *(self._settings.solver, measured, self._omega, self._settings.rtol), yields=True
         )
         self._basins: StateBasins | None = None
 
@@ -54,7 +54,7 @@ class SliceRuns:
         basins = self._known(poll)
         labels, cycles = basins.labels(self._states(horizontal, ordinate), poll)
         row = empty_results(
-            basin_variables(self._settings),
+            basin_variables(self._settings, self._structure),
             self._structure,
             1,
             attractor=self._study.max_attractors,
@@ -89,7 +89,8 @@ class SliceRuns:
 
     def attractors(self, poll: Poll = None) -> Rows:
         """Return the attractors of the slice, arrays of shape (1, max_attractors, ...)."""
-        variables, most = of_attractors(self._settings), self._study.max_attractors
+        variables = of_attractors(self._settings, self._structure)
+        most = self._study.max_attractors
         found = empty_results(variables, self._structure, 1, attractor=most)
         for slot, one in enumerate(self._known(poll).attractors):
             known = {"attractor_id": slot + 1, "point": one.points[-1]}
@@ -97,11 +98,11 @@ class SliceRuns:
         return found
 
     def _states(self, horizontal: np.ndarray, ordinate: float) -> np.ndarray:
-        """Return starts of a row, shape (k, 2n)."""
+        """Return starts of a row, shape (k, 2n), whose sliders have slipped as they must."""
         first, second = self._study.components
         states = np.tile(self._study.initial_state, (horizontal.size, 1))
         states[:, first], states[:, second] = horizontal, ordinate
-        return states
+        return self._structure.slipped(states)
 
     def _known(self, poll: Poll) -> StateBasins:
         """Find the attractors, once."""
@@ -113,7 +114,9 @@ class SliceRuns:
             self._basins = StateBasins(
                 self._solver,
                 self._amplitude,
-                starting_states(box, study.starts, study.seed, *self._point),
+                self._structure.slipped(
+                    starting_states(box, study.starts, study.seed, *self._point)
+                ),
                 self._settings,
                 study.max_cycles,
                 study.max_attractors,

@@ -69,6 +69,7 @@ class SliceGrid(RunGrid):
     max_attractors: int = search.MAX_ATTRACTORS.default
     max_cycles: int = search.MAX_CYCLES.default
 
+    yields: ClassVar[bool] = True
     kind: ClassVar[str] = "basins"
     summary: ClassVar[str] = (
         "at one frequency and amplitude, to which attractor each start of a slice goes"
@@ -151,7 +152,7 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
         raise values.error("output.lyapunov_spectrum", True, limit)
     metrics = frozenset(settings.metrics) | {"lyapunov"}
     components = _components(values, structure)
-    reach = usual_reach(structure)
+    reach = np.append(usual_reach(structure), [structure.length_unit] * len(structure.sliders))
     horizontal, vertical = (
         _span(values, f"study.{name}", float(reach[component]), most)
         for name, component, most in zip(MAX_VALUES, components, MAX_VALUES.values(), strict=True)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from enum import IntEnum
 
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.attractors.search import MAX_ATTRACTORS, UNSTORED
 from hpcsweep.studies.attractors.variables import ATTRACTOR, OF_SPECTRUM, attractor_variables
 from hpcsweep.studies.settings import SweepSettings
@@ -51,23 +52,24 @@ VARIABLES = (
 START_VARIABLES = tuple(replace(each, dims=START_RUN) for each in (LABEL, CYCLES, OUTCOME))
 
 
-def basin_variables(settings: SweepSettings) -> list[Variable]:
+def basin_variables(settings: SweepSettings, structure: Structure) -> list[Variable]:
     """Return the variables of each row, in the order of the file."""
-    return attractor_variables(settings, VARIABLES)
+    return attractor_variables(settings, structure, VARIABLES)
 
 
-def of_attractors(settings: SweepSettings) -> list[Variable]:
+def of_attractors(settings: SweepSettings, structure: Structure) -> list[Variable]:
     """Return those variables of a row that have a value for each attractor."""
-    return [each for each in basin_variables(settings) if each.dims[: len(EACH)] == EACH]
+    listed = basin_variables(settings, structure)
+    return [each for each in listed if each.dims[: len(EACH)] == EACH]
 
 
-def listed_variables(settings: SweepSettings) -> list[Variable]:
+def listed_variables(settings: SweepSettings, structure: Structure) -> list[Variable]:
     """Return the variables of the attractors that a refined map lists for each row.
 
     They are those of a row, but for its own `hits`.
     """
     return [
         replace(variable, dims=(*START_RUN[:2], *variable.dims[len(RUN) :]))
-        for variable in of_attractors(settings)
+        for variable in of_attractors(settings, structure)
         if variable.name != "hits"
     ]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MotionClass, Shakedown
+from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
@@ -64,23 +64,6 @@ def store(
         rows["drift"][:] = normalised_drift(result["peak_drift"], amplitudes, omega)
     if result["measures"].size:
         store_measures(rows, structure, np.atleast_2d(result["measures"]))
-
-
-def told_of_sliders(
-    structure: Structure, slid: Mapping[str, np.ndarray], period: int, limit: float
-) -> dict[str, Any]:
-    """Return what is stored of sliders: `Observation.slid`, and what it is over an orbit.
-
-    A drift below the limit, a length, over an orbit of that period is rounding, and so is a path.
-    """
-    if not period:
-        return dict(slid)
-    drift = np.where(np.abs(slid["plastic_drift"]) * period > limit, slid["plastic_drift"], 0.0)
-    strength = [one.strength for one in structure.sliders]
-    slips = np.any(slid["slider_energy"] * period > limit * np.array(strength))
-    kind = Shakedown.PLASTIC if slips else Shakedown.ELASTIC
-    kind = Shakedown.RATCHETING if drift.any() else kind
-    return {**slid, "plastic_drift": drift, "shakedown": kind}
 
 
 def store_failure(rows: Rows, end: np.ndarray, cycles: int, outcome: Outcome) -> None:

@@ -35,6 +35,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.classify_motion import SETTLED
+from hpcsweep.dynamics.families import told_of_sliders
 from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -54,7 +55,6 @@ from hpcsweep.studies.sweep.rows import (
     empty_rows,
     store,
     store_failure,
-    told_of_sliders,
 )
 
 if TYPE_CHECKING:
@@ -267,8 +267,8 @@ class FrameRuns:
         result = vars(seen) | vars(found) | dict(zip(EXPONENTS, found.exponent, strict=True))
         result |= {"cycles": cycles, "final_state": end}
         if seen.slid:
-            limit = self.settings.period_tolerance * self.structure.length_unit
-            result |= told_of_sliders(self.structure, seen.slid, found.orbit_period, limit)
+            told = seen.slid, found.orbit_period, self.settings.period_tolerance
+            result |= told_of_sliders(self.structure, *told)
         result |= {"points": seen.points[-n_points:], "n_points": n_points}
         moved = self.solver, amplitude, seen.points, found.orbit_period
         result |= spectrum_variables(*moved, self.settings, poll)

@@ -280,9 +280,7 @@ class Values:
         """Return the value of a key that is a formula in sweeps alone."""
         given = self.get(key)
         if isinstance(given, str):
-            limit = (
-                'must be numbers; a formula goes with sweep.along, study.kind = "amplitude_sweep"'
-            )
+            limit = "must be numbers: formulas are of paths (sweeps, attractors), no single points"
             raise self.error(key, given, limit)
         return given
 

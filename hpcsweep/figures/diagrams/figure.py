@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from hpcsweep.figures import labels, style
+from hpcsweep.figures.attractors import attractor_classes
 from hpcsweep.figures.options import Option
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
@@ -81,22 +82,22 @@ class Figure(Protocol):
 
 
 class Frame(NamedTuple):
-    """One frame of a sweep, as `open_frame` finds it.
+    """One frame of sweeps or attractors, as `open_frame` finds it.
 
     Attributes
     ----------
     results, runs : xarray.Dataset
         With the dimension of the frames, and without.
     classes : ndarray of int, shape (n_directions, n_along)
-        `MotionClass` of its runs.
-    done : ndarray of bool, same shape
+        `MotionClass` of its runs, or of each attractor, a further axis.
+    done : ndarray of bool, shape (n_directions, n_along)
         Complete ones.
     study : RunGrid
     structure : Structure
     omega : float
         NaN where it is not the same in all runs.
     along : ndarray, shape (n_along,)
-        Values of the parameter along which the sweep leads.
+        Values of the parameter along which the path leads.
     caption : str
     """
 
@@ -116,19 +117,18 @@ def open_frame(
     omega: float | None,
     *needed: str,
     amplitudes: Sequence[float] = (),
-    any_path: bool = False,
 ) -> Frame:
     """Choose the frame nearest to a frequency, along that to an amplitude, default the first.
 
     Raises
     ------
     PlotError
-        If it lacks a needed variable, its points have no amplitudes in common, no run of it is
-        complete, or it leads along another parameter and not `any_path` is drawn.
+        If it lacks a needed variable, its points have no amplitudes in common, or no run of it is
+        complete.
     """
     style.need(results, *needed)
     study = style.study_of(results, RunGrid)
-    style.need_amplitudes(study, any_path)
+    style.need_amplitudes(study)
     frame, along = study.run_dims[-2:]
     if len(amplitudes) and frame != "amplitude":
         hint = "--kind orbit and measures draw all those of a frame, --kind phase single ones"
@@ -138,8 +138,9 @@ def open_frame(
     runs = results.isel({frame: 0})
     done = runs["outcome"].values == Outcome.COMPLETE
     if not done.any():
-        raise style.PlotError("no run of this frame is complete yet")
-    classes = style.classes_of(results)[:, 0]
+        raise style.PlotError(f"no {study.run_noun} of this frame is complete yet")
+    several = "attractor_id" in results
+    classes = attractor_classes(runs) if several else style.classes_of(results)[:, 0]
     own = labels.common(runs["omega"].values)
     caption = style.caption(results, own, labels.path_words(study, runs))
     found = study, study.structure, math.nan if own is None else own, runs[along].values, caption

@@ -90,7 +90,7 @@ def draw(
         If the file does not hold the variables to draw.
     """
     needed = ("poincare", *(("contact",) if color == "contact" else ()))
-    one = open_frame(results, omega, *needed, amplitudes=amplitudes, any_path=True)
+    one = open_frame(results, omega, *needed, amplitudes=amplitudes)
     structure = one.structure
     figure, axes = orbits.floor_panels(structure, floors, labels.along(one.study))
     groups = _groups(color, one)

@@ -144,7 +144,7 @@ class Film:
                 raise PlotError(f"{request.file}: holds no {name}: {wanted}")
         self.study = as_kind(self.frames.study, RunGrid)
         self.structure = self.frames.job.structure
-        style.need_amplitudes(self.study, any_path=True)
+        style.need_amplitudes(self.study)
         self.measure: ShownMeasure | None = None
         if request.show:
             self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
@@ -156,7 +156,6 @@ class Film:
         if request.branches:
             if request.show:
                 raise PlotError(f"--branches {request.branches}: does not go with --show")
-            style.need_amplitudes(self.study)
             self.overlay = Overlay(request.branches, self.structure)
             self.overlay.need(self.study.omega[self.order])
         there = self.study.directions

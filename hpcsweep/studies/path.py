@@ -1,10 +1,10 @@
-"""Paths of sweeps: the forcing and the structure at each value of one parameter.
+"""Paths: the forcing and the structure at each value of one parameter.
 
 A path leads along the amplitude unless the job says otherwise, at each frequency as it is. Along
 another parameter (``sweep.along``), or where a formula ties frequency or amplitude to it, every
-step has a frequency, an amplitude and a structure of its own. A run depends on these and on the
-state at the end of the run before it, which is taken at phase 0 of the forcing: so it is carried
-along as it is, whatever changes.
+step has a frequency, an amplitude and a structure of its own. A run depends on these and on
+what the run before it has left: states at phase 0 of the forcing, carried along as they are,
+whatever changes.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ FORCING = {"omega": OMEGA, "amplitude": AMPLITUDE}
 """Unit and long name of what drives each step."""
 ALONG = Key(
     "along",
-    'parameter along which the state is carried from run to run: `"amplitude"`, `"omega"`, or a '
+    'parameter along which states are carried from run to run: `"amplitude"`, `"omega"`, or a '
     "key of structure, pounding or `building[0]` whose values `[vary]` has "
     "([how](studies.md#sweeps-along-other-parameters))",
     "amplitude",
@@ -29,7 +29,7 @@ ALONG = Key(
 
 
 class Followed(NamedTuple):
-    """A key along which a sweep leads, its ascending values, and the structure at each."""
+    """A key along which a path leads, its ascending values, and the structure at each."""
 
     name: str
     key: str
@@ -39,8 +39,8 @@ class Followed(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class SweepPath:
-    """Steps of a sweep, the same number in each frame.
+class Steps:
+    """Steps of paths, the same number in each frame.
 
     Attributes
     ----------
@@ -95,8 +95,8 @@ class SweepPath:
         return ", ".join([text, *self.ties])
 
 
-def read_path(values: Any, followed: Followed | None) -> SweepPath | None:
-    """Read the path of a job's sweeps; None along the amplitude, each at one frequency.
+def read_path(values: Any, followed: Followed | None) -> Steps | None:
+    """Read the paths of a job; None along the amplitude, each at one frequency.
 
     Parameters
     ----------
@@ -131,4 +131,4 @@ def read_path(values: Any, followed: Followed | None) -> SweepPath | None:
         known[name] = values.tied(f"sweep.{name}", text, known)
     words = tuple(f"{name} = {text}" for name, text in ties.items())
     omega, amplitude = (np.ascontiguousarray(known[name]) for name in FORCING)
-    return SweepPath(followed, frame, frames, omega, amplitude, words)
+    return Steps(followed, frame, frames, omega, amplitude, words)

@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from hpcsweep.job.formula import formula
 from hpcsweep.job.job import JobError
 from hpcsweep.studies.keys import Key
+from hpcsweep.studies.path import Tie
 
 RANGE_KEYS = ("from", "to", "count", "step")
 MAX_VALUES = 10_000_000
@@ -284,12 +285,17 @@ class Values:
             raise self.error(key, given, limit)
         return given
 
-    def tied(self, key: str, text: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return what a formula gives Omega or A, where other values are known."""
+    def tie(self, key: str, text: str, names: Collection[str]) -> Tie:
+        """Read a formula of some names that gives Omega or A."""
         try:
-            value = formula(text, known)
+            value, text = formula(text, names)
         except ValueError as error:
             raise self.error(key, text, str(error)) from None
+        return Tie(key.removeprefix("sweep."), text, value)
+
+    def tied(self, key: str, text: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return what a formula gives Omega or A, where other values are known."""
+        value = self.tie(key, text, known).of
         least, most = {"omega": (MIN_OMEGA, MAX_OMEGA)}.get(
             key.removeprefix("sweep."), (MIN_AMPLITUDE, MAX_AMPLITUDE)
         )

@@ -7,7 +7,8 @@ what the run before it has left: states at phase 0 of the forcing, carried along
 whatever changes.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,34 @@ ALONG = Key(
     "([how](studies.md#sweeps-along-other-parameters))",
     "amplitude",
 )
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A formula that gives the frequency or the amplitude.
+
+    Attributes
+    ----------
+    name : {"omega", "amplitude"}
+    text : str
+        The formula, written in one way.
+    of : callable
+        Takes numbers by their names, also of those that it does not use; NaN where it has no value.
+    """
+
+    name: str
+    text: str
+    of: Callable[..., float] = field(compare=False, repr=False)
+
+    @property
+    def meaning(self) -> tuple:
+        """What identifies it."""
+        return self.name, self.text
+
+    @property
+    def words(self) -> str:
+        """The formula in words."""
+        return f"{self.name} = {self.text}"
 
 
 class Followed(NamedTuple):

@@ -341,7 +341,6 @@ def test_points_on_their_own_refuse_a_path_and_formulas(text, old, new, words):
 
 def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_path):
     from hpcsweep.figures.explorer.page import build_page
-    from hpcsweep.figures.explorer.page_data import add_branches
 
     page = gather(folder / "gap.h5")
     study = parse_job(GAPS, "", "job").study
@@ -352,8 +351,8 @@ def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_
     page = gather(folder / "omega.h5", amplitude_step=2)
     assert page.steps["omega"][0] == page.amplitude.tolist()
     assert page.steps["structures"] == []
-    with pytest.raises(PlotError, match="the sweep is along omega"):
-        add_branches(page, tmp_path / "none.h5")
+    with pytest.raises(PlotError, match="the sweep is along gap"):
+        gather(folder / "gap.h5", branches=tmp_path / "none.h5")
 
 
 def test_branches_along_the_frequency_start_from_its_sweeps_and_are_drawn_beneath(folder, tmp_path):
@@ -368,4 +367,66 @@ def test_branches_along_the_frequency_start_from_its_sweeps_and_are_drawn_beneat
     command = ("plot", path, "-o", tmp_path / "b.png", "--sweep")
     assert hpcsweep(0, *command, folder / "one.h5").returncode == 0
     done = hpcsweep(0, *command, folder / "gap.h5")
-    assert done.stderr.endswith("is of runs along gap, the branches are along omega\n")
+    assert done.stderr.endswith("holds branches along omega, not gap\n")
+
+
+def test_branches_along_a_formula_go_through_all_motions_and_lie_beneath_them(tmp_path):
+    from hpcsweep.campaign.summary import summarize
+
+    files = tmp_path / "sweep.h5", tmp_path / "attractors.h5"
+    text = ATTRACTORS["omega"]
+    for file, one in zip(files, (text.replace(OF_ATTRACTORS, ""), text), strict=True):
+        made(one, file)
+    job = text.replace('along = "omega"\n', "").replace(OF_ATTRACTORS, "")
+    job += '[study]\nkind = "branches"\n[branches]\nparameter = "omega"\nsteps = 200\n'
+    job += f'seeds = ["{files[0]}", "{files[1]}"]\nmax_points = 1000\n'
+    path = made(job, tmp_path / "branches.h5")
+    told = summarize(path)
+    assert told["seeds"] > 25
+    assert told["seeds_covered"]["share"] == 1.0
+    assert validate(path).sound
+    study = parse_job(job, "", "job").study
+    omega, amplitude = (each[0] for each in study.forcing(np.array([1.0, 1.2])))
+    assert (omega.tolist(), amplitude.tolist()) == ([1.0, 1.2], [0.09 + 0.01, 0.09 + 0.01 * 1.2])
+    run = api.open_results(path).isel(direction=0, line=0, amplitude=0)
+    steps = np.flatnonzero(run["step_branch"].values)[::20]
+    for step in steps:  # a point of a branch is one of the motion at its place, by another solver
+        value, orbit = float(run["value"][step]), run["point"].values[step]
+        forcing = 0.09 + 0.01 * value, value
+        end = api.stroboscopic_points(study.structure, *forcing, orbit, 1, solver="bdf", rtol=1e-9)
+        np.testing.assert_allclose(end[-1], orbit, rtol=0, atol=1e-5)
+    for file in files:
+        command = ("plot", file, "--branches", path, "-o", tmp_path / "b.png")
+        assert hpcsweep(0, *command).returncode == 0
+        page = gather(file, branches=path)
+        assert sum(one.value.size for one in page.branches[0]) == told["points"]
+        command = ("plot", path, "--sweep", file, "-o", tmp_path / "b.png")
+        assert hpcsweep(0, *command).returncode == 0
+    formulas = ('"0.09 + omega * 0.01"', True), ('"0.09 + 0.01*(omega)"', False)
+    for formula, differs in formulas:
+        other = parse_job(job.replace('"0.09 + 0.01 * omega"', formula), "", "job")
+        assert (other.fingerprint != parse_job(job, "", "job").fingerprint) == differs
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            '"omega"',
+            '"amplitude"',
+            "sweep.amplitude = '0.1 * omega': must be numbers: the",
+        ),
+        ("* omega", "* gap", "sweep.amplitude = '0.1 * gap': knows no 'gap', only omega"),
+        ("* omega", "- omega", "must be from 1e-250 to 1e+250, is -0.8 at omega = 0.9"),
+        ('parameter = "omega"', 'parameter = "omega"\ncurves = ["fold"]', "without formulas"),
+        ("[study]", "[output]\nlyapunov = true\n[study]", "unknown key 'output.lyapunov'"),
+    ],
+)
+def test_bad_formulas_of_branches_are_refused_in_one_line(old, new, words):
+    text = ONE.replace('along = "omega"\n', "").replace("= 0.1", '= "0.1 * omega"')
+    text += '[study]\nkind = "branches"\n[branches]\nparameter = "omega"\n'
+    text += 'seeds = "a.h5"\n'
+    assert text.count(old) == 1
+    with pytest.raises(JobError) as refused:
+        parse_job(text.replace(old, new), "job.toml", "job")
+    assert words in str(refused.value)

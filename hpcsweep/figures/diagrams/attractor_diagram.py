@@ -1,14 +1,15 @@
 """Orbit diagram of all attractors of one frame: displacement along its path."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import orbits
-from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.diagrams.figure import Frame, lay_branches, load_frame, open_frame
 from hpcsweep.figures.fitting import dot, legend_below
-from hpcsweep.figures.options import AMPLITUDES, FLOORS, OMEGA
+from hpcsweep.figures.options import AMPLITUDES, BRANCHES, FLOORS, OMEGA
 from hpcsweep.studies.attractors.attractors import AttractorGrid
 from hpcsweep.studies.attractors.search import UNSTORED
 from hpcsweep.studies.report import starting_range
@@ -18,7 +19,7 @@ DRAWS = "attractors"
 HELP = """\
 stroboscopic displacement of each floor on all attractors against the forcing
 amplitude, or what they are continued along, one frame"""
-OPTIONS = (OMEGA, AMPLITUDES, FLOORS)
+OPTIONS = (OMEGA, AMPLITUDES, FLOORS, BRANCHES)
 load = load_frame
 MAX_RANGES = 2
 """Ranges of the starts that are written out."""
@@ -31,6 +32,7 @@ def draw(
     omega: float | None = None,
     floors: Sequence[int] = (),
     amplitudes: Sequence[float] = (),
+    branches: Path | None = None,
 ):
     """Draw one frame; colours show the motion.
 
@@ -43,6 +45,8 @@ def draw(
         Shown, from 1; see `labels.choose_floors`.
     amplitudes : sequence of float, optional
         One, in place of `omega` for attractors along that.
+    branches : Path, optional
+        Results file of branches along the same path, drawn beneath.
 
     Raises
     ------
@@ -51,12 +55,12 @@ def draw(
     """
     one, frame, index = opened(results, omega, amplitudes)
     figure, axes = orbits.floor_panels(one.structure, floors, labels.along(one.study))
-    size = orbits.orbit_area(frame)
+    keys, size = lay_branches(axes, one, branches), orbits.orbit_area(frame)
     for floor, axis in axes.items():
         orbits.scatter_motions(axis, frame, index, floor, orbits.FINE * size, size)
         orbits.mark_stops(axis, one.study.structures, floor, one.along)
     style.limit_amplitudes(axis, one.along)
-    legend(figure, frame, index, starts_text(frame), MAX_COLUMNS)
+    legend(figure, frame, index, starts_text(frame), MAX_COLUMNS, keys)
     return style.head(figure, one.caption)
 
 

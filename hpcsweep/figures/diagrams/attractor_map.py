@@ -79,7 +79,7 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
     mesh.draw_mesh(axis, results, **mesh.of_classes(index, colours))
     names = [*map(str, range(least, top)), f"{top} or more"]
     entries = [*zip(names, colours, strict=True)]
-    handles = mesh.share_keys(index, entries, "none, or not computed", names[:2])
+    handles = mesh.share_keys(index, entries, "none, or not computed")
     handles += mesh.map_keys(results)
     axis.set_title(name, fontsize=9)
     where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}

@@ -5,8 +5,10 @@ its colours from `hpcsweep.figures.palette`, so that a motion, a contact set or 
 the same as everywhere, and its labels from `hpcsweep.figures.style`.
 """
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from hpcsweep.figures import labels, style
 from hpcsweep.figures.attractors import attractor_classes
 from hpcsweep.figures.options import Option
+from hpcsweep.figures.overlay import Overlay, lay, overlay_keys
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
@@ -21,6 +24,10 @@ from hpcsweep.studies.study import as_kind
 
 if TYPE_CHECKING:
     from hpcsweep.store import Frames
+
+
+THIN = 0.6
+"""Thickness of branches beneath points, in those of a film."""
 
 
 class Figure(Protocol):
@@ -145,6 +152,19 @@ def open_frame(
     caption = style.caption(results, own, labels.path_words(study, runs))
     found = study, study.structure, math.nan if own is None else own, runs[along].values, caption
     return Frame(results, runs, classes, done, *found)
+
+
+def lay_branches(axes: Mapping[int, Any], one: Frame, path: Path | None) -> list[Any]:
+    """Draw the branches of a file beneath the panels of floors, if there is one; return keys."""
+    if path is None:
+        return []
+    with contextlib.closing(Overlay(path, one.study)) as overlay:
+        found = one.study.frames == one.results[one.study.run_dims[-2]].values
+        overlay.need(np.flatnonzero(found).tolist())
+        branches = overlay.at(int(np.argmax(found)))
+    for floor, axis in axes.items():
+        lay(axis, branches, floor, THIN)
+    return overlay_keys()
 
 
 def load_frame(

@@ -160,7 +160,7 @@ def draw(results: Panels, **_options):
     notes = results.by_period, bool(results.inferred)
     there = np.isfinite(results.grazing).any()
     grazing = [mesh.grazing_key(results.study.structure)] if there else []
-    mesh.legend_of_motions(figure, results.motion, grazing, (), *notes)
+    mesh.legend_of_motions(figure, results.motion, grazing, *notes)
     return style.head(figure, results.title, share_note(results.inferred))
 
 

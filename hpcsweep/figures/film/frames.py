@@ -156,8 +156,8 @@ class Film:
         if request.branches:
             if request.show:
                 raise PlotError(f"--branches {request.branches}: does not go with --show")
-            self.overlay = Overlay(request.branches, self.structure)
-            self.overlay.need(self.study.omega[self.order])
+            self.overlay = Overlay(request.branches, self.study)
+            self.overlay.need(self.order)
         there = self.study.directions
         self.directions = there if request.direction == "both" else (request.direction,)
         if not {*self.directions} <= {*there}:
@@ -195,7 +195,7 @@ class Film:
 
     def branches(self, frame: int) -> list[Drawn]:
         """Return the branches that lie under the points of one frame."""
-        return self.overlay.at(float(self.study.omega[frame])) if self.overlay else []
+        return self.overlay.at(frame) if self.overlay else []
 
     def survey(self, frame: int) -> FrameSurvey | None:
         """Find ranges and classes of one frame, None if no run of it is complete."""

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hpcsweep.store import Frames
 
 
-THIN = 0.6
+THIN = 0.5
 """Thickness of branches beneath points, in those of a film."""
 
 

@@ -121,17 +121,15 @@ def gather(
     style.refuse_sliders(f"{path}: explore", study.structure)
     rows = range(0, grid.rows.size, frame_step)
     if len(rows) * grid.along.size > MAX_CELLS:
-        raise style.PlotError(
-            f"{path}: its points lie on a grid of {grid.rows.size} frequencies and "
-            f"{grid.along.size} amplitudes, more than {MAX_CELLS} places"
-        )
+        size = f"{grid.rows.size} frequencies and {grid.along.size} amplitudes"
+        most = f"more than {MAX_CELLS} places"
+        raise style.PlotError(f"{path}: its points lie on a grid of {size}, {most}")
     if by_share and study.holds != "attractors":
         raise style.PlotError(f"{path}: --by-share: holds no attractors")
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
-    limit = stored if most_points is None else most_points
+    limit, held = stored if most_points is None else most_points, 0
     runs, points = [], []
-    held = 0
     tell = counted("reading frame")
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})

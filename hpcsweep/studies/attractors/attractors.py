@@ -26,10 +26,11 @@ from hpcsweep.studies.attractors import search
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import SLOTS, attractor_variables
 from hpcsweep.studies.blocks import Amplitudes, Block, Poll, Rows, joined
-from hpcsweep.studies.grid import UP, PathGrid, RunGrid
+from hpcsweep.studies.grid import UP, RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.path import ALONG, Followed
+from hpcsweep.studies.path_grid import PathGrid
 from hpcsweep.studies.point_grid import POINTS, PointGrid
 from hpcsweep.studies.refinement import REFINE, read_refinement
 from hpcsweep.studies.study import StudyTally

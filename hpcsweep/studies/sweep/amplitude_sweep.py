@@ -11,9 +11,10 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
-from hpcsweep.studies.grid import DOWN, UP, PathGrid
+from hpcsweep.studies.grid import DOWN, UP
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.path import ALONG, Followed
+from hpcsweep.studies.path_grid import PathGrid
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
 from hpcsweep.studies.study import Lines
 from hpcsweep.studies.sweep.runs import end_of, frame_runs

@@ -87,7 +87,7 @@ def run(options) -> int:
 def _motions(options, _frames):
     """Return the page of a map, the sizes of its parts, its contents and how to have less."""
     from hpcsweep.figures.explorer.page import build_page
-    from hpcsweep.figures.explorer.page_data import add_branches, gather
+    from hpcsweep.figures.explorer.page_data import gather
 
     study = gather(
         options.file,
@@ -96,9 +96,8 @@ def _motions(options, _frames):
         options.amplitude_step,
         at=options.at,
         by_share=options.by_share,
+        branches=options.branches,
     )
-    if options.branches is not None:
-        add_branches(study, options.branches)
     kept, stored = study.thinned["points"], study.thinned["of_points"]
     along = count(study.amplitude.size, study.dims[1])
     told = (

@@ -64,7 +64,9 @@ def _default(job, known: dict[str, "Figure"]) -> str:
     if study.refine and study.holds == "attractors":
         return "number"
     pointless = study.holds == "motions" and "poincare" not in {v.name for v in study.variables}
-    plane = study.holds == "attractors" and min(v.size for v in study.map_axes.values()) > 1
+    frame_and_along = study.run_dims[-2:]
+    plane = study.holds == "attractors" and {*frame_and_along} == {"omega", "amplitude"}
+    plane &= min(study.dimensions[name] for name in frame_and_along) > 1
     in_map = study.holds in ("motions", "attractors") and (study.is_list or study.refine)
     return "map" if in_map or pointless or plane else _defaults(known)[study.holds]
 

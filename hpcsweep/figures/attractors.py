@@ -10,6 +10,7 @@ from hpcsweep.dynamics.known import matched
 from hpcsweep.figures.style import PlotError
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.attractors import AttractorGrid
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
 
 DIMENSION, IDENTITY = "attractor", "identity"
@@ -50,12 +51,12 @@ def dominant(results):
 def identities(frames) -> np.ndarray:
     """Return identities of attractors over both parameters.
 
-    An identity along the amplitudes of a frequency, which the file holds, continues the one at the
-    next lower frequency of whose attractors, amplitude by amplitude, it has most within
-    `study.match_distance`, as the study matches those of neighbouring amplitudes; each continues
-    one at most, and others are new. So all attractors of a point have different identities, and
-    each keeps its own along the amplitudes. From frequency to frequency an identity says what most
-    amplitudes say: round a cusp, where two attractors are one sheet, it has to jump somewhere.
+    An identity along the path of a frame, which the file holds, continues the one of the frame
+    below whose attractors, place by place, it has most within `study.match_distance`, as the study
+    matches those of neighbouring places; each continues one at most, and others are new. So all
+    attractors of a point have different identities, and each keeps its own along its path. From
+    frame to frame an identity says what most places say: round a cusp, where two attractors are one
+    sheet, it has to jump somewhere.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def identities(frames) -> np.ndarray:
 
     Returns
     -------
-    ndarray of int, shape (n_frames, n_amplitudes, n_attractors)
+    ndarray of int, shape (n_frames, n_along, n_attractors)
         0 where there is no attractor.
 
     Raises
@@ -73,15 +74,15 @@ def identities(frames) -> np.ndarray:
     """
     study = as_kind(frames.study, AttractorGrid)
     if not study.is_path:
-        text = "attractors of points on their own have no identity along the amplitudes"
+        text = "attractors of points on their own have no identity along a path"
         raise PlotError(f"{frames.path}: --value {IDENTITY}: {text}")
     found: dict[int, np.ndarray] = {}
     last = 0
     before: list[list[tuple[int, np.ndarray]]] = [[] for _ in range(study.n_along)]
-    for frame in np.argsort(study.omega, kind="stable").tolist():
+    for frame in np.argsort(study.frames, kind="stable").tolist():
         sets = {name: x[0] for name, x in frames.read(frame, STORED).items()}
         ids = sets["attractor_id"]
-        units = study.structure.units_at(float(study.omega[frame]), study.amplitudes_of(frame))
+        units = units_along(study, frame)
         now = [
             [
                 (int(number), sets["poincare"][k, a, : sets["n_points"][k, a]] / units[k])
@@ -103,6 +104,12 @@ def identities(frames) -> np.ndarray:
         found[frame] = np.array([0, *(names[k + 1] for k in range(len(names)))])[ids]
         before = [[(names[number], points) for number, points in each] for each in now]
     return np.array([found[frame] for frame in range(study.n_frames)])
+
+
+def units_along(study: RunGrid, frame: int) -> np.ndarray:
+    """Return the units of states at each place of a frame, shape (n_along, 2n)."""
+    forcing = zip(study.omegas_of(frame), study.amplitudes_of(frame), strict=True)
+    return np.array([study.units_at(*one, at) for at, one in enumerate(forcing)])
 
 
 def continued(votes: Mapping[tuple[int, int], int]) -> dict[int, int]:

@@ -1,4 +1,4 @@
-"""Find attractors that amplitude sweeps miss, from a study of attractors and a sweep.
+"""Find attractors that sweeps miss, from a study of attractors and a sweep along the same paths.
 
 A run of the sweep is taken to end on the attractor nearest to its last points, in the mean over
 these points. The sweep misses an attractor on which no run ends.
@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.figures.attractors import units_along
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames, StoreError
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.run_names import SYMBOLS
 from hpcsweep.studies.study import as_kind
 
 LAST = 16
@@ -28,7 +30,7 @@ def missed_attractors(found: Frames, sweep: Path) -> np.ndarray:
     found : Frames
         Results of a study of attractors.
     sweep : Path
-        Results of a sweep with its frequencies and amplitudes.
+        Results of a sweep along the same parameter, with its frames and places.
 
     Returns
     -------
@@ -46,12 +48,13 @@ def missed_attractors(found: Frames, sweep: Path) -> np.ndarray:
 
 
 def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndarray]]:
-    """Return the sweep's frame, and its amplitudes' places, for each frame of the attractors."""
+    """Return the sweep's frame, and the places along it, for each frame of the attractors."""
     if runs.study.structure != found.study.structure:
         raise StoreError(f"{sweep}: is of another structure than {found.path}")
     points, swept = as_kind(found.study, RunGrid), as_kind(runs.study, RunGrid)
-    if swept.run_dims[-2:] != ("omega", "amplitude"):
-        raise StoreError(f"{sweep}: is a sweep along {swept.run_dims[-1]}, not the amplitude")
+    if swept.run_dims != points.run_dims:
+        other = f"not {points.run_dims[-1]} as {found.path}"
+        raise StoreError(f"{sweep}: is along {swept.run_dims[-1]}, {other}")
 
     def places(there: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
         place = np.abs(there[:, None] - wanted).argmin(axis=0)
@@ -61,16 +64,22 @@ def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndar
             raise StoreError(f"{sweep}: {problem}")
         return place
 
-    frames = places(swept.omega, points.omega, "frame at Omega =").tolist()
-    return [
-        (own, places(swept.amplitudes_of(own), points.amplitudes_of(frame), "amplitude"))
-        for frame, own in enumerate(frames)
-    ]
+    fixed, along = points.run_dims[-2:]
+    frames = places(swept.frames, points.frames, f"frame at {SYMBOLS.get(fixed, fixed)} =").tolist()
+    rows = []
+    for frame, own in enumerate(frames):
+        place = places(swept.along_of(own), points.along_of(frame), along)
+        for each in ("omegas_of", "amplitudes_of"):
+            there = getattr(swept, each)(own)[place]
+            if not np.allclose(there, getattr(points, each)(frame), rtol=SAME, atol=0):
+                raise StoreError(f"{sweep}: its formulas are other ones than those of {found.path}")
+        rows.append((own, place))
+    return rows
 
 
 def _of_frame(found: Frames, runs: Frames, frame: int, own: int, place: np.ndarray) -> np.ndarray:
     study = as_kind(found.study, RunGrid)
-    units = study.structure.units_at(float(study.omega[frame]), study.amplitudes_of(frame))
+    units = units_along(study, frame)
     names = ("attractor_id", "n_points", "poincare", "outcome")
     sets = {name: values[0] for name, values in found.read(frame, names).items()}
     wanted = ("final_state", "outcome", *(("poincare", "n_points") if "poincare" in runs else ()))

@@ -140,7 +140,7 @@ UNITS = Option(
 )
 BRANCHES = Option(
     "--branches",
-    "branches along the amplitude, of the same structure, laid over it: stable full, unstable "
+    "branches along the same parameter, of the same structure, laid beneath: stable full, unstable "
     "thin; over a map their special points and curves",
     type=Path,
     metavar="FILE",

@@ -1,16 +1,22 @@
 """Branches and curves of a study of branches, laid over the figures of another file."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import continued
-from hpcsweep.dynamics.continuation.forced import ForcedMap
+from hpcsweep.figures import palette
 from hpcsweep.figures.style import PlotError, stretches
 from hpcsweep.studies.branches.branches import Branches
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.path import FORCING
 from hpcsweep.studies.study import as_kind
+
+STABLE, UNSTABLE = (palette.DARK_INK, 2.2), ("#8c8c8c", 0.7)
+"""Colour of a branch beneath points, and width."""
 
 
 class Drawn(NamedTuple):
@@ -24,6 +30,8 @@ class Drawn(NamedTuple):
     stable : ndarray of bool, shape (k,)
     points : ndarray, shape (k, period, 2n)
         All stroboscopic points.
+    forcing : ndarray, shape (2, k)
+        Amplitude and frequency.
     contact : ndarray of uint64, shape (k,)
     multipliers : ndarray of complex, shape (k, 2n)
     """
@@ -33,6 +41,7 @@ class Drawn(NamedTuple):
     value: np.ndarray
     stable: np.ndarray
     points: np.ndarray
+    forcing: np.ndarray
     contact: np.ndarray
     multipliers: np.ndarray
 
@@ -44,54 +53,94 @@ class Drawn(NamedTuple):
 
 
 class Overlay:
-    """Branches along the amplitude of a file, line by line.
+    """Branches of a file along the paths of another one.
 
     Parameters
     ----------
     path : Path
-    structure : Structure
-        Of the file under it.
+    under : RunGrid
+        Of the file over which they lie.
 
     Raises
     ------
     PlotError
-        If the file holds no branches of the amplitude, or those of another structure.
+        If the branches are along another parameter, or those of another structure.
     """
 
-    def __init__(self, path: Path, structure):
+    def __init__(self, path: Path, under: RunGrid):
         from hpcsweep.store import Frames
 
         self.frames = Frames(path, holds="branches")
         self.study = as_kind(self.frames.study, Branches)
-        if self.study.parameter != "amplitude":
-            raise PlotError(f"--branches {path}: holds branches along {self.study.parameter}")
-        if self.study.structure != structure:
-            raise PlotError(f"--branches {path}: is of another structure")
+        if problem := not_beneath(self.study, under):
+            raise PlotError(f"--branches {path}: {problem}")
+        self._under = under
 
-    def at(self, omega: float) -> list[Drawn]:
-        """Return the branches at a frequency, none where the file has no line."""
-        lines = np.flatnonzero(np.isclose(self.study.omega, omega, rtol=1e-12, atol=0.0))
-        if not lines.size:
+    def at(self, frame: int) -> list[Drawn]:
+        """Return the branches along the path of a frame, none where the file has no line."""
+        line = line_beneath(self.study, self._under, frame)
+        if line is None:
             return []
-        line = int(lines[0])
         return list(branches_of(run_of(self.frames.dataset(line)), self.study, line))
 
-    def need(self, omega: np.ndarray) -> None:
-        """Make sure that there are branches at one of the frequencies.
+    def need(self, frames: Iterable[int]) -> None:
+        """Make sure that there are branches along one of the frames.
 
         Raises
         ------
         PlotError
             If there are none.
         """
-        if not np.isclose(self.study.omega[:, None], omega, rtol=1e-12, atol=0.0).any():
+        if all(line_beneath(self.study, self._under, frame) is None for frame in frames):
             raise PlotError(
-                f"--branches {self.frames.path}: has no line at any frequency that is drawn"
+                f"--branches {self.frames.path}: has no line along any path that is drawn"
             )
 
     def close(self) -> None:
         """Close the file."""
         self.frames.close()
+
+
+def not_beneath(study: Branches, under: RunGrid) -> str:
+    """Return why branches do not fit beneath the paths of another study; '' if they do."""
+    along, first = study.parameter, float(under.along_of(0)[0])
+    if along != under.run_dims[-1]:
+        return f"holds branches along {along}, not {under.run_dims[-1]}"
+    own: dict[str, Any] = {} if along in FORCING else {along: first}
+    if replace(study.structure, **own) != under.structure_at(0):
+        return "is of another structure"
+    return ""
+
+
+def line_beneath(study: Branches, under: RunGrid, frame: int) -> int | None:
+    """Return the line along which the path of a frame leads, None if there is none."""
+    pairs = zip(
+        study.forcing(under.along_of(frame)),
+        (under.omegas_of(frame), under.amplitudes_of(frame)),
+        strict=True,
+    )
+    same = [np.isclose(there, own, rtol=1e-12, atol=0.0).all(axis=1) for there, own in pairs]
+    lines = np.flatnonzero(same[0] & same[1])
+    return int(lines[0]) if lines.size else None
+
+
+def lay(axis, branches: Iterable[Drawn], floor: int, thick: float = 1.0) -> list[Any]:
+    """Draw branches beneath points, stable ones on top, so thick; return the lines."""
+    pieces = [(one, *piece) for one in branches for piece in one.pieces()]
+    lines: list[Any] = []
+    for one, piece, steady in sorted(pieces, key=lambda entry: entry[-1]):
+        colour, width = STABLE if steady else UNSTABLE
+        drawn = one.value[piece], one.points[piece, :, floor]
+        lines += axis.plot(*drawn, color=colour, lw=thick * width, zorder=1.5)
+    return lines
+
+
+def overlay_keys() -> list[Any]:
+    """Return the legend keys of branches beneath points."""
+    from matplotlib.lines import Line2D
+
+    words = ((STABLE, "stable branch"), (UNSTABLE, "unstable"))
+    return [Line2D([], [], color=c, linewidth=width, label=word) for (c, width), word in words]
 
 
 def run_of(line) -> dict[str, np.ndarray]:
@@ -101,8 +150,7 @@ def run_of(line) -> dict[str, np.ndarray]:
 
 def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Drawn]:
     """Return the branches of a line with all their stroboscopic points."""
-    place = float(study.amplitude[line]), float(study.omega[line])
-    forced = ForcedMap(study.structure, *place, study.parameter, study.settings.rtol)
+    forced = study.forced(line)
     numbers, periods = run["branch_id"].tolist(), run["branch_period"].tolist()
     for number, period in zip(numbers, periods, strict=True):
         own = run["step_branch"] == number
@@ -113,6 +161,7 @@ def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Dra
                 points[k] = continued(forced, start, float(value), period) * forced.units
             yield Drawn(
                 *(number, period, run["value"][own], run["stable"][own] > 0, points),
+                np.stack([each[line] for each in study.forcing(run["value"][own])[::-1]]),
                 run["contact"][own],
                 run["multiplier_real"][own] + 1j * run["multiplier_imag"][own],
             )

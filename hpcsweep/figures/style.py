@@ -189,8 +189,8 @@ def need(results, *names: str) -> None:
             raise PlotError(f"the results hold no {name}: {limit}")
 
 
-def need_amplitudes(study: Study, any_path: bool = False) -> None:
-    """Refuse a list of points, which share no amplitudes to draw over, or sweeps along others.
+def need_amplitudes(study: Study) -> None:
+    """Refuse a list of points, which share no amplitudes to draw over.
 
     Raises
     ------
@@ -198,12 +198,6 @@ def need_amplitudes(study: Study, any_path: bool = False) -> None:
     """
     if study.is_list:
         raise PlotError("a list of points is no sweep over amplitudes: draw it with --kind map")
-    if not any_path and study.run_dims[-2:] != ("omega", "amplitude"):
-        raise PlotError(
-            f"the sweep is along {study.run_dims[-1]}: only plot --kind orbit, frames, measures, "
-            "animate without --branches, explore, and, along omega at several amplitudes, plot "
-            "--kind map draw it"
-        )
 
 
 def direction_index(results, direction: str | None) -> int:

@@ -50,23 +50,37 @@ def limits(**given: Sequence[float] | None):
 
 
 def visible(name: str, low: float, high: float) -> tuple[float, float]:
-    """Return the part of a range that requested limits of an axis, "x" or "y", leave."""
-    first, last = np.clip(_limits.get().get(name, (low, high)), low, high).tolist()
+    """Return the part of a range that requested limits of an axis, "x" or "y", leave.
+
+    Raises
+    ------
+    PlotError
+        If that is nothing.
+    """
+    ends = _limits.get().get(name, (low, high))
+    if ends[1] < low or high < ends[0]:
+        limit = f"must hold a part of {low:.6g} to {high:.6g}, where all is drawn"
+        raise PlotError(f"--{name}lim {ends[0]:g} {ends[1]:g}: {limit}")
+    first, last = np.clip(ends, low, high).tolist()
     return first, last
 
 
 def _limit(figure) -> None:
-    """Set the requested limits of all panels; refuse those of panels of different units."""
+    """Set the requested limits of all panels; refuse them where units differ, or nothing is."""
     panels = [axis for axis in figure.axes if axis.get_label() != "<colorbar>"]
     for name, ends in _limits.get().items():
         words = filter(None, (getattr(axis, f"get_{name}label")() for axis in panels))
         units = {text.partition("  [")[2].rstrip("]") for text in words}
         if len(units) > 1:
             raise PlotError(f"--{name}lim: the panels show different quantities on that axis")
+        drawn = []
         for axis in panels:
             if getattr(axis, f"get_{name}scale")() == "log" and ends[0] <= 0:
                 raise PlotError(f"--{name}lim {ends[0]:g}: must be above 0 on a logarithmic axis")
+            drawn += getattr(axis, f"get_{name}lim")()
             axis.set(**{f"{name}lim": ends})
+        if drawn:
+            visible(name, min(drawn), max(drawn))
 
 
 def pixels(figure) -> np.ndarray:

@@ -12,8 +12,10 @@ ARITHMETIC = (ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.P
 FORM = f"must be of numbers, names, + - * / **, brackets, pi and {', '.join(FUNCTIONS)}"
 
 
-def formula(text: str, names: Collection[str]) -> Callable[..., float]:
-    """Return a function of keyword arguments that has the value of a formula, NaN for none.
+def formula(text: str, names: Collection[str]) -> tuple[Callable[..., float], str]:
+    """Return a function of keywords with the value of a formula, NaN for none, and its text.
+
+    The text is the same however the formula is written.
 
     Parameters
     ----------
@@ -30,6 +32,7 @@ def formula(text: str, names: Collection[str]) -> Callable[..., float]:
         raise ValueError(f"must have {MAX_LETTERS} letters at most")
     try:
         tree = ast.parse(text.strip(), mode="eval")
+        one_way = ast.unparse(tree)
         for node in ast.walk(tree.body):
             _check(node, names)
         code = compile(tree, "formula", "eval")
@@ -43,7 +46,7 @@ def formula(text: str, names: Collection[str]) -> Callable[..., float]:
             return math.nan
         return found if isinstance(found, float) else math.nan  # neither complex nor a function
 
-    return value
+    return value, one_way
 
 
 def _check(node: ast.AST, names: Collection[str]) -> None:

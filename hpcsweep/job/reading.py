@@ -31,6 +31,7 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
+from hpcsweep.studies.path import ALONG
 from hpcsweep.studies.run_names import count
 from hpcsweep.studies.settings import (
     MAX_CYCLES,
@@ -178,7 +179,7 @@ def read_values(values: Values):
         return structures.read_structure(own)
 
     followed = None
-    if study.kind == DEFAULT_KIND:
+    if ALONG in study.keys.get("sweep", ()):
         followed = read_followed(values, values.tree, structure_of)
     each = followed.structures if followed else (structures.read_structure(values),)
     along = {"followed": followed} if followed else {}

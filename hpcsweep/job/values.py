@@ -2,7 +2,7 @@
 
 import difflib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from hpcsweep.job.formula import formula
 from hpcsweep.job.job import JobError
 from hpcsweep.studies.keys import Key
+from hpcsweep.studies.path import Tie
 
 RANGE_KEYS = ("from", "to", "count", "step")
 MAX_VALUES = 10_000_000
@@ -280,16 +281,21 @@ class Values:
         """Return the value of a key that is a formula in sweeps alone."""
         given = self.get(key)
         if isinstance(given, str):
-            goes = 'a formula goes with sweep.along, study.kind = "amplitude_sweep"'
-            raise self.error(key, given, f"must be numbers; {goes}")
+            limit = "must be numbers: formulas are of paths (sweeps, attractors), no single points"
+            raise self.error(key, given, limit)
         return given
+
+    def tie(self, key: str, text: str, names: Collection[str]) -> Tie:
+        """Read a formula of some names that gives Omega or A."""
+        try:
+            value, text = formula(text, names)
+        except ValueError as error:
+            raise self.error(key, text, str(error)) from None
+        return Tie(key.removeprefix("sweep."), text, value)
 
     def tied(self, key: str, text: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return what a formula gives Omega or A, where other values are known."""
-        try:
-            value = formula(text, known)
-        except ValueError as error:
-            raise self.error(key, text, str(error)) from None
+        value = self.tie(key, text, known).of
         is_omega = key == "sweep.omega"
         least, most = (MIN_OMEGA, MAX_OMEGA) if is_omega else (MIN_AMPLITUDE, MAX_AMPLITUDE)
         found = np.empty(np.shape(next(iter(known.values()))))

@@ -21,8 +21,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.path import ALONG, FORCING, Followed
 from hpcsweep.studies.study import ROWS, Axis, as_kind
-from hpcsweep.studies.sweep.path import ALONG, FORCING, Followed
 from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied
 
@@ -153,7 +153,7 @@ def parts_of(
     if "vary" in tree:
         given = _flat(values, tree["vary"])
         along = values.table("sweep").get("along")
-        if isinstance(along, str) and along in given:  # the steps of a sweep, no axis
+        if isinstance(along, str) and along in given:  # the steps of a path, no axis
             rest["vary"] = {along: given.pop(along)}
         table = Values(file, {}) if file else values
         axes = tuple(
@@ -216,7 +216,7 @@ def read_varied(
 def read_followed(
     values: Values, tree: Mapping, structure_of: Callable[[Mapping], Structure]
 ) -> Followed | None:
-    """Read the key along which a sweep leads; None where that is the frequency or the amplitude.
+    """Read the key along which a path leads; None where that is the frequency or the amplitude.
 
     Parameters
     ----------

@@ -183,8 +183,7 @@ def _motions(frames: Frames, where: Where) -> Iterator[tuple[float, float, dict]
     names = tuple(variable.name for variable in frames.variables)
     for frame in range(study.n_frames):
         omega, amplitude = study.omegas_of(frame), study.amplitudes_of(frame)
-        inside = (where.amplitude[0] <= amplitude) & (amplitude <= where.amplitude[1])
-        inside &= (where.omega[0] <= omega) & (omega <= where.omega[1])
+        inside = where.holds(omega, amplitude)
         if len(study.structures) > 1:
             inside &= [one == where.structure for one in study.structures]
         if not inside.any():

@@ -19,6 +19,13 @@ Poll = Callable[[], None] | None
 """Called within long work; may raise to leave."""
 
 
+def joined(parts: list[Rows]) -> Rows:
+    """Return the rows of parts, one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
 @dataclass(frozen=True)
 class Block:
     """A stretch of runs that are computed and committed together.

@@ -1,6 +1,6 @@
 """Base of studies over direction, frame (forcing frequency) and forcing amplitude.
 
-Runs are independent, each block a task of its own, or form paths (`AlongAmplitudes`).
+Runs are independent, each block a task of its own, or form paths (`hpcsweep.studies.path_grid`).
 """
 
 import time
@@ -15,7 +15,15 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies import variables
-from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import (
+    Amplitudes,
+    Block,
+    Place,
+    Poll,
+    Rows,
+    Say,
+    Timed,
+)
 from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
@@ -149,6 +157,22 @@ class RunGrid(Part):
         """Return the state from which the run after one of the rows starts."""
         return rows["final_state"][row] if self.carried else self.initial_state
 
+    def stretch(
+        self,
+        structure: Structure,
+        omega: float,
+        amplitudes: Amplitudes,
+        state: np.ndarray,
+        poll: Poll = None,
+    ) -> Rows:
+        """Compute runs of one structure at one frequency, from an `end_state`."""
+        raise NotImplementedError
+
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
+        """Compute runs at amplitudes of a frame; see `Part.runs_at`."""
+        amplitudes = self.amplitudes_of(frame)[places]
+        return self.stretch(self.moving, float(self.omega[frame]), amplitudes, state, poll)
+
     def with_settings(self, **changes: Any) -> Self:
         """Return the same study with other settings."""
         return replace(self, settings=replace(self.settings, **changes))
@@ -273,39 +297,3 @@ class RunGrid(Part):
 
         for one in self._by_kernels.values():
             warm_up(self._all_settings, say, None, one, self._specialises(n_ranks))
-
-
-class AlongAmplitudes(RunGrid):
-    """A grid each frame of which is a path: up, then down if that is a direction too."""
-
-    is_path: ClassVar[bool] = True
-
-    def task_of(self, *place):
-        """Return the task of blocks: their frame."""
-        return place[-2]
-
-    def path(self, task: int) -> Path:
-        """Return the blocks of a frame: up, then down."""
-
-        def block(position: int) -> Block:
-            direction, number = divmod(position, self.n_blocks)
-            return self.block((direction, task, number))
-
-        return Path(len(self.directions) * self.n_blocks, block)
-
-    def descends(self, direction: int) -> bool:
-        """Return whether the amplitudes of a direction are computed in descending order."""
-        return self.directions[direction] == DOWN
-
-    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
-        """Return the index of the previous run on the path; None for the first."""
-        if row != block.begin:
-            return block.run(row + 1 if block.descending else row - 1)
-        path = self.path(block.task)
-        position = next(k for k, other in enumerate(path) if other.place == block.place)
-        before = path[position - 1] if position else None
-        return before.run(before.end) if before else None
-
-    def describe_task(self, task: int) -> str:
-        """Describe a frame by its frequency."""
-        return f"Omega = {self.omega[task]:.6g}"

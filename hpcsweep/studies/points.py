@@ -5,7 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from hpcsweep.studies.blocks import Poll, Rows
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.point_grid import POINTS, PointGrid
 from hpcsweep.studies.refinement import REFINE, read_refinement
@@ -35,7 +36,13 @@ class Points(PointGrid):
         refine = read_refinement(values, common["settings"], common["block_size"])
         return cls.of(values, refine=refine, **common)
 
-    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
+    def stretch(
+        self,
+        structure: Structure,
+        omega: float,
+        amplitudes: Amplitudes,
+        state: np.ndarray,
+        poll: Poll = None,
+    ) -> Rows:
         """Compute runs, each from the same state."""
-        runs = frame_runs(self.moving, float(self.omega[frame]), self.settings)
-        return runs.each(self.amplitudes_of(frame)[places], state, poll)
+        return frame_runs(structure, omega, self.settings).each(amplitudes, state, poll)

@@ -1,11 +1,16 @@
 """Motions of results files as seeds of branches, which are read by `hpcsweep.store.inputs`."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.model.structure import Structure
+
+SAME = 1e-12
+"""Relative difference from a formula that is rounding."""
 
 
 class Where(NamedTuple):
@@ -16,11 +21,24 @@ class Where(NamedTuple):
     structure : Structure
     omega, amplitude : (float, float)
         Lowest and highest, both included.
+    ties : mapping of str to callable
+        What gives one of both, by its name: takes the other, and numbers of the structure.
     """
 
     structure: Structure
     omega: tuple[float, float]
     amplitude: tuple[float, float]
+    ties: Mapping[str, Callable[..., float]] = MappingProxyType({})
+
+    def holds(self, omega: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
+        """Return which motions are wanted, by their frequencies and amplitudes."""
+        (least, most), (low, high) = self.omega, self.amplitude
+        inside = (low <= amplitude) & (amplitude <= high) & (least <= omega) & (omega <= most)
+        for at in np.flatnonzero(inside).tolist():
+            known = {"omega": float(omega[at]), "amplitude": float(amplitude[at])}
+            own = {name: of(**vars(self.structure) | known) for name, of in self.ties.items()}
+            inside[at] = all(math.isclose(own[k], known[k], rel_tol=SAME) for k in own)
+        return inside
 
 
 class Seed(NamedTuple):

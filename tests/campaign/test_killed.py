@@ -99,6 +99,11 @@ CASES = {
     "records of storeys that yield": Case(YIELDING_RECORDS.replace("count = 5", "count = 80")),
     "points": Case(slow(GRID, 30, 5000)),
     "attractors": Case(ATTRACTORS),
+    "attractors along omega": Case(
+        ATTRACTORS.replace("[sweep]", '[sweep]\nalong = "omega"')
+        .replace("[0.9, 1.0, 1.1]", "{from = 0.9, to = 1.1, count = 7}")
+        .replace("{from = 0.6, to = 0.7, count = 6}", "[0.6, 0.7, 0.8]")
+    ),
     "basins": Case(BASINS.replace("count = 7", "count = 60")),
     "records": Case(RECORDS.replace("count = 5", "count = 80")),
     "branches": Case(LINES + BRANCHES, {"seeds": LINES}),

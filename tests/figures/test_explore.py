@@ -309,9 +309,6 @@ seeds = "{seeds}"
 [sweep]
 omega = 0.8
 max_orbit_period = 2
-[output]
-lyapunov = "unset"
-storey_drift = "unset"
 """
 
 

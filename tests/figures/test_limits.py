@@ -37,6 +37,8 @@ def test_cells_in_the_limits_are_all_drawn_though_the_map_has_more_than_pixels()
         (("--xlim", "0", "inf"), "--xlim 0 inf: must be two finite numbers"),
         (("--xlim", "-1e-3", "-2E0"), "--xlim -0.001 -2: must be two finite numbers"),
         (("--ylim", "-inf", "1"), "--ylim -inf 1: must be two finite numbers"),
+        (("--xlim", "300", "400"), "--xlim 300 400: must hold a part of 0."),
+        (("--kind", "map", "--ylim", "8", "9"), "--ylim 8 9: must hold a part of 0."),
         (("--kind", "metrics", "--ylim", "0", "1"), "--ylim: the panels show different"),
     ],
 )

@@ -8,9 +8,9 @@ from tools import SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.path import Followed, Steps
 from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.path import Followed, SweepPath
 
 
 def job(text: str):
@@ -158,7 +158,7 @@ OTHER = {
     "block_size": 7,
     "listed": True,
     "refine": Refinement(),
-    "steps": SweepPath(
+    "steps": Steps(
         Followed("omega", "sweep.omega", "frequency", np.array([0.5])),
         *("amplitude", np.array([0.1]), np.array([[0.5]]), np.array([[0.1]])),
     ),

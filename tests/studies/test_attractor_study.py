@@ -140,7 +140,7 @@ def test_a_list_of_points_has_the_attractors_of_each_on_its_own(tmp_path):
     order = np.argsort(results["omega"].values)
     np.testing.assert_array_equal(cells, results["share"].values[order, 0])
     for extra, words in (
-        (("--value", "identity"), "have no identity along the amplitudes"),
+        (("--value", "identity"), "have no identity along a path"),
         (("--kind", "shares"), "draw it with --kind map"),
     ):
         done = hpcsweep(0, "plot", path, *extra, "-o", tmp_path / "none.png")

@@ -5,6 +5,7 @@ import json
 import re
 import runpy
 import shutil
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -163,10 +164,7 @@ def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
         read = branches.load(frames, 1, folder / "sweep.h5")
     figure = branches.draw(read)
     (axis,) = figure.axes
-    runs = [line for line in axis.lines if line.get_color() == branches.RUNS]
-    assert max(line.zorder for line in runs) < min(
-        line.zorder for line in axis.lines if line not in runs
-    )
+    assert max(runs.zorder for runs in axis.collections) < min(line.zorder for line in axis.lines)
     value, kind = (read.line[f"special_{name}"].values.ravel() for name in ("value", "kind"))
     rows = [text.get_text().split() for text in figure.legends[1].get_texts()]
     listed = [float(row[-1]) for row in rows]
@@ -192,7 +190,7 @@ def test_branches_lie_under_the_points_of_a_film(folder, whole):
     bare = picture.draw(1.0, film.read(1))
     panel = picture.panels[0]
     seen = {True: 0, False: 0}
-    for one in film.overlay.at(1.0):
+    for one in film.overlay.at(1):
         for piece, steady in one.pieces():
             line = np.column_stack((one.value[piece], one.points[piece, 0, 0]))
             for at in (*line, *(0.5 * (line[1:] + line[:-1]))):
@@ -243,15 +241,15 @@ def test_special_points_lie_over_the_map_of_a_sweep(folder, whole):
     assert "branches are needed" in done.stderr
     # what is drawn is what the file holds
     runs, results = open_results(sweep), open_results(whole)
-    structure = parse_job(results.attrs["job"], "job", "job").structure
-    shown = with_specials(runs, whole, structure)
+    study = parse_job(runs.attrs["job"], "job", "job").study
+    shown = with_specials(runs, whole, study)
     kinds = results["special_kind"].values
     assert shown.sizes["special"] == np.count_nonzero(kinds)
     np.testing.assert_array_equal(np.sort(shown["special_kind"]), np.sort(kinds[kinds > 0]))
     omega = np.unique(shown["special_omega"].values)
     assert set(omega) <= set(results["omega"].values.tolist())
     with pytest.raises(PlotError, match="another structure"):
-        with_specials(runs, whole, Structure(3))
+        with_specials(runs, whole, replace(study, structure=Structure(3)))
 
 
 @pytest.fixture(scope="module")
@@ -315,8 +313,8 @@ def test_curves_lie_over_the_map_of_a_sweep(folder, curves):
     plot = ("plot", folder / "one.h5", "--kind", "map", "-o", picture, "--branches")
     assert hpcsweep(0, *plot, curves).returncode == 0
     results = open_results(curves)
-    structure = parse_job(results.attrs["job"], "job", "job").structure
-    shown = with_specials(open_results(folder / "one.h5"), curves, structure)
+    runs = open_results(folder / "one.h5")
+    shown = with_specials(runs, curves, parse_job(runs.attrs["job"], "job", "job").study)
     held = results["curve_of_step"].values > 0
     np.testing.assert_array_equal(shown["curve_omega"], results["curve_omega"].values[held])
     assert np.unique(shown["curve_number"]).size == results["n_curves"].values.sum()

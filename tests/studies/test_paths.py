@@ -5,14 +5,19 @@ import math
 import numpy as np
 import pytest
 from together import together
-from tools import ALONG, ATTRACTORS, GAPS, SMALL, hpcsweep, made
+from tools import ALONG, BASINS, GAPS, SMALL, hpcsweep, made
 
 import hpcsweep as api
 from hpcsweep.checks.validate import validate
-from hpcsweep.figures.diagrams import frames, measures, orbit_diagram
+from hpcsweep.figures.attractors import identities
+from hpcsweep.figures.diagrams import attractor_diagram, frames, measures, orbit_diagram, shares
+from hpcsweep.figures.explorer.page_data import gather
+from hpcsweep.figures.missed import missed_attractors
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.job import JobError, parse_job, part_of
 from hpcsweep.model.structure import Structure
+from hpcsweep.store import Frames, StoreError
+from hpcsweep.studies.attractors.runs import AttractorRuns
 from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
 
 ONE = """
@@ -27,6 +32,27 @@ omega = {from = 0.9, to = 1.4, count = 51}
 amplitude = 0.1
 """
 """One mass and a stop: past its resonance motions with and without contact coexist."""
+OF_ATTRACTORS = """
+[study]
+kind = "attractors"
+starts = 8
+max_attractors = 3
+max_cycles = 600
+match_distance = 0.3
+"""
+ATTRACTORS = {
+    "omega": ONE.replace("count = 51", "count = 11").replace("= 0.1", '= "0.09 + 0.01 * omega"')
+    + OF_ATTRACTORS,
+    "gap": ONE.replace('"omega"', '"structure.gap"').replace(
+        "{from = 0.9, to = 1.4, count = 51}", "[1.1, 1.2]"
+    )
+    + OF_ATTRACTORS
+    + '[vary]\n"structure.gap" = {from = 0.9, to = 1.2, count = 6}\n',
+}
+KIND = "hits", "orbit_period", "motion_class", "contact"
+POINTS = ONE.replace("omega = {", "# {").replace("amplitude = 0.1", "") + (
+    f"{OF_ATTRACTORS}points = [[0.1, 1.1]]\n"
+)
 
 
 @pytest.fixture(scope="module")
@@ -156,15 +182,66 @@ def test_it_is_drawn_over_its_parameter(folder, tmp_path):
         orbit_diagram.draw(along, omega=0.5)
     with pytest.raises(PlotError, match="the file holds none of them"):
         measures.draw(along)
-    for kind, words in (("metrics", "the sweep is along omega"), ("map", "")):
-        done = hpcsweep(
-            0, "plot", folder / "omega.h5", "--kind", kind, "-o", tmp_path / f"{kind}.png"
-        )
-        assert (done.returncode, words in done.stderr) == (2 * bool(words), True)
+    for kind in (["map"], ["phase", "--along", "0.7"], ["metrics", "--amplitude", "0.2"]):
+        done = hpcsweep(0, "plot", folder / "omega.h5", "--kind", *kind, "-o", tmp_path / "it.png")
+        assert done.returncode == 0, done.stderr
     done = hpcsweep(0, "plot", folder / "gap.h5", "--kind", "map", "-o", tmp_path / "no.png")
     assert done.stderr == (
         "hpcsweep: error: no map over amplitude and frequency: the sweep is along gap\n"
     )
+
+
+@pytest.mark.parametrize("name", ATTRACTORS)
+def test_attractors_along_a_path_are_those_of_each_place_to_the_last_bit(name, tmp_path):
+    study = parse_job(ATTRACTORS[name], "", "job").study
+    path = made(ATTRACTORS[name], tmp_path / "path.h5")
+    results = api.open_results(path)
+    assert results["outcome"].dims == ("direction", *study.run_dims[1:])
+    frame, several = study.n_frames - 1, 0
+    state = alone = study.initial_state
+    for at in range(study.n_along):
+        run = results.isel({"direction": 0, study.run_dims[1]: frame, study.run_dims[2]: at})
+        omega, amplitude = float(run["omega"]), float(run["amplitude"])
+        structure = study.structure_at(at)
+        assert structure.gap == float(run.get("gap", 1.0))
+        runs = AttractorRuns(structure, omega, study.settings, study)
+        rows = runs.follow([amplitude], state)  # what a place has of the one before: seeds
+        for variable, values in rows.items():
+            assert np.asarray(run[variable].values, values.dtype).tobytes() == values.tobytes()
+        state = study.end_state(rows, 0)
+        found, of_point = (
+            sorted(map(tuple, np.transpose([own[name][0] for name in KIND])[own["hits"][0] > 0]))
+            for own in (rows, runs.follow([amplitude], alone))
+        )
+        assert found == of_point  # the starts of a point on its own find the same
+        several += int(rows["n_attractors"][0] > 1)
+    assert several > 2
+    ids = results["attractor_id"].values[0, frame]
+    assert ids.max() <= 3  # they keep their identity along the path
+    assert validate(path, samples=2).sound
+
+
+def test_attractors_along_a_path_are_drawn_and_compared_with_its_sweep(folder, tmp_path):
+    for name, label in (("omega", r"forcing frequency $\Omega$"), ("gap", "gap")):
+        results = api.open_results(made(ATTRACTORS[name], tmp_path / f"{name}.h5"))
+        figure = attractor_diagram.draw(results)
+        assert figure.axes[0].get_xlabel().startswith(label)
+        assert shares.draw(results).axes[1].get_xlabel().startswith(label)
+        page = gather(tmp_path / f"{name}.h5")
+        assert page.dims == parse_job(ATTRACTORS[name], "", "job").study.run_dims[1:]
+        assert (page.runs["motion"] > 0).any(axis=1).all()
+    text = ATTRACTORS["omega"].replace('"0.09 + 0.01 * omega"', "[0.1, 0.11]")
+    found = Frames(made(text, tmp_path / "map.h5"), "attractors")
+    sweep = text.replace(OF_ATTRACTORS, "")
+    missed = missed_attractors(found, made(sweep, tmp_path / "sweep.h5"))
+    assert missed.shape == (2, 11)
+    assert (missed >= 0).all()
+    assert identities(found).shape == (2, 11, 3)
+    for kind in ("map", "number"):
+        assert hpcsweep(0, "plot", tmp_path / "map.h5", "--kind", kind).returncode == 0
+    for file, words in (("one", "holds no frame at A = 0.11"), ("gap", "is of another structure")):
+        with pytest.raises(StoreError, match=words):
+            missed_attractors(found, folder / f"{file}.h5")
 
 
 def test_a_part_of_a_varied_path_is_a_job_of_its_own(tmp_path):
@@ -237,18 +314,34 @@ def test_bad_structures_along_a_path_are_refused_in_one_line(old, new, words):
     assert "\n" not in str(refused.value)
 
 
-def test_other_studies_refuse_a_path_and_formulas():
-    text = ATTRACTORS.replace("{from = 0.6, to = 0.7, count = 6}", '"0.7 * omega"')
-    with pytest.raises(JobError, match=r"job: sweep.amplitude = .* must be numbers; a formula go"):
-        parse_job(text, "job", "job")
-    for text in (ATTRACTORS, SMALL):
-        with pytest.raises(JobError, match=r"job: (unknown key 'sweep.along'|sweep.along = 'gap')"):
-            parse_job(text.replace("[sweep]", '[sweep]\nalong = "gap"'), "job", "job")
+@pytest.mark.parametrize(
+    ("text", "old", "new", "words"),
+    [
+        (BASINS, "amplitude = 0.7", 'amplitude = "0.7 * omega"', "must be numbers: form"),
+        (BASINS, "[sweep]", '[sweep]\nalong = "omega"', "unknown key 'sweep.along'"),
+        (
+            SMALL,
+            "[sweep]",
+            '[sweep]\nalong = "gap"',
+            "sweep.along = 'gap': must be omega,",
+        ),
+        (POINTS, "[sweep]", "[sweep]", "goes with neither study.points nor"),
+        (
+            POINTS,
+            "points = [[0.1, 1.1]]",
+            "refine = {levels = 2}",
+            "goes with neither study.points",
+        ),
+    ],
+)
+def test_points_on_their_own_refuse_a_path_and_formulas(text, old, new, words):
+    assert text.count(old) == 1
+    with pytest.raises(JobError, match=f"^job: .*{words}"):
+        parse_job(text.replace(old, new), "job", "job")
 
 
 def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_path):
     from hpcsweep.figures.explorer.page import build_page
-    from hpcsweep.figures.explorer.page_data import add_branches, gather
 
     page = gather(folder / "gap.h5")
     study = parse_job(GAPS, "", "job").study
@@ -259,8 +352,8 @@ def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_
     page = gather(folder / "omega.h5", amplitude_step=2)
     assert page.steps["omega"][0] == page.amplitude.tolist()
     assert page.steps["structures"] == []
-    with pytest.raises(PlotError, match="the sweep is along omega"):
-        add_branches(page, tmp_path / "none.h5")
+    with pytest.raises(PlotError, match="the sweep is along gap"):
+        gather(folder / "gap.h5", branches=tmp_path / "none.h5")
 
 
 @pytest.mark.slow
@@ -276,4 +369,66 @@ def test_branches_along_the_frequency_start_from_its_sweeps_and_are_drawn_beneat
     command = ("plot", path, "-o", tmp_path / "b.png", "--sweep")
     assert hpcsweep(0, *command, folder / "one.h5").returncode == 0
     done = hpcsweep(0, *command, folder / "gap.h5")
-    assert done.stderr.endswith("is of runs along gap, the branches are along omega\n")
+    assert done.stderr.endswith("holds branches along omega, not gap\n")
+
+
+def test_branches_along_a_formula_go_through_all_motions_and_lie_beneath_them(tmp_path):
+    from hpcsweep.campaign.summary import summarize
+
+    files = tmp_path / "sweep.h5", tmp_path / "attractors.h5"
+    text = ATTRACTORS["omega"]
+    for file, one in zip(files, (text.replace(OF_ATTRACTORS, ""), text), strict=True):
+        made(one, file)
+    job = text.replace('along = "omega"\n', "").replace(OF_ATTRACTORS, "")
+    job += '[study]\nkind = "branches"\n[branches]\nparameter = "omega"\nsteps = 200\n'
+    job += f'seeds = ["{files[0]}", "{files[1]}"]\nmax_points = 1000\n'
+    path = made(job, tmp_path / "branches.h5")
+    told = summarize(path)
+    assert told["seeds"] > 25
+    assert told["seeds_covered"]["share"] == 1.0
+    assert validate(path).sound
+    study = parse_job(job, "", "job").study
+    omega, amplitude = (each[0] for each in study.forcing(np.array([1.0, 1.2])))
+    assert (omega.tolist(), amplitude.tolist()) == ([1.0, 1.2], [0.09 + 0.01, 0.09 + 0.01 * 1.2])
+    run = api.open_results(path).isel(direction=0, line=0, amplitude=0)
+    steps = np.flatnonzero(run["step_branch"].values)[::20]
+    for step in steps:  # a point of a branch is one of the motion at its place, by another solver
+        value, orbit = float(run["value"][step]), run["point"].values[step]
+        forcing = 0.09 + 0.01 * value, value
+        end = api.stroboscopic_points(study.structure, *forcing, orbit, 1, solver="bdf", rtol=1e-9)
+        np.testing.assert_allclose(end[-1], orbit, rtol=0, atol=1e-5)
+    for file in files:
+        command = ("plot", file, "--branches", path, "-o", tmp_path / "b.png")
+        assert hpcsweep(0, *command).returncode == 0
+        page = gather(file, branches=path)
+        assert sum(one.value.size for one in page.branches[0]) == told["points"]
+        command = ("plot", path, "--sweep", file, "-o", tmp_path / "b.png")
+        assert hpcsweep(0, *command).returncode == 0
+    formulas = ('"0.09 + omega * 0.01"', True), ('"0.09 + 0.01*(omega)"', False)
+    for formula, differs in formulas:
+        other = parse_job(job.replace('"0.09 + 0.01 * omega"', formula), "", "job")
+        assert (other.fingerprint != parse_job(job, "", "job").fingerprint) == differs
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            '"omega"',
+            '"amplitude"',
+            "sweep.amplitude = '0.1 * omega': must be numbers: the",
+        ),
+        ("* omega", "* gap", "sweep.amplitude = '0.1 * gap': knows no 'gap', only omega"),
+        ("* omega", "- omega", "must be from 1e-250 to 1e+250, is -0.8 at omega = 0.9"),
+        ('parameter = "omega"', 'parameter = "omega"\ncurves = ["fold"]', "without formulas"),
+        ("[study]", "[output]\nlyapunov = true\n[study]", "unknown key 'output.lyapunov'"),
+    ],
+)
+def test_bad_formulas_of_branches_are_refused_in_one_line(old, new, words):
+    text = ONE.replace('along = "omega"\n', "").replace("= 0.1", '= "0.1 * omega"')
+    text += '[study]\nkind = "branches"\n[branches]\nparameter = "omega"\n'
+    text += 'seeds = "a.h5"\n'
+    assert text.count(old) == 1
+    with pytest.raises(JobError) as refused:
+        parse_job(text.replace(old, new), "job.toml", "job")
+    assert words in str(refused.value)

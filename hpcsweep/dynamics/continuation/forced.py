@@ -12,10 +12,11 @@ contact.
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from numbers import Real
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,9 @@ class ForcedMap:
         Called before each piece of the work (`polling`); may raise to leave.
     yields : bool
         Whether the structure may have sliders.
+    ties : mapping of str to callable, optional
+        What gives the amplitude or the frequency, by its name, in place of the given one: takes the
+        parameter, by its name.
 
     Raises
     ------
@@ -82,8 +86,9 @@ class ForcedMap:
         rtol: float = 1e-9,
         poll: Callable[[], None] | None = None,
         yields: bool = False,
+        ties: Mapping[str, Callable[..., float]] = MappingProxyType({}),
     ):
-        self._yields = yields
+        self._yields, self._ties = yields, ties
         self.parameters = (parameter,) if isinstance(parameter, str) else tuple(parameter)
         for name in self.parameters:
             check_parameter(structure, name)
@@ -105,7 +110,7 @@ class ForcedMap:
     @property
     def is_costly(self) -> bool:
         """Whether a new value of a parameter needs a solver."""
-        return self.parameters != ("amplitude",)
+        return self.parameters != ("amplitude",) or bool(self._ties)
 
     @property
     def value(self) -> Any:
@@ -121,9 +126,14 @@ class ForcedMap:
         values = value if isinstance(value, tuple) else (value,)
         return dict(zip(self.parameters, values, strict=True))
 
+    def _tied(self, value: Any) -> dict[str, float]:
+        """Return the values of all parameters, and of what they give."""
+        values = self._values(value)
+        return values | {name: of(**values) for name, of in self._ties.items()}
+
     def at(self, value: Any) -> tuple[Structure, float, float]:
         """Return structure, amplitude and frequency at a value of the parameter."""
-        changed: dict[str, Any] = self._values(value)
+        changed: dict[str, Any] = self._tied(value)
         amplitude = changed.pop("amplitude", self.amplitude)
         omega = changed.pop("omega", self.omega)
         structure = replace(self.structure, **changed) if changed else self.structure
@@ -131,7 +141,7 @@ class ForcedMap:
 
     def solver(self, value: Any) -> tuple[Any, float]:
         """Return the solver and the amplitude at a value of the parameter."""
-        others = self._values(value)
+        others = self._tied(value)
         amplitude, key = others.pop("amplitude", self.amplitude), tuple(others.values())
         solver = self._solvers.get(key)
         if solver is None:

@@ -1,15 +1,15 @@
-"""Orbit diagram of all attractors of one frequency: displacement against forcing amplitude."""
+"""Orbit diagram of all attractors of one frame: displacement along its path."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.attractors import attractor_classes
 from hpcsweep.figures.diagrams import orbits
-from hpcsweep.figures.diagrams.figure import load_frame
+from hpcsweep.figures.diagrams.figure import Frame, lay_branches, load_frame, open_frame
 from hpcsweep.figures.fitting import dot, legend_below
-from hpcsweep.figures.options import FLOORS, OMEGA
+from hpcsweep.figures.options import AMPLITUDES, BRANCHES, FLOORS, OMEGA
 from hpcsweep.studies.attractors.attractors import AttractorGrid
 from hpcsweep.studies.attractors.search import UNSTORED
 from hpcsweep.studies.report import starting_range
@@ -18,8 +18,8 @@ NAME = "attractors"
 DRAWS = "attractors"
 HELP = """\
 stroboscopic displacement of each floor on all attractors against the forcing
-amplitude, one frame"""
-OPTIONS = (OMEGA, FLOORS)
+amplitude, or what they are continued along, one frame"""
+OPTIONS = (OMEGA, AMPLITUDES, FLOORS, BRANCHES)
 load = load_frame
 MAX_RANGES = 2
 """Ranges of the starts that are written out."""
@@ -27,7 +27,13 @@ MAX_COLUMNS = 6
 """Columns of the legend."""
 
 
-def draw(results, omega: float | None = None, floors: Sequence[int] = ()):
+def draw(
+    results,
+    omega: float | None = None,
+    floors: Sequence[int] = (),
+    amplitudes: Sequence[float] = (),
+    branches: Path | None = None,
+):
     """Draw one frame; colours show the motion.
 
     Parameters
@@ -37,50 +43,41 @@ def draw(results, omega: float | None = None, floors: Sequence[int] = ()):
         The frame nearest to this frequency; default the first.
     floors : sequence of int, optional
         Shown, from 1; see `labels.choose_floors`.
+    amplitudes : sequence of float, optional
+        One, in place of `omega` for attractors along that.
+    branches : Path, optional
+        Results file of branches along the same path, drawn beneath.
 
     Raises
     ------
     PlotError
         If there is nothing to draw.
     """
-    frame, index, structure = opened(results, omega)
-    figure, axes = orbits.floor_panels(structure, floors)
-    size = orbits.orbit_area(frame)
+    one, frame, index = opened(results, omega, amplitudes)
+    figure, axes = orbits.floor_panels(one.structure, floors, labels.along(one.study))
+    keys, size = lay_branches(axes, one, branches), orbits.orbit_area(frame)
     for floor, axis in axes.items():
         orbits.scatter_motions(axis, frame, index, floor, orbits.FINE * size, size)
-        orbits.mark_stops(axis, [structure], floor)
-    style.limit_amplitudes(axis, frame["amplitude"].values)
-    legend(figure, frame, index, starts_text(frame), MAX_COLUMNS)
-    return style.head(figure, style.caption(results, float(frame["omega"])))
+        orbits.mark_stops(axis, one.study.structures, floor, one.along)
+    style.limit_amplitudes(axis, one.along)
+    legend(figure, frame, index, starts_text(frame), MAX_COLUMNS, keys)
+    return style.head(figure, one.caption)
 
 
-def opened(results, omega: float | None):
-    """Return the frame nearest to a frequency; refuse it if nothing is computed.
-
-    Returns
-    -------
-    frame, `motions_of` it, Structure
-
-    Raises
-    ------
-    PlotError
-    """
-    style.need_amplitudes(style.job_of(results).study)
-    place = style.nearest_frame(results["omega"].values, omega)
-    frame = results.isel(direction=0, omega=place)
-    if not (frame["outcome"].values > 0).any():
-        raise style.PlotError("no point of this frame is computed yet")
-    return frame, motions_of(frame), style.structure_of(results)
-
-
-def motions_of(frame) -> np.ndarray:
-    """Return the index in `palette.MOTIONS` of each attractor, -1 where there is none.
+def opened(results, omega: float | None, amplitudes: Sequence[float] = ()):
+    """Choose a frame of attractors, see `open_frame`.
 
     Returns
     -------
-    ndarray of int, shape (n_amplitudes, n_attractors)
+    one : Frame
+    runs : xarray.Dataset
+        Without the only direction.
+    index : ndarray of int, shape (n_along, n_attractors)
+        In `palette.MOTIONS` of each attractor, -1 where there is none.
     """
-    return palette.motion_index(attractor_classes(frame), frame["orbit_period"].values)
+    one: Frame = open_frame(results, omega, amplitudes=amplitudes)
+    runs = one.runs.isel(direction=0)
+    return one, runs, palette.motion_index(one.classes[0], runs["orbit_period"].values)
 
 
 def starts_words(study: AttractorGrid) -> str:

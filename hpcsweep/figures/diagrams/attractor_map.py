@@ -32,6 +32,7 @@ def load(
     frames, sweep: Path | None = None, cells: bool | None = None, value: str | None = "number"
 ):
     """Read the attractors for a value of a map, or numbers, and count those that a sweep misses."""
+    mesh.need_plane(frames.study.run_dims)
     mesh.least_cells(frames.study.amplitude.size)
     each = () if value == "number" else (*mesh.VARIABLES, *([value] if value else []))
     results = gather(frames, (*VARIABLES, "outcome", *each), cells)
@@ -39,7 +40,7 @@ def load(
         return results
     from hpcsweep.figures.missed import missed_attractors
 
-    return results.assign({MISSED: (("omega", "amplitude"), missed_attractors(frames, sweep))})
+    return results.assign({MISSED: (frames.study.run_dims[-2:], missed_attractors(frames, sweep))})
 
 
 def draw(results, cells: bool | None = None, **_options):
@@ -57,7 +58,8 @@ def draw(results, cells: bool | None = None, **_options):
     number = np.where(number == 0, -1, number)
     counts = [("number of attractors", number, 1)]
     if MISSED in results:
-        counts.append(("attractors that no sweep ends on", results[MISSED].values, 0))
+        missed = results[MISSED].transpose("omega", "amplitude")
+        counts.append(("attractors that no sweep ends on", missed.values, 0))
     height = mesh.map_height(results, 5.2)
     figure, axes = mesh.panels(len(counts), (7.2, height), (5.3, height))
     for axis, (name, values, least) in zip(axes, counts, strict=True):
@@ -77,7 +79,7 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
     mesh.draw_mesh(axis, results, **mesh.of_classes(index, colours))
     names = [*map(str, range(least, top)), f"{top} or more"]
     entries = [*zip(names, colours, strict=True)]
-    handles = mesh.share_keys(index, entries, "none, or not computed", names[:2])
+    handles = mesh.share_keys(index, entries, "none, or not computed")
     handles += mesh.map_keys(results)
     axis.set_title(name, fontsize=9)
     where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}

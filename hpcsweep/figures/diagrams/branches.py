@@ -13,17 +13,17 @@ from hpcsweep.figures.diagrams import numbered, orbits
 from hpcsweep.figures.diagrams.special_curves import MARKS
 from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
-from hpcsweep.figures.overlay import Drawn, branches_of, run_of
+from hpcsweep.figures.overlay import Drawn, branches_of, line_beneath, not_beneath, run_of
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.run_names import SYMBOLS
 from hpcsweep.studies.study import as_kind
 
 NAME = "branches"
 DRAWS = "branches"
 HELP = """\
 branches of periodic orbits along the parameter: stable full, unstable thin, special
-points numbered and listed; with --sweep the stroboscopic points of a sweep beneath them"""
+points numbered and listed; with --sweep the stroboscopic points of a sweep, or of
+attractors, beneath them"""
 OPTIONS = (
     FLOORS,
     Option("--line", "line, from 0 (default: the first)", type=whole_number(0, 10**9)),
@@ -44,7 +44,7 @@ class Read(NamedTuple):
     line : xarray.Dataset
     branches : list of Drawn
     runs : xarray.Dataset or None
-        Runs of a sweep.
+        Of a sweep, or attractors.
     study : Branches
     """
 
@@ -55,7 +55,7 @@ class Read(NamedTuple):
 
 
 def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
-    """Read a line, and the runs of a sweep along the same path."""
+    """Read a line, and the runs, or attractors, along the same path."""
     from hpcsweep.store import Frames
 
     study = as_kind(frames.study, Branches)
@@ -63,18 +63,15 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
         raise style.PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
     runs = None
     if sweep is not None:
-        with contextlib.closing(Frames(sweep)) as held:
+        with contextlib.closing(Frames(sweep, ("motions", "attractors"))) as held:
             swept = as_kind(held.study, RunGrid)
-            fixed, along = swept.run_dims[-2:]
-            if along != study.parameter or fixed not in SYMBOLS:
-                what = f"is of runs along {along}, the branches are along {study.parameter}"
+            if problem := not_beneath(study, swept):
+                raise style.PlotError(f"--sweep {sweep}: {frames.path} {problem}")
+            lines = [line_beneath(study, swept, frame) for frame in range(swept.n_frames)]
+            if line not in lines or "poincare" not in held:
+                what = f"has no stroboscopic points along {study.describe_task(line)}"
                 raise style.PlotError(f"--sweep {sweep}: {what}")
-            at = float(getattr(study, fixed)[line])
-            there = np.flatnonzero(swept.frames == at)
-            if not there.size or "poincare" not in held:
-                what = f"has no stroboscopic points at {SYMBOLS[fixed]} = {at:g}"
-                raise style.PlotError(f"--sweep {sweep}: {what}")
-            runs = held.dataset(int(there[0]))
+            runs = held.dataset(lines.index(line))
     found = frames.dataset(line)
     return Read(found, list(branches_of(run_of(found), study, line)), runs, study)
 
@@ -101,7 +98,8 @@ def draw(results: Read, floors: Sequence[int] = (), **_options):
     legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
     if marked.size:
         _list(figure, run, marked, MATH.get(study.parameter, study.parameter))
-    style.head(figure, style.parameters(structure, omega), fontsize=10)
+    title = ",  ".join([style.parameters(structure, omega), *study.ties])
+    style.head(figure, title, fontsize=10)
     figure.draw_without_rendering()  # the panels get their size
     for floor, axis in axes.items():
         numbered.number(axis, run["special_value"][marked], run["special_point"][marked, floor])
@@ -140,14 +138,9 @@ def _label(study: Branches, structure) -> str:
 
 def _draw_runs(axis, runs, floor: int) -> None:
     """Draw the stroboscopic points of all runs: under branches, those of orbits as their rims."""
-    along = runs[runs["outcome"].dims[-1]].values
-    for repeats, size in ((False, 0.8), (True, 3.0)):
-        points = runs["poincare"].where((runs["orbit_period"] > 0) == repeats).values[..., floor]
-        at = np.broadcast_to(along[:, None], points.shape)
-        looks = {"color": RUNS, "markersize": size, "markeredgewidth": 0, "zorder": 1.5}
-        axis.plot(
-            at.ravel(), points.ravel(), linestyle="none", marker="o", rasterized=True, **looks
-        )
+    for repeats, size in ((False, 0.64), (True, 9.0)):
+        chosen = (runs["orbit_period"].values > 0) == repeats
+        orbits.scatter(axis, runs, chosen, floor, s=size, color=RUNS, linewidths=0, zorder=1.5)
 
 
 def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:

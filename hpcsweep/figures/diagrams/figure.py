@@ -5,14 +5,18 @@ its colours from `hpcsweep.figures.palette`, so that a motion, a contact set or 
 the same as everywhere, and its labels from `hpcsweep.figures.style`.
 """
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from hpcsweep.figures import labels, style
+from hpcsweep.figures.attractors import attractor_classes
 from hpcsweep.figures.options import Option
+from hpcsweep.figures.overlay import Overlay, lay, overlay_keys
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
@@ -20,6 +24,10 @@ from hpcsweep.studies.study import as_kind
 
 if TYPE_CHECKING:
     from hpcsweep.store import Frames
+
+
+THIN = 0.5
+"""Thickness of branches beneath points, in those of a film."""
 
 
 class Figure(Protocol):
@@ -81,22 +89,22 @@ class Figure(Protocol):
 
 
 class Frame(NamedTuple):
-    """One frame of a sweep, as `open_frame` finds it.
+    """One frame of sweeps or attractors, as `open_frame` finds it.
 
     Attributes
     ----------
     results, runs : xarray.Dataset
         With the dimension of the frames, and without.
     classes : ndarray of int, shape (n_directions, n_along)
-        `MotionClass` of its runs.
-    done : ndarray of bool, same shape
+        `MotionClass` of its runs, or of each attractor, a further axis.
+    done : ndarray of bool, shape (n_directions, n_along)
         Complete ones.
     study : RunGrid
     structure : Structure
     omega : float
         NaN where it is not the same in all runs.
     along : ndarray, shape (n_along,)
-        Values of the parameter along which the sweep leads.
+        Values of the parameter along which the path leads.
     caption : str
     """
 
@@ -116,19 +124,18 @@ def open_frame(
     omega: float | None,
     *needed: str,
     amplitudes: Sequence[float] = (),
-    any_path: bool = False,
 ) -> Frame:
     """Choose the frame nearest to a frequency, along that to an amplitude, default the first.
 
     Raises
     ------
     PlotError
-        If it lacks a needed variable, its points have no amplitudes in common, no run of it is
-        complete, or it leads along another parameter and not `any_path` is drawn.
+        If it lacks a needed variable, its points have no amplitudes in common, or no run of it is
+        complete.
     """
     style.need(results, *needed)
     study = style.study_of(results, RunGrid)
-    style.need_amplitudes(study, any_path)
+    style.need_amplitudes(study)
     frame, along = study.run_dims[-2:]
     if len(amplitudes) and frame != "amplitude":
         hint = "--kind orbit and measures draw all those of a frame, --kind phase single ones"
@@ -138,12 +145,26 @@ def open_frame(
     runs = results.isel({frame: 0})
     done = runs["outcome"].values == Outcome.COMPLETE
     if not done.any():
-        raise style.PlotError("no run of this frame is complete yet")
-    classes = style.classes_of(results)[:, 0]
+        raise style.PlotError(f"no {study.run_noun} of this frame is complete yet")
+    several = "attractor_id" in results
+    classes = attractor_classes(runs) if several else style.classes_of(results)[:, 0]
     own = labels.common(runs["omega"].values)
     caption = style.caption(results, own, labels.path_words(study, runs))
     found = study, study.structure, math.nan if own is None else own, runs[along].values, caption
     return Frame(results, runs, classes, done, *found)
+
+
+def lay_branches(axes: Mapping[int, Any], one: Frame, path: Path | None) -> list[Any]:
+    """Draw the branches of a file beneath the panels of floors, if there is one; return keys."""
+    if path is None:
+        return []
+    with contextlib.closing(Overlay(path, one.study)) as overlay:
+        found = one.study.frames == one.results[one.study.run_dims[-2]].values
+        overlay.need(np.flatnonzero(found).tolist())
+        branches = overlay.at(int(np.argmax(found)))
+    for floor, axis in axes.items():
+        lay(axis, branches, floor, THIN)
+    return overlay_keys()
 
 
 def load_frame(

@@ -54,7 +54,7 @@ def draw(
     """
     style.need(results, "poincare")
     study = style.study_of(results, RunGrid)
-    style.need_amplitudes(study, any_path=True)
+    style.need_amplitudes(study)
     structure, name = study.structure, study.run_dims[-2]
     if len(floors) > 1:
         raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")

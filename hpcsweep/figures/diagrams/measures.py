@@ -38,7 +38,7 @@ def draw(
         asked = ", ".join(f"output.{name}" for name in LABELS)
         raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
     swept = [style.direction_index(results, direction)]
-    one = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes, any_path=True)
+    one = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes)
     structure, frame, done = one.structure, one.runs.isel(direction=0), one.done[0]
     over_amplitude = one.study.run_dims[-2:] == ("omega", "amplitude")
     figure, axes = style.new_figure(len(shown), 1.2 + 2.3 * len(shown))

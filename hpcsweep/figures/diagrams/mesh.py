@@ -277,11 +277,10 @@ def legend_of_motions(
     figure,
     index: np.ndarray,
     more: Sequence,
-    always: Sequence[str],
     by_period: bool,
     inferred: bool,
 ) -> None:
-    """Add the `legend_of_shares` of motions that occur or are `always` named.
+    """Add the `legend_of_shares` of motions that occur, and always of the undecided ones.
 
     Parameters
     ----------
@@ -289,12 +288,11 @@ def legend_of_motions(
         Of all runs, in `palette.MOTIONS`; -1 where nothing is computed.
     more : sequence of matplotlib artists
         Further keys.
-    always : sequence of str
     by_period, inferred : bool
         See `drawn_motions`, and `legend_of_shares`.
     """
     known = max(int((index >= 0).sum()), 1)
-    keys = share_keys(index, drawn_motions(by_period), "not computed", always, known)
+    keys = share_keys(index, drawn_motions(by_period), "not computed", ("undecided",), known)
     legend_of_shares(figure, [*keys, *more], inferred)
 
 

@@ -1,37 +1,39 @@
-"""Drift and mean modal norms of one frame against the amplitude, with those without a stop."""
+"""Drift and mean modal norms of one frame along its path, with those without a stop."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.benefit import free_drift
-from hpcsweep.figures.diagrams.figure import load_frame, open_frame
-from hpcsweep.figures.options import OMEGA
+from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.options import AMPLITUDES, OMEGA
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "metrics"
 DRAWS = "motions"
-HELP = "drift and mean modal norms against the amplitude, one frame"
-OPTIONS = (OMEGA,)
+HELP = "drift and mean modal norms along the path of one frame"
+OPTIONS = (OMEGA, AMPLITUDES)
 load = load_frame
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 
 
-def draw(results, omega: float | None = None):
-    """Draw the frame nearest to `omega`, default the first.
+def draw(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
+    """Draw the frame nearest to `omega`, along that to an amplitude, default the first.
 
     Raises
     ------
     PlotError
         If the file does not hold the variables to draw.
     """
-    one = open_frame(results, omega, "drift", "modal_norm")
-    frame, structure = one.runs, one.structure
+    one = open_frame(results, omega, "drift", "modal_norm", amplitudes=amplitudes)
+    frame, span = one.runs, one.along
     figure, axes = style.new_figure(2, 6.6)
-    _drift(axes[0], frame, one.classes, free_drift(structure, one.omega))
-    _norms(axes[1], frame, free_modal_norms(structure, one.omega))
-    axes[1].set_xlabel(labels.amplitude(structure))
-    span = frame["amplitude"].values
+    _drift(axes[0], one, _along_path(one, free_drift))
+    _norms(axes[1], one, _along_path(one, free_modal_norms))
+    axes[1].set_xlabel(labels.along(one.study))
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     style.letter(axes)
     axes[0].legend(fontsize=8, markerscale=1.5)
@@ -40,7 +42,14 @@ def draw(results, omega: float | None = None):
     n_columns = frame.sizes["direction"] + 1
     handles = [handle for k in range(n_columns) for handle in handles[k::n_columns]]
     style.foot(figure, handles, one.results, one.classes, n_columns)
-    return style.head(figure, style.caption(one.results, one.omega))
+    return style.head(figure, one.caption)
+
+
+def _along_path(one: Frame, of: Callable) -> np.ndarray:
+    """Return what a structure has at a frequency without its stops, at each place of a path."""
+    omegas = np.broadcast_to(one.runs["omega"].values, one.along.shape).tolist()
+    kept = lru_cache(of)
+    return np.array([kept(one.study.structure_at(at), omega) for at, omega in enumerate(omegas)])
 
 
 def free_modal_norms(structure, omega: float) -> np.ndarray:
@@ -61,19 +70,19 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
     return np.full(structure.n_floors, np.nan) if seen is None else seen.modal_norm
 
 
-def _drift(axis, frame, classes, free: float) -> None:
-    amplitude = frame["amplitude"].values
+def _drift(axis, one: Frame, free: np.ndarray) -> None:
     chaotic = dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]]
-    names = frame["direction"].values.tolist()
-    for direction, drift, row in zip(names, frame["drift"].values, classes, strict=True):
+    names, drifts = _directions(one.runs), one.runs["drift"].values
+    for direction, drift, row in zip(names, drifts, one.classes, strict=True):
         chaos, marker = row == MotionClass.CHAOTIC, style.MARKERS[direction]
         for chosen, colour, label in (
             (~chaos, palette.DIRECTIONS[direction], direction),
             (chaos, chaotic, f"{direction}, chaotic"),
         ):
             if chosen.any():
-                _plot(axis, amplitude[chosen], drift[chosen], marker, colour, direction, label)
-    axis.axhline(free, color="black", linewidth=1.1, linestyle=DASHES[0], label="without stop")
+                _plot(axis, one.along[chosen], drift[chosen], marker, colour, direction, label)
+    looks = {"color": "black", "linewidth": 1.1, "linestyle": DASHES[0]}
+    _free(axis, one.along, free, label="without stop", **looks)
     axis.set_ylabel(labels.DRIFT)
 
 
@@ -84,16 +93,25 @@ def _plot(axis, x, y, marker: str, colour: str, direction: str, label: str) -> N
     axis.plot(x, y, marker, label=label, **looks)
 
 
-def _norms(axis, frame, free: np.ndarray) -> None:
-    amplitude = frame["amplitude"].values
-    names, shown = frame["direction"].values.tolist(), min(frame.sizes["mode"], labels.MAX_MODES)
+def _free(axis, along: np.ndarray, values: np.ndarray, **looks) -> None:
+    """Draw what is without stop, right across where it does not change along the path."""
+    constant = labels.common(values)
+    if constant is None:
+        axis.plot(along, values, **looks)
+    else:
+        axis.axhline(constant, **looks)
+
+
+def _norms(axis, one: Frame, free: np.ndarray) -> None:
+    frame, names = one.runs, _directions(one.runs)
+    shown = min(frame.sizes["mode"], labels.MAX_MODES)
     for mode in range(shown):
         colour, marker = palette.mode_colour(mode, shown), "os^D<>pX*h"[mode % 10]
         for direction, norm in zip(names, frame["modal_norm"].values, strict=True):
             label = f"mode {mode + 1}, {direction}"
-            _plot(axis, amplitude, norm[:, mode], marker, colour, direction, label)
+            _plot(axis, one.along, norm[:, mode], marker, colour, direction, label)
         looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
-        axis.axhline(free[mode], label=f"mode {mode + 1}, without stop", **looks)
+        _free(axis, one.along, free[:, mode], label=f"mode {mode + 1}, without stop", **looks)
     axis.set_ylabel(labels.MODAL_NORM)
     if shown < frame.sizes["mode"]:
         title = f"the lowest {shown} of {frame.sizes['mode']} modes"

@@ -1,6 +1,7 @@
 """Orbit diagram: stroboscopic displacement of each floor along a sweep."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from textwrap import wrap
 from typing import NamedTuple
 
@@ -8,11 +9,11 @@ import numpy as np
 
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import orbits
-from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.diagrams.figure import Frame, lay_branches, load_frame, open_frame
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
 from hpcsweep.figures.fitting import dot
-from hpcsweep.figures.options import AMPLITUDES, FLOORS, OMEGA, Option
+from hpcsweep.figures.options import AMPLITUDES, BRANCHES, FLOORS, OMEGA, Option
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "orbit"
@@ -24,6 +25,7 @@ OPTIONS = (
     OMEGA,
     AMPLITUDES,
     FLOORS,
+    BRANCHES,
     Option(
         "--color",
         "what the colours show (default: direction)",
@@ -68,6 +70,7 @@ def draw(
     color: str = "direction",
     floors: Sequence[int] = (),
     amplitudes: Sequence[float] = (),
+    branches: Path | None = None,
 ):
     """Draw one frame of a campaign.
 
@@ -83,6 +86,8 @@ def draw(
         Shown, from 1; see `labels.choose_floors`.
     amplitudes : sequence of float, optional
         One, in place of `omega` for a sweep along that.
+    branches : Path, optional
+        Results file of branches along the same path, drawn beneath.
 
     Raises
     ------
@@ -90,10 +95,10 @@ def draw(
         If the file does not hold the variables to draw.
     """
     needed = ("poincare", *(("contact",) if color == "contact" else ()))
-    one = open_frame(results, omega, *needed, amplitudes=amplitudes, any_path=True)
+    one = open_frame(results, omega, *needed, amplitudes=amplitudes)
     structure = one.structure
     figure, axes = orbits.floor_panels(structure, floors, labels.along(one.study))
-    groups = _groups(color, one)
+    groups, keys = _groups(color, one), lay_branches(axes, one, branches)
     for floor, axis in axes.items():
         for group in groups:
             _scatter(axis, one.runs, group, floor)
@@ -104,7 +109,7 @@ def draw(
         apart = coexistence(one.runs, one.classes, one.study.units_at)
         regions = _mark_regions([*axes.values()], one, structure.contact_labels, apart)
         note = "\n".join(filter(None, (regions, labels.contacts_text(structure))))
-    _legend(figure, groups, color, one, note)
+    _legend(figure, groups, color, one, note, keys)
     return style.head(figure, one.caption)
 
 
@@ -216,7 +221,7 @@ def roman(number: int) -> str:
     return text
 
 
-def _legend(figure, groups: list[Group], color: str, one: Frame, note: str) -> None:
+def _legend(figure, groups: list[Group], color: str, one: Frame, note: str, keys: list) -> None:
     directions = [str(name) for name in one.runs["direction"].values]
     looks = [(style.MARKERS[d], 5, "none" if d == DOWN else None) for d in directions]
     if color == "direction":
@@ -230,4 +235,5 @@ def _legend(figure, groups: list[Group], color: str, one: Frame, note: str) -> N
         handles += [dot(word, "0.3", *look) for word, look in zip(words, looks, strict=True)]
     if (one.runs["orbit_period"].values[one.done] == 0).any():
         handles.append(dot("no orbit found", "0.3", ".", orbits.FINE_KEY))
+    handles += keys
     style.foot(figure, handles, one.results, one.classes, min(len(handles), MAX_COLUMNS), note)

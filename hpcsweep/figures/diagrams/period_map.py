@@ -17,6 +17,8 @@ from hpcsweep.figures.diagrams.special_curves import with_specials
 from hpcsweep.figures.inferred import drawn_classes, filled, inferred, is_by_period, note_of
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import as_kind
 
 VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov", "ductility")
 OF_ATTRACTORS = ("share", "number", IDENTITY)
@@ -36,8 +38,6 @@ OPTIONS = (
     CELLS,
     BRANCHES,
 )
-ALWAYS = ("no contact", "P1", "undecided", "no period found", "quasi-periodic", "chaotic")
-"""Motions whose share the legend states even if it is 0."""
 MAX_SETS = 14
 """Contact sets the legend names: the commonest."""
 MAX_PANELS = 9
@@ -61,7 +61,7 @@ def load(
     else:
         results = mesh.open_map(frames, value, direction, cells)
     if branches is not None:
-        results = with_specials(results, branches, frames.study.structure)
+        results = with_specials(results, branches, as_kind(frames.study, RunGrid))
     return results
 
 
@@ -115,7 +115,7 @@ def _classes(figure, axes, results) -> None:
     index = palette.motion_index(*(values[0] for values in drawn_classes(results)))
     mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, palette.MOTION_COLOURS))
     notes = is_by_period(results), _of_points(results)
-    mesh.legend_of_motions(figure, index, mesh.map_keys(results), ALWAYS, *notes)
+    mesh.legend_of_motions(figure, index, mesh.map_keys(results), *notes)
 
 
 def _contact_sets(figure, axes, results) -> None:

@@ -11,14 +11,23 @@ from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
 from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import AMPLITUDES, DIRECTION, FLOORS, OMEGA, Option, whole_number
 from hpcsweep.model.description import stops
-from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.run_names import SYMBOLS
 
 NAME = "phase"
 DRAWS = "motions"
-HELP = "phase portraits of the floors at --amplitude A ... or of orbit --period P ..."
+HELP = """\
+phase portraits of the floors at --amplitude A ..., or --along X ..., or of orbit
+--period P ..."""
 OPTIONS = (
     OMEGA,
     AMPLITUDES,
+    Option(
+        "--along",
+        "values of what the sweep is along, if not the amplitude; the nearest runs are drawn",
+        type=float,
+        nargs="+",
+        metavar="X",
+    ),
     Option(
         "--period",
         "orbit periods; an example of each is found in the sweep",
@@ -43,7 +52,7 @@ class DrawnRun(NamedTuple):
     """A run to draw: its index in the frame."""
 
     direction: int
-    amplitude: int
+    along: int
 
 
 def draw(
@@ -53,6 +62,7 @@ def draw(
     periods: Sequence[int] = (),
     direction: str | None = None,
     floors: Sequence[int] = (),
+    along: Sequence[float] = (),
 ):
     """Draw motions of one frame, one a row.
 
@@ -62,28 +72,35 @@ def draw(
     omega : float, optional
         The frame nearest to this frequency; default the first.
     amplitudes : sequence of float
-        The nearest amplitudes of the sweep are drawn.
+        The nearest amplitudes of the sweep are drawn; of a sweep along omega one, of the frame.
     periods : sequence of int
         Orbit periods, for each of which a motion is drawn; see `find_period`.
     direction : {"up", "down"}, optional
         For amplitudes default the first; for periods default any.
     floors : sequence of int, optional
         Shown, from 1; see `labels.choose_floors`.
+    along : sequence of float
+        Of a sweep along another parameter than the amplitude, its values.
 
     Raises
     ------
     PlotError
         If there is no such motion, or the file does not hold the variables to draw.
     """
-    if not len(amplitudes) and not len(periods):
-        raise style.PlotError("--kind phase needs --amplitude or --period")
-    one = open_frame(results, omega, "poincare")
+    of_amplitude = results["outcome"].dims[-1] == "amplitude"
+    chosen, given = (amplitudes, "amplitude") if of_amplitude else (along, "along")
+    if not len(chosen) and not len(periods):
+        raise style.PlotError(f"--kind phase needs --{given} or --period")
+    if of_amplitude and len(along):
+        raise style.PlotError(f"--along {along[0]:g}: the sweep is along amplitude: --amplitude")
+    own = () if of_amplitude else amplitudes
+    one = open_frame(results, omega, "poincare", amplitudes=own)
     frame, classes, structure = one.runs, one.classes, one.structure
     style.refuse_sliders("--kind phase", structure)
     index = palette.motion_index(classes, frame["orbit_period"].values)
-    motions = [_at_amplitude(frame, value, direction) for value in amplitudes]
+    motions = [_at(one, value, direction, given) for value in chosen]
     motions += [find_period(frame, classes, period, direction) for period in periods]
-    motions = sorted(dict.fromkeys(motions), key=lambda m: (m.amplitude, m.direction))
+    motions = sorted(dict.fromkeys(motions), key=lambda m: (m.along, m.direction))
     shown = labels.choose_floors(structure.n_floors, floors)
     columns = len(shown)
     size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
@@ -91,12 +108,15 @@ def draw(
     for row, motion in enumerate(motions):
         label, colour = _label(one, motion, row), palette.MOTION_COLOURS[index[motion]]
         _row(dict(zip(shown, axes[row], strict=True)), one, motion, label, colour)
-    for floor, axis in zip(shown * len(motions), axes.flat, strict=True):
-        _stops(axis, structure, floor)
+    for motion, row in zip(motions, axes, strict=True):
+        for floor, axis in zip(shown, row, strict=True):
+            _stops(axis, one.study.structure_at(motion.along), floor)
     for floor, axis in zip(shown, axes[-1], strict=True):
         axis.set_xlabel(labels.displacement(structure, floor), fontsize=9)
     _legend(figure, one, {index[motion] for motion in motions})
-    title = style.parameters(structure, one.omega, int(LETTERS * size[0]))
+    common = None if np.isnan(one.omega) else one.omega
+    every = one.study.structures
+    title = style.parameters(every[0], common, int(LETTERS * size[0]), every[-1])
     return style.head(figure, title, fontsize=9)
 
 
@@ -143,18 +163,17 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     )
 
 
-def _at_amplitude(frame, value: float, direction: str | None) -> DrawnRun:
-    amplitude = frame["amplitude"].values
-    step = float(np.diff(amplitude).max()) if amplitude.size > 1 else 0.0
-    if not amplitude[0] - step <= value <= amplitude[-1] + step:
+def _at(one: Frame, value: float, direction: str | None, given: str) -> DrawnRun:
+    along = one.along
+    step = float(np.diff(along).max()) if along.size > 1 else 0.0
+    if not along[0] - step <= value <= along[-1] + step:
         raise style.PlotError(
-            f"--amplitude {value:g}: the sweep goes from {amplitude[0]:g} to {amplitude[-1]:g}"
+            f"--{given} {value:g}: the sweep goes from {along[0]:g} to {along[-1]:g}"
         )
-    motion = DrawnRun(
-        style.direction_index(frame, direction), int(np.argmin(np.abs(amplitude - value)))
-    )
-    if frame["outcome"].values[motion] != Outcome.COMPLETE:
-        raise style.PlotError(f"--amplitude {value:g}: that run is not complete")
+    place = int(np.argmin(np.abs(along - value)))
+    motion = DrawnRun(style.direction_index(one.runs, direction), place)
+    if not one.done[motion]:
+        raise style.PlotError(f"--{given} {value:g}: that run is not complete")
     return motion
 
 
@@ -173,14 +192,15 @@ def orbit_curves(frame, motion: DrawnRun, structure) -> tuple[np.ndarray, np.nda
     from hpcsweep.solvers.trajectory import trajectory  # imports the compiler
 
     points = frame["poincare"].values[motion][:count]
-    amplitude, omega = float(frame["amplitude"].values[motion.amplitude]), float(frame["omega"])
+    run = frame.isel({frame["outcome"].dims[-1]: motion.along})
+    amplitude, omega = float(run["amplitude"]), float(run["omega"])
     curves = np.array([trajectory(structure, amplitude, omega, point) for point in points])
     return points, curves
 
 
 def _row(axes, one: Frame, motion: DrawnRun, label: str, colour: str) -> None:
     """Draw one motion on the axes of its floors."""
-    points, curves = orbit_curves(one.runs, motion, one.structure)
+    points, curves = orbit_curves(one.runs, motion, one.study.structure_at(motion.along))
     n = one.structure.n_floors
     many = len(points) > 16
     width, alpha = (0.25, 0.6) if many else (0.9, 1.0)
@@ -224,9 +244,10 @@ def _label(one: Frame, motion: DrawnRun, row: int) -> str:
         contact = int(frame["contact"].values[motion])
         name += f", {style.set_name(contact, one.structure.contact_labels)}"
     direction = str(frame["direction"].values[motion.direction])
-    amplitude = float(frame["amplitude"].values[motion.amplitude])
+    dim = one.study.run_dims[-1]
     letter = chr(ord("a") + row) if row < 26 else str(row + 1)
-    return f"({letter}) A = {amplitude:.5g}, {direction}: {name}"
+    where = f"{SYMBOLS.get(dim, dim)} = {float(one.along[motion.along]):.5g}"
+    return f"({letter}) {where}, {direction}: {name}"
 
 
 def _legend(figure, one: Frame, drawn: set[int]) -> None:

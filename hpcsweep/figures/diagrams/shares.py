@@ -1,4 +1,6 @@
-"""Shares of the box of starts that reach each attractor, against the forcing amplitude."""
+"""Shares of the box of starts that reach each attractor, along a path."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,15 +10,15 @@ from hpcsweep.figures.diagrams.attractor_diagram import legend, opened, starts_t
 from hpcsweep.figures.diagrams.figure import load_frame
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.fitting import blank
-from hpcsweep.figures.options import OMEGA
+from hpcsweep.figures.options import AMPLITUDES, OMEGA
 from hpcsweep.studies.attractors.attractors import AttractorGrid
 
 NAME = "shares"
 DRAWS = "attractors"
 HELP = """\
 shares of the starts that go to each attractor, stacked, and with their confidence
-intervals, against the forcing amplitude, one frame"""
-OPTIONS = (OMEGA,)
+intervals, along the path of one frame"""
+OPTIONS = (OMEGA, AMPLITUDES)
 MAX_COLUMNS = 7
 MIN_WIDTH, MIN_HEIGHT = 0.05, 0.1
 """Parts of the panel that an identity must fill to be named in it."""
@@ -25,7 +27,7 @@ TALL = 0.75
 load = load_frame
 
 
-def draw(results, omega: float | None = None):
+def draw(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
     """Draw one frame; colours show the motion.
 
     Raises
@@ -33,25 +35,24 @@ def draw(results, omega: float | None = None):
     PlotError
         If there is nothing to draw.
     """
-    frame, index, structure = opened(results, omega)
+    one, frame, index = opened(results, omega, amplitudes)
     study = style.study_of(results, AttractorGrid)
     figure, axes = style.new_figure(2, 6.6)
-    amplitude = frame["amplitude"].values
-    edges = edges_of(amplitude)
-    if amplitude.size > 1:
-        edges = np.clip(edges, *view.visible("x", amplitude[0], amplitude[-1]))
+    edges = edges_of(one.along)
+    if one.along.size > 1:
+        edges = np.clip(edges, *view.visible("x", one.along[0], one.along[-1]))
     layers = _layers(frame, study.starts)
     _stack(axes[0], edges, layers, index)
-    _name(axes[0], edges, layers, index, frame, structure.contact_labels)
+    _name(axes[0], edges, layers, index, frame, one.structure.contact_labels)
     axes[0].set(ylim=(0, 1), ylabel="share of the starts, stacked")
-    _intervals(axes[1], frame, index, edges[0], edges[-1])
+    _intervals(axes[1], one.along, frame, index, edges[0], edges[-1])
     axes[1].set(ylim=(-0.02, 1.02), ylabel=f"share, {100 * study.confidence:g} % interval")
-    axes[1].set_xlabel(labels.amplitude(structure))
+    axes[1].set_xlabel(labels.along(one.study))
     axes[1].set_xlim(edges[0], edges[-1])
     style.letter(axes)
     note = f"{starts_text(frame)}; named in (a): identity and contact set"
     legend(figure, frame, index, note, MAX_COLUMNS, [blank("reached none of them")])
-    return style.head(figure, style.caption(results, float(frame["omega"])), fontsize=10)
+    return style.head(figure, one.caption, fontsize=10)
 
 
 def _layers(frame, starts: int) -> dict[int, np.ndarray]:
@@ -123,15 +124,14 @@ def _name(axis, edges, layers: dict, index: np.ndarray, frame, labels) -> None:
             axis.text(*at, text, ha="center", va="center", fontsize=7, color=ink)
 
 
-def _intervals(axis, frame, index: np.ndarray, first: float, last: float) -> None:
-    """Draw each share with its confidence interval, whole at the first and last amplitude, too."""
-    amplitudes = frame["amplitude"].values
-    index = np.where((amplitudes >= first) & (amplitudes <= last), index.T, -1).T
+def _intervals(axis, along, frame, index: np.ndarray, first: float, last: float) -> None:
+    """Draw each share with its confidence interval, whole at the first and last place, too."""
+    index = np.where((along >= first) & (along <= last), index.T, -1).T
     low, high = frame["share_low"].values, frame["share_high"].values
     share = frame["share"].values
     for place in np.unique(index[index >= 0]).tolist():
         row, slot = np.nonzero(index == place)
-        at = amplitudes[row]
+        at = along[row]
         colour = palette.MOTION_COLOURS[place]
         looks = {"color": colour, "clip_on": False, "zorder": 3}
         axis.vlines(at, low[row, slot], high[row, slot], linewidth=0.7, alpha=0.6, **looks)

@@ -9,6 +9,7 @@ from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import palette
 from hpcsweep.figures.overlay import Overlay
 from hpcsweep.studies.branches.branches import Branches
+from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
 
 MARKS = {
@@ -23,25 +24,27 @@ SPECIALS = ("special_kind", "special_value")
 CURVES = ("curve_kind", "curve_of_step", "curve_amplitude", "curve_omega")
 
 
-def with_specials(results, path: Path, structure):
+def with_specials(results, path: Path, under: RunGrid):
     """Add the special points and curves of a file of branches to the results of a map.
 
     Raises
     ------
     PlotError
-        If the file holds no branches of the amplitude, or those of another structure.
+        If the file holds branches along another parameter, or those of another structure.
     """
-    with contextlib.closing(Overlay(path, structure)) as held:
+    with contextlib.closing(Overlay(path, under)) as held:
         study = as_kind(held.study, Branches)
         names = (*SPECIALS, *(CURVES if study.curves else ()))
         lines = held.frames.gather(names)
     of = {name: lines[name].values[0, :, 0] for name in names}
     kind = of["special_kind"]
     line, place = np.nonzero(kind)
+    at = {"amplitude": study.amplitude[line], "omega": study.omega[line]}
+    at[study.parameter] = of["special_value"][line, place]
     found = results.assign(
         special_kind=("special", kind[line, place]),
-        special_amplitude=("special", of["special_value"][line, place]),
-        special_omega=("special", study.omega[line]),
+        special_amplitude=("special", at["amplitude"]),
+        special_omega=("special", at["omega"]),
     )
     if study.curves:
         line, step = np.nonzero(of["curve_of_step"])

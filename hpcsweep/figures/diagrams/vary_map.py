@@ -82,7 +82,8 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     axes = frames.whole.study.axes
     if not axes:
         raise PlotError(f"{frames.path}: --kind {NAME} shows a key that a job varies ([vary])")
-    style.need_amplitudes(frames.study)
+    study = as_kind(frames.study, RunGrid)
+    style.need_amplitudes(study)
     names = [axis.name for axis in axes]
     free = [name for name in names if name not in frames.given]
     if over is None and free:
@@ -101,9 +102,11 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     if len(panels) > MAX_PANELS and not in_facets:
         others = ", ".join(name for name in free if name != over)
         raise PlotError(f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at")
-    if omega is not None:
-        style.check_omega(frames.study.omega, omega)
-    place = style.nearest_frame(frames.study.omega, omega)
+    frame_dim, along = study.run_dims[-2:]
+    over_amplitude = (frame_dim, along) == ("omega", "amplitude")
+    if omega is not None and frame_dim == "omega":
+        style.check_omega(study.omega, omega)
+    place = style.nearest_frame(study.frames, omega, frame_dim)
     motion, grazing, titles, from_cells = [], [], [], []
     for panel in panels:
         for row in rows:
@@ -112,11 +115,15 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
             at = style.direction_index(frame, direction)
             from_cells.append(float(inferred(frame)[at, 0].mean()))
             motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
-            grazing.append(frames.study.structure.grazing_amplitude(frame["omega"].item()))
+            graze = frames.study.structure.grazing_amplitude if over_amplitude else lambda _: np.nan
+            grazing.append(graze(float(frame["omega"].values.flat[0])))
         pairs = ((_words(n), written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
-    study, shape = frames.study, (len(panels), len(rows))
-    words = style.frequency_words(study.structure, float(study.omega[place]))
+    study, shape = as_kind(frames.study, RunGrid), (len(panels), len(rows))
+    own = labels.common(study.omegas_of(place))
+    words = "" if own is None else style.frequency_words(study.structure, own)
+    about = [labels.path_words(study, frame), rf"$\Omega$ = {words}" * bool(words)]
+    title = ",  ".join(filter(None, (*about[::-1], study.words[study.directions[at]])))
     return Panels(
         motion=np.array(motion).reshape(*shape, -1),
         grazing=np.array(grazing).reshape(shape),
@@ -124,8 +131,8 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         columns=sizes[-1] if in_facets else mesh.COLUMNS,
         key=_words(over) + labels.unit(study.structure, axes[key].units),
         values=axes[key].values,
-        title=rf"{frames.whole.name},  $\Omega$ = {words},  {study.words[study.directions[at]]}",
-        study=as_kind(study, RunGrid),
+        title=f"{frames.whole.name},  {title}",
+        study=study,
         by_period=is_by_period(frame),
         inferred=float(np.mean(from_cells)),
     )
@@ -147,13 +154,14 @@ def draw(results: Panels, **_options):
     for panel, axis in enumerate(axes):
         _panel(axis, results, panel)
         axis.set_title(re.sub(r", (?=[\w ]+ = )", "\n", results.titles[panel]), fontsize=9)
-        axis.set(xlabel=labels.amplitude(results.study.structure), ylabel=results.key)
+        axis.set(xlabel=labels.along(results.study), ylabel=results.key)
         axis.label_outer()
         if each is NARROW:
             axis.locator_params(axis="x", nbins=4)
     notes = results.by_period, bool(results.inferred)
-    grazing = [mesh.grazing_key(results.study.structure)]
-    mesh.legend_of_motions(figure, results.motion, grazing, (), *notes)
+    there = np.isfinite(results.grazing).any()
+    grazing = [mesh.grazing_key(results.study.structure)] if there else []
+    mesh.legend_of_motions(figure, results.motion, grazing, *notes)
     return style.head(figure, results.title, share_note(results.inferred))
 
 
@@ -167,7 +175,7 @@ def _panel(axis, results: Panels, panel: int) -> None:
     edges_to = (lambda y: np.exp(mesh.edges_of(np.log(y)))) if is_wide else mesh.edges_of
     edges = edges_to(heights)
     motions = mesh.of_classes(cells, palette.MOTION_COLOURS)
-    mesh.paint(axis, results.study.amplitude, heights, edges=edges_to, **motions)
+    mesh.paint(axis, results.study.along_of(0), heights, edges=edges_to, **motions)
     if is_wide:
         axis.set_yscale("log")
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):

@@ -24,21 +24,22 @@ def as_runs(frame, by_share: bool = False):
     Returns
     -------
     xarray.Dataset
-        Dimensions (direction, frame, amplitude, ...): a direction is a slot, which an attractor
-        keeps along the amplitudes. Where a slot has no attractor the motion is not computed.
+        Dimensions (direction, frame, along, ...): a direction is a slot, which an attractor keeps
+        along the path. Where a slot has no attractor the motion is not computed.
     """
     one = frame.isel(direction=0, drop=True).rename({DIMENSION: "direction"})
-    order = one["attractor_id"].isel(omega=0).transpose("amplitude", "direction").values
+    fixed, along = one["outcome"].dims
+    order = one["attractor_id"].isel({fixed: 0}).transpose(along, "direction").values
     order = np.argsort(order == 0, axis=1, kind="stable") if by_share else slots(order)
-    each = ("amplitude", np.arange(len(order)))
-    one = one.isel(direction=(("amplitude", "direction"), order), amplitude=each)
+    each = (along, np.arange(len(order)))
+    one = one.isel({"direction": ((along, "direction"), order), along: each})
     held = one["attractor_id"] > 0
     for name in ("outcome", "cycles"):
         one[name] = one[name].where(held, one[name].dtype.type(0))
     one["number"] = one["n_attractors"].where(held)
     one["share"] = one["share"].where(held)
     one[MOTION] = one["attractor_id"].dims, attractor_classes(one)
-    return one.transpose("direction", "omega", "amplitude", ...)
+    return one.transpose("direction", fixed, along, ...)
 
 
 def slots(identity: np.ndarray) -> np.ndarray:

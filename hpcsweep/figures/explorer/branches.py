@@ -14,8 +14,9 @@ def pack_branches(
     """Add the arrays of branches to a page, and describe the branches of each frame.
 
     All points stand one after the other: of the arrays over steps `branch_value`,
-    `branch_stable`, `branch_contact` and `branch_multiplier` a branch takes `count` from `step`, of
-    `branch_point` period x count states from `state`. Numbers are float32, bit for bit.
+    `branch_forcing`, `branch_stable`, `branch_contact` and `branch_multiplier` a branch takes
+    `count` from `step`, of `branch_point` period x count states from `state`. Numbers are float32,
+    bit for bit.
 
     Parameters
     ----------
@@ -35,6 +36,7 @@ def pack_branches(
     states = np.concatenate([one.points.reshape(-1, one.points.shape[-1]) for one in every])
     for name, numbers in (
         ("branch_value", np.concatenate([one.value for one in every])),
+        ("branch_forcing", np.concatenate([one.forcing for one in every], axis=1)),
         ("branch_point", states.T),
         ("branch_multiplier", np.concatenate((mu.real, mu.imag), axis=1).T),
     ):

@@ -17,6 +17,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.path import FORCING
 from hpcsweep.studies.study import as_kind
 
 POINT_BUDGET = 30_000_000
@@ -90,6 +91,7 @@ def gather(
     amplitude_step: int = 1,
     at: Mapping[str, float | str] | None = None,
     by_share: bool = False,
+    branches: Path | None = None,
 ) -> PageData:
     """Read a results file, one frame in memory at a time.
 
@@ -104,11 +106,13 @@ def gather(
         Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
     by_share : bool
         Whether attractors are shown by falling share at each point.
+    branches : Path, optional
+        Branches along its paths.
 
     Raises
     ------
-    StoreError
-        If the file is not a campaign file.
+    StoreError, PlotError
+        If the file is not a campaign file, or that of branches does not fit.
     """
     from hpcsweep.store import Frames, Grid
 
@@ -117,17 +121,15 @@ def gather(
     style.refuse_sliders(f"{path}: explore", study.structure)
     rows = range(0, grid.rows.size, frame_step)
     if len(rows) * grid.along.size > MAX_CELLS:
-        raise style.PlotError(
-            f"{path}: its points lie on a grid of {grid.rows.size} frequencies and "
-            f"{grid.along.size} amplitudes, more than {MAX_CELLS} places"
-        )
+        size = f"{grid.rows.size} frequencies and {grid.along.size} amplitudes"
+        most = f"more than {MAX_CELLS} places"
+        raise style.PlotError(f"{path}: its points lie on a grid of {size}, {most}")
     if by_share and study.holds != "attractors":
         raise style.PlotError(f"{path}: --by-share: holds no attractors")
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points
-    limit = stored if most_points is None else most_points
+    limit, held = stored if most_points is None else most_points, 0
     runs, points = [], []
-    held = 0
     tell = counted("reading frame")
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
@@ -158,6 +160,7 @@ def gather(
         runs={name: np.stack([frame[name] for frame in runs]) for name in runs[0]},
         labels=words,
         points=np.concatenate(points),
+        branches=_branches_of(branches, study, grid.rows[::frame_step]) if branches else [],
         thinned={
             "points": min(limit, stored),
             "of_points": study.settings.sampling_cycles,
@@ -180,19 +183,14 @@ def _steps(study: RunGrid, frame_step: int, step: int) -> dict[str, list]:
     }
 
 
-def add_branches(study: PageData, path: Path) -> None:
-    """Add the branches of a file, at those of the frames where it has a line.
-
-    Raises
-    ------
-    StoreError, PlotError
-        If the file does not fit; one line for the user.
-    """
-    if study.steps:
-        raise style.PlotError(f"--branches {path}: the sweep is along {study.dims[-1]}")
-    with contextlib.closing(Overlay(path, study.structure)) as overlay:
-        overlay.need(study.omega)
-        study.branches = [overlay.at(one) for one in study.omega.tolist()]
+def _branches_of(path: Path, study: RunGrid, values: np.ndarray) -> list[list[Drawn]]:
+    """Read the branches of a file along the frames of some values, none where it has no line."""
+    if study.run_dims[-1] not in FORCING:
+        raise style.PlotError(f"--branches {path}: the sweep is along {study.run_dims[-1]}")
+    order = [int(np.flatnonzero(study.frames == value)[0]) for value in values]
+    with contextlib.closing(Overlay(path, study)) as overlay:
+        overlay.need(order)
+        return [overlay.at(frame) for frame in order]
 
 
 def _codes(frame) -> dict[str, np.ndarray]:

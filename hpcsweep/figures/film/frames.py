@@ -144,7 +144,7 @@ class Film:
                 raise PlotError(f"{request.file}: holds no {name}: {wanted}")
         self.study = as_kind(self.frames.study, RunGrid)
         self.structure = self.frames.job.structure
-        style.need_amplitudes(self.study, any_path=True)
+        style.need_amplitudes(self.study)
         self.measure: ShownMeasure | None = None
         if request.show:
             self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
@@ -156,9 +156,8 @@ class Film:
         if request.branches:
             if request.show:
                 raise PlotError(f"--branches {request.branches}: does not go with --show")
-            style.need_amplitudes(self.study)
-            self.overlay = Overlay(request.branches, self.structure)
-            self.overlay.need(self.study.omega[self.order])
+            self.overlay = Overlay(request.branches, self.study)
+            self.overlay.need(self.order)
         there = self.study.directions
         self.directions = there if request.direction == "both" else (request.direction,)
         if not {*self.directions} <= {*there}:
@@ -196,7 +195,7 @@ class Film:
 
     def branches(self, frame: int) -> list[Drawn]:
         """Return the branches that lie under the points of one frame."""
-        return self.overlay.at(float(self.study.omega[frame])) if self.overlay else []
+        return self.overlay.at(frame) if self.overlay else []
 
     def survey(self, frame: int) -> FrameSurvey | None:
         """Find ranges and classes of one frame, None if no run of it is complete."""

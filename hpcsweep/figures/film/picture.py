@@ -9,15 +9,13 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.film.frames import Common, Film
 from hpcsweep.figures.fitting import area, dot, legend_below
-from hpcsweep.figures.overlay import Drawn
+from hpcsweep.figures.overlay import Drawn, lay, overlay_keys
 from hpcsweep.solvers.outcome import Outcome
 
 PIXELS = 1280, 960
 """Width of a frame of MP4 and of GIF, unless it is requested."""
 WIDTH = 12.8
 """Inches: sizes of letters and points are those of figures."""
-STABLE, UNSTABLE = (palette.DARK_INK, 2.2), ("#8c8c8c", 0.7)
-"""Colour of a branch, and width."""
 SCALE, BAND, REST = 0.12, 0.24, 2.0
 """Heights of the scale, of a contact band, and of what is around the panels (inches)."""
 PANELS, MIN_PANEL, MAX_PANEL = 7.2, 1.0, 2.4
@@ -161,12 +159,8 @@ class Picture:
                     yield self.bands.text(*at, name, color=palette.ink(colours[place]), **looks)
 
     def _branches(self, branches: Sequence[Drawn]) -> Iterator[Any]:
-        pieces = [(one, *piece) for one in branches for piece in one.pieces()]
-        for one, piece, steady in sorted(pieces, key=lambda entry: entry[-1]):  # stable on top
-            colour, width = STABLE if steady else UNSTABLE
-            for floor, panel in zip(self._film.floors, self.panels, strict=True):
-                drawn = one.value[piece], one.points[piece, :, floor]
-                yield from panel.plot(*drawn, color=colour, lw=width)
+        for floor, panel in zip(self._film.floors, self.panels, strict=True):
+            yield from lay(panel, branches, floor)
 
     def _points(self, frame: Mapping[str, np.ndarray]) -> Iterator[Any]:
         points, large = frame["poincare"], frame["orbit_period"] > 0
@@ -215,13 +209,10 @@ class Picture:
 
     def _add_legend(self) -> None:
         """Put the keys of points, branches and contact sets below the panels."""
-        from matplotlib.lines import Line2D
-
         points = {} if self._film.request.color == "contact" else self.keys
         handles: list[Any] = [dot(name, colour) for colour, name in points.values()]
         if self._film.overlay:
-            for (colour, width), word in ((STABLE, "stable branch"), (UNSTABLE, "unstable")):
-                handles.append(Line2D([], [], color=colour, linewidth=width, label=word))
+            handles += overlay_keys()
         sets = [*self.sets.values()]
         handles += [area(name, colour) for colour, name in sets[:MAX_SETS]]
         if len(sets) > MAX_SETS:

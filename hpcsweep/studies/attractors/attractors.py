@@ -1,15 +1,16 @@
 """Study of all attractors over forcing amplitude and frequency, with shares of a box of states.
 
-A frame is a path of ascending amplitudes. At each amplitude the attractors of the previous one are
-continued: a point of each is a seed, whose motion is classified first. Then the starts are
-classified (`hpcsweep.dynamics.attractors`), and the attractors are matched to those of the previous
-amplitude by the distance of their points (`hpcsweep.dynamics.known`): near ones keep their
-identity, others get a new one. Seeds do not count for shares; an attractor that only a seed reached
-has share 0 with the interval of no hit in all starts.
+A frame is a path, of ascending amplitudes or along another parameter (`hpcsweep.studies.path`). At
+each place the attractors of the previous one are continued: a point of each is a seed, whose motion
+is classified first. Then the starts are classified (`hpcsweep.dynamics.attractors`), and the
+attractors are matched to those of the previous place by the distance of their points
+(`hpcsweep.dynamics.known`), in the units of the present one: near ones keep their identity, others
+get a new one. Seeds do not count for shares; an attractor that only a seed reached has share 0 with
+the interval of no hit in all starts.
 
-An amplitude inherits from the previous one its identities, its stored points and the largest
-identity so far: variables of the file, so that a path resumes where it was cut. Everything else
-depends only on the structure, A, Omega and the job.
+A place inherits from the previous one its identities, its stored points and the largest identity so
+far: variables of the file, so that a path resumes where it was cut. Everything else depends only on
+the structure, A, Omega and the job.
 """
 
 from collections.abc import Mapping
@@ -19,14 +20,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors import search
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import SLOTS, attractor_variables
-from hpcsweep.studies.blocks import Block, Poll, Rows
-from hpcsweep.studies.grid import UP, AlongAmplitudes, RunGrid
+from hpcsweep.studies.blocks import Amplitudes, Block, Poll, Rows, joined
+from hpcsweep.studies.grid import UP, RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
+from hpcsweep.studies.path import ALONG, Followed
+from hpcsweep.studies.path_grid import PathGrid
 from hpcsweep.studies.point_grid import POINTS, PointGrid
 from hpcsweep.studies.refinement import REFINE, read_refinement
 from hpcsweep.studies.study import StudyTally
@@ -41,12 +45,13 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     yields: ClassVar[bool] = True
     kind: ClassVar[str] = "attractors"
     summary: ClassVar[str] = (
-        "at each amplitude all attractors that starts of a box reach, and their shares"
+        "at each amplitude, or place of another path, all attractors that starts of a box reach, "
+        "and their shares"
     )
     run_noun: ClassVar[str] = "point"
     words: ClassVar[dict[str, str]] = {UP: "continued up"}
     direction_name: ClassVar[str] = "direction in which attractors are continued"
-    keys: ClassVar[Tables] = {"study": (*search.KEYS, POINTS, REFINE), "sweep": OMEGA}
+    keys: ClassVar[Tables] = {"study": (*search.KEYS, POINTS, REFINE), "sweep": (*OMEGA, ALONG)}
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
     holds: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"
@@ -59,23 +64,22 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     )
 
     @classmethod
-    def read(cls, values, **common) -> "AttractorGrid":
+    def read(cls, values, followed: Followed | None = None, **common) -> "AttractorGrid":
         """Read starts, box and limits of a job; see `RunGrid.read`."""
         structure, settings = common["structure"], common["settings"]
         if values.get("output.poincare", True) is not True:
             raise values.error("output.poincare", False, "must be true: attractors are continued")
-        limits = search.read_search(values, structure)
+        limits = search.read_search(values, followed.structures if followed else (structure,))
         metrics = frozenset(settings.metrics) | {"poincare", "lyapunov"}
         common["settings"] = replace(settings, metrics=metrics, classify_cycles=None)
         refine = read_refinement(values, common["settings"], common["block_size"], ("number",))
         common |= {"directions": (UP,), **limits}
         if refine is not None or values.has("study.points"):
+            if (along := values.get("sweep.along", ALONG.default)) != ALONG.default:
+                limit = "goes with neither study.points nor study.refine: their points are no path"
+                raise values.error("sweep.along", along, limit)
             return AttractorPoints.of(values, refine=refine, **common)
-        return cls(
-            omega=values.frequencies("sweep.omega"),
-            amplitude=values.amplitudes("sweep.amplitude"),
-            **common,
-        )
+        return Attractors(**Attractors.read_grid(values, followed), **common)
 
     @property
     def starting_range(self) -> dict[str, tuple[int, float, float]]:
@@ -112,16 +116,22 @@ class AttractorGrid(search.SearchLimits, RunGrid):
             "attractor": numbered(self.max_attractors, "attractor, by falling share"),
         }
 
-    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
+    def stretch(
+        self,
+        structure: Structure,
+        omega: float,
+        amplitudes: Amplitudes,
+        state: np.ndarray,
+        poll: Poll = None,
+    ) -> Rows:
         """Find the attractors of consecutive amplitudes; `state` is an `end_state`."""
         # imported here: reading results needs no kernels
         from hpcsweep.studies.attractors.runs import AttractorRuns
 
-        runs = AttractorRuns(self.moving, float(self.omega[frame]), self.settings, self)
-        return runs.follow(self.amplitudes_of(frame)[places], state, poll)
+        return AttractorRuns(structure, omega, self.settings, self).follow(amplitudes, state, poll)
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
-        """Return the attractors of a point, from which the next amplitude starts."""
+        """Return the attractors of a point, from which the next one starts."""
         points = np.nan_to_num(rows["poincare"][row])
         ids, counts = rows["attractor_id"][row], rows["n_points"][row]
         each = np.column_stack((ids, counts, points.reshape(len(points), -1)))
@@ -157,14 +167,11 @@ class AttractorGrid(search.SearchLimits, RunGrid):
         return broken_relations(self, rows)
 
 
-class Attractors(AlongAmplitudes, AttractorGrid):
-    """Attractors along amplitudes, a frame a task."""
+@dataclass(frozen=True, eq=False)
+class Attractors(PathGrid, AttractorGrid):
+    """Attractors along paths, a frame a task."""
 
-    grid_fields: ClassVar[tuple[str, ...]] = ("omega", "amplitude", "directions", "block_size")
-
-    def cut(self, frames: slice) -> dict[str, Any]:
-        """Return the fields of a study of some frames."""
-        return {"omega": self.omega[frames]}
+    carries: ClassVar[str] = "attractors are continued, and keep their identity,"
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +188,6 @@ class AttractorPoints(PointGrid, AttractorGrid):
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of amplitudes, each from the same state."""
-        alone = super().runs_at
-        found = [alone(frame, at, state, poll) for at in places[:, None]]
-        return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+        at, omega = self.amplitudes_of(frame), float(self.omega[frame])
+        alone = [self.stretch(self.moving, omega, at[[k]], state, poll) for k in places.tolist()]
+        return joined(alone)

@@ -119,9 +119,10 @@ def read_limits(values, what: str) -> dict[str, Any]:
     return {key.name: values.read("study", key) for key in SEARCH}
 
 
-def read_search(values, structure: Structure) -> dict[str, Any]:
-    """Read the fields of `SearchLimits`."""
-    n, reach = structure.n_floors, usual_reach(structure)
+def read_search(values, structures: Iterable[Structure]) -> dict[str, Any]:
+    """Read the fields of `SearchLimits`; the box is one for all structures along a path."""
+    reach = np.max([usual_reach(one) for one in structures], axis=0)
+    n = len(reach) // 2
     limits = read_limits(values, "attractors")
     limits |= {key.name: values.read("study", key) for key in (CONFIDENCE, MATCH_DISTANCE)}
     ends = [

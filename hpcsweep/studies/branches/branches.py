@@ -22,7 +22,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
 from hpcsweep.studies.branches import variables
 from hpcsweep.studies.branches.invariants import broken_relations
-from hpcsweep.studies.branches.keys import KEYS, BranchGrid, read_lines
+from hpcsweep.studies.branches.keys import CHECKED, KEYS, BranchGrid, read_lines
 from hpcsweep.studies.branches.tally import BranchTally
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
@@ -59,6 +59,7 @@ class Branches(BranchGrid):
     words: ClassVar[dict[str, str]] = {START: "branches through the motions of files"}
     direction_name: ClassVar[str] = "what is followed"
     keys: ClassVar[Tables] = {"study": (POINTS,), "branches": KEYS, "sweep": OMEGA}
+    without: ClassVar[tuple[str, ...]] = ("output",)
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
     always: ClassVar[frozenset[str]] = frozenset(["impacts"])
     """An orbit's signature counts them."""
@@ -75,25 +76,22 @@ class Branches(BranchGrid):
         if settings.solver != "flow":
             limit = 'must be "flow": branches need exact tangent maps'
             raise values.error("solver.method", settings.solver, limit)
-        if common["block_size"] != 1:
-            given = values.get("output.block")
-            raise values.error("output.block", given, "must be 1, each line a block")
         common["settings"] = replace(settings, metrics=frozenset(), classify_cycles=None)
         return cls(directions=(START,), **read_lines(values, structure), **common)
 
     @property
     def covered(self) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies and amplitudes of the branches: of the parameter its span."""
-        omega, amplitude = super().covered
-        along = {self.parameter: np.array(self.span)}
-        return along.get("omega", omega), along.get("amplitude", amplitude)
+        omega, amplitude = self.forcing(np.linspace(*self.span, CHECKED))
+        return np.unique(omega), np.unique(amplitude)
 
     def lines(self) -> Lines:
         """Tell the ranges, and what is followed from where."""
         yield from super().lines()
         low, high = self.span
         through = f"through the periodic motions of {', '.join(self.seeds)}"
-        yield "branches", f"along {self.parameter} from {low:.6g} to {high:.6g}, {through}"
+        along = f"along {self.parameter} from {low:.6g} to {high:.6g}"
+        yield "branches", ", ".join([along, *self.ties, through])
 
     def cut(self, frames: slice) -> dict[str, Any]:
         """Return the fields of a study of some lines; none where strips lie between lines."""
@@ -103,11 +101,12 @@ class Branches(BranchGrid):
     def where(self, line: int) -> Where:
         """Return of which motions of the files the seeds of a line are."""
         omega, amplitude = float(self.omega[line]), float(self.amplitude[line])
-        along = {self.parameter: self.span}
+        along = dict.fromkeys(self.moves, (0.0, np.inf)) | {self.parameter: self.span}
         return Where(
             self.structure,
             along.get("omega", (omega, omega)),
             along.get("amplitude", (amplitude, amplitude)),
+            self.given_by,
         )
 
     def with_reader(self, reader: Reader) -> Self:
@@ -172,11 +171,11 @@ class Branches(BranchGrid):
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
-        """Frequency and amplitude of each line, NaN where it is the parameter."""
+        """Frequency and amplitude of each line, NaN where they change along it."""
         lines = variables.LINE_OMEGA, variables.LINE_AMPLITUDE
         told = zip(FORCING_PARAMETERS[::-1], lines, (self.omega, self.amplitude), strict=True)
         return [
-            (variable, np.full_like(values, np.nan) if name == self.parameter else values)
+            (variable, np.full_like(values, np.nan) if name in self.moves else values)
             for name, variable, values in told
         ]
 
@@ -213,10 +212,11 @@ class Branches(BranchGrid):
         ]
 
     def _placed_at(self, value: float) -> dict[str, Any]:
+        own: dict[str, Any] = {self.parameter: value}
+        found: dict[str, Any] = {name: of(**own) for name, of in self.given_by.items()}
         if self.parameter in FORCING_PARAMETERS:
-            return {self.parameter: value}
-        changed: dict[str, Any] = {self.parameter: value}
-        return {"structure": replace(self.structure, **changed)}
+            return found | own
+        return found | {"structure": replace(self.structure, **own)}
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count branches, and the seeds that lie on them."""
@@ -248,5 +248,5 @@ class Branches(BranchGrid):
     def describe_task(self, task: int) -> str:
         """Describe a line by what is fixed on it."""
         values = {"omega": ("Omega", self.omega), "amplitude": ("A", self.amplitude)}
-        fixed = [one for name, one in values.items() if name != self.parameter]
-        return ", ".join(f"{symbol} = {each[task]:.6g}" for symbol, each in fixed)
+        fixed = [one for name, one in values.items() if name not in self.moves]
+        return ", ".join(f"{symbol} = {each[task]:.6g}" for symbol, each in fixed) or "the line"

@@ -1,15 +1,23 @@
 """Keys of a study of branches, and the fields that are read from them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS, PARAMETERS, check_parameter
+from hpcsweep.dynamics.continuation.forced import (
+    FORCING_PARAMETERS,
+    PARAMETERS,
+    ForcedMap,
+    check_parameter,
+)
 from hpcsweep.dynamics.continuation.plane import KINDS
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import Key
+from hpcsweep.studies.path import FORCING, Tie
 from hpcsweep.studies.point_grid import read_points
 
 PARAMETER = Key("parameter", "what changes along a branch", "amplitude", PARAMETERS)
@@ -24,6 +32,8 @@ _NUMBERS = (
     Key("max_curves", "room for curves of each line", 256, (1, 10_000)),
     Key("max_curve_points", "room for points of curves of each line", 5000, (1, 10_000_000)),
 )
+CHECKED = 101
+"""Values of the span at which formulas are checked."""
 NUMBERS = {key.name: key for key in _NUMBERS}
 KEYS = (
     Key(
@@ -76,6 +86,9 @@ class BranchGrid(RunGrid):
         Lowest and highest frequency of curves, where they are followed.
     max_curves, max_curve_points : int
         Room of a line; of meetings an eighth of `max_curve_points`.
+    formulas : tuple of Tie
+        What gives frequency or amplitude along the parameter; `omega` and `amplitude` then hold
+        what it gives at the end of the span.
     """
 
     seeds: tuple[str, ...]
@@ -92,15 +105,52 @@ class BranchGrid(RunGrid):
     curve_span: tuple[float, float] = (0.0, 0.0)
     max_curves: int = NUMBERS["max_curves"].default
     max_curve_points: int = NUMBERS["max_curve_points"].default
+    formulas: tuple[Tie, ...] = ()
+
+    @property
+    def ties(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Formulas of frequency and amplitude, in words."""
+        return tuple(tie.words for tie in self.formulas)
+
+    @property
+    def moves(self) -> tuple[str, ...]:
+        """The parameter, and what formulas give along it."""
+        return (self.parameter, *self.given_by)
+
+    @property
+    def given_by(self) -> dict[str, Callable[..., float]]:
+        """What gives the frequency or the amplitude along the parameter."""
+        return {tie.name: tie.of for tie in self.formulas}
+
+    def forced(self, line: int, poll: Poll = None) -> ForcedMap:
+        """Return the stroboscopic map of a line."""
+        return ForcedMap(
+            self.structure,
+            float(self.amplitude[line]),
+            float(self.omega[line]),
+            self.parameter,
+            self.settings.rtol,
+            poll,
+            ties=self.given_by,
+        )
+
+    def forcing(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the frequencies and amplitudes of lines at values, shapes (n_lines, n_values)."""
+        shape = self.omega.size, len(values)
+        known = {name: np.tile(getattr(self, name)[:, None], shape[1]) for name in FORCING}
+        known[self.parameter] = np.tile(values, (shape[0], 1))
+        for name, of in self.given_by.items():
+            known[name][:] = [of(**{self.parameter: value}) for value in values.tolist()]
+        return known["omega"], known["amplitude"]
 
 
 def _read_curves(values, parameter: str, omega: np.ndarray) -> dict:
     """Read which curves are followed, and over which frequencies."""
     given = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
-    if given and parameter != "amplitude":
-        limit = 'must be "amplitude" where branches.curves are followed'
+    if given and (parameter != "amplitude" or omega.size == 0):
+        limit = 'must be "amplitude", without formulas, where branches.curves are followed'
         raise values.error("branches.parameter", parameter, limit)
-    whole = [float(omega.min()), float(omega.max())]
+    whole = [float(omega.min()), float(omega.max())] if omega.size else [1.0, 1.0]
     span, low, high = _pair_of(values, "branches.curve_span", whole)
     values.check_range("branches.curve_span", omega=(low, high))
     if given and not (low < high and low <= omega.min() and omega.max() <= high):
@@ -116,20 +166,36 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
         check_parameter(structure, parameter)
     except ValueError as error:
         raise values.error("branches.parameter", parameter, str(error)) from None
-    listed = values.has("study.points")
+    listed, table = values.has("study.points"), values.table("sweep")
+    texts = {name: table[name] for name in FORCING if isinstance(table.get(name), str)}
+    if parameter in texts:
+        limit = "must be numbers: the branches are along it"
+        raise values.error(f"sweep.{parameter}", texts[parameter], limit)
     if listed and parameter in FORCING_PARAMETERS:
         given = values.get("study.points")
         limit = f"must not be given along {parameter}: sweep.omega and sweep.amplitude make lines"
         raise values.error("study.points", given, limit)
-    omega, amplitude = read_points(values)
+    if listed:
+        omega, amplitude = read_points(values)
+    else:
+        read = {"omega": values.frequencies, "amplitude": values.amplitudes}
+        omega, amplitude = (
+            np.empty(0) if name in texts else read[name](f"sweep.{name}") for name in FORCING
+        )
     span = _span_of(values, parameter, omega, amplitude)
     # the parameter of a line is at the end of its span
     ends = np.array(span[1:])
-    first = ends if parameter == "omega" else omega
-    second = ends if parameter == "amplitude" else amplitude
-    lines = [omega, amplitude]
+    own = {"omega": omega, "amplitude": amplitude} | ({} if listed else {parameter: ends})
+    given = {name: each for name, each in own.items() if name not in texts}
     if not listed:
-        lines = [each.ravel() for each in np.meshgrid(first, second, indexing="ij")]
+        mesh = np.meshgrid(*given.values(), indexing="ij")
+        given = {name: each.ravel() for name, each in zip(given, mesh, strict=True)}
+    formulas, n_lines = [], next(iter(given.values())).size
+    for name, text in texts.items():
+        formulas.append(values.tie(f"sweep.{name}", text, (parameter,)))
+        tied = values.tied(f"sweep.{name}", text, {parameter: np.linspace(*span, CHECKED)})
+        given[name] = np.full(n_lines, tied[-1])
+    lines = [given[name] for name in FORCING]
     seeds = values.get("branches.seeds")
     return {
         "omega": lines[0],
@@ -137,6 +203,7 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
         "seeds": values.names("branches.seeds", seeds, "a results file, or a list of them"),
         "parameter": parameter,
         "span": span,
+        "formulas": tuple(formulas),
         **_read_curves(values, parameter, omega),
         **{key.name: values.read("branches", key) for key in NUMBERS.values()},
     }

@@ -50,9 +50,7 @@ def line_of(study: BranchGrid, line: int, seeds: Seeds, poll: Poll = None) -> Ro
         The variables of the study, first axis of size 1.
     """
     omega, amplitude = float(study.omega[line]), float(study.amplitude[line])
-    forced = ForcedMap(
-        study.structure, amplitude, omega, study.parameter, study.settings.rtol, poll
-    )
+    forced = study.forced(line, poll)
     low, high = study.span
     longest = study.settings.max_orbit_period
     catalogue = Catalogue(

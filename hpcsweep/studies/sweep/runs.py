@@ -42,7 +42,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
-from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
+from hpcsweep.studies.blocks import Amplitudes, Poll, Rows, joined
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import (
     Classification,
@@ -273,13 +273,6 @@ class FrameRuns:
         moved = self.solver, amplitude, seen.points, found.orbit_period
         result |= spectrum_variables(*moved, self.settings, poll)
         store(row, self.structure, self.solver.omega, amplitude, result)
-
-
-def joined(parts: list[Rows]) -> Rows:
-    """Return the rows of parts, one after the other."""
-    if len(parts) == 1:
-        return parts[0]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def chaotic_cycles(rows: Rows, row: int) -> int:

@@ -81,8 +81,9 @@ class Branches {
     return found;
   }
 
-  value({ branch, k }) {
-    return this.study.data.branch_value[branch.step + k];
+  forcing({ branch, k }) {
+    const [amplitude, omega] = [0, this.steps].map((o) => this.study.data.branch_forcing[o + branch.step + k]);
+    return { amplitude, omega };
   }
 
   // Rows of the table of numbers.
@@ -106,11 +107,12 @@ class Branches {
 
   // The orbit, each forcing period integrated from its stored point, as an unstable one needs it;
   // with the contacts that close and open, and how far it is from closing.
-  orbit(point, omega) {
+  orbit(point) {
     const { study } = this;
+    const { amplitude, omega } = this.forcing(point);
     const { structure } = study;
     const n = 2 * study.nFloors;
-    const integrator = new Integrator(structure, this.value(point), omega);
+    const integrator = new Integrator(structure, amplitude, omega);
     const state = (turn) => Float64Array.from({ length: n }, (_, i) =>
       this.component(point.branch, point.k, turn % point.branch.period, i));
     const result = { line: [], points: [], closed: 0, signature: [], failed: false, periodic: true };

@@ -124,12 +124,12 @@ class Explorer {
   }
 
   showBranch(point) {
-    const omega = this.study.omega[this.diagrams.frame];
     const { branches } = this.diagrams;
+    const { amplitude, omega } = branches.forcing(point);
     byId("portrait-title").textContent =
       `Phase portrait of branch ${point.branch.number} at A = ` +
-      `${amplitudeWords(this.study, branches.value(point))}, Ω = ${omegaWords(this.study, omega)}`;
-    const orbit = branches.orbit(point, omega);
+      `${amplitudeWords(this.study, amplitude)}, Ω = ${omegaWords(this.study, omega)}`;
+    const orbit = branches.orbit(point);
     this.portraits.show(orbit);
     this.orbit = orbit;
     byId("portrait-note").textContent =
@@ -196,13 +196,13 @@ class Explorer {
     const { study } = this;
     const { frame, amplitude } = this.pin;
     const { pointed, branches } = this.diagrams;
+    const driven = pointed ? branches.forcing(pointed) : drive(study, frame, amplitude);
     if (pointed) {
       return [
-        [`A${unit(study, "acceleration")}`, shortNumber(branches.value(pointed), 7)],
-        [`Ω${unit(study, "frequency")}`, shortNumber(study.omega[this.diagrams.frame], 7)],
+        [`A${unit(study, "acceleration")}`, shortNumber(driven.amplitude, 7)],
+        [`Ω${unit(study, "frequency")}`, shortNumber(driven.omega, 7)],
         ...branches.numbers(pointed)];
     }
-    const driven = drive(study, frame, amplitude);
     const { key, quantity } = study.axes.x;
     const rows = [
       ...(key ? [[key + unit(study, quantity), shortNumber(study.amplitude[amplitude], 7)]] : []),

@@ -1,13 +1,14 @@
-"""Paths of sweeps: the forcing and the structure at each value of one parameter.
+"""Paths: the forcing and the structure at each value of one parameter.
 
 A path leads along the amplitude unless the job says otherwise, at each frequency as it is. Along
 another parameter (``sweep.along``), or where a formula ties frequency or amplitude to it, every
-step has a frequency, an amplitude and a structure of its own. A run depends on these and on the
-state at the end of the run before it, which is taken at phase 0 of the forcing: so it is carried
-along as it is, whatever changes.
+step has a frequency, an amplitude and a structure of its own. A run depends on these and on
+what the run before it has left: states at phase 0 of the forcing, carried along as they are,
+whatever changes.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,15 +22,43 @@ FORCING = {"omega": OMEGA, "amplitude": AMPLITUDE}
 """Unit and long name of what drives each step."""
 ALONG = Key(
     "along",
-    'parameter along which the state is carried from run to run: `"amplitude"`, `"omega"`, or a '
+    'parameter along which states are carried from run to run: `"amplitude"`, `"omega"`, or a '
     "key of structure, pounding or `building[0]` whose values `[vary]` has "
     "([how](studies.md#sweeps-along-other-parameters))",
     "amplitude",
 )
 
 
+@dataclass(frozen=True)
+class Tie:
+    """A formula that gives the frequency or the amplitude.
+
+    Attributes
+    ----------
+    name : {"omega", "amplitude"}
+    text : str
+        The formula, written in one way.
+    of : callable
+        Takes numbers by their names, also of those that it does not use; NaN where it has no value.
+    """
+
+    name: str
+    text: str
+    of: Callable[..., float] = field(compare=False, repr=False)
+
+    @property
+    def meaning(self) -> tuple:
+        """What identifies it."""
+        return self.name, self.text
+
+    @property
+    def words(self) -> str:
+        """The formula in words."""
+        return f"{self.name} = {self.text}"
+
+
 class Followed(NamedTuple):
-    """A key along which a sweep leads, its ascending values, and the structure at each."""
+    """A key along which a path leads, its ascending values, and the structure at each."""
 
     name: str
     key: str
@@ -39,8 +68,8 @@ class Followed(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class SweepPath:
-    """Steps of a sweep, the same number in each frame.
+class Steps:
+    """Steps of paths, the same number in each frame.
 
     Attributes
     ----------
@@ -95,8 +124,8 @@ class SweepPath:
         return ", ".join([text, *self.ties])
 
 
-def read_path(values: Any, followed: Followed | None) -> SweepPath | None:
-    """Read the path of a job's sweeps; None along the amplitude, each at one frequency.
+def read_path(values: Any, followed: Followed | None) -> Steps | None:
+    """Read the paths of a job; None along the amplitude, each at one frequency.
 
     Parameters
     ----------
@@ -131,4 +160,4 @@ def read_path(values: Any, followed: Followed | None) -> SweepPath | None:
         known[name] = values.tied(f"sweep.{name}", text, known)
     words = tuple(f"{name} = {text}" for name, text in ties.items())
     omega, amplitude = (np.ascontiguousarray(known[name]) for name in FORCING)
-    return SweepPath(followed, frame, frames, omega, amplitude, words)
+    return Steps(followed, frame, frames, omega, amplitude, words)

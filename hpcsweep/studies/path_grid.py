@@ -1,0 +1,161 @@
+"""Base of studies each frame of which is a path: along the amplitude, or any other parameter."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hpcsweep.model.structure import Structure
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, joined
+from hpcsweep.studies.grid import DOWN, RunGrid
+from hpcsweep.studies.path import FORCING, Followed, Steps, read_path
+from hpcsweep.studies.run_names import run_name
+from hpcsweep.studies.study import Lines
+from hpcsweep.studies.variable import Coordinate, Variable
+
+
+@dataclass(frozen=True, eq=False)
+class PathGrid(RunGrid):
+    """A grid each frame of which is a path: up, then down if that is a direction too.
+
+    Attributes
+    ----------
+    steps : Steps, optional
+        Where the paths lead, if not along the amplitude at each frequency. `omega` and `amplitude`
+        are then the values that occur, ascending.
+    """
+
+    steps: Steps | None = None
+
+    is_path: ClassVar[bool] = True
+
+    @staticmethod
+    def read_grid(values: Any, followed: Followed | None) -> dict[str, Any]:
+        """Read the fields that say where the paths of a job lead."""
+        if steps := read_path(values, followed):
+            own = {name: np.unique(getattr(steps, name)) for name in FORCING}
+            return {"steps": steps, **own}
+        return {
+            "omega": values.frequencies("sweep.omega"),
+            "amplitude": values.amplitudes("sweep.amplitude"),
+        }
+
+    def cut(self, frames: slice) -> dict[str, Any]:
+        """Return the fields of a study of some frames."""
+        if self.steps is None:
+            return {"omega": self.omega[frames]}
+        arrays = {name: getattr(self.steps, name)[frames] for name in ("frames", *FORCING)}
+        own = {name: np.unique(arrays[name]) for name in FORCING}
+        return {"steps": replace(self.steps, **arrays), **own}
+
+    @property
+    def grid_fields(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Fields that say which runs there are; none where each has a structure of its own."""
+        own = "omega", "amplitude", "directions", "block_size", "steps"
+        return own if len(self.structures) == 1 else ()
+
+    @property
+    def run_dims(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Dimensions of a run."""
+        return ("direction", *self.grid)
+
+    @property
+    def grid(self) -> dict[str, Coordinate]:
+        """Values of the dimensions of the frames, and of the runs of a frame."""
+        return self.steps.coordinates if self.steps else super().grid
+
+    @cached_property
+    def variables(self) -> list[Variable]:
+        """Variables of the runs, in the order of the file."""
+        size = len(self.run_dims)
+        return [replace(one, dims=(*self.run_dims, *one.dims[size:])) for one in super().variables]
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known in advance, with their values."""
+        return super().given + (self.steps.given if self.steps else [])
+
+    @property
+    def ties(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Formulas of frequency and amplitude."""
+        return self.steps.ties if self.steps else ()
+
+    @property
+    def frames(self) -> np.ndarray:
+        """Values of the dimension of the frames."""
+        return self.steps.frames if self.steps else self.omega
+
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """The structure of each run of a frame, or of all of them."""
+        return (self.steps.along.structures if self.steps else ()) or super().structures
+
+    def along_of(self, frame: int) -> np.ndarray:
+        """Return the values of the last dimension of the runs of a frame, ascending."""
+        return self.steps.along.values if self.steps else self.amplitude
+
+    def amplitudes_of(self, frame: int) -> np.ndarray:
+        """Return the amplitudes of the runs of a frame, shape (n_along,)."""
+        return self.steps.amplitude[frame] if self.steps else self.amplitude
+
+    def omegas_of(self, frame: int) -> np.ndarray:
+        """Return the frequencies of the runs of a frame, shape (n_along,)."""
+        return self.steps.omega[frame] if self.steps else super().omegas_of(frame)
+
+    def describe(self, run: Place) -> dict[str, Any]:
+        """Describe a run: ``direction``, ``omega``, ``amplitude``, and a key that it follows."""
+        found, name = super().describe(run), self.run_dims[-1]
+        return found | {name: float(self.along_of(run[1])[run[2]])}
+
+    def describe_task(self, task: int) -> str:
+        """Describe a frame by its frequency, or its amplitude."""
+        name = self.run_dims[-2]
+        return run_name({name: float(self.frames[task])}) if name in FORCING else "the path"
+
+    def lines(self) -> Lines:
+        """Tell the path, and what drives the structure along it."""
+        if self.steps:
+            yield "path", f"{self.steps.words}; {self.carries} at phase 0 of the forcing"
+        yield from super().lines()
+
+    carries: ClassVar[str]
+    """What runs leave to the next ones, in words."""
+
+    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
+        """Compute consecutive runs, each from what the previous one has left."""
+        amplitudes, omegas = self.amplitudes_of(frame), self.omegas_of(frame).tolist()
+        several = len(self.structures) > 1  # out of reach of one, a contact may be hit by another
+        parts: list[Rows] = []
+        for (omega, at), own in groupby(places.tolist(), lambda k: (omegas[k], k * several)):
+            structure = self.structure_at(at) if several else self.moving
+            parts.append(self.stretch(structure, omega, amplitudes[[*own]], state, poll))
+            state = self.end_state(parts[-1], -1)
+        return joined(parts)
+
+    def task_of(self, *place):
+        """Return the task of blocks: their frame."""
+        return place[-2]
+
+    def path(self, task: int) -> Path:
+        """Return the blocks of a frame: up, then down."""
+
+        def block(position: int) -> Block:
+            direction, number = divmod(position, self.n_blocks)
+            return self.block((direction, task, number))
+
+        return Path(len(self.directions) * self.n_blocks, block)
+
+    def descends(self, direction: int) -> bool:
+        """Return whether the amplitudes of a direction are computed in descending order."""
+        return self.directions[direction] == DOWN
+
+    def predecessor(self, block: Block, row: int) -> tuple[int, ...] | None:
+        """Return the index of the previous run on the path; None for the first."""
+        if row != block.begin:
+            return block.run(row + 1 if block.descending else row - 1)
+        path = self.path(block.task)
+        position = next(k for k, other in enumerate(path) if other.place == block.place)
+        before = path[position - 1] if position else None
+        return before.run(before.end) if before else None

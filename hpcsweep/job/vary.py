@@ -7,8 +7,8 @@ its own: it is validated like any other, and has a text from which it can be run
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,9 +21,9 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import ROWS, Axis, as_kind
+from hpcsweep.studies.study import ROWS, Axis
 from hpcsweep.studies.sweep.path import ALONG, FORCING, Followed
-from hpcsweep.studies.variable import Variable
+from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.vary import Varied
 
 MAX_WRONG = 10
@@ -47,7 +47,7 @@ SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Parts:
     """Factory of the parts of a job; can be sent to other processes.
 
@@ -68,7 +68,7 @@ class Parts:
     tree: Mapping
     axes: tuple[Axis, ...]
     read: Callable[[str, Mapping], Any]
-    file: str = field(default="", compare=False)
+    file: str = ""
 
     def __call__(self, place: Place) -> Any:
         """Return what `read` does of a part.
@@ -200,10 +200,16 @@ def read_varied(
             raise values.error(f"vary.{one.key}", [*one.given], limit)
     study = Varied(base, parts.axes, parts)
     by_part: dict[str, tuple[Variable, np.ndarray]] = {}
+    known = _shape(base)
 
     def compare(place: Place) -> None:
-        _check_shape(values, study, place)
-        for (variable, first), (_, own) in zip(base.given, study.part(place).given, strict=True):
+        part = _shape(study.part(place))
+        if other := _difference(known, part):
+            pairs = list(zip(study.axes, place, strict=True))
+            where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
+            said = f"{values.source}: {where}: all parts must be of one shape, it {other}"
+            raise parts.error(place, said)
+        for (variable, first), (_, own) in zip(known.given, part.given, strict=True):
             if not np.array_equal(first, own):
                 whole = np.broadcast_to(first, (*study.shape, *first.shape))
                 along = variable.along(study.names)
@@ -355,31 +361,35 @@ def _labels(listed: tuple[Any, ...]) -> tuple[Any, ...]:
     return tuple(value if isinstance(value, str) else write_value(value) for value in listed)
 
 
-def _check_shape(values: Values, study: Varied, place: Place) -> None:
-    """Refuse a part that cannot share a file with the first."""
-    base, part = study.base, study.part(place)
-    other = _difference(base, part)
-    if other is not None:
-        pairs = list(zip(study.axes, place, strict=True))
-        where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
-        said = f"{values.source}: {where}: all parts must be of one shape, it {other}"
-        raise as_kind(study.make, Parts).error(place, said)
+class _Shape(NamedTuple):
+    """What parts that share a file have in common, and what is known of each beforehand."""
+
+    contacts: tuple[str, ...]
+    variables: list[Variable]
+    coordinates: dict[str, Coordinate]
+    given: list[tuple[Variable, np.ndarray]]
 
 
-def _difference(base: RunGrid, part: RunGrid) -> str | None:
-    """Return why two parts cannot share a file; None where they can."""
-    if part.structure.contact_labels != base.structure.contact_labels:
+def _shape(part: RunGrid) -> _Shape:
+    return _Shape(part.structure.contact_labels, part.variables, part.coordinates, part.given)
+
+
+def _difference(base: _Shape, part: _Shape) -> str:
+    """Return why two parts cannot share a file; '' where they can."""
+    if part.contacts != base.contacts:
         return "has other contacts than the first"
-    if part.variables != base.variables or part.dimensions != base.dimensions:
+    sizes, own = (
+        {name: one.values.size for name, one in each.coordinates.items()} for each in (base, part)
+    )
+    if part.variables != base.variables or own != sizes:
         return "has not the dimensions of the first"
-    known, own = base.coordinates, part.coordinates
-    for name, coordinate in known.items():
-        if not _equal(own[name].values, coordinate.values):
+    for name, coordinate in base.coordinates.items():
+        if not _equal(part.coordinates[name].values, coordinate.values):
             return f"has another {name} than the first"
     for (variable, first), (_, values) in zip(base.given, part.given, strict=True):
         if first.shape != values.shape or not (variable.by_part or _equal(first, values)):
             return f"has another {variable.name} than the first"
-    return None
+    return ""
 
 
 def _equal(first: np.ndarray, second: np.ndarray) -> bool:

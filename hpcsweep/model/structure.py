@@ -10,6 +10,7 @@ Rigid Stop".
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from numbers import Real
 from typing import Any
@@ -36,7 +37,7 @@ from hpcsweep.model.matrices import (
 )
 from hpcsweep.model.rayleigh import read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
-from hpcsweep.model.unit_names import Names
+from hpcsweep.model.unit_names import Names, UnitNames
 
 FOREIGN = (
     *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh", "storey_damping"),
@@ -336,7 +337,13 @@ class Structure(MeasuredDynamics):
 
     def named(self, *names: Sequence[Any]) -> "Structure":
         """Return the same structure with names, see `Names`, from those of floors on."""
-        return replace(self, names=Names(*(tuple(listed) for listed in names)))
+        return self.labelled(names=Names(*(tuple(listed) for listed in names)))
+
+    def labelled(self, **labels: Names | UnitNames) -> "Structure":
+        """Return the same structure with other `names` or `unit_names`; it keeps what it knows."""
+        other = copy(self)
+        vars(other).update(labels)
+        return other
 
     def without_contacts(self) -> "Structure":
         """Return the same structure without contacts."""

@@ -23,6 +23,7 @@ from hpcsweep.checks.validate import validate
 from hpcsweep.earthquakes.intensity import average_spectral_acceleration
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.parallel.mpi import Serial
+from hpcsweep.solvers import response as solvers_response
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion import responses
@@ -181,6 +182,31 @@ def test_gaps_of_zero_need_one_response_for_all_scales(tmp_path, calls):
     one, two = results.isel(scale=2), results.isel(scale=3)
     np.testing.assert_array_equal(2 * one["contact_force"], two["contact_force"])
     np.testing.assert_array_equal(one["impacts"], two["impacts"])
+
+
+def test_records_of_a_structure_share_the_tables_of_both_motions(tmp_path, monkeypatch):
+    made = []
+    for module in (responses, solvers_response):
+        plain = module.record_map
+
+        def counted(structure, *rest, plain=plain, **more):
+            made.append(len(structure.contacts))
+            return plain(structure, *rest, **more)
+
+        monkeypatch.setattr(module, "record_map", counted)
+    responses.KEPT.clear()
+    own = FACTORS.replace("gap = 0.02", "gap = 0.021")
+    computed(own, tmp_path)
+    assert sorted(made) == [0, 2]  # of four records
+
+
+def test_each_sample_is_timed_as_if_it_were_the_first(calls):
+    study = parse_job(FACTORS, "job", "a").study
+    for index in (0, 1, 0):
+        (_, along), runs, seconds = study.time_runs(index / 4, 0.9, 2)
+        assert (runs, along, seconds > 0.0) == (2, 0.75, True)
+        assert len(calls) == 2
+        calls.clear()
 
 
 def test_without_contacts_all_is_linear(tmp_path, calls):

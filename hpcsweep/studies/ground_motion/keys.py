@@ -5,6 +5,7 @@ kept in it as ``records.found``: so a results file is read without the records t
 """
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -365,7 +366,8 @@ def read_found(
         if isinstance(found, dict):
             periods = found["periods"]
             own = longest_period(structure) if structure else periods[0]
-            at = min(range(len(periods)), key=lambda i: abs(periods[i] - own))
+            near = min(bisect_left(periods, own), len(periods) - 1)
+            at = min((near - 1, near), key=lambda i: abs(periods[i] - own))
             if not abs(periods[at] - own) <= SAME * own:
                 raise TypeError
             found = [{**one, "measure": one["measure"][at]} for one in found["records"]]

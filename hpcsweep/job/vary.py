@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import ROWS, Axis
 from hpcsweep.studies.sweep.path import ALONG, FORCING, Followed
-from hpcsweep.studies.variable import Coordinate, Variable
+from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied
 
 MAX_WRONG = 10
@@ -209,7 +209,7 @@ def read_varied(
             where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
             said = f"{values.source}: {where}: all parts must be of one shape, it {other}"
             raise parts.error(place, said)
-        for (variable, first), (_, own) in zip(known.given, part.given, strict=True):
+        for (variable, first), (_, own) in zip(known[-1], part[-1], strict=True):
             if not np.array_equal(first, own):
                 whole = np.broadcast_to(first, (*study.shape, *first.shape))
                 along = variable.along(study.names)
@@ -361,33 +361,24 @@ def _labels(listed: tuple[Any, ...]) -> tuple[Any, ...]:
     return tuple(value if isinstance(value, str) else write_value(value) for value in listed)
 
 
-class _Shape(NamedTuple):
-    """What parts that share a file have in common, and what is known of each beforehand."""
-
-    contacts: tuple[str, ...]
-    variables: list[Variable]
-    coordinates: dict[str, Coordinate]
-    given: list[tuple[Variable, np.ndarray]]
+def _shape(part: RunGrid) -> tuple:
+    """Return what parts that share a file have in common, and what is known of each beforehand."""
+    return part.structure.contact_labels, part.variables, part.coordinates, part.given
 
 
-def _shape(part: RunGrid) -> _Shape:
-    return _Shape(part.structure.contact_labels, part.variables, part.coordinates, part.given)
-
-
-def _difference(base: _Shape, part: _Shape) -> str:
-    """Return why two parts cannot share a file; '' where they can."""
-    if part.contacts != base.contacts:
+def _difference(base: tuple, part: tuple) -> str:
+    """Return why two parts, by `_shape`, cannot share a file; '' where they can."""
+    (labels, variables, known, first), (own_labels, own_variables, own, given) = base, part
+    if own_labels != labels:
         return "has other contacts than the first"
-    sizes, own = (
-        {name: one.values.size for name, one in each.coordinates.items()} for each in (base, part)
-    )
-    if part.variables != base.variables or own != sizes:
+    sizes = ({name: one.values.size for name, one in each.items()} for each in (known, own))
+    if own_variables != variables or next(sizes) != next(sizes):
         return "has not the dimensions of the first"
-    for name, coordinate in base.coordinates.items():
-        if not _equal(part.coordinates[name].values, coordinate.values):
+    for name, coordinate in known.items():
+        if not _equal(own[name].values, coordinate.values):
             return f"has another {name} than the first"
-    for (variable, first), (_, values) in zip(base.given, part.given, strict=True):
-        if first.shape != values.shape or not (variable.by_part or _equal(first, values)):
+    for (variable, before), (_, values) in zip(first, given, strict=True):
+        if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
             return f"has another {variable.name} than the first"
     return ""
 

@@ -281,7 +281,11 @@ class Structure(MeasuredDynamics):
             vector("collapse_drift", listed, size, "numbers, one per storey", read=_above_0)
         rows, limits = self.drift_rows, self.drift_limits
         for one in self.sliders:
-            least = limits[(rows == one.direction).all(axis=1)].min(initial=math.inf)
+            b = np.array(one.direction)
+            share = rows @ b / (b @ b)  # of the elongation, where the drift is along it
+            off = np.abs(rows - np.outer(share, b)).max(axis=1)
+            along = off <= ROUNDED * np.abs(rows).max(axis=1)
+            least = (limits[along] / np.abs(share[along])).min(initial=math.inf)
             if least <= one.limit:
                 raise ValueError(
                     f"collapse_drift must be above the drift at which the storey yields, "

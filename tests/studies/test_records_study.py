@@ -1,6 +1,7 @@
 """Studies of records: rules that spare work against plain computing, files, restart, mistakes."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from hpcsweep import (
     synthetic_records,
 )
 from hpcsweep.campaign import run as campaign
-from hpcsweep.campaign.describe import describe
+from hpcsweep.campaign.describe import describe, warnings
 from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
@@ -194,9 +195,10 @@ def test_records_of_a_structure_share_the_tables_of_both_motions(tmp_path, monke
             return plain(structure, *rest, **more)
 
         monkeypatch.setattr(module, "record_map", counted)
+    for kept in (responses._map, solvers_response.linear_map):
+        kept.cache_clear()
     responses.KEPT.clear()
-    own = FACTORS.replace("gap = 0.02", "gap = 0.021")
-    computed(own, tmp_path)
+    computed(FACTORS, tmp_path)
     assert sorted(made) == [0, 2]  # of four records
 
 
@@ -660,6 +662,15 @@ time = "s"
 synthetic = {{count = 2, seed = 3, dt = 0.02, duration = 10.0, rms = 2000.0}}
 """
 ISOLATED = ALONE.format(ISOLATION)
+
+
+def test_a_slab_that_weighs_next_to_nothing_is_warned_of():
+    def told(job: str) -> list[str]:
+        return [text for text in warnings(parse_job(job, "job", "a")) if "as fast" in text]
+
+    assert not told(ISOLATED)
+    (text,) = told(ISOLATED.replace("= 2e5\n", "= 0.5\n"))
+    assert re.match("mode 3 is .* a motion of isolation: runs take long", text)
 
 
 def test_an_isolated_building_alone_is_a_job(tmp_path):

@@ -27,7 +27,7 @@ MAX_COLUMNS = 6
 """Columns of the legend."""
 
 
-def draw(results, omega: float | None = None, floors: Sequence[int] = ()):
+def draw(results, omega: float | None = None, floors: Sequence[int | str] = ()):
     """Draw one frame; colours show the motion.
 
     Parameters
@@ -35,8 +35,8 @@ def draw(results, omega: float | None = None, floors: Sequence[int] = ()):
     results : xarray.Dataset
     omega : float, optional
         The frame nearest to this frequency; default the first.
-    floors : sequence of int, optional
-        Shown, from 1; see `labels.choose_floors`.
+    floors : sequence of int or str, optional
+        Shown, see `labels.choose_floors`.
 
     Raises
     ------

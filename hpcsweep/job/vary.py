@@ -39,6 +39,8 @@ NEVER = {
     "sweep.amplitude": "is an axis of every study; give sweep.amplitude its values",
     "sweep.initial_state": "must be one and the same of all runs",
 }
+OF_ALL = ("records.", "output.", "units.", "part ")
+"""Beginnings of errors that are not about a row."""
 TABLES_WITHIN = ("rayleigh.",)
 """Tables in these whose keys may be varied, too."""
 SHAPE = ("names", "floor_names", "storey_names", "contact_names", "slider_names")
@@ -111,13 +113,16 @@ class Parts:
 
     def error(self, place: Place, said: str) -> JobError:
         """Return the error of a part, with the row that it is about, if any."""
+        own = said.removeprefix(f"{self.source}: ")
+        if own.startswith(OF_ALL):
+            return JobError(said)
         for axis, at in zip(self.axes, place, strict=True):
             keys = [one.key for one in axis.columns if re.sub(r"\[\d+\]$", "", one.key) in said]
             if axis.columns:
                 column = f", column {max(keys, key=len)}" if keys else ""
                 row = f"{self.source}: vary.{ROWS}[{at}]"
                 row = f"{self.file}: line {at + FIRST_LINE}" if self.file else row
-                said = f"{row}{column}: {said.removeprefix(f'{self.source}: ')}"
+                said = f"{row}{column}: {own}"
         return JobError(said)
 
     def tree_at(self, place: Place) -> dict:

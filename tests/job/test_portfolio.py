@@ -151,6 +151,11 @@ def test_a_wrong_row_is_one_line_with_file_line_column_value_and_limit(job, was,
     assert "portfolio.csv: " in told or "rows" in told
 
 
+def test_a_key_that_all_rows_share_is_not_blamed_on_one(job):
+    with pytest.raises(JobError, match=r"^\S+job.toml with .*: records.tail = -1.0: must be from"):
+        load_job(job, ["records.tail=-1"])
+
+
 def test_all_wrong_lines_are_told(job):
     job.with_name("portfolio.csv").write_text(CSV.replace(";;;;", "Mill;[1e5];1;1;true\nX;1;1;1;0"))
     with pytest.raises(JobError, match=r"csv: line 4, column .* \(and line 5\)$"):

@@ -370,7 +370,7 @@ def read_found(
         records = found["records"] if isinstance(found, dict) else found
         if records is not LAST[0]:
             read = tuple(Facts(*(one[key] for key in Facts._fields)) for one in records)
-            if not all(map(_is_sound, read)):
+            if not all(one.is_sound for one in read):
                 raise TypeError
             LAST[:] = records, read
         facts = LAST[1]
@@ -389,16 +389,6 @@ def read_found(
         limit = "must be as written by hpcsweep; take it away, and records are looked for again"
         raise values.error("records.found", found, limit) from None
     return facts, paths
-
-
-def _is_sound(facts: Facts) -> bool:
-    names, samples, numbers = facts[:2], facts.samples, facts[3:-1]
-    return (
-        all(isinstance(name, str) for name in names)
-        and type(samples) is int
-        and all(isinstance(number, float) for number in numbers)
-        and facts.dt > 0
-    )
 
 
 def _instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:

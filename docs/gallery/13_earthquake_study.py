@@ -10,6 +10,7 @@ motion.
 
 from pathlib import Path
 
+import numpy as np
 from shell import shell
 
 import hpcsweep
@@ -66,3 +67,24 @@ storeys = [name for name in results.storey.values if name.startswith("B")]
 drift = results[["storey_drift", "storey_drift_alone"]].sel(storey=storeys).max("storey")
 ratio = 100 * drift.median("record").sel(scale=[3.0, 6.0, 12.0]) / 3.2
 print(ratio.to_dataframe().unstack("gap").round(2))
+
+# %%
+# A portfolio: 80 such pairs, a line of a table each, in one job and one file. All are shaken with
+# the same spectral acceleration at their own longest period, and compared in one picture, a point a
+# pair. Small gaps and soft buildings go together with large forces.
+stiffness, gap = np.random.default_rng(1).uniform((1e8, 0.005), (4e8, 0.06), (80, 2)).T
+lines = [f"{k:.4g},{0.7 * k:.4g},{g:.3f}" for k, g in zip(stiffness, gap, strict=True)]
+keys = "building[0].storey_stiffness,building[1].storey_stiffness,pounding.gap"
+Path("pairs.csv").write_text("\n".join([keys, *lines]))
+Path("portfolio.toml").write_text("""\
+extends = "pair.toml"
+
+[records]
+scale = {by = "sa", period = "T1", values = [4.0]}
+
+[vary]
+rows = "pairs.csv"
+"pounding.gap" = "unset"
+""")
+shell("hpcsweep run portfolio.toml")
+shell("hpcsweep plot portfolio.h5 --kind portfolio --response force --colour pounding.gap")

@@ -19,6 +19,8 @@ MAX_WORDS = 6
 """Number of values of a key that are words, names of structures say, that are listed."""
 PULLED = 0.01
 """Part of a gap over which smooth contacts may pull at rest without a warning."""
+FAST = 1e3
+"""Highest natural frequency of storeys, bearings and masses over the lowest, without a warning."""
 ROUNDING = 1e-12
 """Entry of a mode, over its largest, that is 0."""
 
@@ -165,6 +167,7 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
 
 def _warnings(structure) -> Iterator[str]:
     ratios = structure.damping_ratios
+    yield from slow(structure)
     if structure.reduction is not None and (text := absurd(structure.frequencies[0])):
         yield text
     if ratios.max() > 1:
@@ -176,6 +179,18 @@ def _warnings(structure) -> Iterator[str]:
     elif structure.matrices is not None:
         yield from _soft_contacts(structure)
     yield from _pulling_contacts(structure)
+
+
+def slow(structure) -> Iterator[str]:
+    """Yield one line if a mode is so fast that runs take long."""
+    frequencies = structure.frequencies
+    low, high = frequencies[[0, -1]].tolist()
+    if structure.reduction is None and high > FAST * low > 0:
+        place = structure.floor_names[int(np.abs(structure.modes[:, -1]).argmax())]
+        yield (
+            f"mode {frequencies.size} is {high / low:.2g} times as fast as the first, a motion of "
+            f"{place}: runs take long; is its mass right, are the springs beside it?"
+        )
 
 
 def _pulling_contacts(structure) -> Iterator[str]:

@@ -86,7 +86,7 @@ class Pilot:
     n_runs : int
         Runs timed in a pass.
     load_seconds, kernel_seconds : float
-        Time to load the program, and to load the kernels, or to compile them.
+        Time to load the program and the job, and to load the kernels, or to compile them.
     compiled : bool
         Whether kernels were compiled.
     """
@@ -240,7 +240,7 @@ def cost_lines(
     )
     yield (
         "start",
-        f"{pilot.load_seconds:.2g} s a rank for the program; kernels {kernels} in "
+        f"{pilot.load_seconds:.2g} s for the program and the job; kernels {kernels} in "
         f"{pilot.kernel_seconds:.2g} s",
     )
     yield (

@@ -16,8 +16,8 @@ from hpcsweep.figures.options import file_name
 USER_ERROR, FAILURE = 2, 1
 Rows = Iterator[tuple[str, str]]
 """Names and texts of a table."""
-WIDEST = 24
-"""Letters of the longest name that makes the column of names wider."""
+WIDEST = 34
+"""Letters of the longest name beside its text; a longer one has a line of its own."""
 
 
 class CommandError(ValueError):
@@ -28,6 +28,7 @@ def listing(title: str, rows: Iterable[tuple[str, str]]) -> str:
     """Format rows of a name and a text, each in a column of its own, under a title."""
     rows = list(rows)
     width = max((len(name) for name, _ in rows if len(name) <= WIDEST), default=0)
+    rows = [(name + f"\n  {'':{width}}" * (len(name) > WIDEST), text) for name, text in rows]
     return "\n".join([title, *(f"  {name:<{width}}  {text}".rstrip() for name, text in rows)])
 
 

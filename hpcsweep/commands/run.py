@@ -103,7 +103,10 @@ def run(options) -> int:
     try:
         jobs = on_master(comm, lambda: _read(options), JobError)
         if comm.rank == 0:
-            for text in dict.fromkeys(text for job, _ in jobs for text in job.notes):
+            from hpcsweep.campaign.describe import slow
+
+            texts = (text for job, _ in jobs for text in (*job.notes, *slow(job.structure)))
+            for text in dict.fromkeys(texts):
                 note(text)
         from hpcsweep.campaign import run as campaign
 

@@ -90,6 +90,13 @@ class Facts(NamedTuple):
     measure: float
     """That by which the record is scaled."""
 
+    @property
+    def is_sound(self) -> bool:
+        """Whether all but the measure are of their types."""
+        words, numbers = self[:2], self[3:-1]
+        typed = all(isinstance(one, str) for one in words) and type(self.samples) is int
+        return typed and all(isinstance(one, float) for one in numbers) and self.dt > 0
+
 
 def facts_of(record: Record, measure: Measure, gravity: float) -> Facts:
     """Return what is known of a record."""

@@ -109,27 +109,30 @@ def contacts_text(structure) -> str:
     return f"Contacts: {', '.join(named)}"
 
 
-def choose_floors(n: int, chosen: Sequence[int] | None = None) -> list[int]:
+def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = None) -> list[int]:
     """Return the floors to show, ascending, from 0.
 
     Parameters
     ----------
-    n : int
-        Floors of the structure.
-    chosen : sequence of int, optional
-        Requested floors, from 1. Default: all of a few, otherwise the first, the middle and the
-        top.
+    names : sequence of str
+        Of the floors of the structure.
+    chosen : sequence of int or str, optional
+        Requested floors, by name or from 1. Default: all of a few, otherwise the first, the middle
+        and the top.
 
     Raises
     ------
     PlotError
         If a requested floor does not exist.
     """
-    if chosen:
-        for floor in chosen:
-            if not 1 <= floor <= n:
-                raise PlotError(f"--floor {floor}: must be from 1 to {n}")
-        return sorted({floor - 1 for floor in chosen})
-    if n <= MAX_FLOORS:
-        return list(range(n))
-    return [0, (n - 1) // 2, n - 1]
+    n, found = len(names), set()
+    if not chosen:
+        return list(range(n)) if n <= MAX_FLOORS else [0, (n - 1) // 2, n - 1]
+    for floor in map(str, chosen):
+        numbers = [str(i) for i in range(1, n + 1)]
+        listed = names if floor in names else numbers
+        if floor not in listed:
+            named = "" if [*names] == numbers else f", or one of {', '.join(names)}"
+            raise PlotError(f"--floor {floor}: must be from 1 to {n}{named}")
+        found.add(listed.index(floor))
+    return sorted(found)

@@ -27,6 +27,7 @@ FIGURES = (
     "diagrams.amplification",
     "diagrams.separation",
     "diagrams.profile",
+    "diagrams.portfolio",
     "diagrams.suite_spectra",
     "diagrams.floor_spectra",
     "diagrams.record_history",
@@ -126,12 +127,11 @@ SWEEP = Option(
 )
 FLOORS = Option(
     "--floor",
-    "floor shown; may be given several times (default: all of up to 5; of more the first, the "
-    "middle and the top)",
+    "floor shown, by number from 1 or name; may be given several times (default: all of up to 5; "
+    "of more the first, the middle and the top)",
     dest="floors",
-    type=int,
     action="append",
-    metavar="I",
+    metavar="FLOOR",
 )
 UNITS = Option(
     "--units",

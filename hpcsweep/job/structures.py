@@ -86,7 +86,7 @@ def read_structure(values: Values) -> Structure:
         shown = values.get("structure.rayleigh")
         raise values.error("structure.rayleigh", shown, "is given beside damping_ratio")
     _check_limits(values, structure)
-    return replace(structure, unit_names=_unit_names(values, structure))
+    return structure.labelled(unit_names=_unit_names(values, structure))
 
 
 def _keyed(said: str, side_by_side: bool) -> str:

@@ -7,7 +7,7 @@ its own: it is validated like any other, and has a text from which it can be run
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.path import ALONG, FORCING, Followed
-from hpcsweep.studies.study import ROWS, Axis, as_kind
+from hpcsweep.studies.study import ROWS, Axis
 from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied
 
@@ -39,6 +39,8 @@ NEVER = {
     "sweep.amplitude": "is an axis of every study; give sweep.amplitude its values",
     "sweep.initial_state": "must be one and the same of all runs",
 }
+OF_ALL = ("records.", "output.", "units.", "part ")
+"""Beginnings of errors that are not about a row."""
 TABLES_WITHIN = ("rayleigh.",)
 """Tables in these whose keys may be varied, too."""
 SHAPE = ("names", "floor_names", "storey_names", "contact_names", "slider_names")
@@ -47,7 +49,7 @@ SETS_FREQUENCIES = ("mass", "storey_stiffness", "period")
 """Keys of a building, or of the structure, that change its natural frequencies."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Parts:
     """Factory of the parts of a job; can be sent to other processes.
 
@@ -68,7 +70,7 @@ class Parts:
     tree: Mapping
     axes: tuple[Axis, ...]
     read: Callable[[str, Mapping], Any]
-    file: str = field(default="", compare=False)
+    file: str = ""
 
     def __call__(self, place: Place) -> Any:
         """Return what `read` does of a part.
@@ -111,13 +113,16 @@ class Parts:
 
     def error(self, place: Place, said: str) -> JobError:
         """Return the error of a part, with the row that it is about, if any."""
+        own = said.removeprefix(f"{self.source}: ")
+        if own.startswith(OF_ALL):
+            return JobError(said)
         for axis, at in zip(self.axes, place, strict=True):
             keys = [one.key for one in axis.columns if re.sub(r"\[\d+\]$", "", one.key) in said]
             if axis.columns:
                 column = f", column {max(keys, key=len)}" if keys else ""
                 row = f"{self.source}: vary.{ROWS}[{at}]"
                 row = f"{self.file}: line {at + FIRST_LINE}" if self.file else row
-                said = f"{row}{column}: {said.removeprefix(f'{self.source}: ')}"
+                said = f"{row}{column}: {own}"
         return JobError(said)
 
     def tree_at(self, place: Place) -> dict:
@@ -200,10 +205,16 @@ def read_varied(
             raise values.error(f"vary.{one.key}", [*one.given], limit)
     study = Varied(base, parts.axes, parts)
     by_part: dict[str, tuple[Variable, np.ndarray]] = {}
+    known = _shape(base)
 
     def compare(place: Place) -> None:
-        _check_shape(values, study, place)
-        for (variable, first), (_, own) in zip(base.given, study.part(place).given, strict=True):
+        part = _shape(study.part(place))
+        if other := _difference(known, part):
+            pairs = list(zip(study.axes, place, strict=True))
+            where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
+            said = f"{values.source}: {where}: all parts must be of one shape, it {other}"
+            raise parts.error(place, said)
+        for (variable, first), (_, own) in zip(known[-1], part[-1], strict=True):
             if not np.array_equal(first, own):
                 whole = np.broadcast_to(first, (*study.shape, *first.shape))
                 along = variable.along(study.names)
@@ -355,31 +366,26 @@ def _labels(listed: tuple[Any, ...]) -> tuple[Any, ...]:
     return tuple(value if isinstance(value, str) else write_value(value) for value in listed)
 
 
-def _check_shape(values: Values, study: Varied, place: Place) -> None:
-    """Refuse a part that cannot share a file with the first."""
-    base, part = study.base, study.part(place)
-    other = _difference(base, part)
-    if other is not None:
-        pairs = list(zip(study.axes, place, strict=True))
-        where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
-        said = f"{values.source}: {where}: all parts must be of one shape, it {other}"
-        raise as_kind(study.make, Parts).error(place, said)
+def _shape(part: RunGrid) -> tuple:
+    """Return what parts that share a file have in common, and what is known of each beforehand."""
+    return part.structure.contact_labels, part.variables, part.coordinates, part.given
 
 
-def _difference(base: RunGrid, part: RunGrid) -> str | None:
-    """Return why two parts cannot share a file; None where they can."""
-    if part.structure.contact_labels != base.structure.contact_labels:
+def _difference(base: tuple, part: tuple) -> str:
+    """Return why two parts, by `_shape`, cannot share a file; '' where they can."""
+    (labels, variables, known, first), (own_labels, own_variables, own, given) = base, part
+    if own_labels != labels:
         return "has other contacts than the first"
-    if part.variables != base.variables or part.dimensions != base.dimensions:
+    sizes = ({name: one.values.size for name, one in each.items()} for each in (known, own))
+    if own_variables != variables or next(sizes) != next(sizes):
         return "has not the dimensions of the first"
-    known, own = base.coordinates, part.coordinates
     for name, coordinate in known.items():
         if not _equal(own[name].values, coordinate.values):
             return f"has another {name} than the first"
-    for (variable, first), (_, values) in zip(base.given, part.given, strict=True):
-        if first.shape != values.shape or not (variable.by_part or _equal(first, values)):
+    for (variable, before), (_, values) in zip(first, given, strict=True):
+        if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
             return f"has another {variable.name} than the first"
-    return None
+    return ""
 
 
 def _equal(first: np.ndarray, second: np.ndarray) -> bool:

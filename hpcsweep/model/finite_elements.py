@@ -230,6 +230,9 @@ class FiniteElements:
         hits = [self._moving("contact.direction", one.direction, used) for one in contacts]
         slides = [self._moving("slider.direction", one.direction, used) for one in sliders]
         told = [self._moving("outputs", one, used) for one in outputs]
+        for k, row in enumerate(told):
+            if any(np.array_equal(abs(row), abs(other)) for other in told[:k]):
+                raise ValueError(f"outputs must not hold a coordinate twice, as {outputs[k]!r}")
         pairs = [row for row, one in zip(told, outputs, strict=True) if _is_pair(one)]
         alone = [row for row, one in zip(told, outputs, strict=True) if not _is_pair(one)]
         drifts = pairs or alone or [*hits, *slides]

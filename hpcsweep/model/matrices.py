@@ -64,6 +64,10 @@ def each(name: str, given: Any, count: int, what: str) -> Vector:
 
 def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matrix:
     """Read a matrix of finite numbers, row by row."""
+    if isinstance(given, np.ndarray) and given.dtype == float and given.size:
+        sizes = tuple(known or len(given) for known in shape)
+        if given.shape == sizes and np.isfinite(given).all():
+            return tuple(map(tuple, given.tolist()))
     rows = _listed(given)
     if rows is None or not rows or any(_listed(row) is None for row in rows):
         raise ValueError(f"{name} must be a list of rows of numbers, is {shown(given)}")

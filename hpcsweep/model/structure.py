@@ -10,6 +10,7 @@ Rigid Stop".
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from numbers import Real
 from typing import Any
@@ -37,7 +38,7 @@ from hpcsweep.model.matrices import (
 )
 from hpcsweep.model.rayleigh import read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
-from hpcsweep.model.unit_names import Names
+from hpcsweep.model.unit_names import Names, UnitNames
 
 FOREIGN = (
     *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh", "storey_damping"),
@@ -281,7 +282,11 @@ class Structure(MeasuredDynamics):
             vector("collapse_drift", listed, size, "numbers, one per storey", read=_above_0)
         rows, limits = self.drift_rows, self.drift_limits
         for one in self.sliders:
-            least = limits[(rows == one.direction).all(axis=1)].min(initial=math.inf)
+            b = np.array(one.direction)
+            share = rows @ b / (b @ b)  # of the elongation, where the drift is along it
+            off = np.abs(rows - np.outer(share, b)).max(axis=1)
+            along = off <= ROUNDED * np.abs(rows).max(axis=1)
+            least = (limits[along] / np.abs(share[along])).min(initial=math.inf)
             if least <= one.limit:
                 raise ValueError(
                     f"collapse_drift must be above the drift at which the storey yields, "
@@ -337,7 +342,13 @@ class Structure(MeasuredDynamics):
 
     def named(self, *names: Sequence[Any]) -> "Structure":
         """Return the same structure with names, see `Names`, from those of floors on."""
-        return replace(self, names=Names(*(tuple(listed) for listed in names)))
+        return self.labelled(names=Names(*(tuple(listed) for listed in names)))
+
+    def labelled(self, **labels: Names | UnitNames) -> "Structure":
+        """Return the same structure with other `names` or `unit_names`; it keeps what it knows."""
+        other = copy(self)
+        vars(other).update(labels)
+        return other
 
     def without_contacts(self) -> "Structure":
         """Return the same structure without contacts."""

@@ -4,7 +4,8 @@ A task is a path: its blocks are done one after another, but not necessarily on 
 W on N ranks and costliest task d, no schedule ends before max(W / N, d). This rule comes close to
 the bound for any costs:
 
-* a free rank takes the costliest waiting task;
+* a free rank takes the costliest waiting task; those of less than `SMALL` of the fair share of all
+work go in order, so that neighbours, which share tables, stay together;
 * a waiting task that needs as long as the fair share W(t) / N of the remaining work must start now,
 or it alone ends late. The running task with the least left is recalled after its block, and waits
 in its turn.
@@ -22,6 +23,8 @@ import numpy as np
 DEDICATED_MASTER = 32
 """Ranks from which on the master does not compute: it costs at most 1/32 of the ranks, and no
 rank waits for the master to finish a run of its own."""
+SMALL = 1e-3
+"""Share of W / N: as much later the last rank may end for the order of shorter tasks."""
 CRITICAL = 0.95
 """Share of W(t) / N from which on a waiting task must start."""
 SOON = 0.05
@@ -62,7 +65,9 @@ class Schedule:
     def __init__(self, tasks: Iterable[int], left: Callable[[int], float], n_computing: int):
         self._estimate = left
         self._n = n_computing
-        self._waiting = sorted((left(task), -task) for task in tasks)
+        costs = {task: left(task) for task in tasks}
+        self._small = SMALL * sum(costs.values()) / n_computing
+        self._waiting = sorted((self._key(cost), -task) for task, cost in costs.items())
         self._since: dict[int, float] = {}
         self.recalled: set[int] = set()
         self._next_balance = -np.inf
@@ -93,15 +98,20 @@ class Schedule:
 
     def put_back(self, task: int) -> None:
         """Return a running task to the waiting ones."""
-        insort(self._waiting, (self._estimate(task), -task))
+        insort(self._waiting, (self._key(self._estimate(task)), -task))
         self.end(task)
+
+    def _key(self, cost: float) -> float:
+        """Return by what a task is sorted: its cost (s), 0 if it is small."""
+        return cost if cost > self._small else 0.0
 
     def recalls(self, now: float, every: float = BALANCE_SECONDS) -> list[int]:
         """Return the running tasks to recall; inspects them at most once in `every` (s)."""
         if self._n == 1 or not self._waiting or now < self._next_balance:
             return []
-        self._waiting = sorted((self._estimate(-task), task) for _, task in self._waiting)
-        waiting = sum(left for left, _ in self._waiting)
+        costs = [(self._estimate(-task), task) for _, task in self._waiting]
+        waiting = sum(left for left, _ in costs)
+        self._waiting = sorted((self._key(left), task) for left, task in costs)
         if self._waiting[-1][0] < CRITICAL * waiting / self._n:
             # below the fair share, however little the running tasks have left
             self._next_balance = now + max(every, waiting / self._n / BALANCES)

@@ -14,6 +14,7 @@ on ratios alone as before, but it is linear at no scale: the contact is closed f
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -138,18 +139,9 @@ def linear_response(
         drift that has a limit.
     """
     structure, record, tail = arguments(structure, record, tail)
-    slides = structure.slider_directions
     n_drifts, n_contacts = len(structure.drift_rows), len(structure.contacts)
-    free = Structure.from_matrices(
-        structure.mass_matrix,
-        structure.stiffness_matrix,
-        [],
-        damping=structure.damping_matrix,
-        **structure.load,
-        drift=np.vstack((structure.drift_rows, slides, structure.directions)),
-    )
-    more = {"base_shear": base_shear, "energy": energy}
-    solver = record_map(free, record.dt, one_sided=n_contacts, **more)
+    slides = structure.slider_directions
+    solver = linear_map(structure, record.dt, base_shear, energy)
     found = _complete(solver.respond(record.acceleration, 1.0, tail))
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
     drifts, slid, past = np.split(found.drift, [n_drifts, n_drifts + len(slides)])
@@ -177,6 +169,22 @@ def linear_response(
         residual_drift=np.zeros(n_drifts),
     )
     return linear, np.concatenate((past, slid, drifts[structure.drift_limits < math.inf]))
+
+
+@lru_cache(maxsize=8)
+def linear_map(structure: Structure, dt: float, base_shear: bool, energy: bool) -> "RecordMap":
+    """Return what responds without contacts and slips, with what it reaches among its drifts."""
+    rows = structure.drift_rows, structure.slider_directions, structure.directions
+    free = Structure.from_matrices(
+        structure.mass_matrix,
+        structure.stiffness_matrix,
+        [],
+        damping=structure.damping_matrix,
+        **structure.load,
+        drift=np.vstack(rows),
+    )
+    n = len(structure.contacts)
+    return record_map(free, dt, one_sided=n, base_shear=base_shear, energy=energy)
 
 
 def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0) -> float:

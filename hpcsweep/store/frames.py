@@ -227,8 +227,8 @@ class Frames:
         steps = {name: given.pop(name) for name in ("omega", "amplitude") if name in given}
         values = {"direction": np.array(study.directions)[directions]} if self._axis else {}
         values |= {frame_dim: known[frame_dim].values[list(frames)], last: along}
-        named = ("state", "storey", "floor", "stop", "slider", "building", "energy")
-        values |= {name: known[name].values for name in named if name in known}
+        held = {"block", "direction", *values}  # with values of the frames, or none
+        values |= {name: own.values for name, own in known.items() if name not in held}
         texts = {name: own.astype(str) for name, own in values.items() if own.dtype == object}
         marks = {
             name: {"units": known[name].units, "long_name": known[name].long_name}

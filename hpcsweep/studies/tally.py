@@ -66,8 +66,8 @@ class BaseTally:
         if not np.isfinite(array.values).any():
             return
         place = np.unravel_index(int(np.nanargmax(array.values)), array.shape)
-        at = array.isel(dict(zip(array.dims, place, strict=True)))
-        if float(at) > self.largest.get(variable.name, {"value": -np.inf})["value"]:
+        if array.values[place] > self.largest.get(variable.name, {"value": -np.inf})["value"]:
+            at = array.isel(dict(zip(array.dims, place, strict=True)))
             self.largest[variable.name] = {
                 "value": float(at),
                 "units": unit_of(study.structure, variable.units),

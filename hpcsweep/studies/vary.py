@@ -21,8 +21,8 @@ from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.study import Axis, RunAgain, Study
 from hpcsweep.studies.variable import Coordinate, Variable, real
 
-PARTS_KEPT = 64
-"""Parts that a process keeps: ranks come back to the one they left."""
+PARTS_KEPT = 1000
+"""Parts that a process keeps, 20 kB each: many ranks take tasks of any of them, costliest first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +149,8 @@ class Varied:
 
     def missing_inputs(self) -> str:
         """Return what these files do not hold though runs need it; '' if nothing."""
+        if self.reader is None or self.base.with_reader(self.reader) is self.base:
+            return ""  # it reads none
         return next(filter(None, (self.part(at).missing_inputs() for at in self.places())), "")
 
     def places(self) -> Sequence[Place]:
@@ -157,7 +159,8 @@ class Varied:
 
     def part(self, place: Place) -> RunGrid:
         """Return the study at an index of the axes."""
-        return _part(self, place)
+        part = _part(self.make, place)
+        return part if self.reader is None else part.with_reader(self.reader)
 
     def part_of(self, block: Block) -> tuple[RunGrid, Block]:
         """Return the part to which a block belongs, and the block with its index there."""
@@ -278,9 +281,8 @@ SHARED = frozenset(vars(Study))
 
 
 @lru_cache(maxsize=PARTS_KEPT)
-def _part(study: Varied, place: Place) -> RunGrid:
-    part = study.make(place)
-    return part if study.reader is None else part.with_reader(study.reader)
+def _part(make: Callable[[Place], RunGrid], place: Place) -> RunGrid:
+    return make(place)
 
 
 def _picks_kernels(key: str) -> bool:

@@ -215,11 +215,17 @@ def test_colours_of_contact_sets_know_all_contacts():
 
 
 def test_floors_are_chosen_and_fit_a_page():
-    assert choose_floors(5) == [0, 1, 2, 3, 4]
-    assert choose_floors(20) == [0, 9, 19]
-    assert choose_floors(20, [7, 2, 7]) == [1, 6]
+    twenty, pair = [str(i) for i in range(1, 21)], ["A1", "A2", "B1"]
+    assert choose_floors(twenty[:5]) == [0, 1, 2, 3, 4]
+    assert choose_floors(twenty) == [0, 9, 19]
+    assert choose_floors(twenty, [7, "2", 7]) == [1, 6]
+    assert choose_floors(pair, ["B1", "1"]) == [0, 2]
     with pytest.raises(style.PlotError, match=r"^--floor 21: must be from 1 to 20$"):
-        choose_floors(20, [21])
+        choose_floors(twenty, [21])
+    with pytest.raises(
+        style.PlotError, match=r"^--floor B2: .* from 1 to 3, or one of A1, A2, B1$"
+    ):
+        choose_floors(pair, ["B2"])
 
 
 @pytest.mark.slow

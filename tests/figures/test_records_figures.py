@@ -37,6 +37,7 @@ TEXT = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', SCALES).
     "count = 4, seed", "count = 8, seed"
 )
 KINDS = [name for name, figure in figures().items() if figure.DRAWS == "responses"]
+KINDS.remove("portfolio")  # of a job that varies keys
 OPTIONS = {"fragility": ["--threshold", "0.5"], "profile": ["--scale", "10"]}
 
 
@@ -312,6 +313,30 @@ def test_floor_spectra_are_drawn_from_the_file_or_from_the_records(tmp_path):
     motion = study.structure, study.record(1), periods, 0.05, float(study.factor[1, 1]), study.tail
     expected = floor_spectra(*motion, places=["A2"]).acceleration[0] / 9.80665
     np.testing.assert_allclose(line.get_ydata()[[5, 40]], expected, rtol=1e-8)
+
+
+def test_a_portfolio_shows_fractiles_of_every_structure_over_its_keys(tmp_path):
+    keys = '[vary]\n"pounding.gap" = [0.01, 0.03]\n"pounding.stiffness" = [1e9, 4e9]\n'
+    (tmp_path / "a.toml").write_text(TEXT.replace("count = 20}", "count = 2}") + keys)
+    assert hpcsweep(0, "run", "a.toml", cwd=tmp_path).returncode == 0
+    figure = figures()["portfolio"]
+    with contextlib.closing(Frames(tmp_path / "a.h5", "responses")) as frames:
+        read = figure.load(frames, "force", scale=20.0, colour="pounding.stiffness")
+        with pytest.raises(
+            PlotError, match="--against width: must be of numbers, period, gap, stiffness"
+        ):
+            figure.load(frames, against="width")
+    assert (read.over[0].tolist(), read.hue[0].tolist()) == (
+        [0.01, 0.01, 0.03, 0.03],
+        [1e9, 4e9] * 2,
+    )
+    results = open_results(tmp_path / "a.h5")
+    force = results["contact_force"].isel(scale=-1).max("stop").values.reshape(4, 8)
+    np.testing.assert_array_equal(read.found, np.sort(force, axis=1).T[[1, 3, 6]])
+    drawn = figure.draw(read._replace(found=np.where(read.over[0] == 0.01, np.inf, read.found)))
+    offsets = [points.get_offsets().data.tolist() for points in drawn.axes[0].collections[1:]]
+    assert [x for x, _ in offsets[1]] == [0.01, 0.01]  # those that collapse, on top
+    assert min(y for _, y in offsets[1]) > max(y for _, y in offsets[0])
 
 
 def test_outliers_run_past_the_edge_and_are_told():

@@ -9,7 +9,11 @@ from hpcsweep import open_results, spectrum, synthetic_records
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.describe import describe
 from hpcsweep.job import JobError, load_job, parse_job, part_of
+from hpcsweep.job.vary import Parts
 from hpcsweep.parallel.mpi import Serial
+from hpcsweep.store import Layout, with_inputs
+from hpcsweep.store.create import create
+from hpcsweep.store.inputs import Inputs
 
 PAIR = """
 [study]
@@ -148,9 +152,23 @@ def test_a_wrong_row_is_one_line_with_file_line_column_value_and_limit(job, was,
     assert "portfolio.csv: " in told or "rows" in told
 
 
+def test_a_key_that_all_rows_share_is_not_blamed_on_one(job):
+    with pytest.raises(JobError, match=r"^\S+job.toml with .*: records.tail = -1.0: must be from"):
+        load_job(job, ["records.tail=-1"])
+
+
 def test_all_wrong_lines_are_told(job):
     job.with_name("portfolio.csv").write_text(CSV.replace(";;;;", "Mill;[1e5];1;1;true\nX;1;1;1;0"))
     with pytest.raises(JobError, match=r"csv: line 4, column .* \(and line 5\)$"):
         load_job(job)
     with pytest.raises(JobError, match=r"vary\.rows = 'none.csv': cannot be read: No such"):
         load_job(job, ['vary.rows="none.csv"'])
+
+
+def test_each_structure_is_made_once_until_the_runs_begin(job, tmp_path, monkeypatch):
+    made, plain = [], Parts.__call__
+    monkeypatch.setattr(Parts, "__call__", lambda self, at: [made.append(at), plain(self, at)][1])
+    loaded = with_inputs(load_job(job, ['records.scale={by = "pga", values = [1.0]}']))
+    create(tmp_path / "a.h5", Layout(loaded), {})
+    Inputs(Layout(loaded)).need()
+    assert made == [(0,), (0,), (1,)]  # the first to compare others with

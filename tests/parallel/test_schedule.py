@@ -55,6 +55,12 @@ class _Exact:
         return self._left[task]
 
 
+def test_small_tasks_go_in_order_behind_the_costly_ones():
+    costs = {1: 1.0, 3: 2.0, 2: 5e-4, 0: 6e-4, 5: 7e-4, 4: 3e-4}
+    schedule = Schedule(costs, costs.get, 2)
+    assert [schedule.take(0.0) for _ in costs] == [3, 1, 0, 2, 4, 5]
+
+
 class Farmed(NamedTuple):
     """Time of the whole, over the least that any schedule takes, and tasks that moved."""
 

@@ -402,6 +402,22 @@ def test_wrong_weights_and_limits_are_refused(given, message):
         frame(**given)
 
 
+@pytest.mark.parametrize("direction", [(-1.0, 1.0), (1.0, -1.0), (0.5, -0.5)])
+def test_a_drift_that_collapses_lies_beyond_that_at_which_it_yields_whatever_its_sign(direction):
+    size = abs(direction[0])
+    drift = [[1.0, 0.0], [-1.0, 1.0]]
+    own = hpcsweep.Slider(direction, 1.0 / size**2, 0.1 / size)
+    others = [[1.0, 0.0], [0.0, 1.0]], []
+
+    def made(limit: float) -> hpcsweep.Structure:
+        more = {"drift": drift, "sliders": [own], "collapse_drift": [math.inf, limit]}
+        return hpcsweep.Structure.from_matrices([1.0, 1.0], *others, **more)
+
+    assert made(0.101).drift_limits[1] == 0.101
+    with pytest.raises(ValueError, match="above the drift at which the storey yields"):
+        made(0.099)
+
+
 def test_a_softening_oscillator_collapses_when_its_closed_form_does():
     """From u = f at t1, as above, u'' = w^2 u + e with w^2 = -alpha, e = q - (1 - alpha) f."""
     q, f, alpha, limit = 0.9, 0.8, -0.05, 6.0

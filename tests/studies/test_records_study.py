@@ -1,6 +1,7 @@
 """Studies of records: rules that spare work against plain computing, files, restart, mistakes."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,14 @@ from hpcsweep import (
     synthetic_records,
 )
 from hpcsweep.campaign import run as campaign
-from hpcsweep.campaign.describe import describe
+from hpcsweep.campaign.describe import describe, warnings
 from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.earthquakes.intensity import average_spectral_acceleration
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.parallel.mpi import Serial
+from hpcsweep.solvers import response as solvers_response
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion import responses
@@ -182,6 +184,32 @@ def test_gaps_of_zero_need_one_response_for_all_scales(tmp_path, calls):
     one, two = results.isel(scale=2), results.isel(scale=3)
     np.testing.assert_array_equal(2 * one["contact_force"], two["contact_force"])
     np.testing.assert_array_equal(one["impacts"], two["impacts"])
+
+
+def test_records_of_a_structure_share_the_tables_of_both_motions(tmp_path, monkeypatch):
+    made = []
+    for module in (responses, solvers_response):
+        plain = module.record_map
+
+        def counted(structure, *rest, plain=plain, **more):
+            made.append(len(structure.contacts))
+            return plain(structure, *rest, **more)
+
+        monkeypatch.setattr(module, "record_map", counted)
+    for kept in (responses._map, solvers_response.linear_map):
+        kept.cache_clear()
+    responses.KEPT.clear()
+    computed(FACTORS, tmp_path)
+    assert sorted(made) == [0, 2]  # of four records
+
+
+def test_each_sample_is_timed_as_if_it_were_the_first(calls):
+    study = parse_job(FACTORS, "job", "a").study
+    for index in (0, 1, 0):
+        (_, along), runs, seconds = study.time_runs(index / 4, 0.9, 2)
+        assert (runs, along, seconds > 0.0) == (2, 0.75, True)
+        assert len(calls) == 2
+        calls.clear()
 
 
 def test_without_contacts_all_is_linear(tmp_path, calls):
@@ -635,6 +663,15 @@ time = "s"
 synthetic = {{count = 2, seed = 3, dt = 0.02, duration = 10.0, rms = 2000.0}}
 """
 ISOLATED = ALONE.format(ISOLATION)
+
+
+def test_a_slab_that_weighs_next_to_nothing_is_warned_of():
+    def told(job: str) -> list[str]:
+        return [text for text in warnings(parse_job(job, "job", "a")) if "as fast" in text]
+
+    assert not told(ISOLATED)
+    (text,) = told(ISOLATED.replace("= 2e5\n", "= 0.5\n"))
+    assert re.match("mode 3 is .* a motion of isolation: runs take long", text)
 
 
 def test_an_isolated_building_alone_is_a_job(tmp_path):

@@ -30,7 +30,7 @@ MAX_COLUMNS = 6
 def draw(
     results,
     omega: float | None = None,
-    floors: Sequence[int] = (),
+    floors: Sequence[int | str] = (),
     amplitudes: Sequence[float] = (),
     branches: Path | None = None,
 ):
@@ -41,8 +41,8 @@ def draw(
     results : xarray.Dataset
     omega : float, optional
         The frame nearest to this frequency; default the first.
-    floors : sequence of int, optional
-        Shown, from 1; see `labels.choose_floors`.
+    floors : sequence of int or str, optional
+        Shown, see `labels.choose_floors`.
     amplitudes : sequence of float, optional
         One, in place of `omega` for attractors along that.
     branches : Path, optional

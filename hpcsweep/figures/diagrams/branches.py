@@ -76,7 +76,7 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
     return Read(found, list(branches_of(run_of(found), study, line)), runs, study)
 
 
-def draw(results: Read, floors: Sequence[int] = (), **_options):
+def draw(results: Read, floors: Sequence[int | str] = (), **_options):
     """Draw a line, as `load` has read it."""
     found, branches, runs, study = results
     run = run_of(found)

@@ -33,7 +33,10 @@ def load(reader, frames: int | None = None, **_options):
 
 
 def draw(
-    results, direction: str | None = None, frames: int | None = None, floors: Sequence[int] = ()
+    results,
+    direction: str | None = None,
+    frames: int | None = None,
+    floors: Sequence[int | str] = (),
 ):
     """Draw frames spread evenly over frequency.
 
@@ -44,7 +47,7 @@ def draw(
         Default the first.
     frames : int, optional
         Number of frames; default all, at most `MAX_FRAMES`.
-    floors : sequence of int, optional
+    floors : sequence of int or str, optional
         The one floor whose displacement is drawn, from 1; default the top one.
 
     Raises
@@ -58,7 +61,7 @@ def draw(
     structure, name = study.structure, study.run_dims[-2]
     if len(floors) > 1:
         raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
-    floor = labels.choose_floors(structure.n_floors, floors)[-1] + 1
+    floor = labels.choose_floors(structure.floor_names, floors)[-1] + 1
     chosen = choose(results[name].values, frames)
     shown = {name: chosen, "direction": [style.direction_index(results, direction)]}
     results = results.isel(shown)

@@ -72,7 +72,7 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
 
 def _drift(axis, one: Frame, free: np.ndarray) -> None:
     chaotic = dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]]
-    names, drifts = _directions(one.runs), one.runs["drift"].values
+    names, drifts = one.runs["direction"].values.tolist(), one.runs["drift"].values
     for direction, drift, row in zip(names, drifts, one.classes, strict=True):
         chaos, marker = row == MotionClass.CHAOTIC, style.MARKERS[direction]
         for chosen, colour, label in (
@@ -103,7 +103,7 @@ def _free(axis, along: np.ndarray, values: np.ndarray, **looks) -> None:
 
 
 def _norms(axis, one: Frame, free: np.ndarray) -> None:
-    frame, names = one.runs, _directions(one.runs)
+    frame, names = one.runs, one.runs["direction"].values.tolist()
     shown = min(frame.sizes["mode"], labels.MAX_MODES)
     for mode in range(shown):
         colour, marker = palette.mode_colour(mode, shown), "os^D<>pX*h"[mode % 10]

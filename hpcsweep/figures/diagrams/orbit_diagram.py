@@ -68,7 +68,7 @@ def draw(
     results,
     omega: float | None = None,
     color: str = "direction",
-    floors: Sequence[int] = (),
+    floors: Sequence[int | str] = (),
     amplitudes: Sequence[float] = (),
     branches: Path | None = None,
 ):
@@ -82,8 +82,8 @@ def draw(
         The frame nearest to this frequency; default the first.
     color : {"direction", "contact", "period"}
         Meaning of the colours; period: the period of orbits, the class of other motions.
-    floors : sequence of int, optional
-        Shown, from 1; see `labels.choose_floors`.
+    floors : sequence of int or str, optional
+        Shown, see `labels.choose_floors`.
     amplitudes : sequence of float, optional
         One, in place of `omega` for a sweep along that.
     branches : Path, optional

@@ -14,8 +14,8 @@ FINE, FINE_KEY = 0.1, 3
 the legend."""
 
 
-def floor_panels(structure, floors: Sequence[int], label: str = ""):
-    """Make a figure of floors, from 1 (see `labels.choose_floors`), the top one uppermost.
+def floor_panels(structure, floors: Sequence[int | str], label: str = ""):
+    """Make a figure of floors (see `labels.choose_floors`), the top one uppermost.
 
     The horizontal axis is that of the amplitude, unless it has another `label`.
 
@@ -24,7 +24,7 @@ def floor_panels(structure, floors: Sequence[int], label: str = ""):
     figure, dict of int to axis
         By floor, from 0, downwards.
     """
-    shown = labels.choose_floors(structure.n_floors, floors)[::-1]
+    shown = labels.choose_floors(structure.floor_names, floors)[::-1]
     height = PANEL * len(shown) if len(shown) > 1 else SINGLE
     figure, axes = style.new_figure(len(shown), 1.2 + min(height, PAGE))
     for floor, axis in zip(shown, axes, strict=True):

@@ -61,7 +61,7 @@ def draw(
     amplitudes: Sequence[float] = (),
     periods: Sequence[int] = (),
     direction: str | None = None,
-    floors: Sequence[int] = (),
+    floors: Sequence[int | str] = (),
     along: Sequence[float] = (),
 ):
     """Draw motions of one frame, one a row.
@@ -77,8 +77,8 @@ def draw(
         Orbit periods, for each of which a motion is drawn; see `find_period`.
     direction : {"up", "down"}, optional
         For amplitudes default the first; for periods default any.
-    floors : sequence of int, optional
-        Shown, from 1; see `labels.choose_floors`.
+    floors : sequence of int or str, optional
+        Shown, see `labels.choose_floors`.
     along : sequence of float
         Of a sweep along another parameter than the amplitude, its values.
 
@@ -101,7 +101,7 @@ def draw(
     motions = [_at(one, value, direction, given) for value in chosen]
     motions += [find_period(frame, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.along, m.direction))
-    shown = labels.choose_floors(structure.n_floors, floors)
+    shown = labels.choose_floors(structure.floor_names, floors)
     columns = len(shown)
     size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
     figure, axes = style.new_grid(len(motions), columns, size, sharex="col")

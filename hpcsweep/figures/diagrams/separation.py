@@ -56,8 +56,10 @@ def draw(results, place: str | None = None):
     responses.draw_suite(curve, need)
     for series, (rule, values) in enumerate(zip(RULES, asked, strict=True), start=1):
         over = (values / need)[np.isfinite(need) & (need > 0)]
-        label = f"{rule}: {np.median(over):.2f} of the need, too small for "
-        label += f"{100 * np.mean(over < SHORT):.0f} % of them"
+        label = rule
+        if over.size:  # alike buildings need no gap
+            label += f": {np.median(over):.2f} of the need, too small for "
+            label += f"{100 * np.mean(over < SHORT):.0f} % of them"
         (median,) = fractiles(values, (0.5,))
         curve(median, ":", label=label, color=palette.series_colour(series), linewidth=1.5)
     axis.axhline(structure.contacts[k].gap, color="0.4", linewidth=0.8, label="gap of the job")

@@ -35,8 +35,8 @@ class Request:
     color : {"direction", "contact", "period"}
     width : int
         In pixels, even; 0 for the default.
-    floors : tuple of int
-        Shown, from 1; see `labels.choose_floors`. Of a measure its storeys, floors or contacts.
+    floors : tuple of int or str
+        Shown, see `labels.choose_floors`. Of a measure its storeys, floors or contacts.
     show : str
         Measure that is drawn in place of stroboscopic displacements; empty for these.
     branches : Path or None
@@ -53,7 +53,7 @@ class Request:
     direction: str = "both"
     color: str = "direction"
     width: int = 0
-    floors: tuple[int, ...] = ()
+    floors: tuple[int | str, ...] = ()
     show: str = ""
     branches: Path | None = None
     at: Mapping[str, float | str] = field(default_factory=dict, hash=False)
@@ -148,8 +148,8 @@ class Film:
         self.measure: ShownMeasure | None = None
         if request.show:
             self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
-        n = len(self.measure.places) if self.measure else self.structure.n_floors
-        self.floors = labels.choose_floors(n, request.floors)
+        places = [one.partition(" ")[2] for one in self.measure.places] if self.measure else []
+        self.floors = labels.choose_floors(places or self.structure.floor_names, request.floors)
         order = np.argsort(self.study.frames, kind="stable")
         self.order = order[:: request.every].tolist()
         self.overlay: Overlay | None = None

@@ -5,6 +5,7 @@ kept in it as ``records.found``: so a results file is read without the records t
 """
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -343,6 +344,10 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
 
 
+LAST: list[Any] = [None, ()]
+"""Facts of a job that were read last, and what from: all parts of a job have the same."""
+
+
 def longest_period(structure: Structure) -> float:
     """Return the longest natural period, of a structure that has not yielded."""
     omega = float(structure.frequencies[0])
@@ -362,31 +367,28 @@ def read_found(
     found = values.get("records.found")
     paths = tuple(map(str, values.table("records").get("files", ())))
     try:
+        records = found["records"] if isinstance(found, dict) else found
+        if records is not LAST[0]:
+            read = tuple(Facts(*(one[key] for key in Facts._fields)) for one in records)
+            if not all(one.is_sound for one in read):
+                raise TypeError
+            LAST[:] = records, read
+        facts = LAST[1]
         if isinstance(found, dict):
             periods = found["periods"]
             own = longest_period(structure) if structure else periods[0]
-            at = min(range(len(periods)), key=lambda i: abs(periods[i] - own))
+            near = min(bisect_left(periods, own), len(periods) - 1)
+            at = min((near - 1, near), key=lambda i: abs(periods[i] - own))
             if not abs(periods[at] - own) <= SAME * own:
                 raise TypeError
-            found = [{**one, "measure": one["measure"][at]} for one in found["records"]]
-        facts = tuple(Facts(*(one[name] for name in Facts._fields)) for one in found)
-        if not facts or not all(map(_is_sound, facts)) or len(paths) not in (0, len(facts)):
+            facts = tuple(one._replace(measure=one.measure[at]) for one in facts)
+        is_scaled = all(isinstance(one.measure, float) and one.measure > 0 for one in facts)
+        if not facts or not is_scaled or len(paths) not in (0, len(facts)):
             raise TypeError
     except (TypeError, KeyError, ValueError, AttributeError, IndexError):
         limit = "must be as written by hpcsweep; take it away, and records are looked for again"
         raise values.error("records.found", found, limit) from None
     return facts, paths
-
-
-def _is_sound(facts: Facts) -> bool:
-    names, samples, numbers = facts[:2], facts.samples, facts[3:]
-    return (
-        all(isinstance(name, str) for name in names)
-        and type(samples) is int
-        and all(isinstance(number, float) for number in numbers)
-        and facts.dt > 0
-        and facts.measure > 0
-    )
 
 
 def _instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:

@@ -19,7 +19,7 @@ from hpcsweep.studies.ground_motion import describe, keys
 from hpcsweep.studies.ground_motion.floors import read_floor_spectra
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.recompute import response_again
-from hpcsweep.studies.ground_motion.responses import SKIP_RULES
+from hpcsweep.studies.ground_motion.responses import KEPT, SKIP_RULES
 from hpcsweep.studies.ground_motion.variables import (
     FACTOR,
     FACTS,
@@ -166,14 +166,19 @@ class Records(RecordGrid):
         return response_again(self, block, row, run)
 
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
-        """Time a few runs of a record."""
+        """Time a few runs of a record, with their share of what all of its runs begin with."""
         record = int(share * len(self.suite))
         at = int(along * (max(self.scale.size - n_runs, 0) + 1))
         factors = self.factor[record, at : at + n_runs]
         samples = self.record(record)
-        begun = time.perf_counter()
+        KEPT.clear()  # nothing is spared by earlier samples
+        times = [time.perf_counter()]
+        for compute in (self.responses.prepare, self.responses.free):
+            compute(samples)
+            times.append(time.perf_counter())
         self.responses.rows(samples, factors, poll)
-        seconds = time.perf_counter() - begun
+        tables, free, seconds = np.diff([*times, time.perf_counter()]).tolist()
+        seconds += factors.size / self.n_along * (free + tables / self.n_frames)
         return (record, (at + 0.5 * factors.size) / self.scale.size), factors.size, seconds
 
     def describe_task(self, task: int) -> str:

@@ -36,7 +36,13 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import history
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.record_response import Energy
-from hpcsweep.solvers.response import Response, linear_response, record_map, scale_of_contact
+from hpcsweep.solvers.response import (
+    Response,
+    linear_map,
+    linear_response,
+    record_map,
+    scale_of_contact,
+)
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, FloorSpectra
@@ -119,7 +125,7 @@ class RecordResponses:
     def rows(self, record: Record, factors: np.ndarray, poll: Poll = None) -> Rows:
         """Compute responses to a record at scales, by variable name; first axis scales."""
         digest = record.digest
-        free, alone, first = self._free(record, digest)
+        free, alone, first = self.free(record)
         told: dict[str, list] = {"outcome": [], "skip_rule": []}
         found = []
         for factor in factors.tolist():
@@ -183,9 +189,15 @@ class RecordResponses:
                 found[k] = seen.acceleration
         return {FLOOR_SPECTRUM.name: found}
 
-    def _free(self, record: Record, digest: str) -> tuple[np.ndarray, np.ndarray, float]:
+    def prepare(self, record: Record) -> None:
+        """Make the tables that the runs of all records have in common, unless they are kept."""
+        more = wanted(self._settings)
+        linear_map(self.computed, record.dt, *more)
+        _map(self.computed, record.dt, self._settings.rtol, *more)
+
+    def free(self, record: Record) -> tuple[np.ndarray, np.ndarray, float]:
         """Return the response without contacts, the results of it, and its largest scale."""
-        key = (self.computed, self._settings, self._tail, digest, None)
+        key = (self.computed, self._settings, self._tail, record.digest, None)
         kept = KEPT.get(key)
         if kept is None:
             try:

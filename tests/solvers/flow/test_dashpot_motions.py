@@ -263,7 +263,7 @@ def check_records(number: int, seed: int) -> None:
 def test_a_few_random_structures_follow_the_reference():
     check_random(4, seed=11)
     check_starts_on_stops(10, seed=13)
-    check_records(2, seed=11)
+    check_records(4, seed=11)
 
 
 @pytest.mark.slow

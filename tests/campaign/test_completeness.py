@@ -126,6 +126,7 @@ def test_no_end_but_of_a_complete_file_is_0(kind, tmp_path, monkeypatch):
     assert_same_datasets(path, made(STUDIES[kind], tmp_path / "whole.h5"))
 
 
+@pytest.mark.slow
 def test_a_damaged_file_is_not_complete_until_it_is_mended(tmp_path):
     """Every block has a checksum, one of which does not hold."""
     path, job = made(SMALL, tmp_path / "a.h5"), parse_job(SMALL, "job", "job")

@@ -57,6 +57,7 @@ class Counting(Silent):
             action()
 
 
+@pytest.mark.slow
 def test_stopped_in_the_middle_and_resumed(three, tmp_path):
     flag = StopFlag()
 

@@ -70,6 +70,7 @@ def test_the_time_limit_stops_a_long_bdf_sweep(tmp_path):
     assert faults.records(tmp_path / "bdf.h5")[-1]["reason"] == "time limit"
 
 
+@pytest.mark.slow
 def test_a_signal_to_a_campaign_that_still_loads_its_libraries_is_obeyed(tmp_path, small_job):
     script = tmp_path / "early.py"
     script.write_text(

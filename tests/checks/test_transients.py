@@ -47,6 +47,7 @@ def test_what_ends_repeats_and_what_outlives_does_not(chaos):
     assert found["low"] < found["share"] < found["high"]
 
 
+@pytest.mark.slow
 def test_summary_says_it_of_as_many_as_asked(chaos):
     told = json.loads(hpcsweep(0, "summary", chaos, "--transients", 2, "--json").stdout)
     assert told[0]["transients"]["samples"] == 2

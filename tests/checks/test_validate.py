@@ -318,6 +318,7 @@ def test_results_of_another_structure_are_found_out_by_the_other_solver(tmp_path
     assert all("bdf finds points that differ" in problem for problem in report.problems)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change", "finding"),
     [

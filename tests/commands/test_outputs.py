@@ -111,6 +111,7 @@ def test_kinds_are_told_by_the_first_bytes(tmp_path):
     check_overwriting(tmp_path / "nothing", FILM)
 
 
+@pytest.mark.slow
 def test_a_list_of_points_is_a_map_and_no_sweep(folder, tmp_path):
     done = hpcsweep(0, "plot", folder / "a.h5", "-o", tmp_path / "map.png", "--dpi", "50")
     assert done.returncode == 0, done.stderr

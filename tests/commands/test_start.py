@@ -75,6 +75,7 @@ def test_a_command_that_computes_nothing_loads_nothing_that_computes(tmp_path, r
     assert "scipy" not in without_scipy[-1]
 
 
+@pytest.mark.slow
 def test_a_run_loads_kernels_of_its_solver_without_what_would_compile_them(tmp_path, small_job):
     arguments = ("run", small_job, "-o", tmp_path / "out.h5")
     assert hpcsweep(0, *arguments).returncode == 0  # compiles them where they are not yet

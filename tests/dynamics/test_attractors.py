@@ -230,6 +230,7 @@ def test_transient_chaos_has_no_share(seed):
     assert 500 < found.lifetime.low < found.lifetime.mean < found.lifetime.high < 10000
 
 
+@pytest.mark.slow
 def test_a_torus_that_ends_in_an_orbit_is_that_orbit():
     """Slow approaches to a P102 of multiplier 0.925 have been two tori."""
     structure = Structure(damping_ratio=(0.1262, 0.0161, 0.0077))

@@ -101,6 +101,7 @@ def test_chaos_of_three_floors():
     assert found.dimension.low > 1
 
 
+@pytest.mark.slow
 def test_the_variational_equation():
     """Over 20 periods, by DOP853: the same equations written down here."""
     beta, rho, zeta, amplitude, omega = 50.0, 100.0, 0.02, 1.0, 0.8

@@ -204,6 +204,7 @@ def test_ranks_and_processes_make_the_same_film(made, monkeypatch):
     assert not [p for p in folder.iterdir() if p.name.startswith(".")]
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_a_failing_encoder_ends_all_ranks(results, tmp_path):
     """No rank waits for ever, nothing is left behind."""

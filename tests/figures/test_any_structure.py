@@ -122,6 +122,7 @@ def general(request, tmp_path_factory):
     return request.param, path
 
 
+@pytest.mark.slow
 def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
     from claims.reading import open_frames
 

@@ -243,6 +243,7 @@ def test_a_job_is_described_run_and_read_without_its_model(folder):
     assert not (folder / "none.h5").exists()
 
 
+@pytest.mark.slow
 def test_amounts_of_modes_are_not_taken_for_accelerations_of_floors(folder):
     records = "[records]\nsynthetic = {count = 1, duration = 4.0}\nscale = {values = [2.0, 50.0]}\n"
     floors = "[output]\nfloor_spectra = {periods = [0.1, 0.5], places = ['15.UY']}\n"

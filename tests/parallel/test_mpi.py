@@ -31,6 +31,7 @@ for name, wait in waits.items():
 """
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_who_waits_for_another_rank_sleeps(tmp_path):
     script = tmp_path / "waiting.py"
@@ -110,6 +111,7 @@ def test_a_shell_of_srun_is_no_launcher(leads, terminal, ranks):
     assert said.split() == ["size", ranks]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("more", "code"), [(("--dry-run",), 0), ((), 2)])
 def test_a_launcher_of_another_mpi_keeps_nothing_but_runs_from_their_work(
     small_job, tmp_path, more, code

@@ -63,8 +63,8 @@ def test_random_storeys_move_as_the_reference(seed):
 @pytest.mark.parametrize(
     ("seed", "sharpness"),
     [
-        *((2, 1e4), (3, 3.0)),
-        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((0, 20.0), (1, 400.0))),
+        (3, 3.0),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((0, 20.0), (1, 400.0), (2, 1e4))),
     ],
 )
 def test_storeys_that_yield_beside_smooth_stops_move_as_the_reference(seed, sharpness):

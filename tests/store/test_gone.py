@@ -60,6 +60,7 @@ def left_behind(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir() if path.suffix != ".toml")
 
 
+@pytest.mark.slow
 def test_a_place_that_cannot_be_leaves_nothing_behind(tmp_path, small_job):
     fifo, link = tmp_path / "fifo.h5", tmp_path / "link.h5"
     os.mkfifo(fifo)

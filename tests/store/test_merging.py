@@ -58,12 +58,12 @@ def parts_of(text: str, n: int, folder: Path, name: str = "job") -> tuple[Path, 
 @pytest.mark.parametrize(
     ("text", "n"),
     [
-        (SMALL, 3),
-        (GRID, 4),
+        pytest.param(SMALL, 3, marks=pytest.mark.slow),
+        pytest.param(GRID, 4, marks=pytest.mark.slow),
         (SMALL.replace("count = 11", "count = 3") + VARY, 2),
-        (LISTED, 3),
+        pytest.param(LISTED, 3, marks=pytest.mark.slow),
         (RECORDS, 3),
-        (FEW, 2),
+        pytest.param(FEW, 2, marks=pytest.mark.slow),
     ],
     ids=["sweeps", "points", "vary", "list", "records", "attractors"],
 )
@@ -85,6 +85,7 @@ def test_merged_parts_are_the_whole_to_the_last_bit(text, n, tmp_path):
     assert state["runs_done"] == state["runs_total"] == load_job(path).study.n_runs
 
 
+@pytest.mark.slow
 def test_branches_are_cut_by_their_lines(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("seeds.toml").write_text(SEEDS)
@@ -153,6 +154,7 @@ def test_what_is_no_whole_is_refused_in_one_line_and_nothing_is_written(tmp_path
     assert not output.exists()
 
 
+@pytest.mark.slow
 def test_commands_cut_and_merge(tmp_path):
     (tmp_path / "job.toml").write_text(SMALL)
     done = hpcsweep(0, "split", "job.toml", "-n", 2, "--set", "solver.rtol=1e-8", cwd=tmp_path)

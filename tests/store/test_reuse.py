@@ -36,11 +36,35 @@ def reused(path) -> dict:
     ("old", "new", "runs"),
     [
         pytest.param(SMALL, FINER, 4 * 22, id="finer frequencies"),
-        pytest.param(SMALL, FINER.replace("block = 4", "block = 3"), 4 * 22, id="other blocks"),
-        pytest.param(ALONG, ALONG.replace("[0.05, 0.1, ", "[0.1, 0.15, "), 66, id="along omega"),
+        pytest.param(
+            SMALL,
+            FINER.replace("block = 4", "block = 3"),
+            4 * 22,
+            id="other blocks",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            ALONG,
+            ALONG.replace("[0.05, 0.1, ", "[0.1, 0.15, "),
+            66,
+            id="along omega",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(GRID, GRID.replace("count = 11", "count = 21"), 44, id="points"),
-        pytest.param(SMALL + "[vary]\nstructure.gap = [1.0, 0.8]\n", SMALL, 88, id="a part"),
-        pytest.param(SMALL, SMALL + "[vary]\nstructure.gap = [0.8, 1.0]\n", 88, id="into a part"),
+        pytest.param(
+            SMALL + "[vary]\nstructure.gap = [1.0, 0.8]\n",
+            SMALL,
+            88,
+            id="a part",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            SMALL,
+            SMALL + "[vary]\nstructure.gap = [0.8, 1.0]\n",
+            88,
+            id="into a part",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_is_taken_equals_what_is_computed(tmp_path, old, new, runs):
@@ -152,6 +176,7 @@ def test_rows_of_basins_are_not_taken_even_of_the_same_job(tmp_path):
     assert not [*tmp_path.glob("n.h5*")]
 
 
+@pytest.mark.slow
 def test_zoom_writes_a_job_that_takes_over_what_it_can(tmp_path):
     earlier = made(SMALL, tmp_path / "old.h5")
     finer = tmp_path / "finer.toml"

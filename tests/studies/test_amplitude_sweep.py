@@ -71,6 +71,7 @@ def labels(results, direction: str, period: str) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "expected"),
     [

@@ -165,6 +165,7 @@ def test_attractors_of_one_motion_have_shades_of_its_colour(whole):
     assert [name for name, _, _ in listed.values()] == ["P1 C1,1L", "P1 C1,1L"]
 
 
+@pytest.mark.slow
 def test_every_command_tells_it(tmp_path, whole):
     state = json.loads(hpcsweep(0, "status", whole, "--json").stdout)
     assert state["complete"]

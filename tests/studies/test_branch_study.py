@@ -155,6 +155,7 @@ def test_the_file_is_sound_and_lines_that_contradict_themselves_are_told(folder,
         assert any(word in told for _, told in study.check(block, broken)), name
 
 
+@pytest.mark.slow
 def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
     picture = folder / "line.png"
     told = ("--line", 1, "--sweep", folder / "sweep.h5", "-o", picture)
@@ -408,6 +409,7 @@ def test_lines_of_a_number_of_the_structure_may_be_a_list_of_points():
             parse_job(head + job, "job", "job")
 
 
+@pytest.mark.slow
 def test_a_search_finds_orbits_that_no_motion_tells(folder, whole):
     job, path = folder / "search.toml", folder / "search.h5"
     text = (folder / "job.toml").read_text().replace("steps = 300", "steps = 300\nstarts = 32")

@@ -14,6 +14,7 @@ def study_of(name):
     return load_job(PAPER / f"{name}.toml").study
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [STUDIES[0], pytest.param(STUDIES[1], marks=pytest.mark.slow)])
 def test_motions_go_to_the_orbits_they_are_jumped_to(name):
     found = jumps.jumps_of(study_of(name), 700, 20)

@@ -54,6 +54,7 @@ def test_neighbours_are_tested_together_wherever_blocks_are_cut():
             np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("skip", "transient"),
     [

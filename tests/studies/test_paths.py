@@ -146,6 +146,7 @@ def test_the_file_has_the_dimensions_of_the_path(folder):
     assert tied.amplitudes_of(0).tolist() == [0.1, 0.2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["omega", "gap", "one"])
 def test_it_is_validated_summarized_and_described(folder, name):
     report = validate(folder / f"{name}.h5", samples=1)
@@ -162,6 +163,7 @@ def test_it_is_validated_summarized_and_described(folder, name):
     assert hpcsweep(0, "run", folder / "job.toml", "--dry-run").returncode == 0
 
 
+@pytest.mark.slow
 def test_it_is_drawn_over_its_parameter(folder, tmp_path):
     along, gaps = (api.open_results(folder / f"{name}.h5") for name in ("omega", "gap"))
     axes = orbit_diagram.draw(along, amplitudes=[0.21]).axes
@@ -221,6 +223,7 @@ def test_attractors_along_a_path_are_those_of_each_place_to_the_last_bit(name, t
     assert validate(path, samples=2).sound
 
 
+@pytest.mark.slow
 def test_attractors_along_a_path_are_drawn_and_compared_with_its_sweep(folder, tmp_path):
     for name, label in (("omega", r"forcing frequency $\Omega$"), ("gap", "gap")):
         results = api.open_results(made(ATTRACTORS[name], tmp_path / f"{name}.h5"))
@@ -244,6 +247,7 @@ def test_attractors_along_a_path_are_drawn_and_compared_with_its_sweep(folder, t
             missed_attractors(found, folder / f"{file}.h5")
 
 
+@pytest.mark.slow
 def test_a_part_of_a_varied_path_is_a_job_of_its_own(tmp_path):
     text = GAPS + "structure.stiffness_ratio = [100.0, 300.0]\n"
     job = parse_job(text, "job", "job")
@@ -372,6 +376,7 @@ def test_branches_along_the_frequency_start_from_its_sweeps_and_are_drawn_beneat
     assert done.stderr.endswith("holds branches along omega, not gap\n")
 
 
+@pytest.mark.slow
 def test_branches_along_a_formula_go_through_all_motions_and_lie_beneath_them(tmp_path):
     from hpcsweep.campaign.summary import summarize
 

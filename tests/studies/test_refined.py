@@ -52,6 +52,7 @@ def refined(tmp_path_factory):
     return made(REFINED, tmp_path_factory.mktemp("refined") / "map.h5")
 
 
+@pytest.mark.slow
 def test_what_is_computed_equals_all_points_and_the_audit_bounds_what_is_inferred(
     refined, tmp_path
 ):

@@ -26,6 +26,7 @@ def compute(text: str, path):
     return job, open_results(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

@@ -64,7 +64,8 @@ def _compile(function=None, **options):
         return functools.partial(_compile, **options)
     if numba.config.DISABLE_JIT:
         return plain(function)
-    return Kernel(function, {"error_model": "numpy", **options})
+    # numba would hand `forceinline` down to all that an `inlined` kernel calls
+    return Kernel(function, {"error_model": "numpy", "forceinline": False, **options})
 
 
 jit = functools.partial(_compile, _nrt=True)

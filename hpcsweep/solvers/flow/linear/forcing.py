@@ -18,7 +18,7 @@ COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(9, -1, -1))
 """Descending orders; the truncation error is 1 / 20! = 4e-19."""
 
 
-@kernel
+@inlined
 def forcing_at(tau, amplitude, model, out, first):
     """Write A a_h sin(.) and A a_h cos(.) of each harmonic, or G and G', into out[first:]."""
     for h in range(model.harmonics.shape[0]):

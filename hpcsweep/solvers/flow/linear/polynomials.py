@@ -59,7 +59,7 @@ def evaluate(coefficients, sigma):
     return value
 
 
-@kernel
+@inlined
 def evaluate_rows(rows, h, s, out):
     """Evaluate the state at time s of the step whose polynomials are `rows`."""
     sigma = s * (2.0 / h) - 1.0

@@ -35,7 +35,7 @@ from hpcsweep.solvers.flow.state.state import accelerations, approach_speed, con
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
 
 
-@kernel
+@inlined
 def contact_key(tau, z, amplitude, model, work):
     """Find the contact set of a state outside all layers.
 
@@ -65,7 +65,7 @@ def layer_edge(key, k, model):
     return Level(edges[k, 0], edges[k, 1])
 
 
-@kernel
+@inlined
 def is_clear(key, k, d, x, z_end, model, bound4):
     """Return whether contact k stays outside its layer, or leaves it, within d; True is proved.
 

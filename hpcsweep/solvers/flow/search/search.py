@@ -135,7 +135,7 @@ def may_reach(d, g0, slope0, g1, slope1, bound4):
     return _top(d, g0, slope0, g1, slope1, bound4) >= 0.0
 
 
-@kernel
+@inlined
 def may_exceed(size, d, g0, slope0, g1, slope1, bound4):
     """Return whether |g| may reach `size` on an interval of length d; False is proved."""
     early, middle, late = _inner(d, g0, slope0, g1, slope1, 0.0)

@@ -40,8 +40,9 @@ def summarize(path: str | Path) -> dict:
         tally = study.tally()
         for place in frames.places:
             frames.choose(place)
-            for frame in range(frames.study.n_frames):
-                tally.add(frames.dataset(frame), frames.study)
+            for first in range(0, frames.study.n_frames, tally.at_once):
+                some = range(frames.study.n_frames)[first : first + tally.at_once]
+                tally.add(frames.gather([*frames], some), frames.study)
         audit = frames.audit()
     finally:
         frames.close()

@@ -105,14 +105,22 @@ class RunAgain:
 
 
 class StudyTally(Protocol):
-    """Counts over the runs of a study, for ``summary``."""
+    """Counts over the runs of a study, for ``summary``.
+
+    Attributes
+    ----------
+    at_once : int
+        Most frames that `add` takes together.
+    """
+
+    at_once: int
 
     @property
     def done(self) -> int:
         """Number of computed runs."""
 
     def add(self, frame: Any, study: "Study") -> None:
-        """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
+        """Count the runs of frames, an xarray.Dataset, of a study or of a part of it."""
 
     def summary(self) -> dict[str, Any]:
         """Return the counts: numbers, strings, lists and dicts."""

@@ -31,6 +31,8 @@ class BaseTally:
     """Variables whose largest value is told."""
     placed_by: tuple[str, ...] = ("amplitude", "omega")
     """Coordinates that tell where it is."""
+    at_once: int = 1
+    """Most frames that `add` takes together."""
 
     def __init__(self, study: Study):
         self._study = study
@@ -49,7 +51,7 @@ class BaseTally:
         self.counts[name].update(dict(zip(found.tolist(), numbers.tolist(), strict=True)))
 
     def add(self, frame, study: Study) -> None:
-        """Count the runs of one frame, an xarray.Dataset, of a study or of a part of it."""
+        """Count the runs of `at_once` frames, an xarray.Dataset, of a study or of a part of it."""
         self.count("outcome", frame["outcome"].values)
         if "cycles" in frame:
             there = frame["outcome"].values != Outcome.NOT_COMPUTED

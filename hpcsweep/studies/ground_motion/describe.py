@@ -104,26 +104,26 @@ class ResponseTally(BaseTally):
 
     measures = (*(one.variable.name for one in PEAKS[:7]), "ductility", "excursions", "base_shear")
     placed_by = ("record", "scale", "part")
+    at_once = 64
     elastic = 0.0
 
     def add(self, frame, study: Study) -> None:
-        """Count the runs of one record; see `BaseTally.add`."""
+        """Count the runs of some records; see `BaseTally.add`."""
         super().add(frame, study)
         self.elastic = max(self.elastic, elastic_drift(frame, study.structure))
-        outcome, rule = frame["outcome"].values[0], frame["skip_rule"].values[0]
+        outcome, rule = frame["outcome"].values, frame["skip_rule"].values
         linear = (outcome > 0) & (rule == SkipRule.LINEAR)
         self.counts["all"]["linear"] += int(linear.sum())
         if "impacts" in frame:
-            self.counts["all"]["touching"] += int(
-                (frame["impacts"].values[0] > 0).any(axis=-1).sum()
-            )
+            self.counts["all"]["touching"] += int((frame["impacts"].values > 0).any(axis=-1).sum())
         if "collapsed" in frame:
-            self.counts["all"]["collapsed"] += int(frame["collapsed"].values[0].sum())
-        name = str(frame["record"].values[0])
+            self.counts["all"]["collapsed"] += int(frame["collapsed"].values.sum())
         responses = as_kind(study, RecordGrid).responses
-        own = hash(responses.computed)
-        for factor in frame["factor"].values[0][(outcome > 0) & ~linear].tolist():
-            self.counts["ratios"][own, name, responses.ratio(factor)] += 1
+        own, factors = hash(responses.computed), frame["factor"].values
+        different = (outcome > 0) & ~linear
+        for name, row, chosen in zip(frame["record"].values, factors, different, strict=True):
+            for factor in row[chosen].tolist():
+                self.counts["ratios"][own, str(name), responses.ratio(factor)] += 1
 
     def summary(self) -> dict[str, Any]:
         """Return the counts; see `BaseTally.summary`."""

@@ -18,7 +18,6 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import intrinsic, lower_getattr_generic, models, register_model
-from numba.np.arrayobj import populate_array
 
 from hpcsweep.kernels.compile import specialise
 from hpcsweep.kernels.compile.places import Pattern, Words, Zeros
@@ -74,6 +73,8 @@ class _ViewFields(AttributeTemplate):
 @lower_getattr_generic(View)
 def _read_field(context, builder, kind, value, name):
     """Generate what reads a field."""
+    from numba.np.arrayobj import populate_array  # only what compiles needs it
+
     inner, first = kind.fields[name]
     view = cgutils.create_struct_proxy(kind)(context, builder, value=value)
 

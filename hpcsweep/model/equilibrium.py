@@ -21,7 +21,6 @@ stops pull before they are reached is not taken for a state of rest.
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.optimize import brentq
 from scipy.special import expit
 
 MAX_STEPS = 200
@@ -68,6 +67,8 @@ def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarr
 
 def _solved(structure, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarray:
     """Solve r = 0 for contacts of sharpness rho, from u on."""
+    from scipy.optimize import brentq  # takes 0.2 s to load, and few contacts are pressed
+
     stiffness, rows = structure.stiffness_matrix, structure.directions
     kappa = structure.contact_stiffness
     gaps = np.array([contact.gap for contact in structure.contacts], float)

@@ -179,7 +179,8 @@ class AttractorSearch:
     def _ends(self, one: Attractor, states: np.ndarray) -> bool:
         """Return whether any motion of a sample ends: of its starts, else from its record."""
         size = SAMPLE[one.kind]
-        drawn = states[np.unique(np.linspace(0, len(states), size, endpoint=False).astype(int))]
+        evenly = np.unique(np.linspace(0, len(states), size, endpoint=False).astype(int))
+        drawn = states[evenly[: len(states)]]  # none where only a seed came to it
         later = np.linspace(len(one.points) // 2, len(one.points) - 1, size - len(drawn))
         length = math.ceil(self._at_risk / size)
         sample = np.concatenate((drawn, one.points[later.astype(int)]))

@@ -58,6 +58,10 @@ def zoom(
             continue
         if key not in sweep:
             raise JobError(f"{job.name}: has no sweep.{key} that could be made finer")
+        if isinstance(sweep[key], str):
+            raise JobError(
+                f"--{name}: sweep.{key} = {sweep[key]!r} is a formula, which has no grid"
+            )
         old = Values(job.name, tree).numbers(f"sweep.{key}", sweep[key], ascending=False)
         sweep[key] = _finer(f"--{name}", np.sort(old), factor, *ends)
     text = write(tree, every_key())

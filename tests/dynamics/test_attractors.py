@@ -289,3 +289,12 @@ def test_starts_reach_to_the_widest_gap_with_the_speed_of_a_mode_through_it():
     own = Structure(2, 20.0, mass=(2e5, 1e5), storey_stiffness=(3e7, 2e7), gap=0.02, gap_left=0.05)
     slowest = own.frequencies[0]
     assert usual_reach(own).tolist() == [0.05, 0.05, 0.05 * slowest, 0.05 * slowest]
+
+
+def test_chaos_that_only_a_seed_reaches_has_no_share():
+    calm = np.array([-0.1385, 0.2201, 0.3147, -1.0683, -0.0547, 0.2825])  # near the P2
+    box = np.stack((calm - 1e-9, calm + 1e-9), axis=1)
+    chaotic = [[0.1409, 0.3006, 0.2898, -1.1085, 0.1114, -0.0344]]
+    given = {"starts": 1, "box": box, "states": chaotic, "max_cycles": 1000}
+    found = hpcsweep.attractors(AS_DESCRIBED, 0.128, 0.445, **given)
+    assert [(one.kind.name, one.hits) for one in found] == [("PERIODIC", 1), ("CHAOTIC", 0)]

@@ -317,13 +317,14 @@ def test_floor_spectra_are_drawn_from_the_file_or_from_the_records(tmp_path):
 
 def test_a_portfolio_shows_fractiles_of_every_structure_over_its_keys(tmp_path):
     keys = '[vary]\n"pounding.gap" = [0.01, 0.03]\n"pounding.stiffness" = [1e9, 4e9]\n'
+    keys += '"pounding.tension" = [false]\n'
     (tmp_path / "a.toml").write_text(TEXT.replace("count = 20}", "count = 2}") + keys)
     assert hpcsweep(0, "run", "a.toml", cwd=tmp_path).returncode == 0
     figure = figures()["portfolio"]
     with contextlib.closing(Frames(tmp_path / "a.h5", "responses")) as frames:
         read = figure.load(frames, "force", scale=20.0, colour="pounding.stiffness")
         with pytest.raises(
-            PlotError, match="--against width: must be of numbers, period, gap, stiffness"
+            PlotError, match=r"--against width: must be of numbers, period, gap, stiffness$"
         ):
             figure.load(frames, against="width")
     assert (read.over[0].tolist(), read.hue[0].tolist()) == (

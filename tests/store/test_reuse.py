@@ -8,7 +8,7 @@ import pytest
 from tools import ALONG, ATTRACTORS, BASINS, GRID, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep.campaign.run import COMPLETE, run_all
-from hpcsweep.job import parse_job
+from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.zoom import zoom
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import StoreError
@@ -203,6 +203,14 @@ def test_zoom_writes_a_job_that_takes_over_what_it_can(tmp_path):
         assert refused.returncode == 2
         assert said in refused.stderr
     assert not (tmp_path / "none.toml").exists()
+
+
+def test_a_formula_has_no_grid_that_could_be_finer():
+    text = SMALL.replace("[sweep]", '[sweep]\nalong = "omega"')
+    start = text.index("amplitude =")
+    text = text[:start] + 'amplitude = "0.1 * omega"' + text[text.index("\n", start) :]
+    with pytest.raises(JobError, match=r"^--amplitude: sweep.amplitude = '0.1 \* omega' is a form"):
+        zoom(parse_job(text, "job", "job"), 2, amplitude=(0.4, 0.5))
 
 
 @pytest.mark.parametrize("factor", [2, 3, 4, 7, 10])

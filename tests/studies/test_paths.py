@@ -356,7 +356,7 @@ def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_
     page = gather(folder / "omega.h5", amplitude_step=2)
     assert page.steps["omega"][0] == page.amplitude.tolist()
     assert page.steps["structures"] == []
-    with pytest.raises(PlotError, match="the sweep is along gap"):
+    with pytest.raises(PlotError, match="along omega or amplitude, not gap"):
         gather(folder / "gap.h5", branches=tmp_path / "none.h5")
 
 

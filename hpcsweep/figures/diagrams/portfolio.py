@@ -68,21 +68,21 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
         tell(len(found), frames.whole.study.n_parts)
     if np.isnan(found).all():
         raise style.PlotError("no run is complete yet")
+    columns = {name: np.array([one.get(name, "") for one in keys]) for name in (PERIOD, *known)}
+    numbers = {name: column for name, column in columns.items() if column.dtype.kind in "if"}
     if against is None:
-        against = next(iter(known)) if len({one[PERIOD] for one in keys}) == 1 else PERIOD
+        differ = (name for name, column in numbers.items() if np.unique(column).size > 1)
+        against = next(differ, PERIOD)
 
     def values(flag: str, asked: str) -> tuple[np.ndarray, str]:
         """Return the values of a key, and its label."""
         name = next((one.name for one in known.values() if asked in (one.name, one.key)), asked)
-        column = np.array([one.get(name, "") for one in keys])
-        if column.dtype.kind not in "if":
-            raise style.PlotError(
-                f"{flag} {asked}: must be of numbers, {PERIOD}, {', '.join(known)}"
-            )
+        if name not in numbers:
+            raise style.PlotError(f"{flag} {asked}: must be of numbers, {', '.join(numbers)}")
         words = (
             (known[name].key, known[name].units) if name in known else ("longest period", "time")
         )
-        return column, words[0] + labels.unit(study.structure, words[1])
+        return numbers[name], words[0] + labels.unit(study.structure, words[1])
 
     hue = values("--colour", colour) if colour else None
     many = f"{len(keys)} structures, {len(stripes.records)} records"

@@ -186,7 +186,10 @@ def _steps(study: RunGrid, frame_step: int, step: int) -> dict[str, list]:
 def _branches_of(path: Path, study: RunGrid, values: np.ndarray) -> list[list[Drawn]]:
     """Read the branches of a file along the frames of some values, none where it has no line."""
     if study.run_dims[-1] not in FORCING:
-        raise style.PlotError(f"--branches {path}: the sweep is along {study.run_dims[-1]}")
+        raise style.PlotError(
+            f"--branches {path}: the page shows those along {' or '.join(FORCING)}, not "
+            f"{study.run_dims[-1]}"
+        )
     order = [int(np.flatnonzero(study.frames == value)[0]) for value in values]
     with contextlib.closing(Overlay(path, study)) as overlay:
         overlay.need(order)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import expit
 
 from hpcsweep.job import Job
-from hpcsweep.model.description import few, one_line
+from hpcsweep.model.description import few, one_line, slow
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.reduction import absurd
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
@@ -19,8 +19,6 @@ MAX_WORDS = 6
 """Number of values of a key that are words, names of structures say, that are listed."""
 PULLED = 0.01
 """Part of a gap over which smooth contacts may pull at rest without a warning."""
-FAST = 1e3
-"""Highest natural frequency of storeys, bearings and masses over the lowest, without a warning."""
 ROUNDING = 1e-12
 """Entry of a mode, over its largest, that is 0."""
 
@@ -179,18 +177,6 @@ def _warnings(structure) -> Iterator[str]:
     elif structure.matrices is not None:
         yield from _soft_contacts(structure)
     yield from _pulling_contacts(structure)
-
-
-def slow(structure) -> Iterator[str]:
-    """Yield one line if a mode is so fast that runs take long."""
-    frequencies = structure.frequencies
-    low, high = frequencies[[0, -1]].tolist()
-    if structure.reduction is None and high > FAST * low > 0:
-        place = structure.floor_names[int(np.abs(structure.modes[:, -1]).argmax())]
-        yield (
-            f"mode {frequencies.size} is {high / low:.2g} times as fast as the first, a motion of "
-            f"{place}: runs take long; is its mass right, are the springs beside it?"
-        )
 
 
 def _pulling_contacts(structure) -> Iterator[str]:

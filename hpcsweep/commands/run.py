@@ -103,7 +103,7 @@ def run(options) -> int:
     try:
         jobs = on_master(comm, lambda: _read(options), JobError)
         if comm.rank == 0:
-            from hpcsweep.campaign.describe import slow
+            from hpcsweep.model.description import slow
 
             texts = (text for job, _ in jobs for text in (*job.notes, *slow(job.structure)))
             for text in dict.fromkeys(texts):

@@ -190,7 +190,10 @@ class _Search:
 
     def closed(self, apart: np.ndarray) -> np.ndarray:
         """Return differences of states, (..., N), relative to what drifts."""
-        return self._solver.structure.without_drift(apart * self.units) / self.units
+        structure = self._solver.structure
+        return (
+            structure.without_drift(apart * self.units) / self.units if structure.sliders else apart
+        )
 
     def _nearest(self, matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return the same as `_factored` of sliders: the shortest d."""

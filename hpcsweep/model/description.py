@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -13,6 +13,8 @@ from hpcsweep.model.structure import Structure
 
 MAX_LISTED = 4
 """Most values listed individually."""
+FAST = 1e3
+"""Highest natural frequency of storeys, bearings and masses over the lowest, without a warning."""
 DASHPOT = ("damping", "tension")
 """What is told of a dashpot."""
 MOTION = """\
@@ -159,3 +161,15 @@ def few(value: float | Sequence[float]) -> str:
 def _listed(ratios: Sequence[float]) -> str:
     more = ", ..." if len(ratios) > MAX_LISTED else ""
     return ", ".join(f"{ratio:.4g}" for ratio in ratios[:MAX_LISTED]) + more
+
+
+def slow(structure) -> Iterator[str]:
+    """Yield one line if a mode is so fast that runs take long."""
+    frequencies = structure.frequencies
+    low, high = frequencies[[0, -1]].tolist()
+    if structure.reduction is None and high > FAST * low > 0:
+        place = structure.floor_names[int(np.abs(structure.modes[:, -1]).argmax())]
+        yield (
+            f"mode {frequencies.size} is {high / low:.2g} times as fast as the first, a motion of "
+            f"{place}: runs take long; is its mass right, are the springs beside it?"
+        )

@@ -34,7 +34,7 @@ class Where(NamedTuple):
         """Return which motions are wanted, by their frequencies and amplitudes."""
         (least, most), (low, high) = self.omega, self.amplitude
         inside = (low <= amplitude) & (amplitude <= high) & (least <= omega) & (omega <= most)
-        for at in np.flatnonzero(inside).tolist():
+        for at in np.flatnonzero(inside).tolist() if self.ties else ():
             known = {"omega": float(omega[at]), "amplitude": float(amplitude[at])}
             own = {name: of(**vars(self.structure) | known) for name, of in self.ties.items()}
             inside[at] = all(math.isclose(own[k], known[k], rel_tol=SAME) for k in own)

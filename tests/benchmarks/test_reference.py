@@ -3,6 +3,7 @@
 import itertools
 import math
 
+import full_model
 import numpy as np
 import pytest
 from extended import CERTIFIED, MATRIX_CASES, monodromy_mp, points_mp
@@ -138,3 +139,9 @@ def test_window_of_a_linear_orbit_in_closed_form():
     assert contact == 0
     assert drift == pytest.approx(abs(response), rel=1e-13)
     assert modal == pytest.approx(1.0, rel=1e-13)
+
+
+@pytest.mark.slow
+def test_a_reduced_model_moves_as_all_its_modes_do_to_the_error_that_it_states():
+    stated, error = full_model.main(["--periods", "20", "--steps", "4000"])
+    assert 0 < error < stated < 1e-3

@@ -120,6 +120,8 @@ def test_rows_may_be_tables_of_the_job():
     assert study.axes[0].values == (1, 2)
     with pytest.raises(JobError, match=r"job: vary\.rows\[1\] = .*: must have the keys pounding"):
         parse_job(text.replace("X", '"pounding.tension" = true'), "job", "job")
+    with pytest.raises(JobError, match=r"^job: vary\.rows\[1\], column pounding\.gap = nan: must"):
+        parse_job(text.replace("X", '"pounding.gap" = nan'), "job", "job")
     with pytest.raises(JobError, match=r"job: vary\.pounding\.gap: is in vary\.rows, too"):
         parse_job(text.replace("X", '"pounding.gap" = 1') + "pounding.gap = [1]", "job", "job")
 

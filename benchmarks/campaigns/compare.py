@@ -1,4 +1,9 @@
-"""Compare two campaign files' datasets bit for bit: compare.py A.h5 B.h5."""
+"""Compare two campaign files' datasets bit for bit.
+
+    bash benchmarks/run.sh compare A.h5 B.h5
+
+Called otherwise, it needs tests/support on PYTHONPATH.
+"""
 
 import sys
 from pathlib import Path

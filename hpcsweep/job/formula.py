@@ -13,9 +13,10 @@ FORM = f"must be of numbers, names, + - * / **, brackets, pi and {', '.join(FUNC
 
 
 def formula(text: str, names: Collection[str]) -> tuple[Callable[..., float], str]:
-    """Return a function of keywords with the value of a formula, NaN for none, and its text.
+    """Return a function of keywords with the value of a formula and its text.
 
-    The text is the same however the formula is written.
+    The value is infinite where it overflows, NaN where there is none; the text is the same however
+    the formula is written.
 
     Parameters
     ----------
@@ -42,6 +43,8 @@ def formula(text: str, names: Collection[str]) -> tuple[Callable[..., float], st
     def value(**given: float) -> float:
         try:
             found = eval(code, {"__builtins__": {}, **KNOWN}, given)
+        except OverflowError:
+            return math.inf
         except (ArithmeticError, ValueError, TypeError):
             return math.nan
         return found if isinstance(found, float) else math.nan  # neither complex nor a function

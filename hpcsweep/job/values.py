@@ -304,7 +304,8 @@ class Values:
             found[place] = value(**at)
             if not least <= found[place] <= most and (found[place] != 0 or is_omega):
                 where = ", ".join(f"{name} = {one:.6g}" for name, one in at.items())
-                limit = f"must be from {least:g} to {most:g}, is {found[place]:.6g} at {where}"
+                told = "overflows" if math.isinf(found[place]) else f"is {found[place]:.6g}"
+                limit = f"must be from {least:g} to {most:g}, {told} at {where}"
                 raise self.error(key, text, limit)
         return found
 

@@ -333,7 +333,7 @@ def _axis(values: Values, key: str, given: object, together: bool = False) -> Ax
         raise JobError(f"{values.source}: vary: {key!r}: {limit}")
     if key in NEVER:
         raise values.error(f"vary.{key}", given, NEVER[key])
-    listed = _listed(values, f"vary.{key}", given)
+    listed = _listed(values, key, given, together)
     labels = _labels(listed)
     if len(set(labels)) < len(labels) and not together:
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
@@ -343,18 +343,19 @@ def _axis(values: Values, key: str, given: object, together: bool = False) -> Ax
     return Axis(name, key, labels, units, listed)
 
 
-def _listed(values: Values, key: str, given: object) -> tuple[Any, ...]:
+def _listed(values: Values, key: str, given: object, together: bool) -> tuple[Any, ...]:
     """Return the values of a key as the job of each part has them; each part judges its own."""
     if isinstance(given, Mapping):
-        return tuple(values.numbers(key, given, False, MAX_PARTS).tolist())
+        return tuple(values.numbers(f"vary.{key}", given, False, MAX_PARTS).tolist())
     listed = given if isinstance(given, list) else [given]
     if not 1 <= len(listed) <= MAX_PARTS:
-        raise values.error(key, given, f"must have from 1 to {MAX_PARTS} values")
-    for value in listed:
+        raise values.error(f"vary.{key}", given, f"must have from 1 to {MAX_PARTS} values")
+    for at, value in enumerate(listed):
+        where = f"vary.{ROWS}[{at}], column {key}" if together else f"vary.{key}"
         if not isinstance(value, bool | int | float | str | list) or value != value:
-            raise values.error(key, value, "must be numbers, words, true and false, or lists")
+            raise values.error(where, value, "must be numbers, words, true and false, or lists")
         if len(write_value(value)) > MAX_WORD:
-            raise values.error(key, value, f"must have {MAX_WORD} characters at most")
+            raise values.error(where, value, f"must have {MAX_WORD} characters at most")
     kinds = {type(value) for value in listed}
     return tuple(map(float, listed)) if kinds == {int, float} else tuple(listed)
 

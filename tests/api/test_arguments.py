@@ -244,6 +244,7 @@ def test_odd_counts_for_a_file_are_refused(results):
     frames = Frames(results)
     try:
         refused(lambda: frames.dataset(0.5), "frame")
+        refused(lambda: frames.dataset(frames.study.n_frames), "frame")
         refused(lambda: frames.read(0.5, ("drift",)), "frame")
         refused(lambda: frames.gather(["drift"], [0.5]), "frame")
     finally:

@@ -1,6 +1,7 @@
 """The walls between the rooms stand, and fall over when somebody breaks through one."""
 
 import ast
+import functools
 import re
 import shutil
 import subprocess
@@ -72,16 +73,21 @@ def test_a_room_without_a_floor_is_refused(house):
     assert "shed" in said
 
 
+@functools.cache
+def modules() -> dict[str, tuple[str, ast.Module]]:
+    """Return all modules of the package without references and examples: texts and trees."""
+    examples = re.compile(r"\n\n *(References|Examples)\n *-+\n.*?(?=\n *\"{3})", re.DOTALL)
+    texts = {
+        str(path.relative_to(ROOT / "hpcsweep")): examples.sub("", path.read_text())
+        for path in (ROOT / "hpcsweep").rglob("*.py")
+    }
+    return {name: (text, ast.parse(text)) for name, text in texts.items()}
+
+
 def test_files_and_functions_stay_small():
     """Without a module's derivation, references and examples. Longer ones have a reason."""
-    import re
-
-    examples = re.compile(r"\n\n *(References|Examples)\n *-+\n.*?(?=\n *\"{3})", re.DOTALL)
     long_files, long_functions = set(), set()
-    for path in (ROOT / "hpcsweep").rglob("*.py"):
-        name = str(path.relative_to(ROOT / "hpcsweep"))
-        text = examples.sub("", path.read_text())
-        tree = ast.parse(text)
+    for name, (text, tree) in modules().items():
         derivation = (ast.get_docstring(tree, clean=False) or "").count("\n")
         if text.count("\n") - derivation > 400:
             long_files.add(name)
@@ -96,8 +102,8 @@ def test_kernels_stay_small():
     """Eight arguments, and fifteen branches and loops, at most."""
     forks = ast.If | ast.IfExp | ast.For | ast.While
     n_kernels, large = 0, []
-    for path in (ROOT / "hpcsweep").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+    for name, (_, tree) in modules().items():
+        for node in ast.walk(tree):
             if not isinstance(node, ast.FunctionDef):
                 continue
             makers = {ast.unparse(one).split("(")[0] for one in node.decorator_list}
@@ -105,7 +111,7 @@ def test_kernels_stay_small():
                 n_kernels += 1
                 branches = sum(isinstance(one, forks) for one in ast.walk(node))
                 if len(node.args.args) > 8 or branches > 15:
-                    large.append(f"{path.name}:{node.name}")
+                    large.append(f"{name}:{node.name}")
     assert n_kernels > 200
     assert large == []
 

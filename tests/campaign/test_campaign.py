@@ -18,10 +18,13 @@ from tools import (
     assert_same_datasets,
     datasets,
     environment,
+    fork,
     hpcsweep,
     refuse,
     run_script,
 )
+
+from hpcsweep.commands import cli
 
 
 def long_job(cycles: int) -> str:
@@ -142,17 +145,18 @@ def test_a_second_campaign_on_the_file_is_refused_and_told_who_holds_it(tmp_path
     job = tmp_path / "long.toml"
     job.write_text(LONG)
     path = tmp_path / "long.h5"
-    first = faults.start(0, "run", job, "-o", path)
+    first = fork(lambda: cli.main(["run", str(job), "-o", str(path)]))
     try:
-        assert faults.wait_for_commits(first, path, 1)
+        while not any(record["kind"] == "start" for record in faults.records(path)):
+            assert os.waitpid(first, os.WNOHANG) == (0, 0)
+            time.sleep(0.01)
         # it holds its lock for as long as the second needs
-        first.launcher.send_signal(signal.SIGSTOP)
-        assert first.launcher.poll() is None
-        holder = f"process {first.launcher.pid}"
+        os.kill(first, signal.SIGSTOP)
+        holder = f"process {first}"
         refuse(hpcsweep(0, "run", job, "-o", path), "another campaign", holder, "rank")
     finally:
-        first.end()
-        first.finish()
+        os.kill(first, signal.SIGKILL)
+        os.waitpid(first, 0)
 
 
 @pytest.mark.mpi

@@ -31,7 +31,7 @@ from hpcsweep.store import read_history
 MORE = 1.6
 """Looks of a session over those of the one before."""
 STUDIES = {
-    "amplitude_sweep": SMALL.replace("count = 4", "count = 2"),
+    "amplitude_sweep": SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 5"),
     "points": GRID.replace("count = 11", "count = 5"),
     "vary": SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 3") + VARY,
     "records": RECORDS.replace("count = 5", "count = 3"),

@@ -1,5 +1,6 @@
 """Campaigns of every kind of study, killed again and again: no bit differs, nothing is repeated."""
 
+import itertools
 import os
 import random
 import signal
@@ -27,6 +28,8 @@ from tools import (
 )
 
 from hpcsweep.campaign.status import status
+from hpcsweep.store import commit
+from hpcsweep.store.transport import Transport
 
 KILLS = int(os.environ.get("KILLS", "2"))
 """Of a campaign, unless it is complete before."""
@@ -140,6 +143,33 @@ def session(path: Path, *arguments: object, ranks: int, least: int, victim: str,
     assert not process.wait_for_orphans(faults.PATIENCE)
     assert not committed & set(faults.computed(faults.records(path)[begun:]))
     return reached
+
+
+def test_killed_within_a_write_it_goes_on_to_equal_bytes(tmp_path, monkeypatch, small_job):
+    whole, path = made(small_job.read_text(), tmp_path / "whole.h5"), tmp_path / "cut.h5"
+    monkeypatch.setattr(commit, "SYNC_INTERVAL", 0.0)  # a checksum after each block
+    write = Transport.write
+    # dies half-way through a variable of its third block; before its third checksum
+    for variable, committed in (("poincare", 2), ("commit", 4)):
+        left = itertools.count(2, -1)
+
+        def dies(transport, name, start, rows, victim=variable, left=left):
+            if name == victim and next(left) == 0:
+                write(transport, name, start, rows[: len(rows) // 2])
+                os.kill(os.getpid(), signal.SIGKILL)
+            write(transport, name, start, rows)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Transport, "write", dies)
+            assert hpcsweep(0, "run", small_job, "-o", path).returncode == -signal.SIGKILL
+        assert len(faults.committed(path)) == committed
+    kept, begun = faults.committed(path), len(faults.records(path))
+    done = hpcsweep(0, "run", small_job, "-o", path)
+    assert done.returncode == 0, done.stderr
+    again = set(faults.computed(faults.records(path)[begun:]))
+    assert kept.isdisjoint(again)
+    assert kept | again == faults.committed(whole)
+    assert_same_datasets(whole, path)
 
 
 @pytest.mark.mpi

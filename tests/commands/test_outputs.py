@@ -43,9 +43,13 @@ WRITERS = {
 }
 
 
-@pytest.mark.parametrize("through", ["itself", "a link"])
-@pytest.mark.parametrize("name", ["b.h5", "a.h5.journal", "a.toml"])
-@pytest.mark.parametrize("command", WRITERS)
+@pytest.mark.parametrize(
+    ("command", "name", "through"),
+    [
+        *(("plot", name, "itself") for name in ("b.h5", "a.h5.journal", "a.toml")),
+        *((command, "b.h5", "a link") for command in WRITERS),
+    ],
+)
 def test_results_jobs_and_journals_are_never_written_over(folder, tmp_path, command, name, through):
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     shutil.copy(tmp_path / "a.h5", tmp_path / "b.h5")

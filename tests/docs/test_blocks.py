@@ -73,7 +73,7 @@ def folder(tmp_path_factory, recorded):
     (made / "jobs").symlink_to(ROOT / "jobs")
     (made / "figure3.toml").write_text(FEW)
     (made / "gaps.toml").write_text(FEW + VARIED)
-    python(blocks((ROOT / "docs" / "models.md").read_text(), "python")[0], cwd=made)
+    python(blocks((ROOT / "docs" / "models.md").read_text(), "python")[0], cwd=made, anew=False)
     for job in ("figure3.toml", "gaps.toml"):
         assert hpcsweep(0, "run", job, cwd=made).returncode == 0
     assert hpcsweep(0, "run", "jobs/ci.toml", "-o", "ci.h5", cwd=made).returncode == 0
@@ -88,7 +88,7 @@ def folder(tmp_path_factory, recorded):
 def test_python_prints_what_the_page_says(page, folder):
     found = re.findall(r"^```(python|text)\n(.*?)^```$", page.read_text(), re.M | re.S)
     script = "".join(f"{body}print({MARK!r})\n" for kind, body in found if kind == "python")
-    printed = python(script, cwd=folder).stdout.split(f"{MARK}\n")
+    printed = python(script, cwd=folder, anew=False).stdout.split(f"{MARK}\n")
     ran = -1
     for kind, body in found:
         if kind == "python":

@@ -49,9 +49,13 @@ def test_el_centro_has_its_published_spectrum(recorded):
     assert found[1] == pytest.approx(0.15159, abs=5e-6)
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.05, 0.7, 0.999])
 @pytest.mark.parametrize(
-    "period", [pytest.param(0.03, marks=pytest.mark.slow), 0.11, 0.4, 1.7, 30.0]
+    ("period", "ratio"),
+    [
+        pytest.param(period, ratio, marks=[pytest.mark.slow] * ((i + k) % 2))
+        for i, period in enumerate([0.03, 0.11, 0.4, 1.7, 30.0])
+        for k, ratio in enumerate([0.0, 0.05, 0.7, 0.999])
+    ],
 )
 def test_oscillators_agree_with_an_explicit_integrator(noise, period, ratio):
     displacement, largest = integrated(noise, period, ratio)

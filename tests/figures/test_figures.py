@@ -187,11 +187,10 @@ KINDS = [
     (phase, {"amplitudes": [0.05, 0.3], "omega": 0.7}),
     (frames, {}),
     (period_map, {}),
-    (period_map, {"value": "contact", "direction": "down"}),
     (period_map, {"value": "lyapunov"}),
     *(
-        pytest.param(period_map, {"value": value}, marks=pytest.mark.slow)
-        for value in ("drift", "modal_norm")
+        pytest.param(period_map, {"value": value, "direction": "down"}, marks=pytest.mark.slow)
+        for value in ("contact", "drift", "modal_norm")
     ),
     (metrics, {"omega": 0.7}),
     (benefit, {}),

@@ -92,6 +92,11 @@ def test_outer_points_of_few_amplitudes_have_room():
     assert axis.get_xlim() == (0.0, 1.0)
 
 
+def test_two_motions_of_one_contact_set_are_told_by_their_number():
+    assert orbit_diagram._names((1, 3), 2, None) == ["C1", "C12"]
+    assert orbit_diagram._names((1, 1), 2, None) == ["2 × C1"]
+
+
 def test_regions_of_shortened_sets_stay_two_and_are_listed_whole():
     import xarray
 

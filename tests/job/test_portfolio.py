@@ -8,7 +8,7 @@ from tools import RECORDS, hpcsweep
 from hpcsweep import open_results, spectrum, synthetic_records
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.describe import describe
-from hpcsweep.job import JobError, load_job, parse_job, part_of
+from hpcsweep.job import JobError, load_job, parse_job, part_of, vary
 from hpcsweep.job.vary import Parts
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Layout, with_inputs
@@ -120,6 +120,8 @@ def test_rows_may_be_tables_of_the_job():
     assert study.axes[0].values == (1, 2)
     with pytest.raises(JobError, match=r"job: vary\.rows\[1\] = .*: must have the keys pounding"):
         parse_job(text.replace("X", '"pounding.tension" = true'), "job", "job")
+    with pytest.raises(JobError, match=r"^job: vary\.rows\[1\], column pounding\.gap = nan: must"):
+        parse_job(text.replace("X", '"pounding.gap" = nan'), "job", "job")
     with pytest.raises(JobError, match=r"job: vary\.pounding\.gap: is in vary\.rows, too"):
         parse_job(text.replace("X", '"pounding.gap" = 1') + "pounding.gap = [1]", "job", "job")
 
@@ -166,9 +168,11 @@ def test_all_wrong_lines_are_told(job):
 
 
 def test_each_structure_is_made_once_until_the_runs_begin(job, tmp_path, monkeypatch):
-    made, plain = [], Parts.__call__
+    made, told, plain = [], [], Parts.__call__
     monkeypatch.setattr(Parts, "__call__", lambda self, at: [made.append(at), plain(self, at)][1])
+    monkeypatch.setattr(vary, "counted", lambda _doing: lambda *numbers: told.append(numbers))
     loaded = with_inputs(load_job(job, ['records.scale={by = "pga", values = [1.0]}']))
     create(tmp_path / "a.h5", Layout(loaded), {})
     Inputs(Layout(loaded)).need()
     assert made == [(0,), (0,), (1,)]  # the first to compare others with
+    assert told[:2] == [(1, 2), (2, 2)]

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from together import together
 from tools import JOBS, ROOT, SMALL, assert_same_datasets, hpcsweep, of_study, run_script
 
 from hpcsweep.campaign import costs
@@ -123,6 +124,26 @@ def test_equal_tasks_that_do_not_divide_by_the_ranks_are_shared():
     # the control: in one block each, costliest first is Graham's 4/3 of the bound
     whole = farmed([block.sum(keepdims=True) for block in blocks], 2)
     assert whole.over_bound == pytest.approx(4 / 3, rel=1e-12)
+
+
+@together(
+    "waiting, running, recalled",
+    [
+        (10.0, [9.0, 1.0], [2]),
+        (9.0, [9.0, 1.0], []),  # below the fair share
+        (10.0, [9.0, 0.6], [2]),
+        (10.0, [9.0, 0.4], []),  # the rank is free soon
+        (1.0, [0.96] * 20, []),  # as long, all but a little
+        (1.0, [0.96] * 19 + [0.94], [20]),
+    ],
+)
+def test_who_is_recalled_for_a_task_that_must_start(waiting, running, recalled):
+    costs = {0: waiting, **{task: 100.0 + rest for task, rest in enumerate(running, 1)}}
+    schedule = Schedule(costs, costs.get, len(running))
+    for _ in running:
+        schedule.take(0.0)
+    costs |= {task: rest for task, rest in enumerate(running, 1)}
+    assert schedule.recalls(0.0) == recalled
 
 
 def test_many_ranks_have_a_master_that_only_serves_at_most_a_thousand_reports_a_second():

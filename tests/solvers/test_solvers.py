@@ -34,6 +34,13 @@ def allowed(name):
     return FACTOR[name] * RTOL[name]
 
 
+def each_solver(names: str, *cases: tuple):
+    """Parametrise a test over solvers and cases: with bdf the last one is quick."""
+    slow = [pytest.param("bdf", *case, marks=pytest.mark.slow) for case in cases[:-1]]
+    both = [*(("flow", *case) for case in cases), *slow, ("bdf", *cases[-1])]
+    return pytest.mark.parametrize(f"name, {names}", both)
+
+
 def solver_for(name, structure, omega=OMEGA, rtol=None):
     return make_solver(name, structure, omega, rtol or RTOL[name])
 
@@ -50,7 +57,7 @@ def harmonic_state(structure, amplitude, omega):
     return np.concatenate((response.imag, omega * response.real))
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 5])
+@each_solver("n", (1,), (2,), (5,), (3,))
 def test_linear_steady_state(name, allowed, n):
     structure = Structure(n, 1000.0, 1e4, 0.05)
     amplitude = 0.9 * structure.grazing_amplitude(0.4)
@@ -97,12 +104,12 @@ def test_flow_is_within_1e_8_of_the_reference_for_20_periods(case):
     assert np.abs(points - exact).max(axis=1).max() <= 1e-8
 
 
-@pytest.mark.parametrize("amplitude", [0.06, 0.0987, 0.25])
+@each_solver("amplitude", (0.06,), (0.25,), (0.0987,))
 def test_contact_from_rest(name, allowed, amplitude):
     assert_near_reference(name, IMPACTING, amplitude, OMEGA, np.zeros(6), 3, allowed)
 
 
-@pytest.mark.parametrize("n", [1, 2, 5])
+@each_solver("n", (1,), (5,), (2,))
 def test_other_numbers_of_floors(name, allowed, n):
     structure = Structure(n, 300.0, 1e4, 0.02)
     amplitude = 1.5 * structure.grazing_amplitude(0.6)
@@ -145,7 +152,7 @@ def test_first_contact_inside_a_step_is_not_stepped_over(name):
         assert np.abs(seen.points - exact).max() < 1e-4
 
 
-@pytest.mark.parametrize("rho", [1e4, math.inf])
+@each_solver("rho", (1e4,), (math.inf,))
 def test_energy_is_kept_without_damping_and_forcing(name, allowed, rho):
     structure = Structure(2, 200.0, rho, 0.0)
     state = np.array([0.9, 0.2, 0.6, 1.1])
@@ -161,10 +168,7 @@ def test_energy_is_kept_without_damping_and_forcing(name, allowed, rho):
     assert max(abs(energy(z) - energy(state)) for z in out) <= 2 * allowed
 
 
-@pytest.mark.parametrize(
-    ("amplitude", "rho"),
-    [(0.06, 1e4), pytest.param(0.25, 1e4, marks=pytest.mark.slow), (0.1, math.inf)],
-)
+@each_solver("amplitude, rho", (0.25, 1e4), (0.1, math.inf), (0.06, 1e4))
 def test_window_against_the_dense_reference(name, allowed, amplitude, rho):
     structure = Structure(3, 1000.0, rho, 0.05)
     state = reference_points(structure, amplitude, OMEGA, np.zeros(6), 3)[-1]
@@ -212,7 +216,7 @@ def test_growth_is_that_of_the_exact_tangent_map(name):
     assert math.isnan(solver_for(name, structure).observe(start, 0.06, 1).growth)
 
 
-@pytest.mark.parametrize("rho", [1e4, math.inf])
+@each_solver("rho", (1e4,), (math.inf,))
 def test_determinant_of_the_monodromy(name, rho):
     # Liouville: the divergence of the field is -tr(2 gamma C) everywhere
     structure = Structure(2, 1000.0, rho, (0.02, 0.05))

@@ -103,6 +103,7 @@ def test_the_resolved_job_is_the_job_with_every_default(kind):
     assert (again.fingerprint, again.name) == (job.fingerprint, kind)
     assert resolved(again) == whole
     assert "rtol = 1e-09" in whole
+    assert "p_delta = false" in whole  # of a structure, or of each building
     assert ("transient_cycles" in whole) == (kind != "RECORDS")
 
 

@@ -165,10 +165,11 @@ def test_a_disk_with_no_room_for_the_whole_file_is_found_before_the_start(tmp_pa
     ("ranks", "transport"), [(0, "pwrite"), pytest.param(2, "offset", marks=pytest.mark.slow)]
 )
 def test_status_tells_what_was_written_how_fast_and_in_what_share_of_the_time(
-    tmp_path, small_job, ranks, transport
+    tmp_path, small_job, monkeypatch, ranks, transport
 ):
     path = tmp_path / "small.h5"
-    done = hpcsweep(ranks, "run", small_job, "-o", path, HPCSWEEP_TRANSPORT="offset")
+    monkeypatch.setenv("HPCSWEEP_TRANSPORT", "offset")
+    done = hpcsweep(ranks, "run", small_job, "-o", path)
     assert done.returncode == 0, done.stderr
     (session,) = json.loads(hpcsweep(0, "status", path, "--json").stdout)["sessions"]
     assert session["transport"] == transport

@@ -306,13 +306,16 @@ def forked(arguments: list[str], cwd: Path | None = None) -> subprocess.Complete
     return _in_a_fork(lambda: cli.main(arguments), ["hpcsweep", *arguments], cwd)
 
 
-def python(code: str, *arguments: object, cwd: Path | None = None, **extra: str):
-    """Run a program in a fork of this process, which has libraries loaded and not this package.
+def python(code: str, *arguments: object, cwd: Path | None = None, anew=True, **extra: str):
+    """Run a program in a fork of this process, which has libraries loaded.
 
-    It is for what the package does when it is loaded. What the libraries read of the environment
-    they have read before: a program that is about that needs a process of its own.
+    This package is loaded `anew`, for what it does when it is loaded. What the libraries read of
+    the environment they have read before: a program that is about that needs a process of its own.
     """
-    import numba  # noqa: F401
+    if anew:
+        import numba  # noqa: F401
+    else:
+        load()
 
     def run() -> None:
         os.environ.update(environment(**extra))
@@ -320,7 +323,8 @@ def python(code: str, *arguments: object, cwd: Path | None = None, **extra: str)
         sys.argv = ["-c", *map(str, arguments)]
         sys.path.insert(0, "")
         for name in [name for name in sys.modules if name.partition(".")[0] == "hpcsweep"]:
-            del sys.modules[name]
+            if anew:
+                del sys.modules[name]
         exec(code, {"__name__": "__main__"})
 
     done = _in_a_fork(run, [sys.executable, "-c", code, *map(str, arguments)], cwd)

@@ -174,8 +174,7 @@ def _mark_regions(axes, one: Frame, labels, coexisting) -> str:
         share = (right - left) / total if total > 0 else 0.0
         wide = share > MIN_WIDTH
         room = max(int(LETTERS * share), MIN_LETTERS)
-        names = [style.contact_name(c, labels, room).replace("none", "–") for c in region.contacts]
-        whole = [style.contact_name(c, labels).replace("none", "–") for c in region.contacts]
+        names, whole = (_names(region.contacts, labels, most) for most in (room, None))
         if not wide or names != whole:
             sets = " / ".join(whole).replace("–", "no contact")
             shortened.append(f"({roman(number)}) {sets}")
@@ -193,6 +192,23 @@ def _mark_regions(axes, one: Frame, labels, coexisting) -> str:
         looks = {"fontsize": 7, "linespacing": 1.05, "rotation": 0 if wide else 90}
         top.annotate(label, *at, ha="center", va="bottom", **where, **looks)
     return _words_of_regions(len(regions), shortened, one.study.run_dims[-1])
+
+
+def _names(contacts: tuple[int, ...], labels, room: int | None) -> list[str]:
+    """Return the names of the contact sets of a region; of two motions with one set, their number.
+
+    Parameters
+    ----------
+    contacts : tuple of int
+        Of a `Region`.
+    labels : int or sequence of str
+        See `style.contact_name`.
+    room : int or None
+        Most letters of a name.
+    """
+    sets = dict.fromkeys(contacts)
+    names = [style.contact_name(c, labels, room).replace("none", "–") for c in sets]
+    return names if len(names) == len(contacts) else [f"{len(contacts)} × {names[0]}"]
 
 
 def _words_of_regions(count: int, shortened: list[str], along: str) -> str:

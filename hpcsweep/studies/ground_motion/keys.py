@@ -344,10 +344,6 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
 
 
-LAST: list[Any] = [None, ()]
-"""Facts of a job that were read last, and what from: all parts of a job have the same."""
-
-
 def longest_period(structure: Structure) -> float:
     """Return the longest natural period, of a structure that has not yielded."""
     omega = float(structure.frequencies[0])
@@ -368,12 +364,9 @@ def read_found(
     paths = tuple(map(str, values.table("records").get("files", ())))
     try:
         records = found["records"] if isinstance(found, dict) else found
-        if records is not LAST[0]:
-            read = tuple(Facts(*(one[key] for key in Facts._fields)) for one in records)
-            if not all(one.is_sound for one in read):
-                raise TypeError
-            LAST[:] = records, read
-        facts = LAST[1]
+        facts = tuple(Facts(**one) for one in records)
+        if not all(one.is_sound for one in facts):
+            raise TypeError
         if isinstance(found, dict):
             periods = found["periods"]
             own = longest_period(structure) if structure else periods[0]

@@ -205,6 +205,20 @@ def test_pieces_of_a_motion_are_the_whole_of_it():
     assert solver_of(structure).points(first, 1.3, 5)[0].tobytes() == whole[4:].tobytes()
 
 
+def test_sliders_that_share_coordinates_stick_and_go_on():
+    sliders = [
+        hpcsweep.Slider((1.0, 0.0), stiffness=0.8, strength=0.3),
+        hpcsweep.Slider((-1.0, 1.0), stiffness=0.8, strength=0.2),
+    ]
+    shared = hpcsweep.Structure.from_matrices(
+        [1.0, 1.0], [[0.2, -0.1], [-0.1, 0.2]], [], damping=0.1 * np.eye(2), sliders=sliders
+    )
+    for amplitude in np.linspace(0.25, 0.35, 100):  # one in eight ended in STEP_LIMIT
+        found = hpcsweep.stroboscopic_points(shared, amplitude, 1.0, [0.0] * 6, 1)
+    right = reference(shared, amplitude, 1.0, [0.0] * 6, 1)
+    assert np.abs(found - right).max() < 1e-10
+
+
 @pytest.mark.parametrize("omega", [0.7, 0.9, 1.2])
 def test_steady_amplitudes_are_caugheys_near_resonance(omega):
     """Caughey, Journal of Applied Mechanics 27 (1960) 640: x = a cos(theta), averaged.

@@ -6,6 +6,11 @@ within a window by the Hermite bound of `search` with the bound of y'''' at hand
 the slope. One that may be passed is searched as a distance is, with the bound of the fourth
 derivative by its own coefficients, and in units that grow with its offset: what rounding hides is a
 part of the size of a motion.
+
+A slider that sticks does so at its strength, with y' = 0. Its force goes on at the same rate, 0, as
+do those of all others, whatever their modes: u, u' and u'' are continuous, and if y'' is not 0 it
+alone tells where y goes, slider by slider. So the guard at which it is starts from 0 with the slope
+0, which the state tells; the slope of a polynomial of degree 15 at its end hides it in rounding.
 """
 
 import math
@@ -207,9 +212,9 @@ def _passage(g, segment, end, modes, tables, elements, work):
     curve, level = Curve(work.drift_rows, 0, h), Level(1.0, 0.0)
     g0, slope0 = value_and_slope(curve.rows, 0, h, 0.0)
     g1, slope1 = value_and_slope(curve.rows, 0, h, end)
-    if guard[SHARE] != 0.0 and abs(g0) < ROUNDING and abs(slope0) * h < ROUNDING:
-        # a slider that has just stuck, at its guard and at rest to rounding, moves on, if at all,
-        # by its acceleration
+    y, w = work.ends[0, e], work.ends[1, e]
+    if guard[SHARE] != 0.0 and max(abs(law[0] * y - law[2]), abs(law[0] * w) * h) < ROUNDING:
+        # it has just stuck; the polynomial is at its guard and at rest but for its own rounding
         g0, slope0 = min(g0, 0.0), min(slope0, 0.0)
     if not may_reach(end, g0, slope0, g1, slope1, bound4) or leaves(
         end, g0, slope0, g1, slope1, bound4

@@ -60,7 +60,7 @@ def test_spectral_accelerations_are_those_of_the_spectrum():
     record = Record(np.random.default_rng(2).standard_normal(100), 0.02)
     periods = [0.2, 0.5, 1.1]
     values = spectrum(record, periods, 0.03).acceleration
-    one = average_spectral_acceleration(record, 0.5, 0.03)
+    one = average_spectral_acceleration(record, [0.5], 0.03)
     assert one == pytest.approx(values[1], rel=1e-14)
     mean = average_spectral_acceleration(record, periods, 0.03)
     assert mean == pytest.approx(np.prod(values) ** (1 / 3), rel=1e-14)

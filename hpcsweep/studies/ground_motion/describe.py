@@ -61,7 +61,7 @@ def lines(study: RecordGrid) -> Lines:
 def _spectral(study: RecordGrid, i: int, period: float) -> str:
     """Return Sa(T_1) in g of an available record."""
     try:
-        sa = average_spectral_acceleration(study.record(i), period)
+        sa = average_spectral_acceleration(study.record(i), [period])
         return f"{sa / study.gravity:7.4f}"
     except ValueError:
         return "not known: the record is not there, or T is too short"

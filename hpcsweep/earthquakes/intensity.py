@@ -114,13 +114,6 @@ def significant_duration(record: Record) -> float:
     return _reached(record, grown, END * grown[-1]) - _reached(record, grown, START * grown[-1])
 
 
-def spectral_acceleration(
-    record: Record, period: float, damping_ratio: float = DAMPING_RATIO
-) -> float:
-    """Return Sa(T), the pseudo-acceleration of one oscillator over continuous time."""
-    return float(spectrum(record, [period], damping_ratio).acceleration[0])
-
-
 def average_spectral_acceleration(
     record: Record, periods: Any, damping_ratio: float = DAMPING_RATIO
 ) -> float:

@@ -6,7 +6,7 @@ from functools import cached_property
 
 from hpcsweep.job.fingerprint import fingerprint
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.refine.growth import MapGrowth, growth_of
+from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Study
 
@@ -55,7 +55,8 @@ class Job:
     @cached_property
     def growth(self) -> MapGrowth | None:
         """How the study grows by what its runs are found to be; None if all are computed."""
-        return growth_of(self.study)
+        refine = self.study.refine
+        return None if refine is None else MapGrowth(self.study, refine)
 
     @cached_property
     def fingerprint(self) -> str:

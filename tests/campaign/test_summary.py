@@ -162,8 +162,11 @@ def test_maps_read_frame_by_frame_are_the_same_pictures(file, tmp_path):
 
 def test_frames_are_gathered_in_the_order_asked_for(file):
     whole, frames = store.open_results(file), store.Frames(file)
-    few = frames.gather(("drift", "poincare", "no_such"), [3, 1], "down")
+    twice = {"twice": lambda one: 2 * one["drift"].values}
+    few = frames.gather(("drift", "poincare", "no_such"), [3, 1], "down", derive=twice)
     frames.close()
+    np.testing.assert_array_equal(few["twice"].values, 2 * few["drift"].values)
+    few = few.drop_vars("twice")
     assert set(few.data_vars) == {"drift", "poincare"}
     np.testing.assert_array_equal(few["omega"].values, whole["omega"].values[[3, 1]])
     chosen = whole.isel(direction=[1], omega=[3, 1])

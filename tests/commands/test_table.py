@@ -83,7 +83,8 @@ def test_only_what_is_asked_of_a_building_and_a_structure(file, tmp_path):
 
 def test_motions_have_a_row_a_run_and_what_is_not_computed_has_none(tmp_path):
     file, path = tmp_path / "a.h5", tmp_path / "a.csv"
-    assert campaign.run(parse_job(SMALL, "job", "a"), file, Serial()) == 0
+    text = SMALL.replace("[output]", "[output]\nstorey_drift = true")
+    assert campaign.run(parse_job(text, "job", "a"), file, Serial()) == 0
     assert main(["table", str(file)]) == 0
     rows, found = read(path), open_results(file)
     assert len(rows) == found.outcome.size
@@ -92,6 +93,7 @@ def test_motions_have_a_row_a_run_and_what_is_not_computed_has_none(tmp_path):
         at = {"omega": float(row["omega"]), "amplitude": float(row["amplitude"])}
         one = found.sel(direction=row["direction"], **at)
         assert int(row["orbit_period"]) == one.orbit_period.item()
+        assert float(row["drift"]) == one.drift.item()
 
 
 @pytest.mark.slow

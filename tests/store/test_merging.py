@@ -73,7 +73,9 @@ def test_merged_parts_are_the_whole_to_the_last_bit(text, n, tmp_path):
         load_job(path).study.n_runs
     )
     merged = tmp_path / "merged.h5"
-    merge(parts[::-1], merged)
+    done = hpcsweep(0, "merge", *parts[::-1], "-o", merged)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith(f"runs of {n} parts\n")
     whole = computed(path)
     assert_same_datasets(whole, merged)
     assert validate(merged, samples=0).sound

@@ -86,6 +86,9 @@ def test_every_run_is_the_plain_response(tmp_path):
             own, plain = results[name].values[place], getattr(found, field)
             size = max(np.abs(plain).max(), 1e-300)
             np.testing.assert_allclose(own, plain, rtol=0, atol=1e-9 * size, err_msg=name)
+    longest = 2 * np.pi / structure.frequencies[0]
+    sa = spectrum(SUITE[0], [longest]).acceleration[0] / job.study.base.gravity
+    assert f"Sa {sa:7.4f}" in "".join(text for _, text in describe(job))
 
 
 def test_pressed_buildings_start_from_their_equilibrium(tmp_path, calls):

@@ -24,7 +24,7 @@ from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.branches.keys import BranchGrid
 from hpcsweep.studies.branches.variables import End, Met, Origin, Reason
-from hpcsweep.studies.seeds import Seed, Seeds
+from hpcsweep.studies.seeds import Seeds
 from hpcsweep.studies.variables import empty_results
 
 PLANE = ("amplitude", "omega")
@@ -93,8 +93,8 @@ def _take(
         rows["seed_value"][0, k], rows["seed_period"][0, k] = value, seed.period
         rows["seed_point"][0, k] = seed.points[0]
         try:
-            points = _whole(seed, forced, value)
-            place = catalogue.add(points, value)
+            known = seed.points[: seed.period] / forced.units
+            place = catalogue.add(continued(forced, known, value, seed.period), value)
         except ArithmeticError:
             rows["seed_reason"][0, k] = Reason.NO_ORBIT
             continue
@@ -107,12 +107,6 @@ def _take(
             rows["seed_branch"][0, k] = place.branch + 1
             covered += 1
     rows["n_covered"][0] = covered
-
-
-def _whole(seed: Seed, forced: ForcedMap, value: float) -> np.ndarray:
-    """Return all points of the orbit of a seed, in units of the state, shape (p, 2n)."""
-    known = seed.points[: seed.period] / forced.units
-    return continued(forced, known, value, seed.period)
 
 
 def _checksum(seeds: Seeds) -> int:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.intensity import spectral_acceleration
+from hpcsweep.earthquakes.intensity import average_spectral_acceleration
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -61,7 +61,8 @@ def lines(study: RecordGrid) -> Lines:
 def _spectral(study: RecordGrid, i: int, period: float) -> str:
     """Return Sa(T_1) in g of an available record."""
     try:
-        return f"{spectral_acceleration(study.record(i), period) / study.gravity:7.4f}"
+        sa = average_spectral_acceleration(study.record(i), [period])
+        return f"{sa / study.gravity:7.4f}"
     except ValueError:
         return "not known: the record is not there, or T is too short"
 

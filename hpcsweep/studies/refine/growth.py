@@ -161,8 +161,3 @@ class MapGrowth:
             f"the coarsest cells{curves} and the first draw of the audit are {least} points "
             f"({100 * least / self.study.n_runs:.2g} %), the least; all points are the most",
         )
-
-
-def growth_of(study: Study) -> MapGrowth | None:
-    """Return how a study grows by what its runs are found to be; None if all are computed."""
-    return None if study.refine is None else MapGrowth(study, study.refine)

@@ -38,7 +38,9 @@ LEFT = {
     "yielding.md": ["frame-loops.png", "frame-ida.png", "frame-profile.png", "frame-fragility.png"],
 }
 """Pages whose command lines run, and what they leave."""
-MINUTES = re.compile(r"five-storeys|isolation-designs|portfolio|yielding-basins|yielding-pounding-spectra")
+MINUTES = re.compile(
+    r"five-storeys|isolation-designs|portfolio|yielding-basins|yielding-pounding-spectra"
+)
 """Commands that take longer."""
 NAMED = re.compile(r"`(\w+\.toml)`:\n\n```toml\n(.*?)```", re.DOTALL)
 """Jobs that a page names before it shows them."""

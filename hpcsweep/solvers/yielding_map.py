@@ -34,8 +34,9 @@ from hpcsweep.solvers.sliders import Sliders, SliderUnits
 DIFFERENCE = 1e-6
 """Step of a difference, in units of the state: errors of rounding and of curvature are about the
 same where the map bends over lengths of its units."""
-NARROW = 1e-7
-"""The same beside a kink: of a slip that is about to end where a period begins, say."""
+NARROW = 1e-7, 1e-8
+"""The same beside a kink, of a slip that is about to end where a period begins, say, and within the
+layer of a smooth contact."""
 SMOOTH = 1e-3
 """Largest difference between differences to both sides, over the size of the tangent map."""
 
@@ -176,7 +177,7 @@ class YieldingMap(FlowMap):
         """Return d z(n_periods T) / d z(0), shape (2n + L, 2n + L)."""
         units = self.structure.state_units
         middle = self._end(state, amplitude, n_periods, poll) / units
-        for size in (DIFFERENCE, NARROW):
+        for size in (DIFFERENCE, *NARROW):
             found = self._differences(state, amplitude, n_periods, middle, size, poll)
             if found is not None:
                 return found

@@ -118,7 +118,8 @@ def _across(curve: Curve, last: Solution, step: float, limits: Limits) -> Step |
                     specials.append(Special(Kind.FOLD, edge, share))
                 return point, specials, 0.0, ""
     ahead = curve.map.signature(*curve.split(edge.y + BEYOND[0] * edge.tangent))
-    return last, _special(curve, edge, share, own[0], ahead), 0.0, "border"
+    specials = _special(curve, edge, share, own[0], ahead)
+    return (last, specials, 0.0, "border") if specials else None
 
 
 def _edge(curve: Curve, last: Solution, length: float) -> tuple[Solution, float]:

@@ -56,12 +56,14 @@ def branch(
         ``multiplier_imag`` (step, number), ``stable``, ``contact`` (bit k - 1 for contact k) and
         ``drift``; over ``special``, the special points in order, ``special_kind``,
         ``special_value``, ``special_point``, ``special_step`` (of the point after it), ``change``
-        (closings more) and ``criticality`` (of a period doubling: 1 super-, -1 subcritical).
-        `hpcsweep.meanings` puts codes into words. Besides ``orbit`` (step, turn, state) and
+        (closings or slips more) and ``criticality`` (of a doubling: 1 super-, -1 subcritical).
+        `hpcsweep.meanings` puts codes into words. Of structures that yield ``ductility``,
+        ``slider_energy`` (step, slider) and ``shakedown``, too, and multipliers of 0 in place of
+        those of 1 along the family of an orbit. Besides ``orbit`` (step, turn, state) and
         ``special_orbit``, all points of the orbits, ``multiplier`` and ``special_multiplier``
-        (complex), ``contact_change`` (special, stop) and ``leaving``, a point of the orbit of twice
-        the period, or of the crossing branch, at ``leaving_value``. Attributes ``begins`` and
-        ``ends`` say why the branch goes no further.
+        (complex), ``contact_change`` (special, stop), of sliders ``slip_change`` (special, slider),
+        and ``leaving``, a point of the orbit of twice the period, or of the crossing branch, at
+        ``leaving_value``. Attributes ``begins`` and ``ends`` say why the branch goes no further.
 
     Raises
     ------

@@ -4,17 +4,18 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation.borders import catalogue_of, check_hardening
 from hpcsweep.dynamics.continuation.branch import Arc, Limits
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import Solution
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.periodic import find
-from hpcsweep.model.arguments import count, finite_vector, positive
+from hpcsweep.model.arguments import count, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.store.layout import attributes_of
 from hpcsweep.studies.branches.runs import store_branches
-from hpcsweep.studies.branches.variables import VARIABLES
+from hpcsweep.studies.branches.variables import variables_of
 from hpcsweep.studies.variables import empty_results, state_names
 
 MAX_STEPS = 100_000
@@ -55,12 +56,14 @@ def branch(
         ``multiplier_imag`` (step, number), ``stable``, ``contact`` (bit k - 1 for contact k) and
         ``drift``; over ``special``, the special points in order, ``special_kind``,
         ``special_value``, ``special_point``, ``special_step`` (of the point after it), ``change``
-        (closings more) and ``criticality`` (of a period doubling: 1 super-, -1 subcritical).
-        `hpcsweep.meanings` puts codes into words. Besides ``orbit`` (step, turn, state) and
+        (closings or slips more) and ``criticality`` (of a doubling: 1 super-, -1 subcritical).
+        `hpcsweep.meanings` puts codes into words. Of structures that yield ``ductility``,
+        ``slider_energy`` (step, slider) and ``shakedown``, too, and multipliers of 0 in place of
+        those of 1 along the family of an orbit. Besides ``orbit`` (step, turn, state) and
         ``special_orbit``, all points of the orbits, ``multiplier`` and ``special_multiplier``
-        (complex), ``contact_change`` (special, stop) and ``leaving``, a point of the orbit of twice
-        the period, or of the crossing branch, at ``leaving_value``. Attributes ``begins`` and
-        ``ends`` say why the branch goes no further.
+        (complex), ``contact_change`` (special, stop), of sliders ``slip_change`` (special, slider),
+        and ``leaving``, a point of the orbit of twice the period, or of the crossing branch, at
+        ``leaving_value``. Attributes ``begins`` and ``ends`` say why the branch goes no further.
 
     Raises
     ------
@@ -85,6 +88,7 @@ def branch(
     ('grazing', 0.1)
     """
     low, high = finite_vector("span", span, 2).tolist()
+    check_hardening(instance("structure", structure, Structure))
     forced, found = find(structure, amplitude, omega, state, period, parameter)
     value = forced.value
     if not low < high or not low <= value <= high:
@@ -92,7 +96,7 @@ def branch(
     scale = high - low
     n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
     limits = Limits(low, high, n_steps, largest)
-    catalogue = Catalogue(forced, limits, scale, found.period, 1, costly=forced.is_costly)
+    catalogue = catalogue_of(forced, limits, scale, found.period, 1)
     catalogue.add(found.points / forced.units, value)
     catalogue.grow()
     return _of_branch(catalogue, forced)
@@ -102,9 +106,10 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
     """Turn the branch of a catalogue into a dataset; see `branch`."""
     arc, structure = catalogue.branches[0].arc, forced.structure
     specials = [special for _, special in arc.specials]
-    kept = [one for one in VARIABLES if one.dims[3:4] in (("branch",), ("step",), ("special",))]
+    own, held = variables_of(structure), (("branch",), ("step",), ("special",))
+    kept = [one for one in own if one.dims[3:4] in held]
     sizes = {"branch": 1, "step": len(arc.points), "special": len(specials)}
-    every = [*kept, *(one for one in VARIABLES if one.name == "n_branches")]
+    every = [*kept, *(one for one in own if one.name == "n_branches")]
     rows = empty_results(every, structure, 1, **sizes, number=forced.size)
     store_branches(rows, forced, catalogue)
     told = {
@@ -117,16 +122,20 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
         if special.leaving is not None:
             leaving[k] = special.leaving.y[: forced.size] * forced.units
             leaving_value[k] = special.leaving.y[-1] * arc.curve.scale
-    change = [special.change or (0,) * len(structure.contacts) for special in specials]
+    counted = {"stop": len(structure.contacts), "slider": len(structure.sliders)}
+    change = np.zeros((len(specials), sum(counted.values())), int)
+    for row, special in zip(change, specials, strict=True):
+        row[:] = special.change or 0
+    closings, slips = np.split(change, [counted["stop"]], axis=1)
     more = {
-        "contact_change": (
-            ("special", "stop"),
-            np.array(change, int).reshape(len(specials), len(structure.contacts)),
-        ),
+        "contact_change": (("special", "stop"), closings),
         "leaving": (("special", "state"), leaving),
         "leaving_value": ("special", leaving_value),
         "stop": [structure.contact_names[k] for k in structure.contact_numbers],
     }
+    if structure.sliders:
+        more["slip_change"] = ("special", "slider"), slips
+        more["slider"] = list(structure.slider_names)
     return dataset_of(arc, forced, told | more, {"parameter": forced.parameter})
 
 

@@ -90,6 +90,8 @@ def curve(
     True
     """
     instance("structure", structure, Structure)
+    if structure.sliders:
+        raise ValueError("structure must be without sliders: curves of theirs are not followed")
     kind = None if measure is not None else _kind(special)
     period = int(special.attrs["period"])
     along = ForcedMap(structure, *map(special.attrs.get, ("amplitude", "omega", "parameter")))

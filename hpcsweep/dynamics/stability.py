@@ -79,6 +79,24 @@ def without_families(structure: Structure, matrix: np.ndarray) -> np.ndarray:
     return matrix
 
 
+def held(matrices: np.ndarray, count: int) -> np.ndarray:
+    """Return tangent maps of an orbit on which each of `count` sliders that sticks forgets its p.
+
+    See `hpcsweep.dynamics.continuation.borders`.
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (p, 2n + L, 2n + L)
+        In units of the state (u, u', p); changed in place.
+    count : int
+        L.
+    """
+    size = matrices.shape[-1] - count
+    moved = np.abs(matrices - np.eye(size + count))[:, size:].max(axis=(0, 2))
+    matrices[-1, size + np.flatnonzero(moved <= STICKS)] = 0.0
+    return matrices
+
+
 class Tests(NamedTuple):
     """Functions of multipliers that vanish at special points: `flow.orbit.multipliers.tests_of`."""
 

@@ -190,10 +190,6 @@ def read_values(values: Values):
     if settings.solver == "bdf" and (damped or structure.sliders):
         limit = "must be 'flow' where contacts have dashpots, or springs yield"
         raise values.error("solver.method", settings.solver, limit)
-    if structure.sliders and not study.yields:
-        known = ", ".join(name for name in KINDS if KINDS[name].yields)
-        limit = f"must be one of {known} where springs yield ({len(structure.sliders)} sliders)"
-        raise values.error("study.kind", study.kind, limit)
     if structure.sliders and "lyapunov_spectrum" in settings.metrics:
         limit = "must be false where springs yield: only their orbits have a tangent map"
         raise values.error("output.lyapunov_spectrum", True, limit)

@@ -28,8 +28,7 @@ def solver_arguments(
     if structure.sliders and not yields:
         raise ValueError(
             "a structure with sliders moves under ground-motion records, and under a harmonic "
-            "forcing in sweeps, points, attractors and basins (hpcsweep.stroboscopic_points, "
-            "hpcsweep.orbit); branches of it are not followed"
+            "forcing in jobs and in hpcsweep.stroboscopic_points, orbit and branch"
         )
     omega = positive("omega", omega)
     rtol = number("rtol", rtol)

@@ -147,7 +147,8 @@ class Observation:
     slid : dict of str to ndarray, shape (L,)
         Of each slider, if there are any: ``ductility``, its largest elongation over that at which
         it first slips; ``slider_energy``, what it dissipates a forcing period; ``plastic_drift``,
-        the growth of its lasting elongation a forcing period.
+        the growth of its lasting elongation a forcing period; ``excursions``, how often it slips,
+        and ``slipping``, at the end of how many periods it does.
     """
 
     points: np.ndarray

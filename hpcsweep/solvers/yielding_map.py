@@ -34,8 +34,9 @@ from hpcsweep.solvers.sliders import Sliders, SliderUnits
 DIFFERENCE = 1e-6
 """Step of a difference, in units of the state: errors of rounding and of curvature are about the
 same where the map bends over lengths of its units."""
-NARROW = 1e-7
-"""The same beside a kink: of a slip that is about to end where a period begins, say."""
+NARROW = 1e-7, 1e-8
+"""The same beside a kink, of a slip that is about to end where a period begins, say, and within the
+layer of a smooth contact."""
 SMOOTH = 1e-3
 """Largest difference between differences to both sides, over the size of the tangent map."""
 
@@ -51,6 +52,7 @@ class YieldingMap(FlowMap):
         self._units = SliderUnits(self._units, self._sliders, structure.length_unit)
         self._strength = np.array([one.strength for one in structure.sliders])
         self._path = np.zeros(len(structure.sliders))
+        self._excursions, self._slipping = np.zeros((2, len(structure.sliders)), int)
 
     def settle(
         self, state, amplitude, n_periods, max_period, settled, same, near=0.0, poll=None
@@ -92,8 +94,18 @@ class YieldingMap(FlowMap):
         self, state, amplitude, n_periods, modal_norm=False, growth=False, poll=None, measures=0
     ) -> Observation:
         """Integrate `n_periods` and gather; without the growth of a tangent vector."""
-        self._path[:] = 0.0
+        self._path[:], self._excursions[:], self._slipping[:] = 0.0, 0, 0
         seen = super().observe(state, amplitude, n_periods, modal_norm, False, poll, measures)
+        return self._told(seen, state, measures)
+
+    def observe_each(self, states, amplitude, measures=0, poll=None) -> Observation:
+        """Integrate states over one forcing period each, and gather."""
+        self._path[:], self._excursions[:], self._slipping[:] = 0.0, 0, 0
+        seen = super().observe_each(states, amplitude, measures, poll)
+        return self._told(seen, states[0], measures)
+
+    def _told(self, seen: Observation, state, measures: int) -> Observation:
+        """Return an observation with what sliders have done, its drifts those of the structure."""
         tally, model, structure = self._shared.tally, self._shared.model, self.structure
         # drifts of the kernels are those of the structure, then elongations of sliders
         n, rows = len(structure.drift_rows), model.drift_rows.tolist()
@@ -105,6 +117,8 @@ class YieldingMap(FlowMap):
             "ductility": drifts[own] / limits,
             "slider_energy": self._strength * self._path * structure.length_unit / max(periods, 1),
             "plastic_drift": change[2 * structure.n_floors :] / max(periods, 1),
+            "excursions": self._excursions.copy(),
+            "slipping": self._slipping.copy(),
         }
         cut = np.delete(seen.measures, np.s_[n : len(rows)]) if measures else seen.measures
         return replace(seen, peak_drift=float(drifts[:n].max()), measures=cut, slid=slid)
@@ -163,7 +177,7 @@ class YieldingMap(FlowMap):
         """Return d z(n_periods T) / d z(0), shape (2n + L, 2n + L)."""
         units = self.structure.state_units
         middle = self._end(state, amplitude, n_periods, poll) / units
-        for size in (DIFFERENCE, NARROW):
+        for size in (DIFFERENCE, *NARROW):
             found = self._differences(state, amplitude, n_periods, middle, size, poll)
             if found is not None:
                 return found
@@ -222,6 +236,8 @@ class YieldingMap(FlowMap):
                     return number, Outcome(outcome)
                 z[size:], change = sliders.plastic(z[:size], shared.modes)
                 self._path += shared.modes.path[sliders.own] + change
+                self._excursions += shared.modes.taken[sliders.own]
+                self._slipping += change > 0.0
                 if points is not None:
                     points[number] = z
         return n_periods, Outcome.COMPLETE

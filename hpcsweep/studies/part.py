@@ -43,8 +43,6 @@ class Part(ABC):
     grid_fields: ClassVar[tuple[str, ...]] = ()
     axes: ClassVar[tuple[Axis, ...]] = ()
     starts_at_rest: ClassVar[bool] = False
-    yields: ClassVar[bool] = False
-    """Whether its motions know sliders."""
     n_parts: ClassVar[int] = 1
     slots: ClassVar[Mapping[str, str]] = {}
     """See `hpcsweep.studies.invariants.of_each`."""

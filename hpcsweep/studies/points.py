@@ -21,7 +21,6 @@ class Points(PointGrid):
 
     directions: tuple[str, ...] = (START,)
 
-    yields: ClassVar[bool] = True
     kind: ClassVar[str] = "points"
     summary: ClassVar[str] = (
         "every amplitude at every frequency, or a list of points, each from the initial state"

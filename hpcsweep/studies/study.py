@@ -171,10 +171,6 @@ class Study(Protocol):
         """Whether runs start from static equilibrium, whatever `initial_state` is."""
 
     @property
-    def yields(self) -> bool:
-        """Whether its motions know sliders."""
-
-    @property
     def carried(self) -> tuple[str, ...]:
         """Variables that hold the start of the next run."""
 

@@ -113,7 +113,7 @@ def follow(
     points = [turned(point) for point in reversed(back.points[1:])] + ahead.points
     offset, count = len(back.points) - 1, len(back.points)
     specials = [
-        (count - place - (one.kind is Kind.FOLD), _turned_special(one))
+        (count - place - (one.kind in events.CORNERS), _turned_special(one))
         for place, one in reversed(back.specials)
     ] + [(place + offset, one) for place, one in ahead.specials]
     return Arc(curve, points, specials, (back.ends[1], ahead.ends[1]))
@@ -160,7 +160,7 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
             point, end = _shifted(curve, start, shift), "closed"
             specials = [one for one in specials if one.fraction <= share]
         for one in specials:
-            if one.kind is Kind.FOLD:
+            if one.kind in events.CORNERS:
                 arc.points.append(one.at)
                 arc.specials.append((len(arc.points) - 1, one))
             else:
@@ -194,13 +194,8 @@ def step_of_branch(
 ) -> Step | None:
     """Take a step, to `point` or along a tangent that turns by `bend` a length; None if too far."""
     try:
-        guess = last.y + step * (last.tangent + 0.5 * step * bend)
-        across = curve.border(last.tangent)
-        if point is None:
-            reached = max(branch_rule.OF_A_STEP * step, branch_rule.MIN_MOVE)
-            reached = min(branch_rule.ON_A_STEP, reached)
-            point = curve.solve(guess, across, last, reached)
-        angle = angle_of_step(last, guess, point, step)
+        point = point or sought(curve, last, bend, step)
+        angle = angle_of_step(last, _ahead(last, bend, step), point, step)
         if angle is None:
             return None
         if collapses(curve, last, point):
@@ -228,6 +223,18 @@ def step_of_branch(
     if not _explained(specials, last, point) and step > 16 * limits.smallest:
         return None
     return point, specials, angle, end
+
+
+def _ahead(last: Solution, bend: np.ndarray, step: float) -> np.ndarray:
+    """Return where a step leads along a tangent that turns by `bend` a length."""
+    return last.y + step * (last.tangent + 0.5 * step * bend)
+
+
+def sought(curve: Curve, last: Solution, bend: np.ndarray, step: float) -> Solution:
+    """Return the point of a curve a step from another one."""
+    reached = max(branch_rule.OF_A_STEP * step, branch_rule.MIN_MOVE)
+    reached = min(branch_rule.ON_A_STEP, reached)
+    return curve.solve(_ahead(last, bend, step), curve.border(last.tangent), last, reached)
 
 
 def _grazes(curve: Curve, last: Solution) -> bool:

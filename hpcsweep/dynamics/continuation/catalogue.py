@@ -22,7 +22,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.branch import COLLAPSED, Arc, Limits, follow, on_cubic
+from hpcsweep.dynamics.continuation.branch import (
+    COLLAPSED,
+    Arc,
+    Limits,
+    Stepper,
+    follow,
+    on_cubic,
+)
 from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError, Solution, solve_at
 from hpcsweep.dynamics.continuation.events import Kind, Special, n_unstable
 from hpcsweep.dynamics.orbit import smallest_period
@@ -80,6 +87,11 @@ class Place(NamedTuple):
 class Catalogue:
     """Branches of a map, each once.
 
+    Attributes
+    ----------
+    step : callable or None
+        Takes their steps, as in `follow`.
+
     Parameters
     ----------
     map : Map
@@ -93,6 +105,8 @@ class Catalogue:
     costly : bool
         Whether a new value of the parameter is; see `Curve`.
     """
+
+    step: Stepper | None = None
 
     def __init__(
         self,
@@ -142,18 +156,19 @@ class Catalogue:
         """Return the branch on which an orbit lies to `SAME`, -1 for none."""
         for number, branch in enumerate(self.branches):
             arc = branch.arc
-            if arc.curve.period == len(points) and passes(arc, points, value, SAME):
+            if arc.curve.period == len(points) and self.is_on(arc, points, value):
                 return number
         return -1
+
+    def is_on(self, arc: Arc, points: np.ndarray, value: float) -> bool:
+        """Return whether an orbit lies on a branch of its period."""
+        return passes(arc, points, value, SAME)
 
     def orbits_at(self, period: int, value: float) -> list[np.ndarray]:
         """Return all orbits of the branches of a period at a value, shape (p, N) each."""
         orbits = []
         for arc in (branch.arc for branch in self.branches if branch.arc.curve.period == period):
-            for guess, _, _ in places_at(arc, value / arc.curve.scale):
-                with contextlib.suppress(NotConvergedError):
-                    exact = solve_at(arc.curve, arc.curve.split(guess)[0], value)
-                    orbits.append(arc.curve.split(exact.y)[0])
+            orbits += orbits_on(arc, value)
         return orbits
 
     def grow(self) -> None:
@@ -168,7 +183,8 @@ class Catalogue:
     def _follow(self, curve: Curve, start: Solution, parent: int, searched: bool = False) -> int:
         if self.is_full:
             return -1
-        arc, known = self.own_part(follow(curve, start, self._limits, born=parent >= 0), start)
+        arc = follow(curve, start, self._limits, parent >= 0, self.step)
+        arc, known = self.own_part(arc, start)
         if len(arc.points) == 1 and known >= 0:
             return known
         self.branches.append(Branch(arc, parent, searched))
@@ -266,6 +282,16 @@ def passes(arc: Arc, points: np.ndarray, value: Any, same: float) -> bool:
                 if min(np.abs(exact - y).max() for y in shifts) <= same:
                     return True
     return False
+
+
+def orbits_on(arc: Arc, value: float) -> list[np.ndarray]:
+    """Return the orbits of a branch at a value, shape (p, N) each."""
+    orbits = []
+    for guess, _, _ in places_at(arc, value / arc.curve.scale):
+        with contextlib.suppress(NotConvergedError):
+            exact = solve_at(arc.curve, arc.curve.split(guess)[0], value)
+            orbits.append(arc.curve.split(exact.y)[0])
+    return orbits
 
 
 def places_at(arc: Arc, at: float) -> list[tuple[np.ndarray, np.ndarray, float]]:

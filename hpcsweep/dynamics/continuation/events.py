@@ -8,7 +8,8 @@ With the multipliers mu of the orbit and the tangent t of the branch,
   pair of product 1 is a neutral saddle, and nothing happens);
 - a *branch point*: prod (1 - mu) and the component along the parameter do not change their signs
   together, as they do at a fold;
-- a *grazing*: the signature, which counts the impacts, changes.
+- a *grazing*: the signature, which counts the impacts, changes;
+- a *slip*: that changes in the excursions of sliders (`hpcsweep.dynamics.continuation.borders`).
 
 All are functions along the arc, found by false position, the last one by bisection; each evaluation
 is a point of the branch. A point is known to about `PRECISION` of the step.
@@ -38,8 +39,11 @@ class Kind(IntEnum):
     TORUS = 3
     BRANCH_POINT = 4
     GRAZING = 5
+    SLIP = 6
 
 
+CORNERS = Kind.FOLD, Kind.SLIP
+"""Special points that are points of the branch, since the parameter may turn there."""
 REAL = Kind.FOLD, Kind.DOUBLING, Kind.BRANCH_POINT
 """Special points at which one real multiplier crosses the unit circle; at a torus a pair does."""
 

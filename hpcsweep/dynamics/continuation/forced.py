@@ -21,6 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.dynamics.families import are_joined
+from hpcsweep.dynamics.stability import held
 from hpcsweep.model.arguments import choice, shown
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.branch_rule import DIFFERENCE
@@ -65,8 +67,6 @@ class ForcedMap:
         Relative tolerance of the solver.
     poll : callable, optional
         Called before each piece of the work (`polling`); may raise to leave.
-    yields : bool
-        Whether the structure may have sliders.
     ties : mapping of str to callable, optional
         What gives the amplitude or the frequency, by its name, in place of the given one: takes the
         parameter, by its name.
@@ -85,10 +85,9 @@ class ForcedMap:
         parameter: str | tuple[str, ...] = "amplitude",
         rtol: float = 1e-9,
         poll: Callable[[], None] | None = None,
-        yields: bool = False,
         ties: Mapping[str, Callable[..., float]] = MappingProxyType({}),
     ):
-        self._yields, self._ties = yields, ties
+        self._ties = ties
         self.parameters = (parameter,) if isinstance(parameter, str) else tuple(parameter)
         for name in self.parameters:
             check_parameter(structure, name)
@@ -102,7 +101,7 @@ class ForcedMap:
 
     def tracer(self, period: int, scale: float, made: Callable) -> Any:
         """Return what finds points of branches by compiled kernels, None unless along A."""
-        if self.is_costly:
+        if self.is_costly or self.structure.sliders:
             return None
         own = self.structure.length_unit, made, self._poll, self._count
         return self.solver(self.amplitude)[0].tracer(period, scale, *own)
@@ -148,7 +147,7 @@ class ForcedMap:
             structure, amplitude, omega = self.at(value)
             measured = structure.measured_at(omega, amplitude)
             solver = self._solvers[key] = make_solver(
-                *("flow", measured, omega, self._rtol, self._yields)
+                "flow", measured, omega, self._rtol, yields=True
             )
             if len(self._solvers) > KEPT_SOLVERS:
                 self._solvers.popitem(last=False)
@@ -163,7 +162,8 @@ class ForcedMap:
         """Return the states after a forcing period and their derivatives by those before."""
         solver, amplitude = self._begin(value, len(points))
         images, matrices = solver.images(points * self.units, amplitude, True, self._poll)
-        return images / self.units, matrices * self.units / self.units[:, None]
+        matrices = matrices * self.units / self.units[:, None]
+        return images / self.units, held(matrices, len(self.structure.sliders))
 
     def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
         """Return the derivatives of `images` by the parameter, or by number `k` of two."""
@@ -173,12 +173,13 @@ class ForcedMap:
         return (self.images(points, tuple(values.values())) - images) / (high - low)
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
-        """Return the number of closings of each contact along an orbit."""
+        """Return how often each contact closes along an orbit, and how often each slider slips."""
         seen = self.observe(points, value)
         count = len(self.structure.contacts)
         first = seen.measures.size - 4 * count
         own = seen.measures[first : first + count] * len(seen.points)
-        return tuple(np.rint(own).astype(int).tolist())
+        slips = seen.slid.get("excursions", own[:0])
+        return tuple(np.rint(np.append(own, slips)).astype(int).tolist())
 
     def observe(self, points: np.ndarray, value: Any, measures: int = 0) -> Observation:
         """Return the observation of an orbit, shape (p, N), with impacts and other measures."""
@@ -191,6 +192,18 @@ class ForcedMap:
         if seen.outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {seen.outcome.name}")
         return seen
+
+    def joins(self, one: np.ndarray, other: np.ndarray, value: Any) -> bool:
+        """Return whether two orbits that attract, shape (p, N), differ in p of sliders that stick.
+
+        And are of one family: see `hpcsweep.dynamics.families`.
+        """
+        solver, amplitude = self.solver(value)
+        sticks, own = (self.observe(x, value).slid["excursions"] == 0 for x in (one, other))
+        if not sticks.any() or (sticks != own).any():
+            return False
+        orbits, count = (one * self.units, other * self.units), int(sticks.sum())
+        return are_joined(solver, amplitude, *orbits, count, self._poll)
 
     def _count(self, periods: int) -> None:
         self.periods += periods

@@ -116,7 +116,7 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     >>> bool(np.isclose(abs(orbit.multipliers[0]), math.exp(-2.0 * math.pi * 0.05), rtol=1e-12))
     True
     """
-    _, found = find(structure, amplitude, omega, state, period, yields=True)
+    _, found = find(structure, amplitude, omega, state, period)
     if found.transverse is not None:
         transverse = floquet_multipliers(found.transverse)
         return Orbit(found.points, transverse, found.residual, (), found.families)
@@ -135,14 +135,13 @@ def find(
     state: Any,
     period: int,
     parameter: str = "amplitude",
-    yields: bool = False,
 ) -> tuple[ForcedMap, VerifiedOrbit]:
     """Find the orbit near a state, on the map of a parameter."""
     instance("structure", structure, Structure)
     amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
     z = finite_vector("state", state, structure.state_units.size)
     period = count("period", period, 1, MAX_PERIOD)
-    forced = ForcedMap(structure, amplitude, omega, parameter, yields=yields)
+    forced = ForcedMap(structure, amplitude, omega, parameter)
     solver, amplitude = forced.solver(forced.value)
     if not structure.sliders:
         loaded(structure, branches=True)

@@ -98,7 +98,9 @@ def draw(results: Read, floors: Sequence[int | str] = (), **_options):
     legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
     if marked.size:
         _list(figure, run, marked, MATH.get(study.parameter, study.parameter))
-    title = ",  ".join([style.parameters(structure, omega), *study.ties])
+    amplitude = float(found["forcing_amplitude"].values[0])
+    fixed_amplitude = [f"$A$ = {amplitude:g}"] if np.isfinite(amplitude) else []
+    title = ",  ".join([style.parameters(structure, omega), *fixed_amplitude, *study.ties])
     style.head(figure, title, fontsize=10)
     figure.draw_without_rendering()  # the panels get their size
     for floor, axis in axes.items():

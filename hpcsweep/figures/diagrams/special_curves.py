@@ -18,6 +18,7 @@ MARKS = {
     Kind.TORUS: ("torus", "D", palette.series_colour(2)),
     Kind.BRANCH_POINT: ("branch point", "^", palette.series_colour(3)),
     Kind.GRAZING: ("grazing", "|", palette.GRAZING),
+    Kind.SLIP: ("slip", "v", palette.DARK_INK),
 }
 """Word, marker and colour of each kind of special point."""
 SPECIALS = ("special_kind", "special_value")

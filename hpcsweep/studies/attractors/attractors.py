@@ -42,7 +42,6 @@ from hpcsweep.studies.variables import numbered
 class AttractorGrid(search.SearchLimits, RunGrid):
     """Attractors of the points of a grid; see `RunGrid`."""
 
-    yields: ClassVar[bool] = True
     kind: ClassVar[str] = "attractors"
     summary: ClassVar[str] = (
         "at each amplitude, or place of another path, all attractors that starts of a box reach, "

@@ -69,7 +69,6 @@ class SliceGrid(RunGrid):
     max_attractors: int = search.MAX_ATTRACTORS.default
     max_cycles: int = search.MAX_CYCLES.default
 
-    yields: ClassVar[bool] = True
     kind: ClassVar[str] = "basins"
     summary: ClassVar[str] = (
         "at one frequency and amplitude, to which attractor each start of a slice goes"

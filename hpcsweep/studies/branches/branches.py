@@ -140,7 +140,8 @@ class Branches(BranchGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the lines, in the order of the file."""
-        return [*variables.VARIABLES, *(variables.CURVE_VARIABLES if self.curves else ())]
+        own = variables.variables_of(self.structure)
+        return [*own, *(variables.CURVE_VARIABLES if self.curves else ())]
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -156,7 +157,7 @@ class Branches(BranchGrid):
             "special": numbered(n_special, "special point, branch after branch"),
             "seed": numbered(self.max_seeds, "periodic motion of the files"),
             "number": numbered(
-                2 * self.structure.n_floors, "multiplier, largest modulus first", first=1
+                self.structure.state_units.size, "multiplier, largest modulus first", first=1
             ),
         }
         of_curves = {

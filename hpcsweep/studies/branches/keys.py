@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation.borders import check_hardening
 from hpcsweep.dynamics.continuation.forced import (
     FORCING_PARAMETERS,
     PARAMETERS,
@@ -144,12 +145,14 @@ class BranchGrid(RunGrid):
         return known["omega"], known["amplitude"]
 
 
-def _read_curves(values, parameter: str, omega: np.ndarray) -> dict:
+def _read_curves(values, structure: Structure, parameter: str, omega: np.ndarray) -> dict:
     """Read which curves are followed, and over which frequencies."""
     given = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
     if given and (parameter != "amplitude" or omega.size == 0):
         limit = 'must be "amplitude", without formulas, where branches.curves are followed'
         raise values.error("branches.parameter", parameter, limit)
+    if given and structure.sliders:
+        raise values.error("branches.curves", given, "must be [] where springs yield")
     whole = [float(omega.min()), float(omega.max())] if omega.size else [1.0, 1.0]
     span, low, high = _pair_of(values, "branches.curve_span", whole)
     values.check_range("branches.curve_span", omega=(low, high))
@@ -166,6 +169,10 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
         check_parameter(structure, parameter)
     except ValueError as error:
         raise values.error("branches.parameter", parameter, str(error)) from None
+    try:
+        check_hardening(structure)
+    except ValueError as error:
+        raise values.error("study.kind", "branches", str(error)) from None
     listed, table = values.has("study.points"), values.table("sweep")
     texts = {name: table[name] for name in FORCING if isinstance(table.get(name), str)}
     if parameter in texts:
@@ -204,7 +211,7 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
         "parameter": parameter,
         "span": span,
         "formulas": tuple(formulas),
-        **_read_curves(values, parameter, omega),
+        **_read_curves(values, structure, parameter, omega),
         **{key.name: values.read("branches", key) for key in NUMBERS.values()},
     }
 

@@ -11,6 +11,7 @@ import hashlib
 
 import numpy as np
 
+from hpcsweep.dynamics.continuation.borders import catalogue_of
 from hpcsweep.dynamics.continuation.branch import Limits
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import continued
@@ -18,6 +19,7 @@ from hpcsweep.dynamics.continuation.events import Kind, n_unstable
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.plane import KINDS, Plane, curves_through
 from hpcsweep.dynamics.continuation.search import search
+from hpcsweep.dynamics.families import told_of_sliders
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
@@ -30,6 +32,8 @@ from hpcsweep.studies.variables import empty_results
 PLANE = ("amplitude", "omega")
 REACH = 0.01
 """Largest distance of a seed from the orbit that Newton's method finds, in units of the state."""
+NO_SLIP = 1e-9
+"""Slip over an orbit that is rounding, in units of lengths."""
 
 
 def line_of(study: BranchGrid, line: int, seeds: Seeds, poll: Poll = None) -> Rows:
@@ -53,14 +57,13 @@ def line_of(study: BranchGrid, line: int, seeds: Seeds, poll: Poll = None) -> Ro
     forced = study.forced(line, poll)
     low, high = study.span
     longest = study.settings.max_orbit_period
-    catalogue = Catalogue(
+    catalogue = catalogue_of(
         forced,
         Limits(low, high, study.steps, study.largest_step),
         high - low,
         longest,
         study.max_branches,
         study.max_points,
-        forced.is_costly,
     )
     rows = empty_results(study.variables, study.structure, 1, **study.dimensions)
     _take(rows, study, forced, catalogue, seeds)
@@ -68,6 +71,7 @@ def line_of(study: BranchGrid, line: int, seeds: Seeds, poll: Poll = None) -> Ro
     if study.starts:
         box = box_of(None, usual_reach(study.structure))
         states = starting_states(box, study.starts, study.seed, omega, amplitude)
+        states = np.pad(states, ((0, 0), (0, forced.size - states.shape[1])))
         search(catalogue, forced, states / forced.units, study.span, longest)
         catalogue.grow()
     store_branches(rows, forced, catalogue)
@@ -143,6 +147,9 @@ def _store_points(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
             rows["contact"][0, at] = seen.contact
             drift = normalised_drift(seen.peak_drift, *forced.at(value)[1:])
             rows["drift"][0, at] = drift
+            told = told_of_sliders(forced.structure, seen.slid, len(points), NO_SLIP)
+            for name in told.keys() & rows.keys():
+                rows[name][0, at] = told[name]
             rows["point"][0, at] = points[0] * forced.units
             rows["multiplier_real"][0, at] = one.multipliers.real
             rows["multiplier_imag"][0, at] = one.multipliers.imag
@@ -161,9 +168,10 @@ def _store_specials(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None
                 rows["special_point"][0, at] = points[0] * forced.units
                 rows["criticality"][0, at] = one.criticality
                 rows["leads_to"][0, at] = one.leads_to + 1
-                if one.kind is Kind.GRAZING:
-                    grazing = [1 << (n - 1) for n, c in zip(numbers, one.change, strict=True) if c]
-                    rows["change"][0, at] = sum(one.change)
+                if one.change:
+                    closed, slid = one.change[: len(numbers)], one.change[len(numbers) :]
+                    grazing = [1 << (n - 1) for n, c in zip(numbers, closed, strict=True) if c]
+                    rows["change"][0, at] = sum(closed if one.kind is Kind.GRAZING else slid)
                     rows["special_contact"][0, at] = sum(grazing)
                 at += 1
         first += len(branch.arc.points)

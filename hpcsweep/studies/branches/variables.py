@@ -5,6 +5,7 @@ from enum import IntEnum
 
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.meetings import Meeting
+from hpcsweep.model.structure import Structure
 from hpcsweep.studies.variable import (
     COUNT,
     FINITE,
@@ -16,7 +17,15 @@ from hpcsweep.studies.variable import (
     count,
     real,
 )
-from hpcsweep.studies.variables import AMPLITUDE, CYCLES, DRIFT, OMEGA, OUTCOME, STATES
+from hpcsweep.studies.variables import (
+    AMPLITUDE,
+    CYCLES,
+    DRIFT,
+    OMEGA,
+    OUTCOME,
+    RUN_VARIABLES,
+    STATES,
+)
 
 
 class End(IntEnum):
@@ -33,6 +42,7 @@ class End(IntEnum):
     KNOWN = 8
     RESONANCE = 9
     GRAZING = 10
+    BORDER = 11
 
 
 class Reason(IntEnum):
@@ -109,7 +119,7 @@ VARIABLES = (
         "special_kind",
         SPECIAL,
         Kind,
-        "special point: 1 fold, 2 doubling, 3 torus, 4 branch point, 5 grazing",
+        "special point: 1 fold, 2 doubling, 3 torus, 4 branch point, 5 grazing, 6 slip",
     ),
     real("special_value", SPECIAL, "1", "value of the parameter at a special point", None),
     count("special_step", SPECIAL, "step after it, or of it"),
@@ -118,7 +128,7 @@ VARIABLES = (
         "criticality", SPECIAL, Criticality, "of a doubling: 1 super-, -1 subcritical", limits=COUNT
     ),
     count("leads_to", SPECIAL, "branch that leaves there, 0 for none"),
-    count("change", SPECIAL, "closings of contacts more along the branch", limits=None),
+    count("change", SPECIAL, "closings of contacts, or slips, more along the branch", limits=None),
     contacts("special_contact", SPECIAL, "contacts that graze, bit k - 1 of contact k"),
     count("seed_branch", SEED, "branch on which a seed lies, 0 for none"),
     code(
@@ -140,6 +150,18 @@ VARIABLES = (
     replace(CYCLES, dims=RUN),
     replace(OUTCOME, dims=RUN),
 )
+OF_SLIDERS = tuple(
+    replace(one, dims=(*STEP, *one.dims[len(RUN) :]))
+    for one in RUN_VARIABLES
+    if one.name in ("ductility", "slider_energy", "shakedown")
+)
+
+
+def variables_of(structure: Structure) -> tuple[Variable, ...]:
+    """Return the variables of branches of a structure."""
+    return (*VARIABLES, *(OF_SLIDERS if structure.sliders else ()))
+
+
 CURVE, CURVE_STEP, MEETING = (*RUN, "curve"), (*RUN, "curve_step"), (*RUN, "meeting")
 CURVE_VARIABLES = (
     count("special_curve", SPECIAL, "curve on which it lies, 0 if none is followed"),

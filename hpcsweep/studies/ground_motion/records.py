@@ -53,7 +53,6 @@ class Records(RecordGrid):
     holds: ClassVar[str] = "responses"
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     starts_at_rest: ClassVar[bool] = True
-    yields: ClassVar[bool] = True
     kernels: ClassVar[tuple] = ()
 
     @classmethod

@@ -30,7 +30,6 @@ DIRECTIONS = Key(
 class AmplitudeSweep(PathGrid):
     """Sweeps, a frame a task; see `PathGrid`."""
 
-    yields: ClassVar[bool] = True
     kind: ClassVar[str] = "amplitude_sweep"
     summary: ClassVar[str] = (
         "at each frequency the amplitudes in their order, each from where the one before it ended; "

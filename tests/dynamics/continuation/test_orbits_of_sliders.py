@@ -76,8 +76,3 @@ def test_there_is_no_tangent_where_a_slider_comes_to_its_strength_and_turns(plas
             end, matrix = solver.monodromy(start, amplitude, 1)
             np.testing.assert_allclose(end, start, atol=1e-13)
             assert matrix[2].round(9).tolist() == [0.0, 0.0, 1.0]
-
-
-def test_branches_are_refused_in_one_line():
-    with pytest.raises(ValueError, match="a structure with sliders"):
-        hpcsweep.branch(oscillator(0.05), 0.1, OMEGA, [0.0] * 3, 1)

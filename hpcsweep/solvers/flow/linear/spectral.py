@@ -17,8 +17,9 @@ damping), and n^2 more where it is not. A slider that slips is one more term, of
 What a step costs beyond these terms are the states at its ends, 2 n^2 products each, and the rows
 that are looked at: the terms of a row are those of the modes times its shares of them, economised
 to the polynomials that all searches use (`series`). So all that is searched and measured along a
-step is the same. The bound of |y''''| is that of a row's own polynomial, of rows that are only
-measured the sum of those of the modes; both are of this motion, and sharper than a table's.
+step is the same. That a row need not be looked at follows from the states at both ends and a bound
+of |y''''| by the terms of the modes, of absolute accelerations likewise; where a contact may close,
+the bound is that of its row's own polynomial. Both are of this motion.
 
 Steps have the length h = theta / w of tables, w a bound of |lambda| of the set: the square of w is
 at most the largest eigenvalue of the free structure and the largest sum of a row of sqrt(kappa_k
@@ -55,6 +56,8 @@ STATE, TANGENT = range(2)
 ABOUT_START = about_start(N_CLOSED)
 """(N_CLOSED, N_COEFFICIENTS): (s / h)^k as polynomials in sigma = 2 s / h - 1."""
 BY_POWER = np.ascontiguousarray(ABOUT_START.T)
+FALLING = np.array([[math.perm(k, m) for k in range(N_CLOSED)] for m in (4, 5)], float)
+"""Of the terms of displacements in their fourth, of speeds in their fifth derivative."""
 NEARLY_CRITICAL = 1e-3
 """Square of an angle below which its sine and cosine are series."""
 
@@ -179,30 +182,68 @@ def _write_row(row, half, spectrum, own, rows):
     """Write the polynomial of a row, of `half` rows of displacements and as many of speeds."""
     width, count = spectrum.squares.shape[0], own.count[0]
     first, i = (width, row - half) if row >= half else (0, row)
-    low, high = load(ZERO, 0), load(ZERO, 0)
     for k in range(count):
-        value = _dot(spectrum.shapes, i * width, own.terms, 2 * k * width + first, width)
-        low = fma(load(ABOUT_START, k * N_COEFFICIENTS), value, low)
-        high = fma(load(ABOUT_START, k * N_COEFFICIENTS + LANES), value, high)
-    store(rows, row * N_COEFFICIENTS, low)
-    store(rows, row * N_COEFFICIENTS + LANES, high)
+        own.values[k] = _dot(spectrum.shapes, i * width, own.terms, 2 * k * width + first, width)
+    _write_polynomial(row, own, rows)
+
+
+@inlined
+def _write_polynomial(row, own, rows):
+    """Write that whose terms are ``own.values``."""
+    for p in range(0, N_COEFFICIENTS, LANES):
+        at, about = row * N_COEFFICIENTS + p, ABOUT_START
+        combine(rows, at, ZERO, 0, 1.0, about, p, N_COEFFICIENTS, own.values, 0, own.count[0])
 
 
 @kernel
-def write_modes(h, spectrum, own, rows):
-    """Write the polynomials of the modal coordinates along the present step, of length h.
-
-    Bounds of the moduli of their fourth derivatives are left in ``own.bounds``.
-    """
-    for j in range(spectrum.to_modes.shape[0]):
-        low, high = load(ZERO, 0), load(ZERO, 0)
+def write_modes(own, rows):
+    """Write the polynomials of the modal coordinates along the present step."""
+    for j in range(rows.shape[0]):
         for k in range(own.count[0]):
-            value = own.terms[STATE, k, j]
-            low = fma(load(ABOUT_START, k * N_COEFFICIENTS), value, low)
-            high = fma(load(ABOUT_START, k * N_COEFFICIENTS + LANES), value, high)
-        store(rows, j * N_COEFFICIENTS, low)
-        store(rows, j * N_COEFFICIENTS + LANES, high)
-        own.bounds[j] = fourth_derivative(rows[j : j + 1], h)
+            own.values[k] = own.terms[STATE, k, j]
+        _write_polynomial(j, own, rows)
+
+
+@kernel
+def write_accelerations(s, h, count, spectrum, own, out):
+    """Write y'' of the first `count` rows at time s of the present step, of length h, and its rate.
+
+    `LANES` of each in turns, as in `Outputs`.
+    """
+    width, ratio, rate = spectrum.squares.shape[0], s / h, 1.0 / h
+    for p in range(0, width, LANES):
+        rise, bend = load(ZERO, 0), load(ZERO, 0)
+        for k in range(own.count[0] - 1, 0, -1):
+            term = load(own.terms, (2 * k + 1) * width + p) * (k * rate)
+            bend = fma(bend, ratio, rise)
+            rise = fma(rise, ratio, term)
+        store(own.start, p, rise)
+        store(own.start, width + p, bend * rate)
+    for i in range(count):
+        at = i + i // LANES * LANES
+        out[at] = _dot(spectrum.shapes, i * width, own.start, 0, width)
+        out[at + LANES] = _dot(spectrum.shapes, i * width, own.start, width, width)
+
+
+@kernel
+def bound_by_terms(order, h, count, spectrum, own, out):
+    """Bound fourth derivatives of the first `count` rows along the present step, of length h.
+
+    Of displacements, `order` 4, or accelerations, 5, by the moduli of the terms.
+    """
+    width = spectrum.squares.shape[0]
+    first = (order - 4) * width
+    for p in range(0, width, LANES):
+        value = load(ZERO, 0)
+        for k in range(order, own.count[0]):
+            term = modulus(load(own.terms, 2 * k * width + first + p))
+            value = fma(term, FALLING[order - 4, k], value)
+        store(own.bounds, p, value * h**-order)
+    for i in range(count):
+        value = load(ZERO, 0)
+        for p in range(0, width, LANES):
+            value = fma(modulus(load(spectrum.shapes, i * width + p)), load(own.bounds, p), value)
+        out[i] = total(value)
 
 
 @kernel
@@ -212,13 +253,7 @@ def bound_rows(h, tables, work):
     if own.count[1] == 1:
         return
     own.count[1] = 1
-    width = spectrum.squares.shape[0]
-    write_modes(h, spectrum, own, work.modal_rows)
-    for i in range(spectrum.shapes.shape[0]):
-        value = load(ZERO, 0)
-        for p in range(0, width, LANES):
-            value = fma(modulus(load(spectrum.shapes, i * width + p)), load(own.bounds, p), value)
-        work.bounds[i] = total(value)
+    bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, own, work.bounds)
 
 
 @kernel
@@ -288,16 +323,10 @@ def bound_contacts(index, model, tables, work):
 
 @kernel
 def spectral_step(index, tau, end, model, tables, work):
-    """Expand a step of table `index` from tau to `end`; write ``work.wide`` and ``work.bounds``.
-
-    The bounds are those of the rows of contacts; of all rows where there are elements.
-    """
+    """Expand a step of table `index` from tau to `end`; write ``work.wide`` and ``work.bounds``."""
     modal_step(index, tau, end, model, tables, work)
     write_rows(work.spectral.end, tables.spectrum, work.z_end.shape[0] // 2, work.wide)
-    if model.elements.first.shape[0] > 0:
-        bound_rows(tables.h[index], tables, work)
-    else:
-        bound_contacts(index, model, tables, work)
+    bound_rows(tables.h[index], tables, work)
 
 
 @kernel

@@ -121,7 +121,7 @@ def modal_norm_on_segment(index, x, s, model, tables, tally, work):
         if _add_interval(s, False, n, tally, work):
             return
     if is_spectral(tables):
-        write_modes(h, tables.spectrum, work.spectral, work.modal_rows)
+        write_modes(work.spectral, work.modal_rows)
     else:
         _expand_modes(index, x, n, model, tables, work)
     count = N_COEFFICIENTS

@@ -25,7 +25,12 @@ from hpcsweep.solvers.flow.linear.polynomials import (
     value_and_slope,
 )
 from hpcsweep.solvers.flow.linear.series import IN_SERIES
-from hpcsweep.solvers.flow.linear.spectral import is_spectral, write_forcing
+from hpcsweep.solvers.flow.linear.spectral import (
+    bound_by_terms,
+    is_spectral,
+    write_accelerations,
+    write_forcing,
+)
 from hpcsweep.solvers.flow.observe.dense_output import expand
 from hpcsweep.solvers.flow.observe.drift import (
     SAME_PEAK,
@@ -111,8 +116,10 @@ def displacements_on_segment(segment, span, wanted, only_look, shared):
 def _accelerations_on_segment(segment, span, amplitude, shared):
     """Raise the peaks of absolute accelerations; arguments of `peaks_on_segment`."""
     outputs = shared.outputs
-    if segment.index == IN_SERIES or is_spectral(shared.tables):
+    if segment.index == IN_SERIES:
         _ends_in_series(segment, span, shared)
+    elif is_spectral(shared.tables):
+        _ends_in_modes(segment, span, amplitude, shared)
     else:
         _ends_by_tables(segment, span, amplitude, shared)
     start, end, bounds = outputs.start, outputs.end, outputs.bounds
@@ -165,25 +172,62 @@ def _ends_by_tables(segment, span, amplitude, shared):
 @kernel
 def _ends_in_series(segment, span, shared):
     """Write the same of a step that is a series, and the polynomials."""
-    model, work, outputs, h = shared.model, shared.work, shared.outputs, segment.h
-    size = work.z_end.shape[0]
-    slope = 0.5 * h * forcing_rate(work.x, size, model)
-    middle = total_forcing(work.x, size, model) + slope
+    for p in range(shared.outputs.rows.shape[0]):
+        _ends_of_polynomial(p, segment, span, shared)
+    shared.outputs.place[0] = IN_SERIES
+
+
+@inlined
+def _ends_of_polynomial(p, segment, span, shared):
+    """Write the same of one acceleration by its polynomial."""
+    outputs, h, at = shared.outputs, segment.h, p + p // LANES * LANES
+    _write_acceleration(p, segment, shared)
+    rows = outputs.rows[p : p + 1]
+    outputs.start[at], outputs.start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
+    outputs.end[at], outputs.end[at + LANES] = value_and_slope(rows, 0, h, span)
+    outputs.bounds[p] = fourth_derivative(rows, h)
+
+
+@kernel
+def _ends_in_modes(segment, span, amplitude, shared):
+    """Write the same of a step in modes; polynomials of bases alone, beside closed contacts."""
+    model, work, outputs, x = shared.model, shared.work, shared.outputs, shared.work.x
+    spectrum, own = shared.tables.spectrum, work.spectral
+    h, size, count = segment.h, work.z_end.shape[0], outputs.rows.shape[0]
+    write_accelerations(0.0, h, count, spectrum, own, outputs.start)
+    write_accelerations(span, h, count, spectrum, own, outputs.end)
+    bound_by_terms(5, h, count, spectrum, own, outputs.bounds)
+    forcing_after(span, segment.tau + span, amplitude, x, size, model, outputs.pairs)
+    bend = 0.0
+    for k in range(model.harmonics.shape[0]):
+        most = abs(x[size + 2 * k]) + abs(x[size + 2 * k + 1])
+        bend += (model.harmonics[k, 0] * model.omega) ** 4 * most
+    for p in range(count):
+        at, share = p + p // LANES * LANES, model.ground[p]
+        outputs.start[at] += share * total_forcing(x, size, model)
+        outputs.start[at + LANES] += share * forcing_rate(x, size, model)
+        outputs.end[at] += share * total_forcing(outputs.pairs, 0, model)
+        outputs.end[at + LANES] += share * forcing_rate(outputs.pairs, 0, model)
+        outputs.bounds[p] += abs(share) * bend
+        if p >= model.modal_transform.shape[0] and segment.key != np.uint64(0):
+            _ends_of_polynomial(p, segment, span, shared)
+    outputs.place[0] = IN_SERIES
+
+
+@kernel
+def _write_acceleration(p, segment, shared):
+    """Write the polynomial of an acceleration along a step without a table."""
+    model, work, h = shared.model, shared.work, segment.h
+    size, out = work.z_end.shape[0], shared.outputs.rows[p]
+    expand(size // 2 + p, segment, shared.tables, work)
+    differentiate(work.rows[size // 2 + p], h, out)
     if is_spectral(shared.tables):
         write_forcing(h, model, work, work.layer.values)
-    for p in range(outputs.rows.shape[0]):
-        rows, at = outputs.rows[p : p + 1], p + p // LANES * LANES
-        expand(size // 2 + p, segment, shared.tables, work)
-        differentiate(work.rows[size // 2 + p], h, rows[0])
-        if is_spectral(shared.tables):
-            _add_forcing(p, segment, rows[0], shared)
-        else:
-            rows[0, 0] += model.ground[p] * middle
-            rows[0, 1] += model.ground[p] * slope
-        outputs.start[at], outputs.start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
-        outputs.end[at], outputs.end[at + LANES] = value_and_slope(rows, 0, h, span)
-        outputs.bounds[p] = fourth_derivative(rows, h)
-    outputs.place[0] = IN_SERIES
+        _add_forcing(p, segment, out, shared)
+    else:
+        slope = 0.5 * h * forcing_rate(work.x, size, model)
+        out[0] += model.ground[p] * (total_forcing(work.x, size, model) + slope)
+        out[1] += model.ground[p] * slope
 
 
 @kernel
@@ -223,7 +267,9 @@ def _raise_acceleration(p, segment, span, shared):
     reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
         rows = outputs.rows[p : p + 1]
-        if segment.index != IN_SERIES and not is_spectral(shared.tables):
+        if is_spectral(shared.tables):
+            _write_acceleration(p, segment, shared)
+        elif segment.index != IN_SERIES:
             expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
         found = raise_peak(rows, segment.h, span, ends, bound4, 0, peak, work.stack)
         reached = found if found >= 0.0 else reached

@@ -139,6 +139,8 @@ class SpectralWorkspace(NamedTuple):
     """The modes at the end of the present step ..."""
     chain: np.ndarray = zeros(2)
     """... and when that is, and its table."""
+    values: np.ndarray = zeros(N_CLOSED)
+    """Terms of a row."""
     sums: np.ndarray = zeros(N_CLOSED + 1, LANES)
     """Terms of eight contacts, and a sum."""
     bounds: np.ndarray = zeros("modes")

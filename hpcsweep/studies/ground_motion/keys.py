@@ -364,9 +364,6 @@ def read_found(
     paths = tuple(map(str, values.table("records").get("files", ())))
     try:
         records = found["records"] if isinstance(found, dict) else found
-        facts = tuple(Facts(**one) for one in records)
-        if not all(one.is_sound for one in facts):
-            raise TypeError
         if isinstance(found, dict):
             periods = found["periods"]
             own = longest_period(structure) if structure else periods[0]
@@ -374,7 +371,10 @@ def read_found(
             at = min((near - 1, near), key=lambda i: abs(periods[i] - own))
             if not abs(periods[at] - own) <= SAME * own:
                 raise TypeError
-            facts = tuple(one._replace(measure=one.measure[at]) for one in facts)
+            records = [{**one, "measure": one["measure"][at]} for one in records]
+        facts = tuple(Facts(**one) for one in records)
+        if not all(one.is_sound for one in facts):
+            raise TypeError
         is_scaled = all(isinstance(one.measure, float) and one.measure > 0 for one in facts)
         if not facts or not is_scaled or len(paths) not in (0, len(facts)):
             raise TypeError

@@ -206,10 +206,7 @@ def write_modes(own, rows):
 
 @kernel
 def write_accelerations(s, h, count, spectrum, own, out):
-    """Write y'' of the first `count` rows at time s of the present step, of length h, and its rate.
-
-    `LANES` of each in turns, as in `Outputs`.
-    """
+    """Write y'' of the first `count` rows at time s, and its rate, `LANES` of each in turns."""
     width, ratio, rate = spectrum.squares.shape[0], s / h, 1.0 / h
     for p in range(0, width, LANES):
         rise, bend = load(ZERO, 0), load(ZERO, 0)
@@ -227,10 +224,7 @@ def write_accelerations(s, h, count, spectrum, own, out):
 
 @kernel
 def bound_by_terms(order, h, count, spectrum, own, out):
-    """Bound fourth derivatives of the first `count` rows along the present step, of length h.
-
-    Of displacements, `order` 4, or accelerations, 5, by the moduli of the terms.
-    """
+    """Bound |d^4/ds^4| of y, `order` 4, or of y'', 5, of the first `count` rows on the step."""
     width = spectrum.squares.shape[0]
     first = (order - 4) * width
     for p in range(0, width, LANES):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.store import Journal
@@ -157,22 +158,50 @@ def reason(error: subprocess.SubprocessError) -> str:
     return lines[-1] if lines else str(error)
 
 
-def floors(numbers=(1, 3, 10, 20, 30, 64), repeats: int = 3, n_periods: int = 100) -> list[dict]:
+FLOORS = ((3, 3), (10, 10), (20, 20), (20, 10), (30, 30), (40, 40), (40, 10), (64, 64), (64, 10))
+"""Floors, and how many of them are beside stops."""
+FIRST = 30
+"""Periods from rest."""
+
+
+def building(n: int, n_stops: int) -> Structure:
+    """Return a building of n floors, some of which are beside stops, the top first."""
+    whole = Structure(n_floors=n)
+    if n_stops == n:
+        return whole
+    rows = np.unique(np.linspace(n / n_stops - 1, n - 1, n_stops).round().astype(int))
+    stops = [Contact(tuple(np.eye(n)[row]), 1.0, whole.stiffness_ratio) for row in rows]
+    matrices = whole.mass_matrix, whole.stiffness_matrix
+    more = {"damping": whole.damping_matrix, "sharpness": whole.sharpness}
+    return Structure.from_matrices(*matrices, stops, **more)
+
+
+def floors(numbers=FLOORS, repeats: int = 3, n_periods: int = 30) -> list[dict]:
     """Measure `flow` against the number of floors, at each structure's first resonance."""
     found = []
-    for n in numbers:
-        structure = Structure(n_floors=n)
+    for n, n_stops in numbers:
+        structure = building(n, n_stops)
         omega = float(structure.frequencies[0])
         amplitude = 3.0 * structure.grazing_amplitude(omega)
-        flow = FlowMap(structure, omega, 1e-9)
+        FlowMap(structure, omega).advance(np.zeros(2 * n), amplitude, 1)  # loads the kernels
+        flow = FlowMap(structure, omega)
+        first = 1e6 * cpu_seconds(partial(flow.advance, np.zeros(2 * n), amplitude, FIRST)) / FIRST
         state = flow.advance(np.zeros(2 * n), amplitude, 50).state
         once = partial(flow.advance, state, amplitude, n_periods)
         times = [1e6 * cpu_seconds(once) / n_periods for _ in range(repeats)]
+        before = flow.counts.copy()
+        flow.advance(state, amplitude, 1)
+        steps = flow.counts - before
+        tangent = partial(flow.monodromy, state, amplitude, 1)
         found.append(
             {
                 "n_floors": n,
+                "n_stops": n_stops,
+                "linear_steps": int(steps[0]),
+                "layer_steps": int(steps[2]),
                 "microseconds_per_period": float(np.median(times)),
-                "contact_tables": flow.n_tables,
+                "in_the_first": first,
+                "tangent_map": 1e6 * min(cpu_seconds(tangent) for _ in range(repeats)),
             }
         )
     return found
@@ -203,10 +232,13 @@ def ranks_as_text(result: dict) -> str:
 
 def floors_as_text(rows: list[dict]) -> str:
     """Format the scaling over floors as a table."""
-    lines = ["flow against the number of floors (first resonance, 3 x grazing amplitude):"]
+    lines = [
+        "flow against the number of floors (first resonance, 3 x grazing amplitude):",
+        f"  floors  stops  linear  layer  us a period  in the first {FIRST}  tangent map, us",
+    ]
     lines += [
-        f"  n = {row['n_floors']:3d}: {row['microseconds_per_period']:9.4g} us a period, "
-        f"{row['contact_tables']} contact tables"
+        "  {n_floors:6d}{n_stops:7d}{linear_steps:8d}{layer_steps:7d}"
+        "{microseconds_per_period:13.4g}{in_the_first:17.4g}{tangent_map:17.4g}".format(**row)
         for row in rows
     ]
     return "\n".join(lines)

@@ -77,8 +77,9 @@ TOWERS = [Building(mass=[2.5e5] * n, storey_stiffness=k) for n, k in ((2, 3e8), 
         (hpcsweep.adjacent(TOWERS, gap=0.002, stiffness=2e9, restitution=0.6), 3.0, {}),
         (of(sliders=BRACES), 4.0, {}),
         (of(LOSSY, sliders=BRACES, damping=COUPLED), 4.0, {"energy": True}),
+        (of(sharpness=2000.0), 4.0, {}),
     ],
-    ids=["pounding", "dashpots", "sliders", "energies"],
+    ids=["pounding", "dashpots", "sliders", "energies", "smooth"],
 )
 def test_records_equal_those_of_tables(structure, scale, more, twice):
     record = hpcsweep.synthetic_records(1, seed=1, dt=0.05, duration=10.0, rms=1.0)[0]

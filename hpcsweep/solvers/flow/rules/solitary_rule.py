@@ -1,4 +1,4 @@
-"""Constants of a step with one contact in its layer (`solitary`): its Gauss nodes on [0, 1]."""
+"""Constants of a step by the forces of contacts in their layers (`solitary`, `coupled`): nodes."""
 
 import numpy as np
 
@@ -6,6 +6,8 @@ from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.solvers.flow.rules import tableau
 
 N_NODES = 2 * LANES
+N_POWERS = 3 * LANES
+"""Terms of the motion of a mode over a step of at most 2 over its rate: 2^24 / 24! = 3e-17."""
 
 
 def _rule() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -54,3 +56,8 @@ HALF_NODES = np.stack((0.5 * tableau.NODES, 0.5 + 0.5 * tableau.NODES))
 HALF_RESPONSES = np.stack([_responses(times, N_NODES) for times in HALF_NODES])
 MIDDLE_RESPONSES = np.ascontiguousarray(_responses([0.5], N_NODES)[:, :, 0].T)
 """By k and m, in the middle."""
+PARTS = [(part, count) for count in (2, 4) for part in range(count)]
+PART_NODES = np.stack([(part + tableau.NODES) / count for part, count in PARTS])
+PART_RESPONSES = np.stack([_responses(times, N_POWERS) for times in PART_NODES])
+"""Those of both halves of a step, and of its quarters."""
+NODE_RESPONSES = _responses(NODES, N_POWERS)

@@ -22,6 +22,7 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.places import Pattern, Words, allocate, part, zeros
 from hpcsweep.model.kernel_model import PEAK_FLAGS, Model, kernel_model, model_at_frequency
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.state.coupled import Coupled
 from hpcsweep.solvers.flow.state.tables import (
     LEVELS,
     Outputs,
@@ -123,6 +124,7 @@ class Shared(NamedTuple):
     work: Workspace = part(Workspace)
     tally: Tally = part(Tally)
     modes: Modes = part(Modes)
+    coupled: Coupled = part(Coupled)
     counts: np.ndarray = zeros(5, dtype=int)
     """Linear steps, fast passages, layer steps, layer visits and tables built so far."""
     previous: np.ndarray = zeros("2R")

@@ -71,8 +71,11 @@ MAX_TABLES = 64
 """Most tables; when more contact sets occur the table store is emptied and refilled."""
 LARGE, LARGE_SPARED = 32, 65
 """Rows from which on there are no propagators: steps are taken in modes (`linear.spectral`). The
-second is for smooth contacts, which pass their layers alone by tables (`solitary`, `slow_passage`)
-that spare most steps, and for sliders, most sets of which have no table anyway (`series`)."""
+second is for smooth contacts beside a damping that couples modes, which pass their layers alone by
+tables (`solitary`, `slow_passage`) that spare most steps, and for sliders, most sets of which have
+no table anyway (`series`)."""
+LARGE_LAYERED = 20
+"""Rows from which on steps with several contacts in their layers are in modes (`layer.coupled`)."""
 N_POWERS = 4
 """Powers of the propagator of a step that are kept: exp(M h 2^k), k = 1, .., `N_POWERS`."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
@@ -108,11 +111,14 @@ def sizes_of(model: Model) -> dict[str, int]:
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
     sizes |= {"2 padded F": 2 * sizes["padded F"], "R+padded R": rows + padded(rows)}
-    large = rows >= (LARGE_SPARED if model.layer > 0.0 or n_loads else LARGE)
+    smooth = 0.0 < model.layer < math.inf and n_loads == 0 and are_apart(model)
+    large = rows >= (LARGE if smooth or (model.layer == 0.0 and n_loads == 0) else LARGE_SPARED)
     for name in ("n", "2R", "N", "B", "m"):
         sizes[f"tabled {name}"] = 0 if large else sizes[name]
     sizes["responses"] = 0 if large else N_NODES
-    sizes |= {"modes": padded(n) if large else 0, "2 modes": 2 * padded(n) if large else 0}
+    coupled = smooth and (large or rows >= LARGE_LAYERED)
+    sizes |= {"modes": padded(n) if large or coupled else 0, "levels": LEVELS if coupled else 0}
+    sizes |= {"2 modes": 2 * sizes["modes"], "responses of modes": CAPACITY if coupled else 0}
     return sizes
 
 
@@ -173,6 +179,16 @@ def _refined_modes(inverse: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray,
         if np.abs(change).max() < CONVERGED:
             break
     return shapes.astype(float), left.astype(float), squares.astype(float)
+
+
+def are_apart(model: Model) -> bool:
+    """Return whether damping couples no modes, where a structure is large."""
+    n = len(model.modal_transform)
+    if n < LARGE_LAYERED:
+        return True
+    transform = model.modal_transform[:, :n]
+    gamma = transform @ model.damping[:n, :n] @ np.linalg.inv(transform)
+    return bool(np.abs(gamma - np.diag(np.diag(gamma))).max() <= COUPLED * np.abs(gamma).max())
 
 
 def spectrum_of(model: Model, sizes: dict[str, int]) -> Spectrum:

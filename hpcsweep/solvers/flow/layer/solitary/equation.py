@@ -85,10 +85,9 @@ def _forces(d, beta, rho, linear):
 
 
 @inlined
-def less_responses(free, table, place, forces):
-    """Return the distances `free` less the responses to `forces` at the nodes, in two registers."""
+def less_responses(low, high, table, place, forces):
+    """Return distances, in two registers, less the responses to `forces` at the nodes."""
     first = place * N_NODES * N_NODES
-    low, high = load(free, 0), load(free, LANES)
     low_odd, high_odd = load(ZERO, 0), load(ZERO, 0)
     for k in range(0, N_NODES, 2):
         at = first + k * N_NODES
@@ -101,7 +100,7 @@ def less_responses(free, table, place, forces):
 
 
 @inlined
-def _largest_of(low, high):
+def largest_of(low, high):
     """Return the largest modulus."""
     return maximum(greatest(modulus(low), modulus(high)))
 
@@ -161,8 +160,9 @@ def take_step(contact, place, h, stiffness, linear, z, shared):
         store(forces, 0, _forces(low, beta, rho, linear))
         store(forces, LANES, _forces(high, beta, rho, linear))
         old_low, old_high = low, high
-        low, high = less_responses(free, responses.response, place, forces)
-        change = _largest_of(low - old_low, high - old_high)
+        low, high = load(free, 0), load(free, LANES)
+        low, high = less_responses(low, high, responses.response, place, forces)
+        change = largest_of(low - old_low, high - old_high)
         if not change < math.inf:
             return math.inf
         # the next change is smaller by at least
@@ -204,7 +204,7 @@ def error_of_rule(h, low, high, first, last, most):
     early = total(fma(load(AT_START, 0), low, load(AT_START, LANES) * high))
     late = total(fma(load(AT_END, 0), low, load(AT_END, LANES) * high))
     extrapolated = max(abs(early - first), abs(late - last))
-    scale = max(min(_largest_of(low, high), most), TINY)
+    scale = max(min(largest_of(low, high), most), TINY)
     return MEASURED * h * extrapolated * min(extrapolated / scale, 1.0)
 
 
@@ -229,9 +229,10 @@ def solitary_tangent(contact, place, linear, model, responses, work, tangent):
             store(forces, 0, slope_low * low)
             store(forces, LANES, slope_high * high)
             old_low, old_high = low, high
-            low, high = less_responses(free, responses.response, place, forces)
-            change = _largest_of(low - old_low, high - old_high)
-            if not change > VARIED * _largest_of(low, high):
+            low, high = load(free, 0), load(free, LANES)
+            low, high = less_responses(low, high, responses.response, place, forces)
+            change = largest_of(low - old_low, high - old_high)
+            if not change > VARIED * largest_of(low, high):
                 break
         store(forces, 0, slope_low * low)
         store(forces, LANES, slope_high * high)

@@ -374,7 +374,8 @@ def read_found(
             at = min((near - 1, near), key=lambda i: abs(periods[i] - own))
             if not abs(periods[at] - own) <= SAME * own:
                 raise TypeError
-            facts = tuple(one._replace(measure=one.measure[at]) for one in facts)
+            pairs = zip(facts, (one["measure"][at] for one in records), strict=True)
+            facts = tuple(one._replace(measure=own) for one, own in pairs)
         is_scaled = all(isinstance(one.measure, float) and one.measure > 0 for one in facts)
         if not facts or not is_scaled or len(paths) not in (0, len(facts)):
             raise TypeError

@@ -5,7 +5,9 @@ import pkgutil
 import shutil
 import subprocess
 import sys
+import time
 import types
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numba
@@ -134,6 +136,28 @@ def hashed(cache: Path) -> tuple[str, bool]:
     done = python(HASHED, NUMBA_CACHE_DIR=str(cache))
     key, parsed = done.stdout.split()
     return key, int(parsed) > 0
+
+
+def test_threads_parse_one_after_the_other(tmp_path, monkeypatch):
+    """In some versions of Python to parse in several threads at once is a SystemError."""
+    at_once, most = [], []
+
+    def parsed(source):
+        at_once.append(1)
+        most.append(len(at_once))
+        time.sleep(1e-4)
+        at_once.pop()
+        return "text"
+
+    monkeypatch.setattr(jit, "_program_text", parsed)
+    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(jit, "read_verified", lambda path: None)
+    monkeypatch.setattr(jit, "write_verified", lambda path, content: None)
+    with ThreadPoolExecutor(4) as pool:
+        keys = set(pool.map(lambda _: jit.source_hash.__wrapped__(), range(4)))
+    assert len(keys) == 1
+    assert len(most) == 4 * len(jit.kernel_files())
+    assert max(most) == 1
 
 
 @pytest.mark.slow

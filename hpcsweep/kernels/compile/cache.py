@@ -28,6 +28,7 @@ import os
 import pickle
 import re
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,6 +54,8 @@ DECLARED = re.compile(rb"^KERNELS = (\([^)]*\))", re.MULTILINE)
 """Patterns of the files of a room that define kernels and the constants in them."""
 SUFFIX = ".kernel"
 HASH_LENGTH = 16
+PARSING = threading.Lock()
+"""One thread parses at a time: `ast.parse` counts its depth for all of them in some versions."""
 COUNTS_REFERENCES = b"NRT_"
 """In machine code that counts references to arrays (`decorators.jit`).
 
@@ -114,12 +117,13 @@ def source_hash() -> str:
     """
     sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
     kept = cache_root() / "sources" / _hash(sources)
-    found = read_verified(kept)
-    if found is not None:
-        return found.decode()
-    made = _hash({name: _program_text(text).encode() for name, text in sources.items()})
-    with contextlib.suppress(OSError):
-        write_verified(kept, made.encode())
+    with PARSING:
+        found = read_verified(kept)
+        if found is not None:
+            return found.decode()
+        made = _hash({name: _program_text(text).encode() for name, text in sources.items()})
+        with contextlib.suppress(OSError):
+            write_verified(kept, made.encode())
     return made
 
 

@@ -49,22 +49,21 @@ def all_modes():
 
 
 def recurrence(frequency, h):
-    """Return the coefficients of a step of all modes: state and force at its ends to state.
+    """Return the coefficients of a step of all modes, from state, first and last force to state.
 
     The state e^{st} decays and turns with s = -zeta omega + i omega_d; the response to a force
     1 - t/h or t/h is the integral of Im e^{s(h - t)} / omega_d times it.
     """
     turning = frequency * math.sqrt(1 - RATIO**2)
     s = -RATIO * frequency + 1j * turning
-    e = np.exp(s * h)
-    whole = (e - 1) / s
-    late = (e - 1 - s * h) / (s * s * h)
-    return turning, s, e, (whole - late) / turning, late / turning
+    step = np.exp(s * h)
+    whole, late = (step - 1) / s, (step - 1 - s * h) / (s * s * h)
+    return step, (whole - late) / turning, late / turning
 
 
 @numba.njit
 def follow(state, step, first, last, at_stop, base, spring, omega, h, steps):
-    """Follow z, Im z = u omega_d, for a period; return the displacements at the stop."""
+    """Follow z, Im z = u, for a period; return the displacements at the stop."""
     x, place = np.sum(at_stop * state.imag), np.empty(steps)
     give = np.sum(at_stop * at_stop * last.imag)
     for i in range(steps):
@@ -87,16 +86,10 @@ def last_period(modes, spring, amplitude, omega, periods, steps):
     """Return the displacements at the stop over the last period, from rest."""
     frequency, participation, at_stop = modes
     h = 2 * math.pi / omega / steps
-    turning = frequency * math.sqrt(1 - RATIO**2)
-    s = -RATIO * frequency + 1j * turning
-    step = np.exp(s * h)
-    whole, late = (step - 1) / s, (step - 1 - s * h) / (s * s * h)
-    state, base = np.zeros(len(s), complex), -amplitude * participation
+    coefficients = recurrence(frequency, h)
+    state, base = np.zeros(len(frequency), complex), -amplitude * participation
     for _ in range(periods):
-        motion = follow(
-            *(state, step, (whole - late) / turning, late / turning, at_stop, base),
-            *(spring, omega, h, steps),
-        )
+        motion = follow(state, *coefficients, at_stop, base, spring, omega, h, steps)
     return motion[:: steps // SAMPLES]
 
 

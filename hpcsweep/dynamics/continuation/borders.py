@@ -157,8 +157,9 @@ def _forced(curve: Curve) -> ForcedMap:
 
 def _regime(curve: Curve, point: Solution) -> Regime:
     """Return the signature of an orbit, and how often each slider slips as a period ends."""
-    seen = _forced(curve).observe(*curve.split(point.y))
-    return curve.signature(point), tuple(seen.slid["slipping"].tolist())
+    forced = _forced(curve)
+    seen = forced.observe(*curve.split(point.y))
+    return forced.counted(seen), tuple(seen.slid["slipping"].tolist())
 
 
 def _special(curve: Curve, edge: Solution, share: float, own, there) -> list[Special]:

@@ -174,7 +174,10 @@ class ForcedMap:
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
         """Return how often each contact closes along an orbit, and how often each slider slips."""
-        seen = self.observe(points, value)
+        return self.counted(self.observe(points, value))
+
+    def counted(self, seen: Observation) -> tuple[int, ...]:
+        """Return the signature of an orbit that has been observed."""
         count = len(self.structure.contacts)
         first = seen.measures.size - 4 * count
         own = seen.measures[first : first + count] * len(seen.points)

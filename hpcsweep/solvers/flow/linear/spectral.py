@@ -82,14 +82,14 @@ def _dot(a, i, b, j, size):
 
 
 @kernel
-def _write_start(z, half, place, spectrum, own):
-    """Write the modal coordinates of a state with so many rows as terms 0."""
-    n, width, start = spectrum.to_modes.shape[0], spectrum.squares.shape[0], own.start
+def modes_of(z, half, spectrum, start, out):
+    """Write the modal coordinates and speeds of a state of so many rows; `start` is workspace."""
+    n, width = spectrum.to_modes.shape[0], spectrum.squares.shape[0]
     for i in range(n):
         start[i], start[width + i] = z[i], z[half + i]
     for j in range(n):
-        own.terms[place, 0, j] = _dot(spectrum.to_modes, j * width, start, 0, width)
-        own.terms[place, 0, width + j] = _dot(spectrum.to_modes, j * width, start, width, width)
+        out[j] = _dot(spectrum.to_modes, j * width, start, 0, width)
+        out[width + j] = _dot(spectrum.to_modes, j * width, start, width, width)
 
 
 @inlined
@@ -282,7 +282,7 @@ def modal_step(index, tau, end, model, tables, work):
     if tau > 0.0 and own.chain[0] == tau and own.chain[1] == index:
         copy_state(own.end, own.terms[STATE, 0])
     else:
-        _write_start(work.x, half, STATE, spectrum, own)
+        modes_of(work.x, half, spectrum, own.start, own.terms[STATE, 0])
     own.chain[0], own.chain[1] = end, index
     own.count[0], own.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
     _write_terms(key, STATE, h, True, model, spectrum, own, work.x)
@@ -317,10 +317,9 @@ def bound_contacts(index, model, tables, work):
 
 @kernel
 def spectral_step(index, tau, end, model, tables, work):
-    """Expand a step of table `index` from tau to `end`; write ``work.wide`` and ``work.bounds``."""
+    """Expand a step of table `index` from tau to `end`; write ``work.wide``."""
     modal_step(index, tau, end, model, tables, work)
     write_rows(work.spectral.end, tables.spectrum, work.z_end.shape[0] // 2, work.wide)
-    bound_rows(tables.h[index], tables, work)
 
 
 @kernel
@@ -387,7 +386,7 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
         for i in range(2 * half):
             vector[i] = tangent[i, column]
         if exact:
-            _write_start(vector, half, TANGENT, spectrum, own)
+            modes_of(vector, half, spectrum, own.start, own.terms[TANGENT, 0])
             for p in range(0, width, LANES):
                 first = own.terms.shape[1] * 2 * width + p
                 q, v = load(own.terms, first), load(own.terms, first + width)
@@ -398,7 +397,7 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
             write_rows(own.start, spectrum, half, vector)
         else:
             for _ in range(n_steps):
-                _write_start(vector, half, TANGENT, spectrum, own)
+                modes_of(vector, half, spectrum, own.start, own.terms[TANGENT, 0])
                 _write_terms(key, TANGENT, h, False, model, spectrum, own, work.x)
                 _evaluate(TANGENT, s / h, own, own.start)
                 write_rows(own.start, spectrum, half, vector)

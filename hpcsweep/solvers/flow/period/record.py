@@ -36,7 +36,7 @@ from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.propagators import is_tabled, table_of
-from hpcsweep.solvers.flow.linear.spectral import is_spectral, spectral_step
+from hpcsweep.solvers.flow.linear.spectral import bound_rows, is_spectral, spectral_step
 from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
 from hpcsweep.solvers.flow.observe.outputs import fill_outputs
@@ -195,6 +195,7 @@ def _coast(segment, amplitude, wanted, shared):
     for step in range(n_steps):
         if is_spectral(tables):
             spectral_step(index, step * h, (step + 1) * h, model, tables, work)
+            bound_rows(h, tables, work)
         else:
             product(tables.step, index, x, wide)
             product_of_moduli(tables.bound4, index, x, work.bounds)

@@ -221,7 +221,9 @@ def take_step(segment, known, model, tables, work):
     if spectral and not known:
         tau = segment.tau
         spectral_step(index, tau, tau + segment.h, model, tables, work)
-        if model.elements.first.shape[0] == 0:
+        if model.elements.first.shape[0] > 0:
+            bound_rows(segment.h, tables, work)
+        else:
             bound_contacts(index, model, tables, work)
     if segment.tau + segment.h < segment.end:
         if not (known or spectral):

@@ -50,10 +50,12 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, store, total
 from hpcsweep.model.contact import FAR, contact_force, contact_forces, contact_stiffnesses
 from hpcsweep.solvers.flow.layer.solitary.equation import (
+    CONVERGED,
+    FAILED,
     MAX_ITERATIONS,
-    ROUNDING,
     VARIED,
     error_of_rule,
+    judged,
     largest_of,
     less_responses,
 )
@@ -276,16 +278,11 @@ def _solve(level, r, square, beta, rho, own):
             change = max(change, largest_of(low - load(x, at), high - load(x, at + LANES)))
             store(x, at, low)
             store(x, at + LANES, high)
-        if not change < math.inf:
+        outcome = judged(change, previous, iteration, square)
+        if outcome == FAILED:
             return False
-        # the next change is smaller by at least
-        ratio = square / ((2 * iteration + 3) * (2 * iteration + 4))
-        if change * min(ratio, 1.0) <= ROUNDING:
+        if outcome == CONVERGED:
             break
-        if ratio < 0.5 and change >= previous:
-            if change <= 100.0 * ROUNDING:
-                break
-            return False
         previous = change
     else:
         return False

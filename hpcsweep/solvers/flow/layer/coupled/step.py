@@ -18,7 +18,6 @@ from hpcsweep.kernels.compile.entry_points import (
     VECTOR,
     entry_point,
 )
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
 from hpcsweep.model.contact import MAX_STIFFNESS
 from hpcsweep.solvers.flow.layer.coupled.equation import (
     coupled_tangent,
@@ -30,11 +29,11 @@ from hpcsweep.solvers.flow.layer.coupled.equation import (
 from hpcsweep.solvers.flow.layer.scheme import stiffness_up_to
 from hpcsweep.solvers.flow.layer.solitary.plan import AT_EDGE, SURE, level_of, until_poles
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, total_forcing
-from hpcsweep.solvers.flow.linear.spectral import is_spectral, write_rows
+from hpcsweep.solvers.flow.linear.spectral import is_spectral, modes_of, write_rows
 from hpcsweep.solvers.flow.state.coupled import MOST
 from hpcsweep.solvers.flow.state.shared import NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state
-from hpcsweep.solvers.flow.state.tables import LEVELS, ZERO
+from hpcsweep.solvers.flow.state.tables import LEVELS
 
 CONTACTS, LEVEL, GOING = range(3)
 """Places in ``Coupled.last``."""
@@ -103,20 +102,6 @@ def _others_stay_away(r, model, own):
 
 
 @kernel
-def write_modes(z, spectrum, vector, out):
-    """Write the modes of a state; `vector` is workspace."""
-    width, n, half = spectrum.squares.shape[0], spectrum.to_modes.shape[0], z.shape[0] // 2
-    for i in range(n):
-        vector[i], vector[width + i] = z[i], z[half + i]
-    for j in range(n):
-        q, v = load(ZERO, 0), load(ZERO, 0)
-        for p in range(0, width, LANES):
-            share = load(spectrum.to_modes, j * width + p)
-            q, v = fma(share, load(vector, p), q), fma(share, load(vector, width + p), v)
-        out[j], out[width + j] = total(q), total(v)
-
-
-@kernel
 def _tangent_to_modes(spectrum, own, tangent):
     """Transform the columns of `tangent` to modes, in place."""
     n, half, width = spectrum.to_modes.shape[0], tangent.shape[0] // 2, spectrum.squares.shape[0]
@@ -124,7 +109,7 @@ def _tangent_to_modes(spectrum, own, tangent):
     for column in range(tangent.shape[1]):
         for i in range(2 * half):
             state[i] = tangent[i, column]
-        write_modes(state, spectrum, own.vector, own.after)
+        modes_of(state, half, spectrum, own.vector, own.after)
         for j in range(n):
             tangent[j, column], tangent[half + j, column] = own.after[j], own.after[width + j]
 
@@ -217,7 +202,7 @@ def coupled_steps(packed, tau, end, most, z, amplitude, wanted, tangent):
     model, spectrum, own = shared.model, shared.tables.spectrum, shared.coupled
     pairs, modes = shared.work.forcing, own.modes
     if own.last[GOING] == 0:
-        write_modes(z, spectrum, own.vector, modes)
+        modes_of(z, z.shape[0] // 2, spectrum, own.vector, modes)
         write_distances(modes, model, spectrum, own.distances)
     last, steps, longest = 0.0, 0, longest_step(spectrum)
     while steps < most:

@@ -67,6 +67,8 @@ from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import distance, start
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO, forget
 
+GOES_ON, CONVERGED, FAILED = range(3)
+"""What `judged` says of an iteration."""
 MAX_ITERATIONS = 60
 ROUNDING = 2e-17
 """Remaining error of the distances (gaps): that of displacements about the gap is 1e-16."""
@@ -163,16 +165,11 @@ def take_step(contact, place, h, stiffness, linear, z, shared):
         low, high = load(free, 0), load(free, LANES)
         low, high = less_responses(low, high, responses.response, place, forces)
         change = largest_of(low - old_low, high - old_high)
-        if not change < math.inf:
+        outcome = judged(change, previous, iteration, square)
+        if outcome == FAILED:
             return math.inf
-        # the next change is smaller by at least
-        ratio = square / ((2 * iteration + 3) * (2 * iteration + 4))
-        if change * min(ratio, 1.0) <= ROUNDING:
+        if outcome == CONVERGED:
             break
-        if ratio < 0.5 and change >= previous:
-            if change <= 100.0 * ROUNDING:
-                break
-            return math.inf
         previous = change
     else:
         return math.inf
@@ -187,6 +184,28 @@ def take_step(contact, place, h, stiffness, linear, z, shared):
     x1 = distance(contact, work.z_end, contacts)
     end = contact_force(x1, beta, rho) - linear * x1
     return error_of_rule(h, low, high, force, end, beta / rho)
+
+
+@inlined
+def judged(change, previous, iteration, square):
+    """Return whether an iteration for forces has `CONVERGED`, has `FAILED`, or `GOES_ON`.
+
+    Parameters
+    ----------
+    change, previous : float
+        Largest changes of a distance by this iteration, counted from 0, and by the one before.
+    square : float
+        h^2 times the largest |df/dd|.
+    """
+    if not change < math.inf:
+        return FAILED
+    # the next change is smaller by at least
+    ratio = square / ((2 * iteration + 3) * (2 * iteration + 4))
+    if change * min(ratio, 1.0) <= ROUNDING:
+        return CONVERGED
+    if ratio < 0.5 and change >= previous:
+        return CONVERGED if change <= 100.0 * ROUNDING else FAILED
+    return GOES_ON
 
 
 @inlined

@@ -36,7 +36,7 @@ LONGEST_RUN = 1000
 """Digits or brackets in a row from which on the parser gives up, without a word where."""
 MAX_SHOWN = 80
 """Characters of a setting that an error shows."""
-QUOTED = re.compile(r"\"[^\"]*\"|'[^']*'")
+PART = re.compile(r"\"[^\"]*\"|'[^']*'|[^.]+")
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 Order = Mapping[str, Sequence[str]]
@@ -309,8 +309,9 @@ def _parse_setting(setting: str) -> dict:
     if INDEXED.fullmatch(key):
         parse_toml(f"x = {value}", option)
         return {}
-    if re.sub(QUOTED, "", key).count(".") > 1:
-        whole = ".".join(key.split(".")[:2])
+    parts = PART.findall(key)
+    if len(parts) > 2:
+        whole = ".".join(parts[:2])
         raise TreeError(f"{option}: must be TABLE.KEY=VALUE; the value of {whole} is set whole")
     try:
         return parse_toml(setting, option)

@@ -13,7 +13,7 @@ def count(number: int, noun: str) -> str:
 
 def plural(noun: str, number: int = 2) -> str:
     """Return a noun as it follows a number."""
-    return noun if number == 1 else f"{noun}s"
+    return noun if number == 1 else f"{noun}es" if noun.endswith("s") else f"{noun}s"
 
 
 def written(value: object) -> str:

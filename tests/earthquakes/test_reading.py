@@ -258,6 +258,8 @@ ESM = "SAMPLING_INTERVAL_S: 0.010000\nNDATA: 5\nUNITS: cm/s^2\nDATA_TYPE: ACCELE
         ("0.,1.D-1\n1.D-2,-2D-1\n2.D-2,.3\n3.D-2,-.4\n4.D-2,.5\r\n\x1a", "g"),
         ("IN UNITS OF G'S\nNPTS= 5, DT= .01 SEC" + FIVE + "*** End Data ***\n\n", "g"),
         ("The units are (g)\nNPTS= 5, DT= .01 SEC\nbegin" + FIVE, "g"),
+        ("time in s, acceleration in the N-S direction" + TIMED, "g"),
+        ("time s, acc m/s2, 2 Hz" + TIMED, "m/s2"),
     ],
 )
 def test_headers_say_unit_step_and_count_in_any_encoding(tmp_path, text, unit):

@@ -222,6 +222,7 @@ def test_settings_that_are_valid_only_together_are_judged_together(base):
         ("structure.n_floors=2\nname='x'", ("must be TABLE.KEY=VALUE",)),
         ("name='\udcff'", ("must be TABLE.KEY=VALUE",)),
         ("sweep.amplitude.from=0.1", ("sweep.amplitude is set whole",)),
+        ('vary."building[0].mass".count=9', ('vary."building[0].mass" is set whole',)),
         ("extends='other.toml'", ("can only be said in a job file",)),
     ],
 )

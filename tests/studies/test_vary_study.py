@@ -15,6 +15,7 @@ from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job, part_of
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Frames, StoreError
+from hpcsweep.studies.run_names import count
 
 SHARP = SMALL.replace("sharpness = 4e3", "sharpness = inf\nrestitution = 0.7")
 STOPS = VARY.replace("{from = 0.5, to = 1.5, count = 3}", "[0.5, 0.6]")
@@ -74,6 +75,15 @@ def test_a_part_is_chosen_by_the_values_of_its_keys(tmp_path):
     ):
         with pytest.raises(StoreError, match=words):
             Frames(path, at=at)
+
+
+def test_keys_are_counted_in_english():
+    assert [count(2, noun) for noun in ("gap", "building_0_radius", "building_1_mass")] == [
+        "2 gaps",
+        "2 building_0_radiuses",
+        "2 building_1_masses",
+    ]
+    assert count(1, "mass") == "1 mass"
 
 
 def test_words_are_an_axis_too(tmp_path):

@@ -32,7 +32,7 @@ def lyapunov_spectrum(
     Parameters
     ----------
     structure : Structure
-        Without sliders: their motions have no tangent map.
+        Without sliders: the tangent maps of their motions are differences.
     amplitude, omega : float
         A and Omega of the ground acceleration A sin(Omega tau) (10).
     state : array_like, shape (2 n_floors,)
@@ -79,7 +79,7 @@ def lyapunov_spectrum(
     """
     instance("structure", structure, Structure)
     if structure.sliders:
-        raise ValueError("structure must be without sliders: their motions have no tangent map")
+        raise ValueError("structure must be without sliders: their tangent maps are differences")
     z = finite_vector("state", state, structure.state_units.size)
     amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
     error, name = positive("error", error), choice("solver", solver, SOLVERS)

@@ -10,6 +10,7 @@ from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.model.units import Units
+from hpcsweep.solvers.arguments import without_sliders
 from hpcsweep.solvers.solver import stroboscopic_points
 from hpcsweep.solvers.trajectory import MAX_SAMPLES
 from hpcsweep.solvers.trajectory import trajectory as one_period
@@ -31,6 +32,7 @@ def trajectory(
     Parameters
     ----------
     structure : Structure
+        Without sliders.
     amplitude, omega : float
         A and Omega of the forcing.
     state : array_like, shape (2 n_floors,)
@@ -67,6 +69,7 @@ def trajectory(
     """
     import xarray
 
+    without_sliders(structure)
     n_periods = count("n_periods", n_periods, 1)
     samples = count("samples", samples, 2, MAX_SAMPLES)
     n = structure.n_floors

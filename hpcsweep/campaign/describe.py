@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.special import expit
 
 from hpcsweep.job import Job
@@ -48,6 +49,8 @@ def describe(job: Job) -> Lines:
     yield from _modes(structure)
     yield from (("contact", text) for text in _contacts(structure))
     yield from (("slider", text) for text in _sliders(structure))
+    if structure.sliders:
+        yield "", _slipping(structure)
     if structure.collapse_drift is not None:
         limits, unit = few(structure.drift_limits.tolist()), known_unit(structure, "length")
         yield "collapse", f"beyond a drift of {limits}{unit}"
@@ -142,6 +145,15 @@ def _sliders(structure) -> list[str]:
         f"{one.limit:.6g}{length}"
         for name, one in zip(structure.slider_names, structure.sliders, strict=True)
     ]
+
+
+def _slipping(structure) -> str:
+    """Return the longest period while all sliders slip; the modes are those while they stick."""
+    squares = eigh(structure.elastic_stiffness, structure.mass_matrix, eigvals_only=True)
+    if squares[0] <= ROUNDING * squares[-1]:
+        return "while all slip some motion has no stiffness; modes are those while all stick"
+    period = 2 * np.pi / np.sqrt(squares[0])
+    return f"while all slip the longest period is {period:.6g}; modes are those while all stick"
 
 
 def _at_rest(structure, study: Study) -> Iterator[str]:

@@ -18,11 +18,6 @@ from hpcsweep.model.structure import Structure
 RANGE = 1e-12, 1e12
 POSITIVE = "finite and positive, from {:g} to {:g}".format(*RANGE)
 """Of quantities in whatever units."""
-LIMITS: dict[str, tuple[str, float, float]] = {
-    "damping_ratio": ("from 0 to 100", 0.0, 100.0),
-    "gap": ("at least 0 (inf: no walls)", 0.0, math.inf),
-    "wall_stiffness": ("from 0 to 1e+12", 0.0, 1e12),
-}
 SLAB = "isolation"
 """Name of the slab among the floors, and of the bearings among the sliders."""
 WALLS = "wall right", "wall left"
@@ -31,6 +26,14 @@ STRENGTH = ("strength", "yield_drift", "friction")
 INITIAL, OF_FRICTION = 10.0, 100.0
 """Initial stiffness over that after yielding by default: of lead-rubber bearings, which have 5 to
 15, and of those that slide, which are rigid until then."""
+LIMITS: dict[str, tuple[str, float, float]] = {
+    **dict.fromkeys(("slab_mass", *STIFFNESS, *STRENGTH), (POSITIVE, *RANGE)),
+    **dict.fromkeys(("initial_stiffness", "gravity"), (POSITIVE, *RANGE)),
+    "friction": ("above 0, and at most 1", 1e-12, 1.0),
+    "damping_ratio": ("from 0 to 100", 0.0, 100.0),
+    "gap": ("at least 0 (inf: no walls)", 0.0, math.inf),
+    "wall_stiffness": ("from 0 to 1e+12", 0.0, 1e12),
+}
 
 
 @dataclass(frozen=True)
@@ -81,13 +84,11 @@ class Isolation:
     gravity: float = 9.80665
 
     def __post_init__(self) -> None:
-        for name in ("slab_mass", *STIFFNESS, *STRENGTH, "initial_stiffness", "gravity"):
+        for name, limits in LIMITS.items():
             if (value := getattr(self, name)) is not None:
-                object.__setattr__(self, name, number(_key(name), value, POSITIVE, *RANGE))
+                object.__setattr__(self, name, number(_key(name), value, *limits))
         for names in (STIFFNESS, STRENGTH):
             self._one_of(names)
-        for name, limits in LIMITS.items():
-            object.__setattr__(self, name, number(_key(name), getattr(self, name), *limits))
         if not self.wall_stiffness and self.gap < math.inf:
             raise ValueError(f"{_key('wall_stiffness')} must be given with gap, and above 0")
 

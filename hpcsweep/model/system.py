@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
+from os.path import commonprefix
 from typing import Any
 
 import numpy as np
@@ -242,14 +243,18 @@ class System:
 
     @property
     def building_names(self) -> tuple[str, ...]:
-        """Name of each building: that of its first floor without the number, or its own number.
+        """Name of each building: how the names of its floors begin, or its number.
 
-        Coordinates of a model have names of their own.
+        A single one without a name is ``building``. Coordinates of a model have names of their own.
         """
-        first = np.unique(self.buildings, return_index=True)[1].tolist()
-        names = tuple(self.floor_names[i].rstrip("0123456789") for i in first)
-        whole = all(names) and len(set(names)) == len(names) and self.reduction is None
-        return names if whole else tuple(map(str, range(1, len(first) + 1)))
+        floors: list[list[str]] = [[] for _ in range(self.buildings.max() + 1)]
+        for i, name in zip(self.buildings.tolist(), self.floor_names, strict=True):
+            floors[i].append(name)
+        begins = map(commonprefix, floors)
+        names = tuple(begin.rstrip("0123456789 ") for begin in begins)
+        if all(names) and len(set(names)) == len(names) and self.reduction is None:
+            return names
+        return tuple(map(str, range(1, len(names) + 1))) if len(names) > 1 else ("building",)
 
     @property
     def floor_names(self) -> tuple[str, ...]:

@@ -57,6 +57,7 @@ def test_it_moves_as_the_reference_with_storeys_that_yield_and_walls():
     assert found.excursions.min() > 0
     assert found.impacts.min() > 0
     assert structure.floor_names == ("isolation", "1", "2")
+    assert structure.building_names == ("building",)
     assert structure.storey_names == ("1", "2")
     assert structure.slider_names == ("isolation", "1")
     assert tuple(structure.contact_names.values()) == ("wall right", "wall left")
@@ -106,6 +107,7 @@ WRONG = [
     ({"radius": 2.0}, r"isolation\.stiffness and radius must not be given both"),
     ({"strength": None}, r"isolation\.strength, yield_drift or friction must be given"),
     ({"friction": 0.1}, r"isolation\.strength and friction must not be given both"),
+    ({"strength": None, "friction": 5.0}, r"friction must be above 0, and at most 1, is 5\.0"),
     ({"strength": -1.0}, r"isolation\.strength must be finite and positive, from"),
     ({"damping_ratio": -0.1}, r"isolation\.damping_ratio must be from 0 to 100, is -0\.1"),
     ({"gap": -0.1}, r"isolation\.gap must be at least 0 \(inf: no walls\), is -0\.1"),

@@ -344,6 +344,9 @@ def test_structures_refuse_what_sliders_cannot_do():
     structure = hpcsweep.Structure.from_matrices(*given, [], sliders=[slider])
     with pytest.raises(ValueError, match="moves under ground-motion records, and under a harmonic"):
         FlowMap(structure, 1.0)
+    for state in ([0.0, 0.0], [0.0, 0.0, 0.0]):
+        with pytest.raises(ValueError, match="moves under ground-motion records, and under a"):
+            hpcsweep.trajectory(structure, 0.5, 0.7, state, 10)
 
 
 def frame(**given):
@@ -554,6 +557,9 @@ def test_base_shears_are_the_largest_reactions_between_all_instants():
     structure = hpcsweep.adjacent(pair, gap=0.05, stiffness=800.0)
     assert structure.buildings.tolist() == [0, 0, 1, 1, 1]
     assert structure.building_names == ("A", "B")
+    on_slab = replace(pair[0], isolation=hpcsweep.Isolation(1.0, period=3.0, strength=0.5))
+    beside = hpcsweep.adjacent([on_slab, pair[1]], gap=0.05, stiffness=800.0)
+    assert beside.building_names == ("A", "B")
     record = hpcsweep.Record(rng.standard_normal(40) * 6.0, dt=0.1)
     found = hpcsweep.response(structure, record, base_shear=True)
     assert found.impacts.sum() > 2

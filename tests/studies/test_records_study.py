@@ -23,6 +23,8 @@ from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.earthquakes.intensity import average_spectral_acceleration
+from hpcsweep.figures.options import figures
+from hpcsweep.figures.style import PlotError
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers import response as solvers_response
@@ -564,6 +566,9 @@ def test_yielding_buildings_are_computed_as_plainly(tmp_path, calls):
             np.testing.assert_allclose(own, plain, rtol=0, atol=1e-9 * size, err_msg=name)
     assert results["excursions"].values.sum() > 10
     assert validate(path, 3).sound
+    assert "gap_needed" not in results  # of a motion in which nothing slips it would be too small
+    with pytest.raises(PlotError, match="--kind separation: the gap that is needed is not known"):
+        figures()["separation"].draw(results)
 
 
 def test_gaps_and_strengths_in_proportion_are_computed_once(tmp_path, calls):

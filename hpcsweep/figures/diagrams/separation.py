@@ -39,6 +39,11 @@ def draw(results, place: str | None = None):
             pairs[name] = k, floors
     if not pairs:
         raise style.PlotError(f"--kind {NAME}: no contact is between two floors")
+    if structure.sliders:
+        raise style.PlotError(
+            f"--kind {NAME}: the gap that is needed is not known where springs yield: vary "
+            "pounding.gap, and look where impacts end"
+        )
     if "gap_needed" not in results:
         raise style.PlotError("the file holds no gap_needed: set output.alone = true")
     responses.check_place(place, pairs, "one of")
@@ -62,9 +67,12 @@ def draw(results, place: str | None = None):
             label += f"{100 * np.mean(over < SHORT):.0f} % of them"
         (median,) = fractiles(values, (0.5,))
         curve(median, ":", label=label, color=palette.series_colour(series), linewidth=1.5)
-    axis.axhline(structure.contacts[k].gap, color="0.4", linewidth=0.8, label="gap of the job")
+    gap, top = structure.contacts[k].gap, axis.get_ylim()[1]
+    if gap <= 2.0 * top:
+        axis.axhline(gap, color="0.4", linewidth=0.8, label="gap of the job")
+        top = max(top, 1.05 * gap)
     ylabel = f"gap needed, {name}{labels.unit(structure, 'length')}"
-    axis.set(xlabel=whole.measure, ylabel=ylabel, xlim=(0, scale[-1]), ylim=(0, None))
+    axis.set(xlabel=whole.measure, ylabel=ylabel, xlim=(0, scale[-1]), ylim=(0, top))
     told = f"{responses.counted(whole)}, {responses.alone(results)}; rules in the median"
     responses.legend(axis, told, handlelength=3.0)
     return style.head(figure, responses.title(results), fontsize=9)

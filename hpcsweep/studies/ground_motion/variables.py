@@ -139,11 +139,14 @@ FACTOR = real("factor", RUN, "1", "by which the acceleration is multiplied", by_
 
 
 def _absent(structure: Structure) -> set[str]:
-    """Return the dimensions that a structure does not have, and variables of what it has not."""
+    """Return the dimensions that a structure does not have, and variables of what it has not.
+
+    The motion without contacts that is known is that in which nothing slips.
+    """
     absent = set() if structure.contacts else {"stop"}
     if structure.collapse_drift is None:
         absent |= {"collapsed", "collapse_time"}
-    return absent | (set() if structure.sliders else {"slider", "residual_drift"})
+    return absent | ({"gap_needed"} if structure.sliders else {"slider", "residual_drift"})
 
 
 def peaks_of(structure: Structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:

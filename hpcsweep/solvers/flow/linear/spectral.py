@@ -58,6 +58,8 @@ ABOUT_START = about_start(N_CLOSED)
 BY_POWER = np.ascontiguousarray(ABOUT_START.T)
 FALLING = np.array([[math.perm(k, m) for k in range(N_CLOSED)] for m in (4, 5)], float)
 """Of the terms of displacements in their fourth, of speeds in their fifth derivative."""
+FEW = 3
+"""Contacts whose rows are bounded one by one, not in eights."""
 NEARLY_CRITICAL = 1e-3
 """Square of an angle below which its sine and cosine are series."""
 
@@ -82,14 +84,12 @@ def _dot(a, i, b, j, size):
 
 
 @kernel
-def modes_of(z, half, spectrum, start, out):
-    """Write the modal coordinates and speeds of a state of so many rows; `start` is workspace."""
-    n, width = spectrum.to_modes.shape[0], spectrum.squares.shape[0]
-    for i in range(n):
-        start[i], start[width + i] = z[i], z[half + i]
-    for j in range(n):
-        out[j] = _dot(spectrum.to_modes, j * width, start, 0, width)
-        out[width + j] = _dot(spectrum.to_modes, j * width, start, width, width)
+def modes_of(z, half, spectrum, out):
+    """Write the modal coordinates and speeds of a state of so many rows."""
+    table, n, width = spectrum.to_modes, spectrum.to_modes.shape[0], spectrum.squares.shape[0]
+    for p in range(0, width, LANES):
+        combine(out, p, ZERO, 0, 1.0, table, p, width, z, 0, n)
+        combine(out, width + p, ZERO, 0, 1.0, table, p, width, z, half, n)
 
 
 @inlined
@@ -263,12 +263,15 @@ def _evaluate(place, ratio, own, out):
 
 
 @kernel
-def write_rows(modes, spectrum, half, out):
-    """Write all rows of a state by its modal coordinates and speeds."""
-    width = spectrum.squares.shape[0]
-    for i in range(half):
-        out[i] = _dot(spectrum.shapes, i * width, modes, 0, width)
-        out[half + i] = _dot(spectrum.shapes, i * width, modes, width, width)
+def write_rows(modes, spectrum, own, out):
+    """Write all rows of a state by its modal coordinates and speeds; `own` is workspace."""
+    table, n, rows = spectrum.columns, spectrum.columns.shape[0], spectrum.columns.shape[1]
+    half, width, wide = spectrum.shapes.shape[0], spectrum.squares.shape[0], own.wide
+    for of_speeds in range(2):
+        for p in range(0, rows, LANES):
+            combine(wide, p, ZERO, 0, 1.0, table, p, rows, modes, of_speeds * width, n)
+        for i in range(half):
+            out[of_speeds * half + i] = wide[i]
 
 
 @kernel
@@ -279,10 +282,10 @@ def modal_step(index, tau, end, model, tables, work):
     """
     spectrum, own, half = tables.spectrum, work.spectral, work.z_end.shape[0] // 2
     key, h = tables.keys[index], tables.h[index]
-    if tau > 0.0 and own.chain[0] == tau and own.chain[1] == index:
+    if continues(index, tau, own):
         copy_state(own.end, own.terms[STATE, 0])
     else:
-        modes_of(work.x, half, spectrum, own.start, own.terms[STATE, 0])
+        modes_of(work.x, half, spectrum, own.terms[STATE, 0])
     own.chain[0], own.chain[1] = end, index
     own.count[0], own.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
     _write_terms(key, STATE, h, True, model, spectrum, own, work.x)
@@ -294,7 +297,7 @@ def bound_contacts(index, model, tables, work):
     """Write ``work.bounds`` of the rows of contacts along the present step."""
     spectrum, own, rows = tables.spectrum, work.spectral, model.contacts.row
     h, count, m = tables.h[index], own.count[0], rows.shape[0]
-    if spectrum.stops.shape[0] == 0:
+    if m <= FEW:
         for k in range(m):
             _write_row(rows[k], work.z_end.shape[0] // 2, spectrum, own, work.rows)
             work.bounds[rows[k]] = fourth_derivative(work.rows[rows[k] : rows[k] + 1], h)
@@ -319,7 +322,7 @@ def bound_contacts(index, model, tables, work):
 def spectral_step(index, tau, end, model, tables, work):
     """Expand a step of table `index` from tau to `end`; write ``work.wide``."""
     modal_step(index, tau, end, model, tables, work)
-    write_rows(work.spectral.end, tables.spectrum, work.z_end.shape[0] // 2, work.wide)
+    write_rows(work.spectral.end, tables.spectrum, work.spectral, work.wide)
 
 
 @kernel
@@ -334,6 +337,12 @@ def ends_of_contacts(model, tables, work):
 
 
 @inlined
+def continues(index, tau, own):
+    """Return whether ``own.end`` are the modes at tau, in the set of table `index`."""
+    return tau > 0.0 and own.chain[0] == tau and own.chain[1] == index
+
+
+@inlined
 def step_row(row, index, tables, work):
     """Write the polynomial of a row along the present step of table `index`."""
     if is_spectral(tables):
@@ -343,15 +352,15 @@ def step_row(row, index, tables, work):
 
 
 @inlined
-def rows_of_contacts(segment, model, tables, work):
-    """Write the polynomials of the rows of all contacts along the present step, if they are not.
+def rows_of_contacts(segment, some, model, tables, work):
+    """Write the polynomials of the rows of some contacts along the present step, if they are not.
 
     Of a step with a table those of all rows.
     """
     if is_spectral(tables):
         for k in range(model.contacts.row.shape[0]):
             row = model.contacts.row[k]
-            if not work.expanded[row]:
+            if some & contact_bit(k) != np.uint64(0) and not work.expanded[row]:
                 step_row(row, segment.index, tables, work)
                 work.expanded[row] = True
     else:
@@ -363,9 +372,8 @@ def rows_of_contacts(segment, model, tables, work):
 def step_state(segment, s, tables, work, out):
     """Write the state at time s of the present step; its polynomials, too, where it has a table."""
     if segment.index >= 0 and is_spectral(tables):
-        half = work.z_end.shape[0] // 2
         _evaluate(STATE, s / segment.h, work.spectral, work.spectral.start)
-        write_rows(work.spectral.start, tables.spectrum, half, out)
+        write_rows(work.spectral.start, tables.spectrum, work.spectral, out)
     else:
         count = work.z_end.shape[0]
         expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
@@ -386,7 +394,7 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
         for i in range(2 * half):
             vector[i] = tangent[i, column]
         if exact:
-            modes_of(vector, half, spectrum, own.start, own.terms[TANGENT, 0])
+            modes_of(vector, half, spectrum, own.terms[TANGENT, 0])
             for p in range(0, width, LANES):
                 first = own.terms.shape[1] * 2 * width + p
                 q, v = load(own.terms, first), load(own.terms, first + width)
@@ -394,13 +402,13 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
                 store(own.start, p, fma(load(e, p), q, load(e, width + p) * v))
                 more = load(e, 3 * width + p) * v
                 store(own.start, width + p, fma(load(e, 2 * width + p), q, more))
-            write_rows(own.start, spectrum, half, vector)
+            write_rows(own.start, spectrum, own, vector)
         else:
             for _ in range(n_steps):
-                modes_of(vector, half, spectrum, own.start, own.terms[TANGENT, 0])
+                modes_of(vector, half, spectrum, own.terms[TANGENT, 0])
                 _write_terms(key, TANGENT, h, False, model, spectrum, own, work.x)
                 _evaluate(TANGENT, s / h, own, own.start)
-                write_rows(own.start, spectrum, half, vector)
+                write_rows(own.start, spectrum, own, vector)
         for i in range(2 * half):
             tangent[i, column] = vector[i]
     own.count[0] = kept

@@ -46,7 +46,7 @@ from hpcsweep.solvers.flow.linear.polynomials import (
 )
 from hpcsweep.solvers.flow.linear.series import about_start
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.state.tables import FEW, N_COEFFICIENTS, ZERO
 from hpcsweep.solvers.flow.state.workspace import N_CLOSED
 
 N_FREE = 24
@@ -58,8 +58,6 @@ ABOUT_START = about_start(N_CLOSED)
 BY_POWER = np.ascontiguousarray(ABOUT_START.T)
 FALLING = np.array([[math.perm(k, m) for k in range(N_CLOSED)] for m in (4, 5)], float)
 """Of the terms of displacements in their fourth, of speeds in their fifth derivative."""
-FEW = 3
-"""Contacts whose rows are bounded one by one, not in eights."""
 NEARLY_CRITICAL = 1e-3
 """Square of an angle below which its sine and cosine are series."""
 
@@ -86,10 +84,10 @@ def _dot(a, i, b, j, size):
 @kernel
 def modes_of(z, half, spectrum, out):
     """Write the modal coordinates and speeds of a state of so many rows."""
-    table, n, width = spectrum.to_modes, spectrum.to_modes.shape[0], spectrum.squares.shape[0]
+    n, width = spectrum.to_modes.shape
     for p in range(0, width, LANES):
-        combine(out, p, ZERO, 0, 1.0, table, p, width, z, 0, n)
-        combine(out, width + p, ZERO, 0, 1.0, table, p, width, z, half, n)
+        combine(out, p, ZERO, 0, 1.0, spectrum.to_modes, p, width, z, 0, n)
+        combine(out, width + p, ZERO, 0, 1.0, spectrum.to_modes, p, width, z, half, n)
 
 
 @inlined
@@ -244,10 +242,9 @@ def bound_by_terms(order, h, count, spectrum, own, out):
 def bound_rows(h, tables, work):
     """Write ``work.bounds`` of all rows, if they are not, by the bounds of the modes."""
     spectrum, own = tables.spectrum, work.spectral
-    if own.count[1] == 1:
-        return
-    own.count[1] = 1
-    bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, own, work.bounds)
+    if own.count[1] == 0:
+        own.count[1] = 1
+        bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, own, work.bounds)
 
 
 @kernel
@@ -265,13 +262,11 @@ def _evaluate(place, ratio, own, out):
 @kernel
 def write_rows(modes, spectrum, own, out):
     """Write all rows of a state by its modal coordinates and speeds; `own` is workspace."""
-    table, n, rows = spectrum.columns, spectrum.columns.shape[0], spectrum.columns.shape[1]
-    half, width, wide = spectrum.shapes.shape[0], spectrum.squares.shape[0], own.wide
-    for of_speeds in range(2):
+    (n, rows), (half, width), wide = spectrum.columns.shape, spectrum.shapes.shape, own.wide
+    for part in range(2):
         for p in range(0, rows, LANES):
-            combine(wide, p, ZERO, 0, 1.0, table, p, rows, modes, of_speeds * width, n)
-        for i in range(half):
-            out[of_speeds * half + i] = wide[i]
+            combine(wide, p, ZERO, 0, 1.0, spectrum.columns, p, rows, modes, part * width, n)
+        copy_state(wide[:half], out[part * half :])
 
 
 @kernel
@@ -302,9 +297,7 @@ def bound_contacts(index, model, tables, work):
             _write_row(rows[k], work.z_end.shape[0] // 2, spectrum, own, work.rows)
             work.bounds[rows[k]] = fourth_derivative(work.rows[rows[k] : rows[k] + 1], h)
         return
-    n, width, sums = spectrum.stops.shape[0], spectrum.stops.shape[1], own.sums
-    step = 2 * spectrum.squares.shape[0]
-    rate = (2.0 / h) ** 4
+    (n, width), sums, step = spectrum.stops.shape, own.sums, own.terms.shape[2]
     for first in range(0, width, LANES):
         for k in range(count):
             at, stops = k * LANES, spectrum.stops
@@ -313,7 +306,7 @@ def bound_contacts(index, model, tables, work):
         for p in range(4, N_COEFFICIENTS):
             combine(sums, last, ZERO, 0, 1.0, sums, 0, LANES, BY_POWER, p * N_CLOSED, count)
             bound = fma(modulus(load(sums, last)), FOURTH[p], bound)
-        store(sums, last, bound * rate)
+        store(sums, last, bound * (2.0 / h) ** 4)
         for k in range(first, min(first + LANES, m)):
             work.bounds[rows[k]] = sums[N_CLOSED, k - first]
 

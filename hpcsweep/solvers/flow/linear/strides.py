@@ -82,6 +82,17 @@ def _write_bends(j, unit, model, spectrum, out):
 
 
 @kernel
+def _write_turns(length, model, out):
+    """Write what the pairs of the forcing make of themselves in that time."""
+    for number in range(0, out.shape[0], 2):
+        rise, fall = _rates_of(number // 2, model)
+        angle = rise * length
+        sine, cosine = (math.sin(angle), math.cos(angle)) if fall > 0.0 else (angle, 1.0)
+        out[number, 0], out[number, 1] = cosine, sine
+        out[number + 1, 0], out[number + 1, 1] = -sine if fall > 0.0 else 0.0, cosine
+
+
+@kernel
 def _double(j, before, turns, out):
     """Write what twice a stride makes of mode j; `turns` are those of the pairs over it."""
     a, b, c, d = before[0, 0, j], before[0, 1, j], before[1, 0, j], before[1, 1, j]
@@ -111,15 +122,7 @@ def have_strides(h, model, spectrum, own):
     if own.count[0] == NONE:
         return 0
     for level in range(own.steps.shape[0]):
-        length = h * 2.0**level
-        for number in range(units - 2):
-            rise, fall = _rates_of(number // 2, model)
-            angle, other = rise * length, 1 - number % 2
-            own.turns[level, number, number % 2] = math.cos(angle) if fall > 0.0 else 1.0
-            turned = math.sin(angle) if fall > 0.0 else angle
-            if other == 0:
-                turned = -turned if fall > 0.0 else 0.0
-            own.turns[level, number, other] = turned
+        _write_turns(h * 2.0**level, model, own.turns[level])
     for j in range(n):
         own.driven[j] = abs(spectrum.forcing[j]) / math.sqrt(spectrum.squares[j])
         for unit in range(units):
@@ -127,12 +130,10 @@ def have_strides(h, model, spectrum, own):
             _write_bends(j, unit, model, spectrum, own.bends)
         for level in range(1, own.steps.shape[0]):
             _double(j, own.steps[level - 1], own.turns[level - 1], own.steps[level])
-    contacts = model.contacts
-    for k in range(own.edges.shape[1]):
-        own.edges[0, k], own.edges[1, k] = 0.0, -1.0
-        if k < contacts.row.shape[0]:
-            own.edges[0, k] = contacts.edges[k, 0]
-            own.edges[1, k] = -contacts.edges[k, 0] * contacts.edges[k, 1]
+    own.edges[0], own.edges[1] = 0.0, -1.0
+    for k in range(model.contacts.row.shape[0]):
+        own.edges[0, k] = model.contacts.edges[k, 0]
+        own.edges[1, k] = -model.contacts.edges[k, 0] * model.contacts.edges[k, 1]
     return own.count[0]
 
 

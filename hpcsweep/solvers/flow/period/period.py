@@ -302,7 +302,7 @@ def march_segments(packed, part, z, amplitude, shared, wanted, tangent, measures
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)
-        if ahead > 0:
-            ahead -= 1
-            tau = go_on(index, z, tables, work) if ahead == 0 else tau
+        if ahead == 1:
+            tau = go_on(index, z, tables, work)
+        ahead = max(ahead - 1, 0)
     return COMPLETE

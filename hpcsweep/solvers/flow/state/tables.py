@@ -152,6 +152,10 @@ class Spectrum(NamedTuple):
     """(n, padded m): the rows of contacts, by columns."""
 
 
+FEW = 3
+"""Contacts whose rows are bounded one by one, not in eights."""
+
+
 class Strides(NamedTuple):
     """Strides of free flight, see `linear.strides`: tables by their length, and workspace."""
 

@@ -35,8 +35,8 @@ def twice(monkeypatch):
     def make(of_solver):
         found = []
         for least in (100, 1):
-            monkeypatch.setattr(tables, "LARGE", least)
-            monkeypatch.setattr(tables, "LARGE_SPARED", least)
+            for name in ("LARGE", "LARGE_COUPLED", "LARGE_SPARED"):
+                monkeypatch.setattr(tables, name, least)
             shared._pattern_of.cache_clear()
             found.append(of_solver())
         shared._pattern_of.cache_clear()

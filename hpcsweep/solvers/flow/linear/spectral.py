@@ -46,7 +46,7 @@ from hpcsweep.solvers.flow.linear.polynomials import (
 )
 from hpcsweep.solvers.flow.linear.series import about_start
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.state.tables import FEW, N_COEFFICIENTS, ZERO
 from hpcsweep.solvers.flow.state.workspace import N_CLOSED
 
 N_FREE = 24
@@ -82,14 +82,12 @@ def _dot(a, i, b, j, size):
 
 
 @kernel
-def modes_of(z, half, spectrum, start, out):
-    """Write the modal coordinates and speeds of a state of so many rows; `start` is workspace."""
-    n, width = spectrum.to_modes.shape[0], spectrum.squares.shape[0]
-    for i in range(n):
-        start[i], start[width + i] = z[i], z[half + i]
-    for j in range(n):
-        out[j] = _dot(spectrum.to_modes, j * width, start, 0, width)
-        out[width + j] = _dot(spectrum.to_modes, j * width, start, width, width)
+def modes_of(z, half, spectrum, out):
+    """Write the modal coordinates and speeds of a state of so many rows."""
+    n, width = spectrum.to_modes.shape
+    for p in range(0, width, LANES):
+        combine(out, p, ZERO, 0, 1.0, spectrum.to_modes, p, width, z, 0, n)
+        combine(out, width + p, ZERO, 0, 1.0, spectrum.to_modes, p, width, z, half, n)
 
 
 @inlined
@@ -244,10 +242,9 @@ def bound_by_terms(order, h, count, spectrum, own, out):
 def bound_rows(h, tables, work):
     """Write ``work.bounds`` of all rows, if they are not, by the bounds of the modes."""
     spectrum, own = tables.spectrum, work.spectral
-    if own.count[1] == 1:
-        return
-    own.count[1] = 1
-    bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, own, work.bounds)
+    if own.count[1] == 0:
+        own.count[1] = 1
+        bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, own, work.bounds)
 
 
 @kernel
@@ -263,12 +260,13 @@ def _evaluate(place, ratio, own, out):
 
 
 @kernel
-def write_rows(modes, spectrum, half, out):
-    """Write all rows of a state by its modal coordinates and speeds."""
-    width = spectrum.squares.shape[0]
-    for i in range(half):
-        out[i] = _dot(spectrum.shapes, i * width, modes, 0, width)
-        out[half + i] = _dot(spectrum.shapes, i * width, modes, width, width)
+def write_rows(modes, spectrum, own, out):
+    """Write all rows of a state by its modal coordinates and speeds; `own` is workspace."""
+    (n, rows), (half, width), wide = spectrum.columns.shape, spectrum.shapes.shape, own.wide
+    for part in range(2):
+        for p in range(0, rows, LANES):
+            combine(wide, p, ZERO, 0, 1.0, spectrum.columns, p, rows, modes, part * width, n)
+        copy_state(wide[:half], out[part * half :])
 
 
 @kernel
@@ -279,10 +277,10 @@ def modal_step(index, tau, end, model, tables, work):
     """
     spectrum, own, half = tables.spectrum, work.spectral, work.z_end.shape[0] // 2
     key, h = tables.keys[index], tables.h[index]
-    if tau > 0.0 and own.chain[0] == tau and own.chain[1] == index:
+    if continues(index, tau, own):
         copy_state(own.end, own.terms[STATE, 0])
     else:
-        modes_of(work.x, half, spectrum, own.start, own.terms[STATE, 0])
+        modes_of(work.x, half, spectrum, own.terms[STATE, 0])
     own.chain[0], own.chain[1] = end, index
     own.count[0], own.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
     _write_terms(key, STATE, h, True, model, spectrum, own, work.x)
@@ -294,14 +292,12 @@ def bound_contacts(index, model, tables, work):
     """Write ``work.bounds`` of the rows of contacts along the present step."""
     spectrum, own, rows = tables.spectrum, work.spectral, model.contacts.row
     h, count, m = tables.h[index], own.count[0], rows.shape[0]
-    if spectrum.stops.shape[0] == 0:
+    if m <= FEW:
         for k in range(m):
             _write_row(rows[k], work.z_end.shape[0] // 2, spectrum, own, work.rows)
             work.bounds[rows[k]] = fourth_derivative(work.rows[rows[k] : rows[k] + 1], h)
         return
-    n, width, sums = spectrum.stops.shape[0], spectrum.stops.shape[1], own.sums
-    step = 2 * spectrum.squares.shape[0]
-    rate = (2.0 / h) ** 4
+    (n, width), sums, step = spectrum.stops.shape, own.sums, own.terms.shape[2]
     for first in range(0, width, LANES):
         for k in range(count):
             at, stops = k * LANES, spectrum.stops
@@ -310,7 +306,7 @@ def bound_contacts(index, model, tables, work):
         for p in range(4, N_COEFFICIENTS):
             combine(sums, last, ZERO, 0, 1.0, sums, 0, LANES, BY_POWER, p * N_CLOSED, count)
             bound = fma(modulus(load(sums, last)), FOURTH[p], bound)
-        store(sums, last, bound * rate)
+        store(sums, last, bound * (2.0 / h) ** 4)
         for k in range(first, min(first + LANES, m)):
             work.bounds[rows[k]] = sums[N_CLOSED, k - first]
 
@@ -319,7 +315,7 @@ def bound_contacts(index, model, tables, work):
 def spectral_step(index, tau, end, model, tables, work):
     """Expand a step of table `index` from tau to `end`; write ``work.wide``."""
     modal_step(index, tau, end, model, tables, work)
-    write_rows(work.spectral.end, tables.spectrum, work.z_end.shape[0] // 2, work.wide)
+    write_rows(work.spectral.end, tables.spectrum, work.spectral, work.wide)
 
 
 @kernel
@@ -334,6 +330,12 @@ def ends_of_contacts(model, tables, work):
 
 
 @inlined
+def continues(index, tau, own):
+    """Return whether ``own.end`` are the modes at tau, in the set of table `index`."""
+    return tau > 0.0 and own.chain[0] == tau and own.chain[1] == index
+
+
+@inlined
 def step_row(row, index, tables, work):
     """Write the polynomial of a row along the present step of table `index`."""
     if is_spectral(tables):
@@ -343,15 +345,15 @@ def step_row(row, index, tables, work):
 
 
 @inlined
-def rows_of_contacts(segment, model, tables, work):
-    """Write the polynomials of the rows of all contacts along the present step, if they are not.
+def rows_of_contacts(segment, some, model, tables, work):
+    """Write the polynomials of the rows of some contacts along the present step, if they are not.
 
     Of a step with a table those of all rows.
     """
     if is_spectral(tables):
         for k in range(model.contacts.row.shape[0]):
             row = model.contacts.row[k]
-            if not work.expanded[row]:
+            if some & contact_bit(k) != np.uint64(0) and not work.expanded[row]:
                 step_row(row, segment.index, tables, work)
                 work.expanded[row] = True
     else:
@@ -363,9 +365,8 @@ def rows_of_contacts(segment, model, tables, work):
 def step_state(segment, s, tables, work, out):
     """Write the state at time s of the present step; its polynomials, too, where it has a table."""
     if segment.index >= 0 and is_spectral(tables):
-        half = work.z_end.shape[0] // 2
         _evaluate(STATE, s / segment.h, work.spectral, work.spectral.start)
-        write_rows(work.spectral.start, tables.spectrum, half, out)
+        write_rows(work.spectral.start, tables.spectrum, work.spectral, out)
     else:
         count = work.z_end.shape[0]
         expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
@@ -386,7 +387,7 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
         for i in range(2 * half):
             vector[i] = tangent[i, column]
         if exact:
-            modes_of(vector, half, spectrum, own.start, own.terms[TANGENT, 0])
+            modes_of(vector, half, spectrum, own.terms[TANGENT, 0])
             for p in range(0, width, LANES):
                 first = own.terms.shape[1] * 2 * width + p
                 q, v = load(own.terms, first), load(own.terms, first + width)
@@ -394,13 +395,13 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
                 store(own.start, p, fma(load(e, p), q, load(e, width + p) * v))
                 more = load(e, 3 * width + p) * v
                 store(own.start, width + p, fma(load(e, 2 * width + p), q, more))
-            write_rows(own.start, spectrum, half, vector)
+            write_rows(own.start, spectrum, own, vector)
         else:
             for _ in range(n_steps):
-                modes_of(vector, half, spectrum, own.start, own.terms[TANGENT, 0])
+                modes_of(vector, half, spectrum, own.terms[TANGENT, 0])
                 _write_terms(key, TANGENT, h, False, model, spectrum, own, work.x)
                 _evaluate(TANGENT, s / h, own, own.start)
-                write_rows(own.start, spectrum, half, vector)
+                write_rows(own.start, spectrum, own, vector)
         for i in range(2 * half):
             tangent[i, column] = vector[i]
     own.count[0] = kept

@@ -97,8 +97,6 @@ def passage_is_fast(v, a, j, contact, model):
     over both halves as far as these are uneven, and in displacements.
     """
     beta, rho, layer = model.contacts.beta[contact], model.rho, model.layer
-    if rho == math.inf:
-        return v != 0.0
     square = v * v
     inverse, width = 1.0 / abs(v), 1.0 / rho
     potential = 2.0 * FULL_POTENTIAL * beta * width * width

@@ -47,6 +47,7 @@ from hpcsweep.solvers.flow.state.state import (
     contact_bit,
     copy_state,
     distance,
+    less_linear,
 )
 
 MEAN_WAY = 3.0
@@ -261,7 +262,6 @@ def jerk_at_stop(arrival, z, a, model):
 def accelerations_at_stop(arrival, z, model, a):
     """Write the accelerations without the force of the contact that is at its stop into `a`."""
     contacts, n = model.contacts, a.shape[0]
-    stiffness, damping = model.stiffness, model.damping
     pressed = arrival.key & ~contact_bit(arrival.contact)
     ground = total_forcing(arrival.forcing, 0, model)
     for i in range(n):
@@ -269,9 +269,8 @@ def accelerations_at_stop(arrival, z, model, a):
         k = contacts.solo[i]
         if k >= 0 and pressed & contact_bit(k):
             force -= contacts.sign[k] * contacts.beta[k] * distance(k, z, contacts)
-        for j in range(n):
-            force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
         a[i] = force
+    less_linear(z, model, a)
     for other in range(contacts.others.shape[0]):
         k = contacts.others[other]
         if pressed & contact_bit(k):
@@ -288,8 +287,6 @@ def closed_form(arrival, v, pushed, bend, model):
         return INTEGRATED
     if passage_is_fast(v, pushed, bend, contact, model):
         return FAST
-    if model.rho == math.inf:
-        return INTEGRATED
     if passage_is_smooth(v, pushed, bend, contact, model):
         return SLOW
     free = arrival.key & contact_bit(contact) == np.uint64(0)
@@ -334,14 +331,18 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     contacts, a, rho = model.contacts, work.a, model.rho
     row, sign = contacts.row[contact], contacts.sign[contact]
     z[row] = sign * contacts.gap[contact]
+    if rho == math.inf:
+        passes = contacts.is_elastic and z[a.shape[0] + row] != 0.0
+        return FAST if passes else INTEGRATED, 0.0, promised
     accelerations_at_stop(arrival, z, model, a)
     jerk = jerk_at_stop(arrival, z, a, model)
     v, pushed, bend = sign * z[a.shape[0] + row], sign * a[row], sign * jerk
     how = closed_form(arrival, v, pushed, bend, model)
-    if how == INTEGRATED or rho == math.inf:
+    if how == INTEGRATED:
         return how, jerk, promised
     if how != FAST:
-        if promised != np.uint64(0) or not is_alone(arrival, z, a, amplitude, model):
+        by_tables = promised == np.uint64(0) and not is_spectral(shared.tables)
+        if not (by_tables and is_alone(arrival, z, a, amplitude, model)):
             return INTEGRATED, jerk, promised
     elif promised & contact_bit(contact) == np.uint64(0):
         apart, more = passes_apart(arrival, z, a, amplitude, model)
@@ -362,8 +363,6 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
 def _pass_slowly(how, arrival, z, index, packed, shared):
     """Take the contact at its stop by `slow_passage`; return how it was taken."""
     contact, moved = arrival.contact, shared.work.moved
-    if is_spectral(shared.tables):
-        return INTEGRATED
     after = index
     if how == SLOW:
         after = table_at_hand(arrival.key ^ contact_bit(contact), shared.tables, packed)

@@ -19,8 +19,9 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
 from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
-from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, value_and_slope
+from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
 from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.linear.spectral import step_state
 from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, drift_on_segment
 from hpcsweep.solvers.flow.observe.impacts import impacts_at_end, impacts_on_segment
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
@@ -91,7 +92,7 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
     s = ending.span
     for _ in range(10):
         s = max(s - time, 0.0)
-        evaluate_rows(work.rows, segment.h, s, z)
+        step_state(segment, s, shared.tables, work, z)
         if s == 0.0 or abs(distance(k, z, model.contacts)) > model.layer:
             break
     tau = segment.tau + s

@@ -42,7 +42,9 @@ from hpcsweep.solvers.flow.period.gather import (
 from hpcsweep.solvers.flow.search.events import (
     contact_key,
     first_event,
+    go_on,
     layer_edge,
+    look_ahead,
     take_step,
 )
 from hpcsweep.solvers.flow.search.search import (
@@ -87,9 +89,9 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
     """
     model, work = shared.model, shared.work
     rows, h, tau = work.rows, segment.h, segment.tau
-    rows_of_contacts(segment, model, shared.tables, work)
     contacts = model.contacts
     contact, bracket, near = event
+    rows_of_contacts(segment, near, model, shared.tables, work)
     edge = layer_edge(segment.key, contact, model)
     direction = -1.0 if segment.key & contact_bit(contact) else 1.0
     curve = Curve(rows, contacts.row[contact], h)
@@ -106,6 +108,7 @@ def _end_at_event(segment, event, promised, z, amplitude, packed, shared):
         at_stop = time_at_stop(rows, contact, contacts, h, bracket.b, direction)
         if not at_stop <= min(h, segment.end - tau):
             near = ~np.uint64(0)
+            rows_of_contacts(segment, near, model, shared.tables, work)
         contact, at_stop = first_at_stop(contact, at_stop, near, segment.key, rows, h, contacts)
     how = INTEGRATED
     jerk = 0.0
@@ -177,7 +180,7 @@ def next_segment(segment, ending, passing, tau, z, amplitude, packed, shared):
 
 
 @inlined
-def take_segment(segment, known, promised, z, amplitude, packed, shared):
+def take_segment(segment, known, clear, promised, z, amplitude, packed, shared):
     """Take a linear step, at most to the first passage or edge of a layer in it.
 
     Parameters
@@ -186,6 +189,8 @@ def take_segment(segment, known, promised, z, amplitude, packed, shared):
         From ``work.x``.
     known : bool
         See `coast`.
+    clear : bool
+        Whether no contact can end it (proved).
 
     Returns
     -------
@@ -193,6 +198,8 @@ def take_segment(segment, known, promised, z, amplitude, packed, shared):
         Its contact is `UNDECIDED` if rounding prevents a decision.
     """
     span = take_step(segment, known, shared.model, shared.tables, shared.work)
+    if clear:
+        return Ending(span, -1, INTEGRATED, False, False, 0.0, promised)
     event = first_event(segment, span, shared.model, shared.tables, shared.work)
     if event[0] >= 0:
         return _end_at_event(segment, event, promised, z, amplitude, packed, shared)
@@ -248,7 +255,7 @@ def march_segments(packed, part, z, amplitude, shared, wanted, tangent, measures
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
     key, index, _, tau, end = part
-    steps = 0
+    steps = ahead = 0
     promised = np.uint64(0)
     while tau < end:
         steps += index != AT_EDGE
@@ -273,7 +280,10 @@ def march_segments(packed, part, z, amplitude, shared, wanted, tangent, measures
         segment = Segment(key, index, tables.h[index], tau, end)
         segment, known, steps = coast_on(segment, wanted == NO_TALLY, steps, tangent, shared)
         tau = segment.tau
-        ending = take_segment(segment, known, promised, z, amplitude, packed, shared)
+        if tangent is not None and wanted != NO_TALLY and ahead == 0:
+            ahead, known = look_ahead(segment, shared.max_steps - steps, model, tables, work)
+        clear = ahead > 0
+        ending = take_segment(segment, known, clear, promised, z, amplitude, packed, shared)
         if ending.contact == UNDECIDED:
             return SOLVER_FAILED
         promised = ending.promised
@@ -292,4 +302,7 @@ def march_segments(packed, part, z, amplitude, shared, wanted, tangent, measures
         copy_state(work.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         key, index = next_segment(segment, ending, passing, tau, z, amplitude, packed, shared)
+        if ahead == 1:
+            tau = go_on(index, z, tables, work)
+        ahead = max(ahead - 1, 0)
     return COMPLETE

@@ -7,19 +7,23 @@ layer are those of the motion at hand.
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import LANES, load
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
 from hpcsweep.solvers.flow.linear.spectral import (
     bound_contacts,
     bound_rows,
+    continues,
     ends_of_contacts,
     is_spectral,
     modal_step,
+    modes_of,
     spectral_step,
     step_row,
     step_state,
     write_rows,
 )
+from hpcsweep.solvers.flow.linear.strides import accept, have_strides, look, stride
 from hpcsweep.solvers.flow.search.search import (
     UNDECIDED,
     Bracket,
@@ -29,9 +33,16 @@ from hpcsweep.solvers.flow.search.search import (
     first_passage,
     leaves,
     may_reach,
+    reaching,
     rising_root,
 )
-from hpcsweep.solvers.flow.state.state import accelerations, approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.state import (
+    accelerations,
+    approach_speed,
+    contact_bit,
+    copy_state,
+    distance,
+)
 from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
 
 
@@ -142,12 +153,75 @@ def first_event(segment, span, model, tables, work):
 
 
 @kernel
+def _all_are_clear(d, strides):
+    """Return whether all contacts stay outside their layers, or leave them; True is proved."""
+    starts, ends, width = strides.starts, strides.ends, strides.edges.shape[1]
+    for first in range(0, width, LANES):
+        g0, slope0 = load(starts, first), load(starts, width + first)
+        g1, slope1 = load(ends, first), load(ends, width + first)
+        near = reaching(d, g0, slope0, g1, slope1, load(ends, 2 * width + first))
+        if near == 0:
+            continue
+        for k in range(first, first + LANES):
+            if near >> (k - first) & 1 and not leaves(
+                d, starts[k], starts[width + k], ends[k], ends[width + k], ends[2 * width + k]
+            ):
+                return False
+    return True
+
+
+@kernel
+def _stride_on(segment, steps_left, model, tables, work):
+    """Take strides while no contact can reach the edge of its layer (proved) and time remains.
+
+    Each is twice as long as the one before, or half as long as one that is not proved. Return the
+    time reached and the number of steps; if a step more could be taken, ``work.bounds`` are those
+    of contacts on it.
+    """
+    _, index, h, tau, end = segment
+    own, spectrum, strides = work.spectral, tables.spectrum, tables.strides
+    first = work.z_end.shape[0]
+    n_steps, level = 0, 0
+    if not (tau + h < end and steps_left > 0):
+        return tau, n_steps
+    if not continues(index, tau, own):
+        modes_of(work.x, first // 2, spectrum, own.end)
+    look(own.end, spectrum, strides, strides.ends)
+    copy_state(strides.ends[: strides.starts.shape[0]], strides.starts)
+    while tau + h < end and n_steps < steps_left:
+        span, taken = h * 2.0**level, 1 << level
+        if level > 0 and (tau + span >= end or n_steps + taken > steps_left):
+            level -= 1
+            continue
+        stride(level, span, own.end, work.x[first:], model, spectrum, strides)
+        look(strides.after, spectrum, strides, strides.ends)
+        if _all_are_clear(span, strides):
+            accept(own.end, work.x, first, strides)
+            tau, n_steps = tau + span, n_steps + taken
+            level = min(level + 1, strides.steps.shape[0] - 1)
+        elif level > 0:
+            level -= 1
+        else:
+            for k in range(model.contacts.row.shape[0]):
+                work.bounds[model.contacts.row[k]] = strides.ends[2 * strides.edges.shape[1] + k]
+            break
+    own.chain[0], own.chain[1] = tau, index
+    return tau, n_steps
+
+
+@kernel
 def _coast_in_modes(segment, steps_left, model, tables, work):
     """Take such steps as `coast` in modes, of which all rows are written at the end alone."""
     key, index, h, tau, end = segment
     x, wide, places, half = work.x, work.wide, model.contacts.places, work.z_end.shape[0] // 2
     n_steps, clear = 0, True
-    while tau + h < end and n_steps < steps_left:
+    free = key == np.uint64(0) and tables.strides.steps.shape[0] > 0
+    if free and have_strides(h, model, tables.spectrum, tables.strides) > 0:
+        tau, n_steps = _stride_on(segment, steps_left, model, tables, work)
+        if tau + h < end and n_steps < steps_left:
+            modal_step(index, tau, tau + h, model, tables, work)
+            clear = False
+    while clear and tau + h < end and n_steps < steps_left:
         modal_step(index, tau, tau + h, model, tables, work)
         bound_contacts(index, model, tables, work)
         ends_of_contacts(model, tables, work)
@@ -164,9 +238,9 @@ def _coast_in_modes(segment, steps_left, model, tables, work):
         n_steps += 1
     own, spectrum = work.spectral, tables.spectrum
     if n_steps > 0:
-        write_rows(own.end if clear else own.terms[0, 0], spectrum, half, x)
+        write_rows(own.end if clear else own.terms[0, 0], spectrum, own, x)
     if not clear:
-        write_rows(own.end, spectrum, half, wide)
+        write_rows(own.end, spectrum, own, wide)
         if model.elements.first.shape[0] > 0:
             bound_rows(h, tables, work)
     return tau, n_steps, not clear
@@ -202,6 +276,44 @@ def coast(segment, steps_left, model, tables, work):
         tau += h
         n_steps += 1
     return tau, n_steps, False
+
+
+@inlined
+def look_ahead(segment, steps_left, model, tables, work):
+    """Take the strides of `coast`, and go back to their start: all is observed step by step.
+
+    Returns
+    -------
+    n_steps : int
+        Steps to the end of the strides, from where `go_on` goes on: what is gathered does not
+        change the motion.
+    known : bool
+        See `coast`.
+    """
+    own, strides = work.spectral, tables.strides
+    if not (segment.key == np.uint64(0) and strides.steps.shape[0] > 0):
+        return 0, False
+    copy_state(work.x, strides.begun)
+    tau, n_steps, known = _coast_in_modes(segment, steps_left, model, tables, work)
+    if n_steps == 0:
+        return 0, known
+    copy_state(work.x, strides.reached)
+    copy_state(own.terms[0, 0] if known else own.end, strides.modes)
+    copy_state(strides.begun, work.x)
+    strides.time[0] = tau
+    return n_steps, False
+
+
+@inlined
+def go_on(index, z, tables, work):
+    """Go to where strides end; return the time."""
+    own, strides = work.spectral, tables.strides
+    tau = strides.time[0]
+    copy_state(strides.reached, work.x)
+    copy_state(work.x[: z.shape[0]], z)
+    copy_state(strides.modes, own.end)
+    own.chain[0], own.chain[1] = tau, index
+    return tau
 
 
 @inlined

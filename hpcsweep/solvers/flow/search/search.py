@@ -37,6 +37,7 @@ from hpcsweep.kernels.simd.vectors import (
     greatest,
     lane,
     load,
+    negative,
     shifted,
 )
 from hpcsweep.solvers.flow.linear.polynomials import (
@@ -133,6 +134,14 @@ def _top(d, g0, slope0, g1, slope1, bound4):
 def may_reach(d, g0, slope0, g1, slope1, bound4):
     """Return whether g may reach 0 on an interval of length d; False is proved."""
     return _top(d, g0, slope0, g1, slope1, bound4) >= 0.0
+
+
+@inlined
+def reaching(d, g0, slope0, g1, slope1, bound4):
+    """Return which g of `Lanes` `may_reach` 0, as bits."""
+    early, middle, late = _inner(d, g0, slope0, g1, slope1, bound4)
+    top = greatest(greatest(greatest(g0, g1), greatest(early, late)), middle)
+    return ~negative(top) & ((1 << LANES) - 1)
 
 
 @inlined

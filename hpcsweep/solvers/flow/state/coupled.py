@@ -38,7 +38,9 @@ class Coupled(NamedTuple):
     before: np.ndarray = zeros("2 modes")
     """Those at the start of the last step."""
     vector: np.ndarray = zeros("2 modes")
-    """A vector to be transformed."""
+    """A vector to be transformed, ..."""
+    wide: np.ndarray = zeros("padded R")
+    """... and half of its rows."""
     bend: np.ndarray = zeros("modes")
     """Modal accelerations."""
     motion: np.ndarray = zeros("modes", N_NODES)
@@ -63,6 +65,7 @@ class Coupled(NamedTuple):
     """... and of a tangent vector: stiffnesses, distances and forces."""
     terms: np.ndarray = zeros(N_POWERS)
     sums: np.ndarray = zeros(N_POWERS, LANES)
+    eight: np.ndarray = zeros(2, LANES)
     moments: np.ndarray = zeros(MOST + 1, N_POWERS, LANES)
     between: np.ndarray = zeros("2R")
     """A column of a tangent map."""

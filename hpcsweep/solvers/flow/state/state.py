@@ -7,7 +7,9 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import type_of
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
 from hpcsweep.model.contact import FAR, contact_force
+from hpcsweep.solvers.flow.state.tables import LARGE
 
 OVERFLOW = 1e100
 """A coordinate beyond this ends the run as NON_FINITE."""
@@ -91,17 +93,21 @@ def approach_speed(k, z, contacts):
 
 
 @kernel
-def accelerations(ground, z, model, out):
-    """Evaluate u'' at one state into `out`, shape (R,), `ground` being G(tau)."""
-    n = out.shape[0]
-    contacts = model.contacts
-    stiffness, damping = model.stiffness, model.damping
-    for i in range(n):
-        force = model.forcing[i] * ground
-        k = contacts.solo[i]
-        if k >= 0:
-            force -= contacts.sign[k] * push_of(k, z, model)
-        out[i] = force
+def less_linear(z, model, out):
+    """Take the pull of springs and damping off the accelerations of all rows."""
+    stiffness, damping, n = model.stiffness, model.damping, out.shape[0]
+    if n >= LARGE:
+        whole = n - n % LANES
+        for i in range(n):
+            springs, drag = load(stiffness, i * n) * load(z, 0), load(damping, i * n) * load(z, n)
+            for j in range(LANES, whole, LANES):
+                springs = fma(load(stiffness, i * n + j), load(z, j), springs)
+                drag = fma(load(damping, i * n + j), load(z, n + j), drag)
+            pull = total(springs + drag)
+            for j in range(whole, n):
+                pull += stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
+            out[i] -= pull
+        return
     in_fours = n - n % 4
     for i in range(0, in_fours, 4):
         # four sums wait for their terms together, see `less_linear_of_four`
@@ -118,6 +124,19 @@ def accelerations(ground, z, model, out):
         for j in range(n):
             force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
         out[i] = force
+
+
+@kernel
+def accelerations(ground, z, model, out):
+    """Evaluate u'' at one state into `out`, shape (R,), `ground` being G(tau)."""
+    contacts = model.contacts
+    for i in range(out.shape[0]):
+        force = model.forcing[i] * ground
+        k = contacts.solo[i]
+        if k >= 0:
+            force -= contacts.sign[k] * push_of(k, z, model)
+        out[i] = force
+    less_linear(z, model, out)
     for other in range(contacts.others.shape[0]):
         k = contacts.others[other]
         force = push_of(k, z, model)

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.compile.places import allocate, zeros
+from hpcsweep.kernels.compile.places import allocate, part, zeros
 from hpcsweep.kernels.simd.vectors import LANES, combine, combine_moduli
 from hpcsweep.model.kernel_model import ACCELERATION, Model, forcing_size
 from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
@@ -69,13 +69,11 @@ THETA_FREE = 2.2
 """Free flight: shorter, because the proof that no floor reaches the stop weakens with h^4."""
 MAX_TABLES = 64
 """Most tables; when more contact sets occur the table store is emptied and refilled."""
-LARGE, LARGE_SPARED = 32, 65
+LARGE, LARGE_COUPLED, LARGE_SPARED = 20, 32, 65
 """Rows from which on there are no propagators: steps are taken in modes (`linear.spectral`). The
-second is for smooth contacts beside a damping that couples modes, which pass their layers alone by
-tables (`solitary`, `slow_passage`) that spare most steps, and for sliders, most sets of which have
-no table anyway (`series`)."""
-LARGE_LAYERED = 20
-"""Rows from which on steps with several contacts in their layers are in modes (`layer.coupled`)."""
+second is for a damping that couples modes, whose steps take n times as long, the third for smooth
+contacts beside it, which pass their layers alone by tables (`solitary`, `slow_passage`) that spare
+most steps, and for sliders, most sets of which have no table anyway (`series`)."""
 N_POWERS = 4
 """Powers of the propagator of a step that are kept: exp(M h 2^k), k = 1, .., `N_POWERS`."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
@@ -111,14 +109,21 @@ def sizes_of(model: Model) -> dict[str, int]:
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
     sizes |= {"2 padded F": 2 * sizes["padded F"], "R+padded R": rows + padded(rows)}
-    smooth = 0.0 < model.layer < math.inf and n_loads == 0 and are_apart(model)
-    large = rows >= (LARGE if smooth or (model.layer == 0.0 and n_loads == 0) else LARGE_SPARED)
+    spared = n_loads > 0 or model.layer == math.inf
+    apart = not spared and are_apart(model)
+    spared = spared or (model.layer > 0.0 and not apart)
+    large = rows >= (LARGE if apart else LARGE_SPARED if spared else LARGE_COUPLED)
     for name in ("n", "2R", "N", "B", "m"):
         sizes[f"tabled {name}"] = 0 if large else sizes[name]
     sizes["responses"] = 0 if large else N_NODES
-    coupled = smooth and (large or rows >= LARGE_LAYERED)
-    sizes |= {"modes": padded(n) if large or coupled else 0, "levels": LEVELS if coupled else 0}
+    coupled = large and apart and model.layer > 0.0
+    sizes |= {"modes": padded(n) if large else 0, "levels": LEVELS if coupled else 0}
     sizes |= {"2 modes": 2 * sizes["modes"], "responses of modes": CAPACITY if coupled else 0}
+    strides = large and model.elements.first.size == 0
+    sizes |= {"strides": STRIDES if strides else 0, "2+2H": 2 + forcing if strides else 0}
+    sizes |= {"strided N": sizes["N"] if strides else 0}
+    sizes |= {"stops": sizes["padded m"] if large else 0}
+    sizes |= {"2 stops": 2 * sizes["stops"], "3 stops": 3 * sizes["stops"]}
     return sizes
 
 
@@ -127,8 +132,10 @@ class Spectrum(NamedTuple):
 
     shapes: np.ndarray
     """(R, padded n): Phi, of all rows."""
+    columns: np.ndarray
+    """(n, padded R): the same by columns."""
     to_modes: np.ndarray
-    """(n, padded n): Phi^-1."""
+    """(n, padded n): Phi^-1, by columns."""
     squares: np.ndarray
     """(padded n,): Lambda."""
     rates: np.ndarray
@@ -142,11 +149,45 @@ class Spectrum(NamedTuple):
     slides: np.ndarray
     """(L, padded n): elongations of sliders."""
     stops: np.ndarray
-    """(n, padded m): the rows of contacts, by columns; no rows where they are `FEW`."""
+    """(n, padded m): the rows of contacts, by columns."""
 
 
 FEW = 3
-"""Contacts that are looked at one by one, not in eights."""
+"""Contacts whose rows are bounded one by one, not in eights."""
+
+
+class Strides(NamedTuple):
+    """Strides of free flight, see `linear.strides`: tables by their length, and workspace."""
+
+    count: np.ndarray = zeros(1, dtype=int)
+    """Number of lengths, 0 before there are tables."""
+    steps: np.ndarray = zeros("strides", 2, "2+2H", "modes")
+    """By how much coordinates, then speeds, change by those of the start and the pairs."""
+    turns: np.ndarray = zeros("strides", "2H", 2)
+    """A number of the pairs at the end by both of its pair at the start."""
+    bends: np.ndarray = zeros(2, "2+2H", "modes")
+    """Fourth derivatives, and fifth over the frequency, by the same."""
+    driven: np.ndarray = zeros("modes")
+    """|g| / sqrt(Lambda)"""
+    edges: np.ndarray = zeros(2, "stops")
+    """Of contacts in free flight: the sign of the way to the edge of the layer, and what the
+    distance past it is for a row at 0; -1 beyond the last contact."""
+    after: np.ndarray = zeros("2 modes")
+    """Modes, ..."""
+    turned: np.ndarray = zeros("2H")
+    """... pairs ..."""
+    bound: np.ndarray = zeros("modes")
+    """... and bounds of the fourth derivatives of the modes, of a stride."""
+    starts: np.ndarray = zeros("2 stops")
+    """Distances of contacts past their edges, and their speeds, at its start ..."""
+    ends: np.ndarray = zeros("3 stops")
+    """... and at its end, with bounds of their fourth derivatives."""
+    begun: np.ndarray = zeros("strided N")
+    """Augmented states at the start of some strides ..."""
+    reached: np.ndarray = zeros("strided N")
+    modes: np.ndarray = zeros("2 modes")
+    time: np.ndarray = zeros(1)
+    """... and at their end, its modes and time: see `search.events.look_ahead`."""
 
 
 REFINED, CONVERGED, SAME_SQUARE = 3, 1e-9, 1e-13
@@ -184,7 +225,7 @@ def _refined_modes(inverse: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray,
 def are_apart(model: Model) -> bool:
     """Return whether damping couples no modes, where a structure is large."""
     n = len(model.modal_transform)
-    if n < LARGE_LAYERED:
+    if n < LARGE:
         return True
     transform = model.modal_transform[:, :n]
     gamma = transform @ model.damping[:n, :n] @ np.linalg.inv(transform)
@@ -196,7 +237,7 @@ def spectrum_of(model: Model, sizes: dict[str, int]) -> Spectrum:
     n, width = sizes["n"], sizes["modes"]
     if width == 0:
         rows, numbers = np.zeros((0, 0)), np.zeros(0)
-        return Spectrum(rows, rows, numbers, numbers, rows, numbers, rows, rows, rows)
+        return Spectrum(rows, rows, rows, numbers, numbers, rows, numbers, rows, rows, rows)
     shapes, inverse, squares = _refined_modes(model.modal_transform[:, :n], model.stiffness[:n, :n])
     gamma = inverse @ model.damping[:n, :n] @ shapes
     rates = np.diag(gamma).copy()
@@ -210,17 +251,17 @@ def spectrum_of(model: Model, sizes: dict[str, int]) -> Spectrum:
         return np.pad(values, [*(values.ndim - 1) * [(0, 0)], (0, width - n)])
 
     every = np.vstack((shapes, model.rows @ shapes))
-    stops = np.pad(every[row].T, [(0, 0), (0, sizes["padded m"] - m)])
     return Spectrum(
         shapes=wide(every),
-        to_modes=wide(inverse),
+        columns=np.pad(every.T, [(0, 0), (0, sizes["padded R"] - len(every))]),
+        to_modes=wide(inverse.T),
         squares=wide(squares),
         rates=wide(-rates),
         damping=wide(rest if coupled else rest[:0]),
         forcing=wide(inverse @ model.forcing[:n]),
         kicks=wide(kicks),
         slides=wide(model.elements.reach @ shapes),
-        stops=stops if m > FEW else stops[:0],
+        stops=np.pad(every[row].T, [(0, 0), (0, sizes["padded m"] - m)]),
     )
 
 
@@ -231,6 +272,7 @@ class Tables(NamedTuple):
     """
 
     spectrum: Spectrum
+    strides: Strides = part(Strides)
     count: np.ndarray = zeros(1, dtype=int)
     keys: np.ndarray = zeros("T", dtype=np.uint64)
     h: np.ndarray = zeros("T")
@@ -281,6 +323,8 @@ def product_of_moduli(table, index, x, out):
         combine_moduli(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
 
 
+STRIDES = 8
+"""Lengths of strides, from one step to 128."""
 LEVELS = 24
 """Number of step lengths: the last is 1/3,000 of the first."""
 CAPACITY = 512

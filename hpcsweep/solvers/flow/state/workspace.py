@@ -132,7 +132,9 @@ class SpectralWorkspace(NamedTuple):
     count: np.ndarray = zeros(2, dtype=int)
     """How many there are, and 1 where the bounds of all rows are those of this step."""
     start: np.ndarray = zeros("2 modes")
-    """A state, its first n rows or its modes ..."""
+    """The modes of a state, ..."""
+    wide: np.ndarray = zeros("padded R")
+    """... half of its rows, ..."""
     pairs: np.ndarray = zeros("2H")
     """... and a term of the forcing."""
     end: np.ndarray = zeros("2 modes")

@@ -293,18 +293,18 @@ def _solve(level, r, square, beta, rho, own):
 
 
 @kernel
-def write_distances(modes, model, spectrum, out):
+def write_distances(modes, model, spectrum, own, out):
     """Write the distances of all contacts, and their speeds, by modes; return the largest size."""
-    contacts, width, size = model.contacts, spectrum.squares.shape[0], 1.0
-    for k in range(contacts.row.shape[0]):
-        row = contacts.row[k] * width
-        x, v = load(ZERO, 0), load(ZERO, 0)
-        for p in range(0, width, LANES):
-            share = load(spectrum.shapes, row + p)
-            x, v = fma(share, load(modes, p), x), fma(share, load(modes, width + p), v)
-        out[0, k] = contacts.sign[k] * total(x) - contacts.gap[k]
-        out[1, k] = contacts.sign[k] * total(v)
-        size = max(size, max(abs(out[0, k]), abs(out[1, k])))
+    contacts, width, size, eight = model.contacts, spectrum.squares.shape[0], 1.0, own.eight
+    stops, n, m = spectrum.stops, spectrum.stops.shape[0], contacts.row.shape[0]
+    for first in range(0, stops.shape[1], LANES):
+        for half in range(2):
+            at = half * LANES
+            combine(eight, at, ZERO, 0, 1.0, stops, first, stops.shape[1], modes, half * width, n)
+        for k in range(first, min(first + LANES, m)):
+            out[0, k] = contacts.sign[k] * eight[0, k - first] - contacts.gap[k]
+            out[1, k] = contacts.sign[k] * eight[1, k - first]
+            size = max(size, max(abs(out[0, k]), abs(out[1, k])))
     return size
 
 
@@ -323,11 +323,11 @@ def write_accelerations(ground, modes, model, spectrum, own):
             for p in range(0, width, LANES):
                 kick = load(spectrum.kicks, k * width + p)
                 store(bend, p, fma(kick, -push, load(bend, p)))
-    for k in range(contacts.row.shape[0]):
-        value = load(ZERO, 0)
-        for p in range(0, width, LANES):
-            value = fma(load(spectrum.shapes, contacts.row[k] * width + p), load(bend, p), value)
-        x[2, k] = contacts.sign[k] * total(value)
+    stops, n, eight = spectrum.stops, spectrum.stops.shape[0], own.eight
+    for first in range(0, stops.shape[1], LANES):
+        combine(eight, 0, ZERO, 0, 1.0, stops, first, stops.shape[1], bend, 0, n)
+        for k in range(first, min(first + LANES, contacts.row.shape[0])):
+            x[2, k] = contacts.sign[k] * eight[0, k - first]
 
 
 @kernel
@@ -367,7 +367,7 @@ def take_step(level, h, r, stiffness, forcing, shared):
     if not _solve(level, r, h * h * stiffness, contacts.beta, rho, own):
         return False
     _end_of_step(level, r, own.modes, own.forces, spectrum, own, own.after)
-    size = write_distances(own.after, model, spectrum, own.moved)
+    size = write_distances(own.after, model, spectrum, own, own.moved)
     worst = 0.0
     for i in range(r):
         k = own.which[i]

@@ -29,7 +29,7 @@ from hpcsweep.solvers.flow.layer.coupled.equation import (
 from hpcsweep.solvers.flow.layer.scheme import stiffness_up_to
 from hpcsweep.solvers.flow.layer.solitary.plan import AT_EDGE, SURE, level_of, until_poles
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, total_forcing
-from hpcsweep.solvers.flow.linear.spectral import is_spectral, modes_of, write_rows
+from hpcsweep.solvers.flow.linear.spectral import modes_of, write_rows
 from hpcsweep.solvers.flow.state.coupled import MOST
 from hpcsweep.solvers.flow.state.shared import NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state
@@ -109,7 +109,7 @@ def _tangent_to_modes(spectrum, own, tangent):
     for column in range(tangent.shape[1]):
         for i in range(2 * half):
             state[i] = tangent[i, column]
-        modes_of(state, half, spectrum, own.vector, own.after)
+        modes_of(state, half, spectrum, own.after)
         for j in range(n):
             tangent[j, column], tangent[half + j, column] = own.after[j], own.after[width + j]
 
@@ -122,7 +122,7 @@ def _tangent_to_rows(spectrum, own, tangent):
     for column in range(tangent.shape[1]):
         for j in range(n):
             modes[j], modes[width + j] = tangent[j, column], tangent[half + j, column]
-        write_rows(modes, spectrum, half, state)
+        write_rows(modes, spectrum, own, state)
         for i in range(2 * half):
             tangent[i, column] = state[i]
 
@@ -147,13 +147,12 @@ def _step(tau, left, longest, amplitude, pairs, shared):
 
 
 @inlined
-def _goes_on(x, model, tables):
-    """Return whether contacts are inside their layers, and one alone is not left to `solitary`."""
-    inside = near = 0
+def _goes_on(x, model):
+    """Return whether a contact is inside its layer."""
     for k in range(x.shape[1]):
-        inside += abs(x[0, k]) < model.layer
-        near += abs(x[0, k]) < AT_EDGE * model.layer
-    return inside > 0 and (near > 1 or is_spectral(tables))
+        if abs(x[0, k]) < model.layer:
+            return True
+    return False
 
 
 @entry_point(
@@ -202,8 +201,8 @@ def coupled_steps(packed, tau, end, most, z, amplitude, wanted, tangent):
     model, spectrum, own = shared.model, shared.tables.spectrum, shared.coupled
     pairs, modes = shared.work.forcing, own.modes
     if own.last[GOING] == 0:
-        modes_of(z, z.shape[0] // 2, spectrum, own.vector, modes)
-        write_distances(modes, model, spectrum, own.distances)
+        modes_of(z, z.shape[0] // 2, spectrum, modes)
+        write_distances(modes, model, spectrum, own, own.distances)
     last, steps, longest = 0.0, 0, longest_step(spectrum)
     while steps < most:
         write_accelerations(total_forcing(pairs, 0, model), modes, model, spectrum, own)
@@ -220,12 +219,12 @@ def coupled_steps(packed, tau, end, most, z, amplitude, wanted, tangent):
             if steps == 1:
                 _tangent_to_modes(spectrum, own, tangent)
             coupled_tangent(own.last[LEVEL], own.last[CONTACTS], model, spectrum, own, tangent)
-        if wanted != NO_TALLY or tau >= end or not _goes_on(own.moved, model, shared.tables):
+        if wanted != NO_TALLY or tau >= end or not _goes_on(own.moved, model):
             break
     if steps > 0:
         if tangent.shape[1] > 0:
             _tangent_to_rows(spectrum, own, tangent)
-        write_rows(modes, spectrum, z.shape[0] // 2, own.end)
+        write_rows(modes, spectrum, own, own.end)
         if wanted == NO_TALLY:
             copy_state(own.end, z)
         else:

@@ -177,7 +177,7 @@ class Picture:
         """Return the colour and the name of a direction, a motion or a contact set."""
         film = self._film
         if film.request.color == "period":
-            return palette.MOTIONS[key][::-1]
+            return palette.motions_of(film.structure)[key][::-1]
         if film.request.color == "contact":
             return self.sets[key]
         name = film.directions[key]

@@ -16,6 +16,7 @@ from hpcsweep import (
     Structure,
     adjacent,
     floor_spectra,
+    fractiles,
     open_results,
     response,
     separation,
@@ -345,6 +346,10 @@ def test_outliers_run_past_the_edge_and_are_told():
     edge, words = within(curves)
     assert edge == pytest.approx(1.1 * 1.3)
     assert words == "1 outlier beyond the edge, up to 9"
+    assert within(curves, fractiles(curves)) == (None, "")  # 84 % of five are all
+    nine = np.vstack([curves[:4], curves])
+    assert within(nine, fractiles(nine))[0] == pytest.approx(1.1 * 1.3)
+    assert within(nine, np.array([1.5, np.inf]))[0] == pytest.approx(1.1 * 1.5)
     assert within(curves[:4]) == (None, "")
     assert within(np.full((5, 2), np.inf)) == (None, "")
 

@@ -24,9 +24,13 @@ def draw(results, response: str = "drift", place: str | None = None, units: str 
     figure, (axis,) = style.new_figure(1, 5.0)
     intensity = np.append(0.0, stripes.intensity)
     collapses = np.isinf(stripes.values)
-    edge, beyond = responses.within(stripes.values)
+    shown = [response_fractiles(stripes.values)]
+    if responses.touches(stripes):
+        shown.append(response_fractiles(stripes.alone, (0.5,)))
+    edge, beyond = responses.within(stripes.values, *shown)
     if collapses.any():
-        edge = edge or EDGE * float(stripes.values[np.isfinite(stripes.values)].max())
+        drawn = np.concatenate([one.ravel() for one in (stripes.values, *shown)])
+        edge = edge or EDGE * float(drawn[np.isfinite(drawn)].max())
 
     def curve(values, *dashes, **looks) -> None:
         x, y = np.append(0.0, values), intensity
@@ -37,8 +41,7 @@ def draw(results, response: str = "drift", place: str | None = None, units: str 
         axis.plot(x, y, *dashes, **looks)
 
     responses.draw_suite(curve, stripes.values, response_fractiles)
-    if responses.touches(stripes):
-        (median,) = response_fractiles(stripes.alone, (0.5,))
+    for (median,) in shown[1:]:
         label = f"50 %, {responses.alone(results)}"
         curve(median, ":", color=palette.STOP, linewidth=2.0, label=label)
     axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, edge), ylim=(0, intensity[-1]))

@@ -189,12 +189,14 @@ def history_of(study: Records, run: tuple[int, int], time, structure=None):
     return seen
 
 
-def within(curves: np.ndarray) -> tuple[float | None, str]:
+def within(curves: np.ndarray, *inside: np.ndarray) -> tuple[float | None, str]:
     """Return where an axis ends so that outliers do not squeeze the others, and words that tell.
 
     Parameters
     ----------
     curves : ndarray, shape (n_records, k)
+    *inside : ndarray
+        What is never beyond the edge, where it is finite: fractiles.
 
     Returns
     -------
@@ -202,14 +204,15 @@ def within(curves: np.ndarray) -> tuple[float | None, str]:
         None: without an outlier.
     str
     """
-    sizes = np.nanmax(np.where(np.isfinite(curves), curves, np.nan), axis=1, initial=0.0)
+    sizes = np.max(curves, axis=1, initial=0.0, where=np.isfinite(curves))
+    least = max((np.max(x, initial=0.0, where=np.isfinite(x)) for x in inside), default=0.0)
     low, high = np.quantile(sizes, (0.25, 0.75))
-    beyond = sizes > high + FENCE * (high - low)
+    beyond = sizes > max(high + FENCE * (high - low), least)
     if not beyond.any() or beyond.all() or high == low:
         return None, ""
     count = int(beyond.sum())
     words = f"{count} outlier{'s' * (count > 1)} beyond the edge, up to {sizes.max():.3g}"
-    return 1.1 * float(sizes[~beyond].max()), words
+    return 1.1 * float(max(sizes[~beyond].max(), least)), words
 
 
 def samples_of(study: Records, i: int):

@@ -12,8 +12,6 @@ DRAWS = "responses"
 HELP = """\
 response of each record against the intensity, with the 16, 50 and 84 % fractiles,
 and the median without contacts; flat lines to the edge where a structure collapses"""
-EDGE = 1.2
-"""Of the axis, over the largest response, where lines are flat."""
 OPTIONS = (responses.RESPONSE, responses.PLACE, UNITS)
 load = responses.load
 
@@ -23,14 +21,11 @@ def draw(results, response: str = "drift", place: str | None = None, units: str 
     stripes = responses.opened(results, response, place, units)
     figure, (axis,) = style.new_figure(1, 5.0)
     intensity = np.append(0.0, stripes.intensity)
-    collapses = np.isinf(stripes.values)
     shown = [response_fractiles(stripes.values)]
     if responses.touches(stripes):
         shown.append(response_fractiles(stripes.alone, (0.5,)))
     edge, beyond = responses.within(stripes.values, *shown)
-    if collapses.any():
-        drawn = np.concatenate([one.ravel() for one in (stripes.values, *shown)])
-        edge = edge or EDGE * float(drawn[np.isfinite(drawn)].max())
+    edge = edge or responses.edge_of(stripes.values, *shown)
 
     def curve(values, *dashes, **looks) -> None:
         x, y = np.append(0.0, values), intensity

@@ -10,7 +10,7 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import Option, positive
 from hpcsweep.model.buildings import COLUMN
 from hpcsweep.model.isolation import SLAB
-from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
+from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
 
@@ -43,6 +43,8 @@ MOST_PARTS = 50
 """... unless so many are in a sample interval."""
 FENCE = 3.0
 """Distances between quartiles beyond the upper one, from which on a curve is an outlier (Tukey)."""
+EDGE = 1.2
+"""Of an axis, over the largest response, where something collapses."""
 MIN_LENGTH = 1e-12
 """Share of the largest response below which two are the same."""
 
@@ -116,7 +118,15 @@ def title(results) -> str:
 
 def alone(results) -> str:
     """Return the words for the motion without contacts, in which no slider slips."""
-    return "elastic, no contact" if style.structure_of(results).sliders else "no contact"
+    return alone_words(style.structure_of(results))
+
+
+def edge_of(*drawn: np.ndarray) -> float | None:
+    """Return where an axis ends on which infinite values, of collapses, lie; None without any."""
+    every = np.concatenate([np.ravel(one) for one in drawn])
+    if not np.isinf(every).any():
+        return None
+    return EDGE * float(np.max(every, initial=0.0, where=np.isfinite(every))) or 1.0
 
 
 def counted(stripes: Stripes) -> str:

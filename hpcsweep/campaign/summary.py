@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hpcsweep.dynamics.classify import tells_chaos
 from hpcsweep.job.paths import path_of
-from hpcsweep.model.description import one_line
+from hpcsweep.model.description import contacts_named, one_line
 from hpcsweep.store import Frames, read_history
 from hpcsweep.store.journal import CampaignHistory
 
@@ -55,6 +55,7 @@ def summarize(path: str | Path) -> dict:
         "n_floors": structure.n_floors,
         "stiffness_ratio": None if structure.matrices else structure.stiffness_ratio,
         "contacts": len(structure.contacts),
+        "contacts_named": contacts_named(structure),
         "damping_ratios": structure.damping_ratios.tolist(),
         "vary": {axis.key: list(axis.values) for axis in study.axes},
         "frames": study.n_frames,

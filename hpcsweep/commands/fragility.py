@@ -76,6 +76,7 @@ def run(options) -> int:
 
 def _threshold(options, results, study: "Records") -> int:
     """Print capacities and fragility."""
+    from hpcsweep.studies.ground_motion.describe import alone_words
     from hpcsweep.studies.ground_motion.stripes import COLLAPSE, capacities, fit, stripes_of
 
     if options.collapse:
@@ -109,7 +110,7 @@ def _threshold(options, results, study: "Records") -> int:
         "lost": sums["unknown"] or None,
         "free": _shown(sums["alone"]) if "alone" in sums else None,
         "caution": sums["caution"] or None,
-        "elastic": ", elastic" if study.structure.sliders else "",
+        "without": alone_words(study.structure),
     }
     print(listing(title, rows_of(ROWS, told)))
     return 0
@@ -118,7 +119,7 @@ def _threshold(options, results, study: "Records") -> int:
 ROWS = """\
 capacity | {fractiles} of {measure}; {never} records never reach it up to {highest:.4g}\
  | , {lost} unknown
-no contact | {free}, exact{elastic}
+{without} | {free}, exact
 crossings | {later_crossings} records fall below it again
 fragility | median {median:.4g} ({median_interval[0]:.4g} to {median_interval[1]:.4g}), \
 dispersion {dispersion:.4f} ({dispersion_interval[0]:.4f} to {dispersion_interval[1]:.4f})

@@ -81,6 +81,7 @@ def _describe(figure, default: dict[str, str]) -> str:
 
 def run(options) -> int:
     """Run the command."""
+    from hpcsweep.figures.style import PlotError
     from hpcsweep.figures.view import limits, resolution, save
     from hpcsweep.store import Frames, job_of
 
@@ -102,6 +103,10 @@ def run(options) -> int:
     frames = Frames(options.file, figure.DRAWS, options.at)
     view = limits(x=options.xlim, y=options.ylim)
     with contextlib.closing(frames), resolution(options.dpi), view, writing(output):
-        save(figure.draw(figure.load(frames, **given), **given), output)
+        try:
+            save(figure.draw(figure.load(frames, **given), **given), output)
+        except PlotError as error:
+            named = str(options.file) in str(error)
+            raise error if named else PlotError(f"{options.file}: {error}") from None
     print(output)
     return 0

@@ -111,6 +111,7 @@ lifetime of chaos | {lifetime[0]:.4g} periods (95 %: {lifetime[1]:.4g} to {lifet
 window test | of {tested[runs]} windows it claims {tested[wrong]} wrong periods and misses \
 {tested[missed]}
 listed_periods: P{key} | {value}
+contacts | {named}
 listed_contact_sets: contact {key} | {value}
 most: largest {key} | {value[value]:.4g}{value[unit]} ({value[of]}, {value[where]})
 failures | {failures:counts}
@@ -158,6 +159,7 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         "gigabytes": summary["file_bytes"] / 1e9,
         "on_disk": summary["disk_bytes"] / 1e9,
         "kinds": {name: share(one) + _by_direction(summary, name) for name, one in classes.items()},
+        "named": (summary.get("contact_sets") and summary["contacts_named"]) or None,
         "tested": window if window and window["runs"] else None,
         "most": {name: most | _placed(most) for name, most in summary["largest"].items()},
     }

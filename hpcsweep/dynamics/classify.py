@@ -24,6 +24,7 @@ from itertools import groupby
 import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 
 CHAOS_GROWTH = 5.0
@@ -102,6 +103,12 @@ class MotionClass(IntEnum):
 CLASS_NAMES = {kind: kind.name.lower().replace("_", " ") for kind in MotionClass} | {
     MotionClass.QUASI_PERIODIC: "quasi-periodic"
 }
+
+
+def class_names(structure: Structure) -> dict[MotionClass, str]:
+    """Return `CLASS_NAMES`; where springs yield, contact alone does not tell the first class."""
+    free = {MotionClass.NO_CONTACT: "nothing closes or slips"} if structure.sliders else {}
+    return CLASS_NAMES | free
 
 
 def tells_chaos(names) -> bool:

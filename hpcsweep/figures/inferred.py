@@ -69,11 +69,11 @@ def drawn_classes(results) -> tuple[np.ndarray, np.ndarray]:
     return kinds, periods
 
 
-def drawn_motions(by_period: bool) -> list[tuple[str, str]]:
-    """Return `palette.MOTIONS` as those of `drawn_classes` are called, '' where there are none."""
+def drawn_motions(by_period: bool, structure) -> list[tuple[str, str]]:
+    """Return `palette.motions_of` as `drawn_classes` calls them, '' where there are none."""
     undecided = CLASS_NAMES[MotionClass.UNDECIDED]
     words = {undecided: "no period found", **dict.fromkeys(APERIODIC, "")} if by_period else {}
-    return [(words.get(name, name), colour) for name, colour in palette.MOTIONS]
+    return [(words.get(name, name), colour) for name, colour in palette.motions_of(structure)]
 
 
 def share_note(share: float) -> str:

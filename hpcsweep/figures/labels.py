@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hpcsweep.figures.style import PlotError
+from hpcsweep.model.description import contacts_named
 from hpcsweep.model.unit_names import is_in_gaps, unit_of
 
 WORD = r"$\omega_0$"
@@ -103,10 +104,8 @@ def named(structure, quantity: str) -> str:
 
 def contacts_text(structure) -> str:
     """Name the contacts behind the numbers of contact sets; empty where the numbers say all."""
-    if not structure.names.contacts:
-        return ""
-    named = (f"{number} is {name}" for number, name in structure.contact_names.items())
-    return f"Contacts: {', '.join(named)}"
+    named = contacts_named(structure)
+    return f"Contacts: {named}" if named else ""
 
 
 def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = None) -> list[int]:

@@ -20,7 +20,7 @@ from math import comb
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_names
 from hpcsweep.figures.cielab import lightness, rgb, to_hex
 from hpcsweep.studies.points import START
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
@@ -46,7 +46,7 @@ MOTIONS = (
     (CLASS_NAMES[MotionClass.CHAOTIC], "#0e0e0e"),
     (CLASS_NAMES[MotionClass.FAILED], "#79727e"),
 )
-"""(name, colour) of every motion; all but failed from light to dark."""
+"""(name, colour) of every motion; all but failed from light to dark; see `motions_of`."""
 MOTION_NAMES = tuple(name for name, _ in MOTIONS)
 MOTION_COLOURS = tuple(colour for _, colour in MOTIONS)
 LONGER = MOTION_NAMES.index(f"P{LONGEST + 1} and longer")
@@ -152,6 +152,11 @@ def contact_colour(contact: int, labels: int | tuple[str, ...]) -> str:
         _CONTACT_CHROMA,
         _CONTACT_HUE + _HUE_OF_NUMBER * (len(members) - 1) + 360 * share[0],
     )
+
+
+def motions_of(structure) -> tuple[tuple[str, str], ...]:
+    """Return `MOTIONS` as those of a structure are called."""
+    return (class_names(structure)[MotionClass.NO_CONTACT], NO_CONTACT), *MOTIONS[1:]
 
 
 def shade(colour: str, place: int) -> str:

@@ -33,10 +33,15 @@ class PlotError(ValueError):
     """Raised where a request cannot be drawn; the message is one line for the user."""
 
 
-def refuse_sliders(what: str, structure) -> None:
-    """Refuse to integrate between the points of a structure that yields."""
+def refuse_sliders(what: str, structure, why="follows no motion", instead="orbit") -> None:
+    """Refuse what does not hold of a structure that yields, and name a figure that does."""
     if structure.sliders:
-        raise PlotError(f"{what}: follows no motion of springs that yield; --kind orbit draws them")
+        raise PlotError(f"{what}: {why} of springs that yield; --kind {instead} draws them")
+
+
+def grazing_amplitude(structure, omega: float) -> float:
+    """Return the amplitude of first contact in closed form; infinite where springs may yield."""
+    return np.inf if structure.sliders else structure.grazing_amplitude(omega)
 
 
 def set_name(contact: int, labels: int | Sequence[str], room: int | None = LEGEND_ROOM) -> str:
@@ -315,10 +320,11 @@ def percent(share: float) -> str:
 
 def shares_text(results, classes: np.ndarray) -> str:
     """Format the shares of the motion classes on one line, always with the undecided ones."""
-    from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares, tells_chaos
+    from hpcsweep.dynamics.classify import MotionClass, class_names, class_shares, tells_chaos
 
+    names = class_names(structure_of(results))
     parts = [
-        f"{CLASS_NAMES[kind]} {percent(share)}"
+        f"{names[kind]} {percent(share)}"
         for kind, share in class_shares(classes).items()
         if share > 0 or kind is MotionClass.UNDECIDED
     ]

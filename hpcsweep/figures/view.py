@@ -12,6 +12,8 @@ from hpcsweep.figures.style import PlotError
 
 DPI = 200
 """Pixels an inch, unless `resolution` says other."""
+SAME, NEAR = 1e-6, 0.05
+"""Share of values by which those differ that are drawn as equal, and of the axis around them."""
 _dpi: ContextVar[int] = ContextVar("dpi", default=DPI)
 _limits: ContextVar[Mapping[str, tuple[float, float]]] = ContextVar(
     "limits",
@@ -83,6 +85,23 @@ def _limit(figure) -> None:
             visible(name, min(drawn), max(drawn))
 
 
+def apart(low: float, high: float) -> tuple[float, float]:
+    """Return the ends of an axis, far apart where the values between them differ by rounding."""
+    size = max(abs(low), abs(high))
+    margin = 0.0 if abs(high - low) > SAME * size else NEAR * size
+    return low - margin, high + margin
+
+
+def _part(figure) -> None:
+    """Draw values that differ by rounding as equal; keys and frequencies of maps may be near."""
+    from matplotlib.collections import QuadMesh
+
+    for axis in figure.axes:
+        is_map = any(isinstance(one, QuadMesh) for one in axis.collections)
+        if not is_map and axis.get_label() != "<colorbar>" and axis.get_yscale() == "linear":
+            axis.set_ylim(*apart(*axis.get_ylim()))
+
+
 def pixels(figure) -> np.ndarray:
     """Return the width and the height of a figure's picture, shape (2,)."""
     return figure.get_size_inches() * _dpi.get()
@@ -93,6 +112,7 @@ def save(figure, path: Path) -> None:
     from matplotlib import pyplot
 
     try:
+        _part(figure)
         _limit(figure)
         figure.savefig(path, dpi=_dpi.get())
     except PlotError:

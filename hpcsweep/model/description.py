@@ -40,6 +40,12 @@ harmonics; forces and accelerations are positive as their displacements. Contact
 """Equation of motion, its forcings and conventions in words, for files."""
 
 
+def contacts_named(structure: Structure) -> str:
+    """Name the contacts behind the numbers of contact sets; empty where the numbers say all."""
+    named = structure.contact_names.items() if structure.names.contacts else ()
+    return ", ".join(f"{number} is {name}" for number, name in named)
+
+
 def describe(structure: Structure) -> dict:
     """Return all that the equations of `hpcsweep.model.matrices` need except A and Omega.
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, Shakedown, classify, contact_name
+from hpcsweep.dynamics.classify import MotionClass, Shakedown, class_names, classify, contact_name
 from hpcsweep.model.reduction import physical
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
@@ -138,8 +138,8 @@ class RunTally(BaseTally):
             "skip_rules": {
                 rule.name.lower(): share(counts["skip_rule"][rule], self.done) for rule in SkipRule
             },
-            "classes": class_shares(classes),
-            "by_direction": {name: class_shares(counts[name]) for name in study.directions},
+            "classes": class_shares(classes, study),
+            "by_direction": {name: class_shares(counts[name], study) for name in study.directions},
             "periods": shares(counts["orbit_period"], self.done),
             "shakedown": shakedown_shares(counts["shakedown"], self.done, study),
             "window_test": window if study.settings.classify_cycles else None,
@@ -181,8 +181,9 @@ def contact_shares(counter: Counter[int], done: int, study: Study) -> dict[str, 
 
 
 def class_shares(
-    counts: Counter[int], kinds: Iterable[MotionClass] = tuple(MotionClass)[1:]
+    counts: Counter[int], study: Study, kinds: Iterable[MotionClass] = tuple(MotionClass)[1:]
 ) -> dict[str, dict]:
     """Return the shares of classes of motions, of all that are computed."""
     done = counts.total() - counts[MotionClass.NOT_COMPUTED]
-    return {CLASS_NAMES[kind]: share(counts[kind], done) for kind in kinds}
+    names = class_names(study.structure)
+    return {names[kind]: share(counts[kind], done) for kind in kinds}

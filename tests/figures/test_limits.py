@@ -57,6 +57,17 @@ def test_panels_of_two_quantities_share_their_horizontal_axis(results, drawn_fig
     assert [axis.get_xlim() for axis in figure.axes] == [(0.05, 0.1)] * 2
 
 
+def test_rounding_is_not_drawn_as_structure(tmp_path):
+    figure, (axis, _) = style.new_figure(2, 2.0)
+    axis.plot([0.0, 1.0], -0.2103487497 + np.array([-8e-13, -1e-13]))
+    view.save(figure, tmp_path / "a.png")
+    low, high = axis.get_ylim()
+    assert (low, high) == pytest.approx((-0.221, -0.2), abs=2e-3)
+    assert view.apart(1.0, 1.001) == (1.0, 1.001)
+    assert view.apart(0.0, 1e-13) == (0.0, 1e-13)
+    assert view.apart(0.0, 0.0) == (0.0, 0.0)
+
+
 def test_one_floor_has_a_panel_of_its_own_shape():
     alone, _ = orbits.floor_panels(Structure(1), ())
     three, _ = orbits.floor_panels(Structure(3), ())

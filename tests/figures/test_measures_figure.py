@@ -1,6 +1,7 @@
 """Measures in the figure, the film and the explorer."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,11 @@ def test_the_explorer_shows_measures(buildings):
     force = results.contact_force.isel(stop=0).transpose("omega", "direction", "amplitude")
     np.testing.assert_array_equal(study.runs["contact_force_1"], force.values.astype("f4"))
     assert "peak contact force, contact A1-B1  [N]" in build_page(study)[0]
+
+
+def test_a_summary_names_the_contacts_of_its_sets(buildings, capsys):
+    assert main(["summary", str(buildings)]) == 0
+    assert [*re.findall("contacts +(.*)", capsys.readouterr().out)] == ["1 is A1-B1"]
 
 
 def test_an_attractor_keeps_its_place_along_the_amplitudes():

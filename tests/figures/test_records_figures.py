@@ -16,6 +16,7 @@ from hpcsweep import (
     Structure,
     adjacent,
     floor_spectra,
+    fractiles,
     open_results,
     response,
     separation,
@@ -23,13 +24,14 @@ from hpcsweep import (
 )
 from hpcsweep.figures import labels
 from hpcsweep.figures.diagrams.hysteresis import springs
-from hpcsweep.figures.diagrams.responses import buildings, within
+from hpcsweep.figures.diagrams.responses import buildings, edge_of, within
 from hpcsweep.figures.options import figures
 from hpcsweep.figures.style import PlotError
 from hpcsweep.job import parse_job
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.solvers.history import history
 from hpcsweep.store import Frames
+from hpcsweep.studies.ground_motion.describe import alone_words
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, StripesError, fit, stripes_of
 
 SCALES = '{by = "sa", period = 0.5, from = 0.5, to = 20.0, count = 20}'
@@ -345,8 +347,30 @@ def test_outliers_run_past_the_edge_and_are_told():
     edge, words = within(curves)
     assert edge == pytest.approx(1.1 * 1.3)
     assert words == "1 outlier beyond the edge, up to 9"
+    assert within(curves, fractiles(curves)) == (None, "")  # 84 % of five are all
+    nine = np.vstack([curves[:4], curves])
+    assert within(nine, fractiles(nine))[0] == pytest.approx(1.1 * 1.3)
+    assert within(nine, np.array([1.5, np.inf]))[0] == pytest.approx(1.1 * 1.5)
     assert within(curves[:4]) == (None, "")
     assert within(np.full((5, 2), np.inf)) == (None, "")
+
+
+def test_what_collapses_lies_at_the_edge_and_words_fit_the_structure(folder):
+    assert edge_of(np.array([1.0, np.nan])) is None
+    assert edge_of(np.array([1.0, np.inf]), np.array([5.0])) == pytest.approx(6.0)
+    assert edge_of(np.array([np.inf])) == 1.0
+    pair = open_results(folder / "job.h5")
+    drift = pair.storey_drift.copy()
+    drift[:2, 10] = np.inf  # 84 % of eight records are seven
+    figure = figures()["profile"].draw(pair.assign(storey_drift=drift), scale=float(pair.scale[10]))
+    band = figure.axes[0].collections[0].get_paths()[0].vertices[:, 0]
+    assert band.max() == pytest.approx(figure.axes[0].get_xlim()[1])
+    assert "8 records, 2 of which collapse, beyond the edge" in figure._suptitle.get_text()
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert names == ["16 to 84 %", "median", "no contact"]
+    frame = Building([1.0, 1.0], 50.0, yield_drift=0.1).structure
+    beside = replace(frame, gap=0.1)
+    assert [alone_words(one) for one in (frame, beside)] == ["elastic", "elastic, no contact"]
 
 
 def test_numbers_are_in_units_that_suit_them():

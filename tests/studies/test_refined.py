@@ -23,6 +23,7 @@ from hpcsweep.figures.diagrams.mesh import open_map
 from hpcsweep.figures.inferred import drawn_motions, filled_classes, is_by_period, share_note
 from hpcsweep.figures.style import percent
 from hpcsweep.job import JobError, parse_job
+from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Frames, pack
@@ -205,10 +206,10 @@ def test_inferred_motions_without_a_period_are_undecided():
     known = MotionClass.PERIODIC, MotionClass.UNDECIDED, MotionClass.NO_CONTACT
     assert classes.tolist() == [MotionClass.CHAOTIC, *known]
     assert periods.tolist() == [0, 3, 0, 1]
-    names = [name for name, _ in drawn_motions(is_by_period(results))]
+    names = [name for name, _ in drawn_motions(is_by_period(results), Structure())]
     assert names[0] == "no contact"
     assert names[-4:] == ["no period found", "", "", "failed"]
-    assert drawn_motions(False) == [*palette.MOTIONS]
+    assert drawn_motions(False, Structure()) == [*palette.MOTIONS]
 
 
 @pytest.mark.slow

@@ -30,14 +30,19 @@ def draw(results, response: str = "drift"):
     dim = "storey" if response == "drift" else "floor"
     figure, (axis,) = style.new_figure(1, 4.2)
     axis.axhline(1.0, color="0.4", linewidth=0.8)
-    for series, building in enumerate(responses.buildings(results[dim].values)):
+    ratios = {}
+    for building in responses.buildings(results[dim].values):
         one = stripes_of(results, study, response, building or None)
-        low, median, high = fractiles(one.values / np.asarray(one.alone), PARTS)
-        colour = palette.series_colour(series)
-        axis.fill_between(one.intensity, low, high, color=colour, alpha=0.2, linewidth=0)
-        axis.plot(one.intensity, median, color=colour, label=f"building {building}".strip())
+        ratios[building] = fractiles(one.values / np.asarray(one.alone), PARTS)
+    edge = responses.edge_of(*ratios.values())
+    for series, (building, (low, median, high)) in enumerate(ratios.items()):
+        ends = [np.minimum(part, edge or np.inf) for part in (low, high)]
+        looks = {"color": palette.series_colour(series)}
+        axis.fill_between(whole.intensity, *ends, alpha=0.2, linewidth=0, **looks)
+        axis.plot(whole.intensity, median, label=f"building {building}".strip(), **looks)
     label = whole.label.partition("  [")[0]
     axis.set_ylabel(f"{label}, over that: {responses.alone(results)}", fontsize=8)
-    axis.set(xlabel=whole.measure, xlim=(0, whole.intensity[-1]), ylim=(0, None))
-    responses.legend(axis, f"{len(whole.records)} records, 16 to 84 %")
+    axis.set(xlabel=whole.measure, xlim=(0, whole.intensity[-1]), ylim=(0, edge))
+    beyond = ", beyond the edge where records collapse" * bool(edge)
+    responses.legend(axis, f"{len(whole.records)} records, 16 to 84 %{beyond}")
     return style.head(figure, responses.title(results), fontsize=9)

@@ -101,7 +101,7 @@ def starts_text(results) -> str:
 
 def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=()) -> None:
     """Put the motions, further keys, and a title, below the panels."""
-    handles = orbits.motion_keys(index, "s", 5)
+    handles = orbits.motion_keys(style.structure_of(frame), index, "s", 5)
     if (frame["orbit_period"].values[index >= 0] == 0).any():
         handles.append(dot("no orbit", "0.3", ".", orbits.FINE_KEY))
     legend_below(figure, [*handles, *further], title, columns)

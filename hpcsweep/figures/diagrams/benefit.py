@@ -36,6 +36,8 @@ def draw(results, direction: str | None = None):
     PlotError
         If the file does not hold the variables to draw.
     """
+    structure = style.structure_of(results)
+    style.refuse_sliders(f"--kind {NAME}", structure, "knows no free drift", "map")
     style.need(results, "drift", "contact")
     if not tells_chaos(results):
         style.need(results, "lyapunov")

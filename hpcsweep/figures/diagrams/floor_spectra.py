@@ -60,10 +60,11 @@ def draw(results, scale: float | None = None, place: str | None = None):
         raise style.PlotError("no run is complete yet")
     figure, (axis,) = style.new_figure(1, 4.4)
     responses.draw_suite(lambda *curve, **looks: axis.plot(periods, *curve, **looks), curves)
+    inside = [] if alone is None else [alone]
     if alone is not None:
         looks = {"color": palette.STOP, "linewidth": 2.0, "label": "50 %, no contact"}
         axis.plot(periods, alone, ":", **looks)
-    beyond = suite_spectra.finish(axis, study, periods, curves)
+    beyond = suite_spectra.finish(axis, study, periods, curves, *inside)
     axis.set_ylabel(f"pseudo-acceleration on {place}, {100 * ratio:g} %  [g]")
     responses.legend(axis, f"{len(curves)} records", handlelength=3.5)
     where = f"floor {place},  {responses.at_scale(study, at)}"

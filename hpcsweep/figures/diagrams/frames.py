@@ -111,8 +111,8 @@ def _panel(axis, frame, motions, floor: int) -> None:
 
 
 def _legend(figure, results, classes, motions) -> None:
-    failed = classes[0] == MotionClass.FAILED
-    handles = orbits.motion_keys(np.where(failed, -1, motions), "o", 4)
+    structure, failed = style.structure_of(results), classes[0] == MotionClass.FAILED
+    handles = orbits.motion_keys(structure, np.where(failed, -1, motions), "o", 4)
     if failed.any():
         handles.append(dot("failed: blank", "none"))
     style.foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))

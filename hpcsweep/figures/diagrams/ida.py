@@ -12,8 +12,6 @@ DRAWS = "responses"
 HELP = """\
 response of each record against the intensity, with the 16, 50 and 84 % fractiles,
 and the median without contacts; flat lines to the edge where a structure collapses"""
-EDGE = 1.2
-"""Of the axis, over the largest response, where lines are flat."""
 OPTIONS = (responses.RESPONSE, responses.PLACE, UNITS)
 load = responses.load
 
@@ -23,10 +21,11 @@ def draw(results, response: str = "drift", place: str | None = None, units: str 
     stripes = responses.opened(results, response, place, units)
     figure, (axis,) = style.new_figure(1, 5.0)
     intensity = np.append(0.0, stripes.intensity)
-    collapses = np.isinf(stripes.values)
-    edge, beyond = responses.within(stripes.values)
-    if collapses.any():
-        edge = edge or EDGE * float(stripes.values[np.isfinite(stripes.values)].max())
+    shown = [response_fractiles(stripes.values)]
+    if responses.touches(stripes):
+        shown.append(response_fractiles(stripes.alone, (0.5,)))
+    edge, beyond = responses.within(stripes.values, *shown)
+    edge = edge or responses.edge_of(stripes.values, *shown)
 
     def curve(values, *dashes, **looks) -> None:
         x, y = np.append(0.0, values), intensity
@@ -37,8 +36,7 @@ def draw(results, response: str = "drift", place: str | None = None, units: str 
         axis.plot(x, y, *dashes, **looks)
 
     responses.draw_suite(curve, stripes.values, response_fractiles)
-    if responses.touches(stripes):
-        (median,) = response_fractiles(stripes.alone, (0.5,))
+    for (median,) in shown[1:]:
         label = f"50 %, {responses.alone(results)}"
         curve(median, ":", color=palette.STOP, linewidth=2.0, label=label)
     axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, edge), ylim=(0, intensity[-1]))

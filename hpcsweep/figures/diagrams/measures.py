@@ -1,7 +1,8 @@
 """Measures of storeys, floors and contacts against the amplitude, one frame."""
 
-import math
 from collections.abc import Sequence
+
+import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.figure import load_frame, open_frame
@@ -41,6 +42,8 @@ def draw(
     one = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes)
     structure, frame, done = one.structure, one.runs.isel(direction=0), one.done[0]
     over_amplitude = one.study.run_dims[-2:] == ("omega", "amplitude")
+    graze = style.grazing_amplitude(structure, one.omega) if over_amplitude else np.inf
+    grazes = one.along[0] <= graze <= one.along[-1]
     figure, axes = style.new_figure(len(shown), 1.2 + 2.3 * len(shown))
     for axis, name in zip(axes, shown, strict=True):
         measure = measure_of(results, structure, name)
@@ -51,8 +54,7 @@ def draw(
         axis.set_ylabel(measure.label + measure.unit)
         axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)
-        graze = structure.grazing_amplitude(one.omega) if over_amplitude else math.nan
-        if one.along[0] <= graze <= one.along[-1]:
+        if grazes:
             axis.axvline(graze, color=palette.STOP, linewidth=0.8, linestyle="--")
-    axes[-1].set_xlabel(labels.along(one.study) + ",  dashed: grazing" * over_amplitude)
+    axes[-1].set_xlabel(labels.along(one.study) + ",  dashed: grazing" * bool(grazes))
     return style.head(figure, f"{one.caption},  {style.words_of(one.results)}", fontsize=9)

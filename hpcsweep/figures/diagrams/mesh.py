@@ -11,7 +11,6 @@ from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
 from hpcsweep.figures.fitting import LEGEND, area, blank
 from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
-from hpcsweep.model.structure import Structure
 from hpcsweep.studies.point_grid import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -136,13 +135,15 @@ def panels(
 
 
 def edges_of(centres: np.ndarray) -> np.ndarray:
-    """Return the borders of cells around ascending values; close ones of a single value."""
+    """Return the borders of cells around ascending values; close ones of a single value.
+
+    The cells of values above 0 end there.
+    """
     if centres.size == 1:
         return centres[0] + (abs(centres[0]) or 1.0) * np.array([-5e-4, 5e-4])
     middle = 0.5 * (centres[1:] + centres[:-1])
-    return np.concatenate(
-        ([1.5 * centres[0] - 0.5 * centres[1]], middle, [1.5 * centres[-1] - 0.5 * centres[-2]])
-    )
+    first, last = 1.5 * centres[0] - 0.5 * centres[1], 1.5 * centres[-1] - 0.5 * centres[-2]
+    return np.concatenate(([max(first, 0.0) if centres[0] > 0 else first], middle, [last]))
 
 
 def draw_mesh(axis, results, values: np.ndarray, **options):
@@ -230,15 +231,14 @@ def map_keys(results) -> list:
     structure = style.structure_of(results)
     reached, _ = _curve(structure, omega.min(), omega.max())
     crosses = ((across.min() <= reached) & (reached <= across.max())).any()
-    return [*([grazing_key(structure)] if crosses else []), *special_keys(results)]
+    return [*([grazing_key()] if crosses else []), *special_keys(results)]
 
 
-def grazing_key(structure: Structure):
-    """Return the legend key of the grazing curve, which is that of motions in which none slips."""
+def grazing_key():
+    """Return the legend key of the grazing curve."""
     from matplotlib.lines import Line2D
 
-    label = f"grazing{' without slip' * bool(structure.sliders)}, closed form"
-    return Line2D([], [], color=palette.GRAZING, linewidth=1.2, label=label)
+    return Line2D([], [], color=palette.GRAZING, linewidth=1.2, label="grazing, closed form")
 
 
 def share_keys(
@@ -277,6 +277,7 @@ def legend_of_motions(
     figure,
     index: np.ndarray,
     more: Sequence,
+    study,
     by_period: bool,
     inferred: bool,
 ) -> None:
@@ -288,11 +289,13 @@ def legend_of_motions(
         Of all runs, in `palette.MOTIONS`; -1 where nothing is computed.
     more : sequence of matplotlib artists
         Further keys.
+    study : Study
     by_period, inferred : bool
         See `drawn_motions`, and `legend_of_shares`.
     """
     known = max(int((index >= 0).sum()), 1)
-    keys = share_keys(index, drawn_motions(by_period), "not computed", ("undecided",), known)
+    names = drawn_motions(by_period, study.structure)
+    keys = share_keys(index, names, "not computed", ("undecided",), known)
     legend_of_shares(figure, [*keys, *more], inferred)
 
 
@@ -308,7 +311,8 @@ def _curve(structure, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     # cached for the panels and pages of a study: computing it takes longer than drawing it
     omega = np.linspace(low, high, 800)
     with np.errstate(divide="ignore"):
-        return np.array([structure.grazing_amplitude(value) for value in omega.tolist()]), omega
+        reached = [style.grazing_amplitude(structure, value) for value in omega.tolist()]
+    return np.array(reached), omega
 
 
 def map_height(results, height: float) -> float:

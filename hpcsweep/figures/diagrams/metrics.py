@@ -70,6 +70,10 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
     return np.full(structure.n_floors, np.nan) if seen is None else seen.modal_norm
 
 
+def _without(one: Frame) -> str:
+    return "elastic, " * bool(one.structure.sliders) + "without stop"
+
+
 def _drift(axis, one: Frame, free: np.ndarray) -> None:
     chaotic = dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]]
     names, drifts = one.runs["direction"].values.tolist(), one.runs["drift"].values
@@ -82,7 +86,7 @@ def _drift(axis, one: Frame, free: np.ndarray) -> None:
             if chosen.any():
                 _plot(axis, one.along[chosen], drift[chosen], marker, colour, direction, label)
     looks = {"color": "black", "linewidth": 1.1, "linestyle": DASHES[0]}
-    _free(axis, one.along, free, label="without stop", **looks)
+    _free(axis, one.along, free, label=_without(one), **looks)
     axis.set_ylabel(labels.DRIFT)
 
 
@@ -111,7 +115,7 @@ def _norms(axis, one: Frame, free: np.ndarray) -> None:
             label = f"mode {mode + 1}, {direction}"
             _plot(axis, one.along, norm[:, mode], marker, colour, direction, label)
         looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
-        _free(axis, one.along, free[:, mode], label=f"mode {mode + 1}, without stop", **looks)
+        _free(axis, one.along, free[:, mode], label=f"mode {mode + 1}, {_without(one)}", **looks)
     axis.set_ylabel(labels.MODAL_NORM)
     if shown < frame.sizes["mode"]:
         title = f"the lowest {shown} of {frame.sizes['mode']} modes"

@@ -126,7 +126,7 @@ def _groups(color: str, one: Frame) -> list[Group]:
         index = palette.motion_index(one.classes, one.runs["orbit_period"].values)
         groups = [
             Group(colour, name, one.done & (index == place))
-            for place, (name, colour) in enumerate(palette.MOTIONS)
+            for place, (name, colour) in enumerate(palette.motions_of(one.structure))
         ]
         return [group for group in groups if group.runs.any()]
     contact, numbers = one.runs["contact"].values, one.structure.contact_labels

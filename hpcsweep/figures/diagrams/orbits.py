@@ -71,11 +71,11 @@ def scatter_motions(axis, frame, index: np.ndarray, floor: int, fine: float, orb
             scatter(axis, frame, runs, floor, **looks)
 
 
-def motion_keys(index: np.ndarray, marker: str, size: float) -> list:
+def motion_keys(structure, index: np.ndarray, marker: str, size: float) -> list:
     """Return legend keys of the motions that occur in `index`."""
     return [
         fitting.dot(name, colour, marker, size)
-        for place, (name, colour) in enumerate(palette.MOTIONS)
+        for place, (name, colour) in enumerate(palette.motions_of(structure))
         if (index == place).any()
     ]
 

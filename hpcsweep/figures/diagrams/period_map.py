@@ -114,8 +114,8 @@ def draw(
 def _classes(figure, axes, results) -> None:
     index = palette.motion_index(*(values[0] for values in drawn_classes(results)))
     mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, palette.MOTION_COLOURS))
-    notes = is_by_period(results), _of_points(results)
-    mesh.legend_of_motions(figure, index, mesh.map_keys(results), *notes)
+    notes, study = (is_by_period(results), _of_points(results)), style.job_of(results).study
+    mesh.legend_of_motions(figure, index, mesh.map_keys(results), study, *notes)
 
 
 def _contact_sets(figure, axes, results) -> None:
@@ -149,11 +149,11 @@ def _identities(figure, axes, results) -> None:
     there, counts = (part.tolist() for part in np.unique(number[number > 0], return_counts=True))
     named = sorted(sorted(range(len(there)), key=lambda k: -counts[k])[: len(palette.SERIES)])
     index = np.where(number > 0, len(named), -1)
-    entries = []
+    entries, names = [], palette.motions_of(style.structure_of(results))
     for place, k in enumerate(named):
         own = number == there[k]
         index[own] = place
-        name = palette.MOTION_NAMES[int(np.bincount(motion[own]).argmax())]
+        name = names[int(np.bincount(motion[own]).argmax())][0]
         entries.append((f"{there[k]}, {name}", palette.series_colour(place)))
     entries.append((f"{len(there) - len(named)} rarer", palette.OTHER_MOTION))
     mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, [colour for _, colour in entries]))

@@ -15,6 +15,8 @@ peak drift, displacement or acceleration, ductility or residual drift over the s
 of each building at one intensity: median, 16 to 84 %, and the median without contacts"""
 OPTIONS = (responses.RESPONSE, responses.SCALE)
 load = responses.load
+ROOM = 0.2
+"""Room of the legend above the storeys, over their height."""
 
 
 def draw(results, response: str = "drift", scale: float | None = None):
@@ -28,10 +30,15 @@ def draw(results, response: str = "drift", scale: float | None = None):
         raise style.PlotError("a profile is for buildings: a finite element model has no storeys")
     panels = responses.heights(found.names)
     figure, axes = style.new_grid(1, len(panels), (1.2 + 2.6 * len(panels), 4.2), sharex=True)
+    counted = fractiles(found.values[:, at])
+    beside = [np.asarray(found.alone)[:, at]] if responses.touches(whole) else []
+    edge = responses.edge_of(counted, *beside)
     for axis, (building, places, level) in zip(axes[0], panels, strict=True):
-        low, median, high = fractiles(found.values[:, at, places])
-        axis.fill_betweenx(level, low, high, color=palette.series_colour(0), alpha=0.2, linewidth=0)
-        axis.plot(median, level, "o-", color=palette.series_colour(0), markersize=3, label="median")
+        low, median, high = counted[:, places]
+        band = [np.minimum(one, edge or np.inf) for one in (low, high)]
+        own = palette.series_colour(0)
+        axis.fill_betweenx(level, *band, color=own, alpha=0.2, linewidth=0, label="16 to 84 %")
+        axis.plot(median, level, "o-", color=own, markersize=3, label="median")
         if responses.touches(whole):
             (free,) = fractiles(np.asarray(found.alone)[:, at, places], (0.5,))
             looks = {"color": palette.STOP, "markersize": 3, "label": responses.alone(results)}
@@ -41,11 +48,12 @@ def draw(results, response: str = "drift", scale: float | None = None):
         axis.grid(True, color="0.92", linewidth=0.6)
         axis.set_xlabel(whole.label, fontsize=8)
     ends = [tick for axis in axes[0] for tick in axis.get_yticks()]
+    room = ROOM * (max(ends) - min(ends) + 1.0)
     for axis in axes[0]:
-        axis.set_ylim(min(ends) - 0.5, max(ends) + 0.5)
-    axes[0, 0].set(xlim=(0, None), ylabel=found.dim)
+        axis.set_ylim(min(ends) - 0.5, max(ends) + 0.5 + room)
+    axes[0, 0].set(xlim=(0, edge), ylabel=found.dim)
     responses.legend(axes[0, 0])
     where = f"{responses.at_scale(study, at)}, {len(whole.records)} records"
     if fallen := int(np.isinf(whole.values[:, at]).sum()):
-        where += f", {fallen} of which collapse"
+        where += f", {fallen} of which collapse, beyond the edge"
     return style.head(figure, f"{where}\n{responses.title(results)}", fontsize=9)

@@ -10,7 +10,7 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import Option, positive
 from hpcsweep.model.buildings import COLUMN
 from hpcsweep.model.isolation import SLAB
-from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
+from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
 
@@ -43,6 +43,8 @@ MOST_PARTS = 50
 """... unless so many are in a sample interval."""
 FENCE = 3.0
 """Distances between quartiles beyond the upper one, from which on a curve is an outlier (Tukey)."""
+EDGE = 1.2
+"""Of an axis, over the largest response, where something collapses."""
 MIN_LENGTH = 1e-12
 """Share of the largest response below which two are the same."""
 
@@ -116,7 +118,15 @@ def title(results) -> str:
 
 def alone(results) -> str:
     """Return the words for the motion without contacts, in which no slider slips."""
-    return "elastic, no contact" if style.structure_of(results).sliders else "no contact"
+    return alone_words(style.structure_of(results))
+
+
+def edge_of(*drawn: np.ndarray) -> float | None:
+    """Return where an axis ends on which infinite values, of collapses, lie; None without any."""
+    every = np.concatenate([np.ravel(one) for one in drawn])
+    if not np.isinf(every).any():
+        return None
+    return EDGE * float(np.max(every, initial=0.0, where=np.isfinite(every))) or 1.0
 
 
 def counted(stripes: Stripes) -> str:
@@ -189,12 +199,14 @@ def history_of(study: Records, run: tuple[int, int], time, structure=None):
     return seen
 
 
-def within(curves: np.ndarray) -> tuple[float | None, str]:
+def within(curves: np.ndarray, *inside: np.ndarray) -> tuple[float | None, str]:
     """Return where an axis ends so that outliers do not squeeze the others, and words that tell.
 
     Parameters
     ----------
     curves : ndarray, shape (n_records, k)
+    *inside : ndarray
+        What is never beyond the edge, where it is finite: fractiles.
 
     Returns
     -------
@@ -202,14 +214,15 @@ def within(curves: np.ndarray) -> tuple[float | None, str]:
         None: without an outlier.
     str
     """
-    sizes = np.nanmax(np.where(np.isfinite(curves), curves, np.nan), axis=1, initial=0.0)
+    sizes = np.max(curves, axis=1, initial=0.0, where=np.isfinite(curves))
+    least = max((np.max(x, initial=0.0, where=np.isfinite(x)) for x in inside), default=0.0)
     low, high = np.quantile(sizes, (0.25, 0.75))
-    beyond = sizes > high + FENCE * (high - low)
+    beyond = sizes > max(high + FENCE * (high - low), least)
     if not beyond.any() or beyond.all() or high == low:
         return None, ""
     count = int(beyond.sum())
     words = f"{count} outlier{'s' * (count > 1)} beyond the edge, up to {sizes.max():.3g}"
-    return 1.1 * float(sizes[~beyond].max()), words
+    return 1.1 * float(max(sizes[~beyond].max(), least)), words
 
 
 def samples_of(study: Records, i: int):

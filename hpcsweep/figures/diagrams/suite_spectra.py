@@ -3,6 +3,7 @@
 import numpy as np
 
 from hpcsweep.earthquakes.spectrum import spectrum
+from hpcsweep.earthquakes.stripes import fractiles
 from hpcsweep.figures import palette, style, view
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.model.modes import natural_modes
@@ -42,8 +43,11 @@ def natural_periods(structure) -> list[tuple[str, float]]:
     return found
 
 
-def finish(axis, study: Records, periods: np.ndarray, curves: np.ndarray) -> str:
-    """Mark natural periods, limit and label the axes; return words about what lies beyond."""
+def finish(axis, study: Records, periods: np.ndarray, curves: np.ndarray, *inside) -> str:
+    """Mark natural periods, limit and label the axes; return words about what lies beyond.
+
+    See `responses.within`.
+    """
     from matplotlib.ticker import LogLocator, NullFormatter
 
     before, raised = 0.0, False
@@ -59,7 +63,7 @@ def finish(axis, study: Records, periods: np.ndarray, curves: np.ndarray) -> str
     axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())
-    edge, beyond = responses.within(curves)
+    edge, beyond = responses.within(curves, fractiles(curves), *inside)
     axis.set(xlabel=f"period  [{time}]", xlim=(periods[0], periods[-1]), ylim=(0, edge))
     return beyond
 

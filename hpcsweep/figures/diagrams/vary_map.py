@@ -115,8 +115,8 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
             at = style.direction_index(frame, direction)
             from_cells.append(float(inferred(frame)[at, 0].mean()))
             motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
-            graze = frames.study.structure.grazing_amplitude if over_amplitude else lambda _: np.nan
-            grazing.append(graze(float(frame["omega"].values.flat[0])))
+            place_of = frames.study.structure, float(frame["omega"].values.flat[0])
+            grazing.append(style.grazing_amplitude(*place_of) if over_amplitude else np.inf)
         pairs = ((_words(n), written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
     study, shape = as_kind(frames.study, RunGrid), (len(panels), len(rows))
@@ -160,8 +160,8 @@ def draw(results: Panels, **_options):
             axis.locator_params(axis="x", nbins=4)
     notes = results.by_period, bool(results.inferred)
     there = np.isfinite(results.grazing).any()
-    grazing = [mesh.grazing_key(results.study.structure)] if there else []
-    mesh.legend_of_motions(figure, results.motion, grazing, *notes)
+    grazing = [mesh.grazing_key()] if there else []
+    mesh.legend_of_motions(figure, results.motion, grazing, results.study, *notes)
     return style.head(figure, results.title, share_note(results.inferred))
 
 
@@ -172,7 +172,7 @@ def _panel(axis, results: Panels, panel: int) -> None:
     is_number = is_number and bool(np.all(np.diff(keys) > 0))
     is_wide = is_number and keys[0] > 0 and keys[-1] / keys[0] >= WIDE
     heights = keys.astype(float) if is_number else np.arange(keys.size, dtype=float)
-    edges_to = (lambda y: np.exp(mesh.edges_of(np.log(y)))) if is_wide else mesh.edges_of
+    edges_to = _edges_of_wide if is_wide else mesh.edges_of
     edges = edges_to(heights)
     motions = mesh.of_classes(cells, palette.MOTION_COLOURS)
     mesh.paint(axis, results.study.along_of(0), heights, edges=edges_to, **motions)
@@ -184,6 +184,10 @@ def _panel(axis, results: Panels, panel: int) -> None:
     for colour, width in (("white", 1.8), (palette.GRAZING, 1.0)):
         axis.stairs(grazing, edges, baseline=None, orientation="horizontal", color=colour, lw=width)
     axis.set(xlim=limits, ylim=(edges[0], edges[-1]))
+
+
+def _edges_of_wide(keys: np.ndarray) -> np.ndarray:
+    return keys[0] * np.exp(mesh.edges_of(np.log(keys / keys[0])))
 
 
 def _words(name: str) -> str:

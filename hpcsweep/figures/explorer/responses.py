@@ -13,7 +13,7 @@ from hpcsweep.figures import labels, palette
 from hpcsweep.figures.diagrams.responses import heights
 from hpcsweep.figures.explorer import encode
 from hpcsweep.model.reduction import physical
-from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
+from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import (
     RESPONSES,
@@ -75,7 +75,7 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
                 "note": elastic_words(elastic_drift(results, structure)),
                 "exact": not (structure.contacts or structure.sliders),
                 "measure": intensity_label(study),
-                "alone": "elastic, no contact" if structure.sliders else "no contact",
+                "alone": alone_words(structure),
             }
         )
         for name, values in _arrays(results, study, told).items():

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.film.frames import Common, Film
 from hpcsweep.figures.fitting import area, dot, legend_below
@@ -72,7 +72,8 @@ class Picture:
         scale, *rest = axes[:, 0]
         self.panels = rest[: -n_panels - 1 : -1]
         for panel, floor, (low, high) in zip(self.panels, film.floors, common.limits, strict=True):
-            pad = max(MARGIN * (high - low), 1e-6)
+            low, high = view.apart(low, high)
+            pad = MARGIN * (high - low) or 1e-6
             style.limit_amplitudes(panel, self._along)
             panel.set(ylim=(low - pad, high + pad), ylabel=self._name(floor))
             style.draw_lattice(panel)
@@ -177,7 +178,7 @@ class Picture:
         """Return the colour and the name of a direction, a motion or a contact set."""
         film = self._film
         if film.request.color == "period":
-            return palette.MOTIONS[key][::-1]
+            return palette.motions_of(film.structure)[key][::-1]
         if film.request.color == "contact":
             return self.sets[key]
         name = film.directions[key]

@@ -94,7 +94,7 @@ class AttractorTally(BaseTally):
             "starts": starts,
             **{f"starts_{name}": share(counts["starts"][name], starts) for name in UNSTORED},
             "attractors": held,
-            "classes": class_shares(classes, KINDS),
+            "classes": class_shares(classes, self._study, KINDS),
             "periods": shares(periods, held),
             "shakedown": shakedown_shares(shakedown, held, self._study),
             "contact_sets": contact_shares(contacts, held, self._study),

@@ -41,6 +41,8 @@ HORIZONTAL, VERTICAL = (
 )
 MAX_VALUES = {"horizontal": 100_000, "vertical": 10_000_000}
 MAX_STATE = 1e200
+FEW = 6
+"""Components of a kind that an error lists; of more it names the first and the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +177,9 @@ def _components(values, structure: Structure) -> tuple[int, int]:
     given = values.get("study.components", [names[0], names[n]])
     known = isinstance(given, list) and len(given) == 2 and all(one in names for one in given)
     if not known or given[0] == given[1]:
-        limit = f"must be two of {names[0]} .. {names[n - 1]}, {names[n]} .. {names[-1]}"
-        raise values.error("study.components", given, limit)
+        groups = filter(None, (names[:n], names[n : 2 * n], names[2 * n :]))
+        listed = (", ".join(x) if len(x) <= FEW else f"{x[0]} .. {x[-1]}" for x in groups)
+        raise values.error("study.components", given, f"must be two of {', '.join(listed)}")
     return names.index(given[0]), names.index(given[1])
 
 

@@ -100,6 +100,12 @@ def elastic_words(drift: float) -> str:
     return f"elastic: drifts of up to {drift:.2g} %; frames yield from some {YIELDS:g} % on"
 
 
+def alone_words(structure: Structure) -> str:
+    """Return the words for the motion without contacts, in which no slider slips."""
+    words = "elastic" * bool(structure.sliders), "no contact" * bool(structure.contacts)
+    return ", ".join(filter(None, words))
+
+
 class ResponseTally(BaseTally):
     """Tally of runs, record by record."""
 

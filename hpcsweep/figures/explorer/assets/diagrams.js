@@ -15,8 +15,10 @@ function subscript(number) {
   return String(number).replace(/\d/g, (d) => "₀₁₂₃₄₅₆₇₈₉"[d]);
 }
 
+// The ends of an axis; values that differ by rounding are drawn as equal.
 function padded(low, high, share = 0.07) {
-  const margin = share * (high - low) || 0.05 * Math.abs(high) || 0.05;
+  const same = high - low <= 1e-6 * Math.max(Math.abs(low), Math.abs(high));
+  const margin = (same ? 0.05 * Math.abs(high) : share * (high - low)) || 0.05;
   return [low - margin, high + margin];
 }
 

@@ -102,7 +102,7 @@ def _model(structure) -> Lines:
     yield (
         "reduced to",
         f"{found.modes} modes, up to omega = {highest:.6g}{_cycles(structure, highest)}; estimated "
-        f"error {found.error:.2g} of a motion with contact",
+        f"error {found.error:.2g} of displacements in a motion with contact",
     )
     shares = ", ".join(f"{share:.3g}" for share in found.shares[:MAX_MODES])
     more = ", ..." if found.modes > MAX_MODES else ""

@@ -33,6 +33,9 @@ INSTALL = "{} is needed to read it: pip install 'hpcsweep[fem]'"
 Found = dict[str, Any]
 """Matrices by their roles, and names of coordinates; or by the name in the file, before."""
 
+MAX_SAID = 200
+"""Characters of what a library says of a file."""
+
 
 def read_model(path: Any, names: Sequence[str] | None = None) -> FiniteElements:
     """Read a finite element model: sparse matrices of mass, stiffness and damping.
@@ -87,12 +90,15 @@ def read_model(path: Any, names: Sequence[str] | None = None) -> FiniteElements:
 
 
 def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
-    """Read a model from files, as `read_model`; errors name the first of them."""
+    """Read a model from files, as `read_model`; errors name that of what is wrong, or the first."""
     if len(paths) == 1 and paths[0].is_dir():
         paths = sorted(one for one in paths[0].iterdir() if one.suffix in READERS)
+    whole = paths[0] if paths else Path("path")
+    read_from: dict[str, Path] = {}
     try:
         found: Found = {}
         for path in paths:
+            read_from[""] = path
             held = _read(path)
             if len(held) == 1 and not _role(next(iter(held))):
                 own = re.split(r"[-_. ]", path.stem)[-1]
@@ -102,7 +108,8 @@ def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
                 if role in found:
                     raise ValueError(f"{role} is there twice, as {name!r} as well")
                 if role:
-                    found[role] = matrix
+                    found[role], read_from[role] = matrix, path
+        read_from[""] = whole
         for role in ("mass", "stiffness"):
             if role not in found:
                 here = ", ".join(held) if paths else "nothing"
@@ -114,7 +121,8 @@ def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
         raise
     except Exception as error:  # whatever a library says of a file that it cannot read
         said = " ".join(str(error).split()) or type(error).__name__
-        where = str(paths[0]) if paths else "path"
+        said = said if len(said) <= MAX_SAID else f"{said[: MAX_SAID - 3]}..."
+        where = str(read_from.get(said.split()[0], read_from.get("", whole)))
         raise ValueError(said if said.startswith(where) else f"{where}: {said}") from None
 
 
@@ -199,7 +207,7 @@ def _full(path: Path) -> Found:
 
 
 def _text(path: Path) -> Found:
-    text = path.read_text().replace(",", " ").split("\n")
+    text = re.sub("[,;]", " ", path.read_text()).split("\n")
     return {"": np.array([row.split() for row in text if row.strip()], float)}
 
 

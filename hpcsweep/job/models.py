@@ -13,6 +13,7 @@ from typing import Any
 from hpcsweep.job.job import JobError
 from hpcsweep.job.structures import MODEL, element_tables, model_settings
 from hpcsweep.job.values import Values
+from hpcsweep.job.vary import varied_values
 
 LISTS = ("names", "outputs", "fixed")
 
@@ -40,6 +41,7 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
         return tree
     values.check_table("structure.model", table, MODEL, ("file",))
     contacts, sliders = element_tables(values, structure)
+    contacts = _stiffest(contacts, varied_values(values, tree))
     for key in LISTS:
         if not isinstance(table.get(key, []), list):
             raise values.error(f"structure.model.{key}", table[key], "must be a list")
@@ -79,3 +81,16 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
     places = [str(path.absolute()) for path in paths]
     table = {**table, "file": places if isinstance(given, list) else places[0], "found": found}
     return {**tree, "structure": {**structure, "model": table}}
+
+
+def _stiffest(contacts: list[dict], varied: Mapping[str, tuple[Any, ...]]) -> list[dict]:
+    """Return the tables of contacts, each as stiff as in any part: there the error is largest.
+
+    A wrong value is left to the part that has it.
+    """
+    made = []
+    for k, one in enumerate(contacts):
+        given = varied.get(f"structure.contact[{k}].stiffness", ())
+        known = [value for value in given if isinstance(value, int | float) and value > 0]
+        made.append({**one, "stiffness": max(known)} if known else one)
+    return made

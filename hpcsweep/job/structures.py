@@ -182,7 +182,8 @@ def _of_model(values: Values, given: dict, contacts, sliders, others: dict) -> S
     if "damping_ratio" in table:
         if both := {"damping_ratio", "rayleigh"} & set(others):
             value = table["damping_ratio"]
-            raise values.error("structure.model.damping_ratio", value, f"goes without {both.pop()}")
+            limit = f"must not be given beside structure.{both.pop()}"
+            raise values.error("structure.model.damping_ratio", value, limit)
         others["damping_ratio"] = _tuples(table["damping_ratio"])
     try:
         reduced = Reduced(**found)

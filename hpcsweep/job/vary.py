@@ -160,11 +160,7 @@ def parts_of(
         along = values.table("sweep").get("along")
         if isinstance(along, str) and along in given:  # the steps of a path, no axis
             rest["vary"] = {along: given.pop(along)}
-        table = Values(file, {}) if file else values
-        axes = tuple(
-            _rows(table, value) if key == ROWS else _axis(values, key, value)
-            for key, value in given.items()
-        )
+        axes = _axes(values, given, file)
     n_parts = int(np.prod([len(axis.values) for axis in axes], dtype=object))
     if n_parts > MAX_PARTS:
         raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MAX_PARTS}")
@@ -173,6 +169,21 @@ def parts_of(
         if keys.count(key) > 1:
             raise JobError(f"{values.source}: vary.{key}: is in vary.{ROWS}, too")
     return Parts(values.source, rest, axes, read, file)
+
+
+def _axes(values: Values, given: Mapping, file: str) -> tuple[Axis, ...]:
+    """Read the axes of a table without tables within; `file` is that of their rows."""
+    table = Values(file, {}) if file else values
+    return tuple(
+        _rows(table, value) if key == ROWS else _axis(values, key, value)
+        for key, value in given.items()
+    )
+
+
+def varied_values(values: Values, tree: Mapping) -> dict[str, tuple[Any, ...]]:
+    """Return the values of each key that a job varies, along a path, too."""
+    axes = _axes(values, _flat(values, tree["vary"]), "") if "vary" in tree else ()
+    return {one.key: one.given for axis in axes for one in axis.keys}
 
 
 def read_varied(

@@ -227,8 +227,13 @@ class FiniteElements:
         used = ~self.is_empty
         for key in fixed:
             used[self.number_of("fixed", str(key))] = False
-        hits = [self._moving("contact.direction", one.direction, used) for one in contacts]
-        slides = [self._moving("slider.direction", one.direction, used) for one in sliders]
+        hits, slides = (
+            [
+                self._moving(f"{name}[{k}].direction", one.direction, used)
+                for k, one in enumerate(listed)
+            ]
+            for name, listed in (("contact", contacts), ("slider", sliders))
+        )
         told = [self._moving("outputs", one, used) for one in outputs]
         for k, row in enumerate(told):
             if any(np.array_equal(abs(row), abs(other)) for other in told[:k]):
@@ -356,7 +361,9 @@ def _matrix(name: str, given: Any) -> Any:
         found = sparse.csr_array(given) if sparse.issparse(given) else np.asarray(given)
         if np.iscomplexobj(found):
             raise TypeError
-        found = sparse.csr_array(np.diag(found) if found.ndim == 1 else found, dtype=float)
+        if not sparse.issparse(found) and found.ndim in (1, 2) and found.size == max(found.shape):
+            found = np.diag(found.ravel())  # a vector of masses, in a row or a column
+        found = sparse.csr_array(found, dtype=float)
     except (TypeError, ValueError):
         raise ValueError(f"{name} must be a matrix of real numbers, is {shown(given)}") from None
     if found.ndim != 2 or found.shape[0] != found.shape[1] or not found.nnz:

@@ -140,6 +140,16 @@ def test_what_is_no_model_is_told_in_one_line(folder):
         with pytest.raises(ValueError, match=said) as caught:
             read_model(path)
         assert "\n" not in str(caught.value)
+    np.savetxt("K.csv", STIFFNESS, delimiter=";")
+    (folder / "M.txt").write_text("1 2\n3 x\n")
+    with pytest.raises(ValueError, match=r"^M.txt: could not convert string to float: 'x'"):
+        read_model(["K.csv", "M.txt"])
+    (folder / "M.txt").write_text("1 2 3\n4 5 6\n")
+    with pytest.raises(ValueError, match=r"^M.txt: mass must be square, and not 0, has"):
+        read_model(["K.csv", "M.txt"])
+    for shape in ((-1, 1), (1, -1)):
+        np.savetxt("M.txt", np.diag(MASS).reshape(shape))
+        assert np.array_equal(read_model(["K.csv", "M.txt"]).mass.toarray(), np.diag(np.diag(MASS)))
     with pytest.raises(FileNotFoundError):
         read_model("nowhere.mtx")
     with pytest.warns(UserWarning, match=r"d.npz: the first period is 5.651e-08 units of time"):
@@ -197,6 +207,25 @@ def test_gaps_vary_and_directions_do_not(folder):
         load_job("beam.toml")
 
 
+def test_a_model_is_reduced_for_its_stiffest_contact(folder):
+    """There the error of the modes is largest; the job's own number may be that of no part."""
+    asked, kappa = JOB.replace("{modes = 6}", "{error = 1e-3}"), '"structure.contact[0].stiffness"'
+    made = []
+    for own, varied in (
+        (300.0, ""),
+        (3e6, ""),
+        (300.0, f"[vary]\n{kappa} = [3.0, 3e6]"),
+        (3.0, f"[vary]\n{kappa} = {{from = 3.0, to = 3e6, count = 3}}"),
+    ):
+        text = asked.replace("stiffness = 300.0", f"stiffness = {own}")
+        (folder / "beam.toml").write_text(f"{text}\n{varied}\n")
+        found = load_job("beam.toml").structure.reduction
+        made.append((found.modes, found.error))
+    soft, stiff, *varied = made
+    assert soft[0] < stiff[0]
+    assert varied == [stiff, stiff]
+
+
 WRONG = [
     ('"beam.npz"', '"none.npz"', "structure.model.file: none.npz: there is no such file"),
     ('"beam.npz"', "3", "structure.model.file = 3: must be names of files"),
@@ -207,10 +236,14 @@ WRONG = [
     ('["15.UY"]', '"15.UY"', "structure.model.outputs = '15.UY': must be a list"),
     ("modes = 6", "modes = 99", "structure.model.reduce.modes must be a whole number from 1 to 60"),
     ("{modes = 6}", "6", "structure.model.reduce must be one of modes, error, up_to, is 6"),
-    ('"30.UY"', '"30.UZ"', "structure.contact.direction must be one of the 60 coordinates"),
+    ('"30.UY"', '"30.UZ"', "structure.contact[0].direction must be one of the 60 coordinates"),
     ("gap = 0.02\n", "", "structure.contact[0].gap is missing"),
     ("sharpness = inf", "mass = 2.0", "structure.mass = 2.0: does not go with model"),
-    ("influence =", "damping_ratio = 0.1\ninfluence =", "damping_ratio = 0.1: goes without damp"),
+    (
+        "influence =",
+        "damping_ratio = 0.1\ninfluence =",
+        "= 0.1: must not be given beside structure.damp",
+    ),
 ]
 
 
@@ -229,7 +262,7 @@ def test_a_job_is_described_run_and_read_without_its_model(folder):
     told = hpcsweep(0, "describe", "beam.toml").stdout
     for words in (
         "60 coordinates, 0 of them fixed or empty, 0 without mass condensed",
-        "6 modes, up to omega = 298.578; estimated error 0.00017 of a motion with contact",
+        "6 modes, up to omega = 298.578; estimated error 0.00017 of displacements in a",
         "effective shares of the modes 0.626, 0.192,",
     ):
         assert words in told

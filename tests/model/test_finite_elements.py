@@ -237,7 +237,7 @@ WRONG = [
     (lambda: model().structure(outputs=["1.UY"]), "influence is missing: .* one of RZ, UY"),
     (lambda: of((1.0,) * 513, np.eye(513)).structure(outputs=[1]), "reduce is missing: .* has 513"),
     (lambda: with_stop({"error": 1e-18}, n=40), "reduce.error must be at least .*, is 1e-18"),
-    (lambda: with_stop({"modes": 4}, fixed=["30.UY"]), "contact.direction names '30.UY'"),
+    (lambda: with_stop({"modes": 4}, fixed=["30.UY"]), r"contact\[0\].direction names '30.UY'"),
     (
         lambda: model(lumped=True).structure([Contact("30.RZ", 1, 1)], influence="UY"),
         "reduce is missing: a contact or slider acts on coordinates without mass",

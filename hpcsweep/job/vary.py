@@ -295,8 +295,7 @@ def _is_given(tree: Mapping, key: str) -> bool:
 def unused(axes: Iterable[Axis], tree: Mapping) -> tuple[str, ...]:
     """Return a message for each key that is given beside ``vary``."""
     keys = (one.key for axis in axes for one in axis.keys)
-    used = "[vary] gives its values"
-    return tuple(f"not used: {key} ({used})" for key in keys if _is_given(tree, key))
+    return tuple(f"not used: {k} ([vary] gives its values)" for k in keys if _is_given(tree, k))
 
 
 def _flat(values: Values, table: object) -> dict[str, object]:

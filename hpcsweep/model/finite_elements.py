@@ -227,13 +227,8 @@ class FiniteElements:
         used = ~self.is_empty
         for key in fixed:
             used[self.number_of("fixed", str(key))] = False
-        hits, slides = (
-            [
-                self._moving(f"{name}[{k}].direction", one.direction, used)
-                for k, one in enumerate(listed)
-            ]
-            for name, listed in (("contact", contacts), ("slider", sliders))
-        )
+        hits = self._directions("contact", contacts, used)
+        slides = self._directions("slider", sliders, used)
         told = [self._moving("outputs", one, used) for one in outputs]
         for k, row in enumerate(told):
             if any(np.array_equal(abs(row), abs(other)) for other in told[:k]):
@@ -303,6 +298,11 @@ class FiniteElements:
             facts,
             None if x.damping is None else x.damping.tolist(),
         )
+
+    def _directions(self, name: str, elements: Sequence, used: np.ndarray) -> list[np.ndarray]:
+        """Return the rows of contacts or sliders."""
+        directions = [(f"{name}[{k}].direction", one.direction) for k, one in enumerate(elements)]
+        return [self._moving(*given, used) for given in directions]
 
     def _moving(self, name: str, given: Any, used: np.ndarray) -> np.ndarray:
         """Return `row` of coordinates that move."""

@@ -109,9 +109,15 @@ def _model(structure) -> Lines:
     yield "mass", f"effective shares of the modes {shares}{more}, together {sum(found.shares):.4g}"
 
 
+def _kept(structure) -> int:
+    """Return how many modes are those of the structure, or of the model that it is reduced from."""
+    return structure.n_floors if structure.reduction is None else structure.reduction.modes
+
+
 def _modes(structure) -> Lines:
     """Yield natural frequencies, periods, damping ratios and mode shapes."""
     frequencies, ratios = structure.frequencies, structure.damping_ratios
+    kept = _kept(structure)
     for i, omega in enumerate(frequencies[:MAX_MODES]):
         shape = structure.modes[:, i]
         shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
@@ -121,7 +127,9 @@ def _modes(structure) -> Lines:
         yield (
             f"mode {i + 1}",
             f"omega = {omega:.6g}{_cycles(structure, omega)}, period {2 * np.pi / omega:.6g}, "
-            f"damping ratio {ratios[i]:.4g}, shape ({entries}{more})",
+            f"damping ratio {ratios[i]:.4g}, shape ({entries}{more})"
+            + ", stands for those left out"
+            * (i >= kept),
         )
     if (more := frequencies.size - MAX_MODES) > 0:
         yield "", f"and {more} modes more, up to omega = {frequencies[-1]:.6g}"
@@ -176,7 +184,7 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
 
 
 def _warnings(structure) -> Iterator[str]:
-    ratios = structure.damping_ratios
+    ratios = structure.damping_ratios[: _kept(structure)]
     yield from slow(structure)
     if structure.reduction is not None and (text := absurd(structure.frequencies[0])):
         yield text

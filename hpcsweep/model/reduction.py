@@ -17,8 +17,9 @@ the modes of Psi alone, so that q and p are modal coordinates of the reduced str
 
 The base moves by r. What r has of no mode kept, r - (Phi, Psi) (Phi, Psi)^T M r, is the *missing
 mass* of seismic practice: it rides with the base. It is a coordinate y of shape s, whose frequency
-is that of the fastest other one, so that no step becomes shorter; contacts do not move it. Then
-r lies in the space, and the absolute acceleration of a row d, d u'' + d r G, is that of the row.
+is that of the fastest other one, so that no step becomes shorter, and a millionth more: of two
+equal ones eigenvectors would be any mixture, and so their damping. Contacts do not move it. Then r
+lies in the space, and the absolute acceleration of a row d, d u'' + d r G, is that of the row.
 
 Rows are coordinates x of the reduced structure: x = S (q, p, y), S = [[P, P_y], [some of 1]]. The
 modal coordinates that the rows P replace are those with the pivots of QR; others keep their place,
@@ -53,6 +54,8 @@ DEPENDENT = 1e-10
 the square of this."""
 DISTINCT = 1e-3
 """Part of a row that no other row has, from which on it is a coordinate of its own."""
+APART = 1.0 + 2e-6
+"""Square of the frequency of the missing mass over that of the fastest mode."""
 MODAL = re.compile(r"(?:mode|residual) \d+|missing mass")
 """Names of coordinates that are amounts of modes."""
 SAMPLES = 1000
@@ -293,7 +296,7 @@ def coordinates(
     others += [size] * is_more
     back = np.linalg.inv(np.vstack((own, unit[others] * scale[others, None])))
     weights = np.append(np.ones(size), missing)[: size + is_more]
-    squares = np.append(basis.squares, basis.squares.max())[: size + is_more]
+    squares = np.append(basis.squares, APART * basis.squares.max())[: size + is_more]
     drag = None
     if damping is not None:
         inner = np.zeros_like(unit)

@@ -175,6 +175,11 @@ def test_a_damping_matrix_is_projected_as_the_others():
     omega = np.array(few.reduction.frequencies)
     assert few.damping_ratios[:5] == pytest.approx(0.1 / omega + 0.5e-4 * omega, rel=1e-9)
     assert few.names.floors[:2] == ("21", "39")
+    for k in (2, 3, 5):  # the missing mass has the frequency of mode k, and a damping of its own
+        alone = found.structure([], reduce={"modes": k}, outputs=[39], influence=[1, 0] * 20)
+        ratios = (0.1 / omega + 0.5e-4 * omega)[:k]
+        assert alone.damping_ratios[:k] == pytest.approx(ratios, rel=1e-6)
+        assert alone.damping_ratios[k] > 2 * ratios[-1]
     bare = found.structure([stop], reduce={"modes": 5}, influence=[1, 0] * 20, damping_ratio=0.03)
     assert bare.damping_ratios == pytest.approx(0.03)
 

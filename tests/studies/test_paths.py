@@ -188,9 +188,8 @@ def test_it_is_drawn_over_its_parameter(folder, tmp_path):
         done = hpcsweep(0, "plot", folder / "omega.h5", "--kind", *kind, "-o", tmp_path / "it.png")
         assert done.returncode == 0, done.stderr
     done = hpcsweep(0, "plot", folder / "gap.h5", "--kind", "map", "-o", tmp_path / "no.png")
-    assert done.stderr == (
-        "hpcsweep: error: no map over amplitude and frequency: the sweep is along gap\n"
-    )
+    said = "no map over amplitude and frequency: the sweep is along gap"
+    assert done.stderr == f"hpcsweep: error: {folder / 'gap.h5'}: {said}\n"
 
 
 @pytest.mark.parametrize("name", ATTRACTORS)

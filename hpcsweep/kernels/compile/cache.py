@@ -28,7 +28,6 @@ import os
 import pickle
 import re
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -36,6 +35,7 @@ import numba
 import numpy as np
 from numba.core import serialize
 from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 
@@ -54,8 +54,6 @@ DECLARED = re.compile(rb"^KERNELS = (\([^)]*\))", re.MULTILINE)
 """Patterns of the files of a room that define kernels and the constants in them."""
 SUFFIX = ".kernel"
 HASH_LENGTH = 16
-PARSING = threading.Lock()
-"""One thread parses at a time: `ast.parse` counts its depth for all of them in some versions."""
 COUNTS_REFERENCES = b"NRT_"
 """In machine code that counts references to arrays (`decorators.jit`).
 
@@ -113,11 +111,12 @@ def source_hash() -> str:
     """Hash all sources of the kernels.
 
     Parsing takes as long as loading the kernels, so the hash is cached, too, under that of the
-    complete files.
+    complete files. One thread parses at a time, as numba does when it compiles: in some versions of
+    Python `ast.parse` counts its depth for all threads.
     """
     sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
     kept = cache_root() / "sources" / _hash(sources)
-    with PARSING:
+    with global_compiler_lock:
         found = read_verified(kept)
         if found is not None:
             return found.decode()

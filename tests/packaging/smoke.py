@@ -29,7 +29,6 @@ RECORD_PLOTS = {
     "ida": (),
     "fragility": ("--threshold", "0.02"),
     "pounding": (),
-    "separation": (),
     "profile": (),
     "spectra": (),
     "floor-spectra": (),
@@ -38,6 +37,8 @@ RECORD_PLOTS = {
     "energy": (),
 }
 """Those of a study of records."""
+ELASTIC_PLOTS = {"separation": ()}
+"""Those of one in which nothing yields."""
 PORTFOLIO_PLOTS = {"portfolio": ("--against", "building[0].storey_stiffness")}
 """Those of a study of records that varies a key."""
 BRANCH_PLOTS = {"branches": ("--sweep", "study.h5")}
@@ -146,7 +147,7 @@ def check(hpcsweep: Installed) -> None:
     assert hpcsweep("validate", "study.h5", "--samples", "6")
     kinds = re.search(r"--kind \{([\w,-]+)\}", hpcsweep("plot", "--help"))[1].split(",")
     own = {*VARY_PLOTS, *ATTRACTOR_PLOTS, *BASIN_PLOTS, *RECORD_PLOTS, *BRANCH_PLOTS}
-    assert set(kinds) == {*PLOTS, *PORTFOLIO_PLOTS, *own}
+    assert set(kinds) == {*PLOTS, *PORTFOLIO_PLOTS, *ELASTIC_PLOTS, *own}
     own = [word for setting in ATTRACTORS for word in ("--set", setting)]
     hpcsweep("run", "study.toml", *given, *own, "-o", "each.h5", ranks=2, makes="each.h5")
     own = [word for setting in BASINS for word in ("--set", setting)]
@@ -160,6 +161,8 @@ def check(hpcsweep: Installed) -> None:
     finer = ("--omega", "0.44", "0.45", "--factor", "2")
     Path("records.toml").write_text(RECORDS)
     hpcsweep("run", "records.toml", makes="records.h5")
+    Path("elastic.toml").write_text(RECORDS.replace("yield_drift = 0.01\n", ""))
+    hpcsweep("run", "elastic.toml", makes="elastic.h5")
     storeys = ("--set", 'vary."building[0].storey_stiffness"=[800.0, 900.0, 1000.0]')
     hpcsweep("run", "records.toml", *storeys, "-o", "storeys.h5", makes="storeys.h5")
     assert "median" in hpcsweep("fragility", "records.h5", "--threshold", "0.02")
@@ -178,6 +181,7 @@ def check(hpcsweep: Installed) -> None:
         ("slice.h5", BASIN_PLOTS),
         ("curves.h5", BRANCH_PLOTS),
         ("records.h5", RECORD_PLOTS),
+        ("elastic.h5", ELASTIC_PLOTS),
         ("storeys.h5", PORTFOLIO_PLOTS),
     )
     for file, plots in drawn:

@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 from scipy.special import expit
 
 from hpcsweep.job import Job
-from hpcsweep.model.description import few, one_line, slow
+from hpcsweep.model.description import few, modes_kept, one_line, slow
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.reduction import absurd
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
@@ -109,15 +109,10 @@ def _model(structure) -> Lines:
     yield "mass", f"effective shares of the modes {shares}{more}, together {sum(found.shares):.4g}"
 
 
-def _kept(structure) -> int:
-    """Return how many modes are those of the structure, or of the model that it is reduced from."""
-    return structure.n_floors if structure.reduction is None else structure.reduction.modes
-
-
 def _modes(structure) -> Lines:
     """Yield natural frequencies, periods, damping ratios and mode shapes."""
     frequencies, ratios = structure.frequencies, structure.damping_ratios
-    kept = _kept(structure)
+    kept = modes_kept(structure)
     for i, omega in enumerate(frequencies[:MAX_MODES]):
         shape = structure.modes[:, i]
         shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
@@ -184,7 +179,7 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
 
 
 def _warnings(structure) -> Iterator[str]:
-    ratios = structure.damping_ratios[: _kept(structure)]
+    ratios = structure.damping_ratios[: modes_kept(structure)]
     yield from slow(structure)
     if structure.reduction is not None and (text := absurd(structure.frequencies[0])):
         yield text

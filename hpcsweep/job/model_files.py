@@ -92,7 +92,10 @@ def read_model(path: Any, names: Sequence[str] | None = None) -> FiniteElements:
 def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
     """Read a model from files, as `read_model`; errors name that of what is wrong, or the first."""
     if len(paths) == 1 and paths[0].is_dir():
-        paths = sorted(one for one in paths[0].iterdir() if one.suffix in READERS)
+        folder = paths[0]
+        paths = sorted(one for one in folder.iterdir() if one.suffix in READERS)
+        if not paths:
+            raise ValueError(f"{folder}: holds no file that ends in {', '.join(READERS)}")
     whole = paths[0] if paths else Path("path")
     read_from: dict[str, Path] = {}
     try:

@@ -6,6 +6,7 @@ matrices are rounded as the machine rounds. A results file is read without the f
 """
 
 import hashlib
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from hpcsweep.job.values import Values
 from hpcsweep.job.vary import varied_values
 
 LISTS = ("names", "outputs", "fixed")
+SHAPES_MODES = re.compile(r"\.direction(\[\d+\])?$|slider\[\d+\]\.stiffness$")
+"""Keys beside a model that its reduction depends on."""
 
 
 def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
@@ -39,9 +42,16 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
     table = structure["model"]
     if isinstance(table, Mapping) and folder is None and "found" in table:
         return tree
-    values.check_table("structure.model", table, MODEL, ("file",))
+    own = table
+    if isinstance(table, Mapping):
+        own = {key: value for key, value in table.items() if key != "found"}
+    values.check_table("structure.model", own, MODEL, ("file",))
     contacts, sliders = element_tables(values, structure)
-    contacts = _stiffest(contacts, varied_values(values, tree))
+    varied = varied_values(values, tree)
+    for key in filter(SHAPES_MODES.search, varied):
+        limit = "is not offered: a model is reduced once, for its contacts and sliders"
+        raise values.error(f"vary.{key}", [*varied[key]], limit)
+    contacts = _stiffest(contacts, varied)
     for key in LISTS:
         if not isinstance(table.get(key, []), list):
             raise values.error(f"structure.model.{key}", table[key], "must be a list")

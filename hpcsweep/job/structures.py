@@ -19,7 +19,7 @@ from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
 from hpcsweep.model.buildings import Building, Column, adjacent
 from hpcsweep.model.isolation import Isolation
-from hpcsweep.model.matrices import MAX_LABEL, Contact, Slider
+from hpcsweep.model.matrices import MAX_LABEL, elements_of
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
@@ -36,8 +36,8 @@ WITH_MATRICES = (
     "collapse_drift",
 )
 """Keys of the structure that go with its matrices; all others are those of a building."""
-MODEL = ("file", "names", "influence", "fixed", "outputs", "reduce", "damping_ratio", "found")
-"""Of the table of a model; `hpcsweep.job.models` writes the last one."""
+MODEL = ("file", "names", "influence", "fixed", "outputs", "reduce", "damping_ratio")
+"""Of the table of a model; `hpcsweep.job.models` writes `found` besides."""
 MAX_STIFFNESS = 1e12
 MAX_SHARPNESS = 1e300
 """Of the contact, where it is finite."""
@@ -128,8 +128,8 @@ def _of_matrices(values: Values, given: dict, by: str, harmonics) -> Structure:
         return _of_model(values, given, contacts, sliders, {**others, "harmonics": harmonics})
     values.check_table("structure.matrices", given[by], MATRICES, ("mass", "stiffness"))
     return Structure.from_matrices(
-        contacts=_elements("contact", contacts, Contact),
-        sliders=_elements("slider", sliders, Slider),
+        contacts=elements_of("contact", contacts),
+        sliders=elements_of("slider", sliders),
         harmonics=harmonics,
         **given[by],
         **others,
@@ -150,21 +150,9 @@ def element_tables(values: Values, given: Mapping) -> tuple[list[dict], list[dic
     return tables[0], tables[1]
 
 
-def _elements(name: str, tables: list[dict], kind: Any) -> list:
-    """Make contacts or sliders; an error names its table, counted from 0."""
-    made = []
-    for k, table in enumerate(tables):
-        try:
-            made.append(kind(**table))
-        except ValueError as error:
-            said = str(error).replace(f"{name}.", f"{name}[{k}].", 1)
-            raise ValueError(said) from None
-    return made
-
-
 def model_settings(structure: Mapping) -> str:
     """Hash the keys that a reduced model depends on."""
-    model = {key: structure["model"].get(key) for key in MODEL[1:-2]}
+    model = {key: structure["model"].get(key) for key in MODEL[1:-1]}
     rows = [one.get("direction") for one in structure.get("contact", [])]
     rows += [(one.get("direction"), one.get("stiffness")) for one in structure.get("slider", [])]
     return hashlib.sha256(repr((model, rows)).encode()).hexdigest()
@@ -172,13 +160,13 @@ def model_settings(structure: Mapping) -> str:
 
 def _of_model(values: Values, given: dict, contacts, sliders, others: dict) -> Structure:
     """Read a finite element model that `hpcsweep.job.models` has reduced."""
-    table = given["model"]
-    values.check_table("structure.model", table, MODEL, ("file", "found"))
-    found = dict(table["found"])
+    table = dict(given["model"])
+    found = dict(table.pop("found", {}))
+    values.check_table("structure.model", table, MODEL, ("file",))
     origin, settings = found.pop("origin", ""), found.pop("settings", "")
     if settings != model_settings(given):
-        said = "must be those that it was reduced with: [vary] of its keys, and of directions and"
-        raise JobError(f"{values.source}: structure.model: contacts {said} sliders, is not offered")
+        said = "structure.model: contacts and sliders must be those that it was reduced with"
+        raise JobError(f"{values.source}: {said}")
     if "damping_ratio" in table:
         if both := {"damping_ratio", "rayleigh"} & set(others):
             value = table["damping_ratio"]
@@ -205,14 +193,14 @@ def _weighed(values: Values, place: str, table: dict) -> dict:
     return {**table, "weight": [gravity * one for one in each] if mass is each else gravity * mass}
 
 
-def _building(number: int, table: Mapping) -> Building:
-    """Make one of several buildings; an error names its table, counted from 0."""
+def _building(name: str, table: Mapping) -> Building:
+    """Make one of several buildings; an error names its table."""
     try:
         given = {key: _tuples(value) for key, value in table.items()}
         return _made(_Table(repr(given), given))
     except ValueError as error:
         text = str(error).removeprefix("building.")
-        place = "" if text.startswith("matrices.") else f"building[{number}]."
+        place = "" if text.startswith("matrices.") else f"{name}."
         raise ValueError(f"{place}{text}") from None
 
 
@@ -242,22 +230,23 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         raise values.error("building", tables, "must be tables, [[building]]")
     for key in given:
         raise values.error(f"structure.{key}", given[key], "does not go with [[building]]")
-    for table in tables:
+    buildings = []
+    for k, table in enumerate(tables):
+        place = f"building[{k}]"
         by_period = isinstance(table, Mapping) and "period" in table
         needed = ("mass", "storey_stiffness")[: 1 if by_period else 2]
-        values.check_table("building", table, BUILDING, needed)
+        values.check_table(place, table, BUILDING, needed)
         if {"rayleigh", "damping_ratio"} <= set(table):
             limit = "is given beside damping_ratio"
-            raise values.error("building.rayleigh", table["rayleigh"], limit)
+            raise values.error(f"{place}.rayleigh", table["rayleigh"], limit)
         name = table.get("name", "")
         if not isinstance(name, str) or not name.isprintable() or len(name) > MAX_LABEL:
             limit = f"must be a name of up to {MAX_LABEL} characters that can be printed"
-            raise values.error("building.name", name, limit)
-    for table in tables:
+            raise values.error(f"{place}.name", name, limit)
         if "column" in table:
-            values.check_table("building.column", table["column"], *(Column._fields,) * 2)
-    tables = [_with_isolation(values, _weighed(values, "building", table)) for table in tables]
-    buildings = [_building(k, table) for k, table in enumerate(tables)]
+            values.check_table(f"{place}.column", table["column"], *(Column._fields,) * 2)
+        table = _weighed(values, place, table)
+        buildings.append(_building(place, _with_isolation(values, place, table)))
     pounding = dict(values.table("pounding"))
     if len(buildings) == 1:
         for key, value in pounding.items():
@@ -271,18 +260,18 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
     return adjacent(buildings, gap, stiffness, sharpness=sharpness, harmonics=harmonics, **pounding)
 
 
-def _with_isolation(values: Values, table: Mapping) -> Mapping:
+def _with_isolation(values: Values, place: str, table: Mapping) -> Mapping:
     """Return the table of a building, with g for its isolation where that needs it."""
     given = table.get("isolation")
     if given is None:
         return table
-    values.check_table("building.isolation", given, ISOLATION, ("slab_mass",))
+    values.check_table(f"{place}.isolation", given, ISOLATION, ("slab_mass",))
     if "wall_stiffness" in given and "gap" not in given:
-        key = "building.isolation.wall_stiffness"
+        key = f"{place}.isolation.wall_stiffness"
         raise values.error(key, given["wall_stiffness"], "goes with gap, the distance of the walls")
     by_weight = {}
     for key in sorted({"radius", "friction"} & set(given)):
-        by_weight["gravity"] = known_gravity(values, f"building.isolation.{key}", given[key])
+        by_weight["gravity"] = known_gravity(values, f"{place}.isolation.{key}", given[key])
     return {**table, "isolation": {**given, **by_weight}}
 
 

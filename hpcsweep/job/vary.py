@@ -34,10 +34,11 @@ STRUCTURAL = ("structure", "pounding")
 TABLES = ("study", *STRUCTURAL, "sweep", "solver")
 """Tables whose keys may be varied: all runs must store the same variables."""
 NEVER = {
-    "study.kind": "must be one and the same of all runs",
-    "sweep.omega": "is an axis of every study; give sweep.omega its values",
-    "sweep.amplitude": "is an axis of every study; give sweep.amplitude its values",
-    "sweep.initial_state": "must be one and the same of all runs",
+    "study.kind.": "must be one and the same of all runs",
+    "sweep.omega.": "is an axis of every study; give sweep.omega its values",
+    "sweep.amplitude.": "is an axis of every study; give sweep.amplitude its values",
+    "sweep.initial_state.": "must be one and the same of all runs",
+    "structure.model.": "is not offered: a model is read and reduced once, for all runs",
 }
 OF_ALL = ("records.", "output.", "units.", "part ")
 """Beginnings of errors that are not about a row."""
@@ -338,18 +339,17 @@ def _axis(values: Values, key: str, given: object, together: bool = False) -> Ax
     elif name.startswith(TABLES_WITHIN):
         name = name.replace(".", "_")
     is_building = indexed is not None and key.startswith("building[")
+    if said := next((NEVER[one] for one in NEVER if f"{key}.".startswith(one)), ""):
+        raise values.error(f"vary.{key}", given, said)
     if not (table in TABLES or is_building) or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"
         raise JobError(f"{values.source}: vary: {key!r}: {limit}")
-    if key in NEVER:
-        raise values.error(f"vary.{key}", given, NEVER[key])
     listed = _listed(values, key, given, together)
     labels = _labels(listed)
     if len(set(labels)) < len(labels) and not together:
         raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    units = UNITS.get(re.sub(r"\[\d+\]$", "", key).rpartition(".")[2], "1")
-    if table not in STRUCTURAL and not is_building:
-        units = "1"
+    known = UNITS if table in STRUCTURAL or is_building else {}
+    units = known.get(re.sub(r"\[\d+\]$", "", key).rpartition(".")[2], "1")
     return Axis(name, key, labels, units, listed)
 
 

@@ -134,7 +134,7 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
     elif structure.rayleigh is not None:
         words.append(("", "Rayleigh damping " + few(structure.rayleigh_factors)))
     else:
-        ratios = structure.damping_ratios.tolist()
+        ratios = structure.damping_ratios[: modes_kept(structure)].tolist()
         same = all(value == ratios[0] for value in ratios)
         words.append(("zeta" if same else "zeta_i", _listed(ratios[:1] if same else ratios)))
     if structure.storey_dashpots.any():
@@ -169,13 +169,28 @@ def _listed(ratios: Sequence[float]) -> str:
     return ", ".join(f"{ratio:.4g}" for ratio in ratios[:MAX_LISTED]) + more
 
 
+def modes_kept(structure: Structure) -> int:
+    """Return how many modes are those of the structure, or of the model that it is reduced from."""
+    return structure.n_floors if structure.reduction is None else structure.reduction.modes
+
+
 def slow(structure) -> Iterator[str]:
-    """Yield one line if a mode is so fast that runs take long."""
-    frequencies = structure.frequencies
-    low, high = frequencies[[0, -1]].tolist()
-    if structure.reduction is None and high > FAST * low > 0:
-        place = structure.floor_names[int(np.abs(structure.modes[:, -1]).argmax())]
-        yield (
-            f"mode {frequencies.size} is {high / low:.2g} times as fast as the first, a motion of "
-            f"{place}: runs take long; is its mass right, are the springs beside it?"
-        )
+    """Yield one line if a mode is so fast that runs take long: its frequency, or how it decays."""
+    ratios = structure.damping_ratios[: modes_kept(structure)]
+    frequencies = structure.frequencies[: ratios.size]
+    rates = frequencies
+    if not rates[-1] > FAST * rates[0] > 0:
+        rates = frequencies * np.maximum(1.0, 2.0 * ratios)
+    fastest = int(rates.argmax())
+    if not rates[fastest] > FAST * frequencies[0] > 0:
+        return
+    place = structure.floor_names[int(np.abs(structure.modes[:, fastest]).argmax())]
+    why, hint = "is", "is its mass right, are the springs beside it?"
+    if rates[fastest] > frequencies[fastest]:
+        why, hint = "decays", f"its damping ratio is {ratios[fastest]:.3g}"
+    if structure.reduction is not None:
+        hint = "structure.model.reduce with fewer modes leaves it out"
+    yield (
+        f"mode {fastest + 1} {why} {rates[fastest] / frequencies[0]:.2g} times as fast as the "
+        f"first, a motion of {place}: runs take long; {hint}"
+    )

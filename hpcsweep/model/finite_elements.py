@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from hpcsweep.model.arguments import shown
-from hpcsweep.model.matrices import MAX_ROWS, Contact, Slider, is_named, vector
+from hpcsweep.model.matrices import MAX_ROWS, Slider, elements_of, is_named, vector
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.reduction import (
     absurd,
@@ -220,7 +220,7 @@ class FiniteElements:
         self, contacts, sliders, influence=None, outputs=(), reduce=None, fixed=()
     ) -> Reduced:
         """Return what a structure is made of, from tables of its contacts and sliders."""
-        contacts, sliders = [Contact(**o) for o in contacts], [Slider(**o) for o in sliders]
+        contacts, sliders = elements_of("contact", contacts), elements_of("slider", sliders)
         for name, listed in (("outputs", outputs), ("fixed", fixed)):
             if isinstance(listed, str):
                 raise ValueError(f"{name} must be a list of coordinates, is {listed!r}")
@@ -361,8 +361,9 @@ def _matrix(name: str, given: Any) -> Any:
         found = sparse.csr_array(given) if sparse.issparse(given) else np.asarray(given)
         if np.iscomplexobj(found):
             raise TypeError
-        if not sparse.issparse(found) and found.ndim in (1, 2) and found.size == max(found.shape):
-            found = np.diag(found.ravel())  # a vector of masses, in a row or a column
+        if found.ndim in (1, 2) and np.prod(found.shape) == max(found.shape):
+            dense = found if isinstance(found, np.ndarray) else found.toarray()
+            found = np.diag(dense.ravel())  # a vector of masses, in a row or a column
         found = sparse.csr_array(found, dtype=float)
     except (TypeError, ValueError):
         raise ValueError(f"{name} must be a matrix of real numbers, is {shown(given)}") from None

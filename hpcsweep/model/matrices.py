@@ -8,7 +8,7 @@ A sharp stop may have a dashpot beside its spring (`hpcsweep.model.dashpot`).
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import MISSING, astuple, dataclass, field, fields, replace
 from numbers import Real
 from typing import Any
 
@@ -353,6 +353,25 @@ def read_matrices(
     if found.damping is not None:
         _check_damping(np.array(found.damping))
     return found
+
+
+def elements_of(name: str, tables: Iterable[Mapping[str, Any]]) -> list:
+    """Make each "contact", or "slider", of a table; errors name it with its place, from 0."""
+    kind: Any = {"contact": Contact, "slider": Slider}[name]
+    known = {one.name: one.default for one in fields(kind)}
+    made = []
+    for k, table in enumerate(tables):
+        place = f"{name}[{k}]."
+        if unknown := [key for key in table if key not in known]:
+            raise ValueError(f"{place}{unknown[0]} is unknown, known are {', '.join(known)}")
+        for key, default in known.items():
+            if default is MISSING and key not in table:
+                raise ValueError(f"{place}{key} is missing")
+        try:
+            made.append(kind(**table))
+        except ValueError as error:
+            raise ValueError(str(error).replace(f"{name}.", place, 1)) from None
+    return made
 
 
 def _several(kind: Any, given: Any, n: int) -> tuple:

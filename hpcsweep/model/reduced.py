@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from hpcsweep.model.matrices import Contact, Slider
+from hpcsweep.model.matrices import elements_of
 from hpcsweep.model.reduction import Reduction
 from hpcsweep.model.structure import Structure
 
@@ -43,15 +43,15 @@ class Reduced(NamedTuple):
             damping_ratio = given + given[-1:] * (len(self.names) - n)
         is_given = damping_ratio is not None or others.get("rayleigh") is not None
 
-        def elements(kind: Any, tables: Sequence[Mapping[str, Any]], rows: list) -> list:
+        def elements(name: str, tables: Sequence[Mapping[str, Any]], rows: list) -> list:
             pairs = zip(tables, rows, strict=True)
-            return [kind(**{**table, "direction": row}) for table, row in pairs]
+            return elements_of(name, [{**table, "direction": row} for table, row in pairs])
 
         made = Structure.from_matrices(
             self.mass,
             self.stiffness,
-            elements(Contact, contacts, self.contacts),
-            sliders=elements(Slider, sliders, self.sliders),
+            elements("contact", contacts, self.contacts),
+            sliders=elements("slider", sliders, self.sliders),
             damping_ratio=damping_ratio,
             damping=None if is_given else self.damping,
             influence=self.influence,

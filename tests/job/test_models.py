@@ -1,5 +1,6 @@
 """Finite element models: files of every format, and jobs that reduce them."""
 
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -130,12 +131,14 @@ def test_what_is_no_model_is_told_in_one_line(folder):
     np.savez("c.npz", M=MASS[:4, :4], K=STIFFNESS)
     np.savez("d.npz", M=1e-15 * MASS, K=STIFFNESS)
     (folder / "e.mtx").write_text("hello")
+    (folder / "empty").mkdir()
     for path, said in (
         ("a.npz", "a.npz: stiffness is missing: the name of one must be stiffness, or K, here is"),
         ("b.npz", "b.npz: mass is there twice, as 'mass' as well"),
         ("c.npz", "c.npz: mass has 4 rows, stiffness has 60"),
         ("e.mtx", "e.mtx: is neither MatrixMarket nor a substructure of Abaqus"),
         ([], "path: mass is missing"),
+        ("empty", "^empty: holds no file that ends in .npz, .mat, .mtx, .op4, .full, .txt, .out"),
     ):
         with pytest.raises(ValueError, match=said) as caught:
             read_model(path)
@@ -201,10 +204,28 @@ def test_gaps_vary_and_directions_do_not(folder):
     (folder / "beam.toml").write_text(f'{JOB}\n[vary]\n"structure.contact[0].gap" = [0.01, 0.02]\n')
     study = load_job("beam.toml").study
     assert [study.part((k,)).structure.contacts[0].gap for k in range(2)] == [0.01, 0.02]
-    varied = '"structure.contact[0].direction" = ["30.UY", "29.UY"]'
-    (folder / "beam.toml").write_text(f"{JOB}\n[vary]\n{varied}\n")
-    with pytest.raises(JobError, match=r"structure.model: contacts must be those that it was"):
+    slider = '[[structure.slider]]\ndirection = "15.UY"\nstiffness = 30.0\nstrength = 1.0\n'
+    for job, varied, said in (
+        (JOB, '"structure.contact[0].direction" = ["30.UY", "29.UY"]', "reduced once, for its con"),
+        (JOB, '"structure.model.reduce.modes" = [4, 5]', "a model is read and reduced once, for"),
+        (f"{JOB}{slider}", '"structure.slider[0].stiffness" = [40.0, 50.0]', "reduced once, for"),
+    ):
+        (folder / "beam.toml").write_text(f"{job}\n[vary]\n{varied}\n")
+        key, value = varied.split(" = ")
+        told = re.escape(f"beam.toml: vary.{key[1:-1]} = {value}: is not offered: ")
+        with pytest.raises(JobError, match=told.replace('"', "'") + f".*{said}"):
+            load_job("beam.toml")
+
+
+def test_a_wrong_value_of_a_contact_names_which(folder):
+    second = '[[structure.contact]]\ndirection = "15.UY"\ngap = 0.1\nstiffness = -1.0\n'
+    (folder / "beam.toml").write_text(f"{JOB}{second}")
+    with pytest.raises(JobError, match=r"^beam.toml: structure.contact\[1\].stiffness must be"):
         load_job("beam.toml")
+    (folder / "beam.toml").write_text(JOB.replace("file = ", "fiel = "))
+    with pytest.raises(JobError) as caught:
+        load_job("beam.toml")
+    assert "'structure.model.fiel'; did you mean 'file'" in str(caught.value)
 
 
 def test_a_model_is_reduced_for_its_stiffest_contact(folder):

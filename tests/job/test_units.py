@@ -82,8 +82,11 @@ UNEVEN = (
             UNEVEN.replace("share = 0.1", "share = 0.0", 1),
             "building[0].column.share must be above 0, to 1, is 0.0",
         ),
-        (UNEVEN.replace("mass = 300.0", "weight = 300.0"), "unknown key 'building.column.weight'"),
-        (UNEVEN.replace(", mass = 300.0", ""), "building.column.mass is missing"),
+        (
+            UNEVEN.replace("mass = 300.0", "weight = 300.0"),
+            "unknown key 'building[0].column.wei",
+        ),
+        (UNEVEN.replace(", mass = 300.0", ""), "building[0].column.mass is missing"),
         (TWO.replace("storey_height = 3.0\n", ""), "must be given of all buildings or of none"),
         (TWO.replace("[0.02, 0.05]", "[0.02]"), "pounding.gap must have 2 numbers, one per level"),
         (TWO.replace('"B"', '"A"'), "building.name must be of one building each"),
@@ -93,7 +96,10 @@ UNEVEN = (
         ),
         (TWO.replace("gap =", "gapp ="), "unknown key 'pounding.gapp'; did you mean 'gap'?"),
         (TWO + "[structure]\ngap = 1.0\n", "structure.gap = 1.0: does not go with [[building]]"),
-        (TWO.replace("mass = [2.5e5", "masses = [2.5e5"), "'building.masses'; did you mean 'mass'"),
+        (
+            TWO.replace("mass = [2.5e5", "masses = [2.5e5"),
+            "'building[0].masses'; did you mean 'mass'",
+        ),
     ],
 )
 def test_mistakes_are_one_line_with_what_is_meant(text, words):

@@ -131,7 +131,7 @@ def test_values_of_a_range_are_the_nearest_to_the_exact_ones(low, high, count):
         ("period = 0.5\nsto", "period = 1e300\nsto", "building[1].period must be finite and pos"),
         ("[900.0, 800.0]", "[900.0]", "building[0].storey_stiffness must have 2 numbers, one per"),
         ("damping_ratio = 0.05", "damping_ratio = 1e9", "building.damping_ratio or rayleigh = "),
-        ('name = "A"', 'name = "a\\nb"', "building.name = 'a\\nb': must be a name of up to 100"),
+        ('name = "A"', 'name = "a\\nb"', "building[0].name = 'a\\nb': must be a name of up to 100"),
         ("duration = 2.0", "soil = []", "records.synthetic.soil = []: must be one of firm"),
         ("duration = 2.0", "soil = {x = 1}", "records.synthetic.soil = {'x': 1}: must be one of"),
         ("duration = 2.0", "rms = 1e300", "records.synthetic.rms = 1e+300: must be above 0, from"),

@@ -17,6 +17,7 @@ from hpcsweep import (
     synthetic_records,
 )
 from hpcsweep.model import reduction
+from hpcsweep.model.description import one_line, slow
 from hpcsweep.model.finite_elements import FiniteElements
 from hpcsweep.model.modes import per_mass
 
@@ -184,6 +185,27 @@ def test_a_damping_matrix_is_projected_as_the_others():
     assert bare.damping_ratios == pytest.approx(0.03)
 
 
+@pytest.mark.parametrize(
+    ("damping", "kept", "said"),
+    [
+        (0.0, None, "mode 40 is 6.8e+03 times as fast as the first"),
+        (1e-2, 10, "mode 10 decays 2.3e+03 times as fast as the first"),
+        (1e-5, 10, ""),
+    ],
+)
+def test_a_model_that_takes_long_is_told_with_what_to_do(damping, kept, said):
+    mass, stiffness = beam(20)
+    reduce = None if kept is None else {"modes": kept}
+    found = FiniteElements(mass, stiffness, damping * stiffness if damping else None)
+    structure = found.structure(outputs=[39], influence=[1, 0] * 20, reduce=reduce)
+    lines = list(slow(structure))
+    assert len(lines) == bool(said)
+    assert all(line.startswith(said) for line in lines)
+    assert all("structure.model.reduce with fewer modes leaves it out" in line for line in lines)
+    ratios = ", ".join(f"{ratio:.4g}" for ratio in structure.damping_ratios[:4])
+    assert not damping or f"zeta_i = {ratios}, ..." in one_line(structure)
+
+
 def test_a_free_body_on_a_slider_is_a_structure():
     free = FiniteElements([1.0, 2.0], [[5.0, -5.0], [-5.0, 5.0]])
     slider = Slider(direction="1", stiffness=4.0, strength=1.0)
@@ -203,6 +225,8 @@ def test_one_triangle_and_a_vector_of_masses_will_do():
     found = FiniteElements(np.ones(6), sparse.csc_array(np.triu(stiffness)))
     assert np.array_equal(found.stiffness.toarray(), stiffness)
     assert np.array_equal(found.mass.toarray(), np.eye(6))
+    column = FiniteElements(sparse.csc_array(np.ones((6, 1))), stiffness)
+    assert np.array_equal(column.mass.toarray(), np.eye(6))
     assert found.names == ("1", "2", "3", "4", "5", "6")
 
 
@@ -250,6 +274,14 @@ WRONG = [
     (
         lambda: of().structure([Contact("1", 1, 1)], damping_ratio=[0.1], reduce={"modes": 2}),
         "damping_ratio must be one number or one per mode: 2 are needed, 1 are given",
+    ),
+    (
+        lambda: of().structure([{"direction": 1, "gap": 0.0, "stiffness": 1.0, "force": 1.0}]),
+        r"^contact\[0\].force is unknown, known are direction, gap, stiffness, damping, tension$",
+    ),
+    (
+        lambda: of().structure(sliders=[{"direction": 1, "stiffness": 1.0}]),
+        r"^slider\[0\].strength is missing$",
     ),
     (lambda: Contact({"a": 0.0}, 1, 1), "must not be 0: such a contact can never be reached"),
     (

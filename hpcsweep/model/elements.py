@@ -67,6 +67,8 @@ class Elements(NamedTuple):
     """(G,) int: the element of each guard ..."""
     after: np.ndarray
     """... and the mode to which it leads."""
+    drifts: int
+    """The element from which on they are all drifts, in order; -1 if they are not."""
     stiffness: np.ndarray
     """(L,): what the bit of each slider takes out, as its elongation feels it; sliders are the last
     L elements."""
@@ -96,7 +98,7 @@ class _Table:
             self.modes.append(mode)
             self.guards.append(guards)
 
-    def packed(self, *sliders: np.ndarray) -> Elements:
+    def packed(self, drifts: int, *sliders: np.ndarray) -> Elements:
         """Return the elements."""
         listed = [guard for guards in self.guards for guard in guards]
         ends = [*self.first, len(self.modes)]
@@ -112,6 +114,7 @@ class _Table:
             np.array(columns, float).reshape(-1, 8),
             np.array(owner, np.int64),
             np.array([self.first[e] + g[0] for e, g in zip(owner, listed, strict=True)], np.int64),
+            drifts,
             *sliders,
         )
 
@@ -152,7 +155,10 @@ def kernel_elements(
         table.add((i, below), *slider.modes(len(contacts.row) + j, length))
     stiffness = np.array([slider.taken for slider in sliders], float) * softness / rate**2
     kick = per_mass(structure.mass_matrix, directions.T).T / softness.reshape(-1, 1)
-    return table.packed(stiffness, directions, wide(kick, extra))
+    same = slides and [slide[:2] for slide in slides] == drifts
+    return table.packed(
+        len(table.rows) - len(slides) if same else -1, stiffness, directions, wide(kick, extra)
+    )
 
 
 def _contact(k: int, contacts) -> list[tuple[tuple, list[tuple]]]:

@@ -18,15 +18,16 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, negative
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
 from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
 from hpcsweep.solvers.flow.linear.polynomials import (
     fourth_derivative,
     value_and_slope,
 )
+from hpcsweep.solvers.flow.linear.series import IN_SERIES, sum_series
 from hpcsweep.solvers.flow.linear.spectral import step_state
 from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
-from hpcsweep.solvers.flow.observe.drift import row_at_ends
+from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, row_at_ends
 from hpcsweep.solvers.flow.search.search import (
     HERMITE_MIDDLE,
     HERMITE_SLOPE,
@@ -162,6 +163,32 @@ def all_keep_modes(d, elements, work):
     return True
 
 
+@inlined
+def drifts_stay(d, elements, peaks, work):
+    """Return whether no drift exceeds its peak within d of a step; True is proved.
+
+    Sliders have to be all drifts; `write_ends` has told of the step. See `peaks` of `observe`.
+    """
+    first, ends, width = elements.drifts, work.ends, work.ends.shape[1]
+    if first < 0:
+        return False
+    fourth = HERMITE_MIDDLE * (d * d) * (d * d)
+    for p in range(0, elements.stiffness.shape[0], LANES):
+        at = first + p
+        y0, w0 = load(ends, at), load(ends, width + at)
+        y1, w1 = load(ends, 2 * width + at), load(ends, 3 * width + at)
+        peak = load(peaks, p)
+        limit = peak * (1.0 + SAME_PEAK)
+        middle = modulus(fma(w0 - w1, d * (1.0 / 6.0), 0.5 * (y0 + y1)))
+        higher = negative(peak - modulus(y0)) | negative(peak - modulus(y1))
+        higher |= negative(limit - modulus(fma(w0, 0.25 * d, y0)))
+        higher |= negative(limit - modulus(fma(w1, -0.25 * d, y1)))
+        higher |= negative(limit - fma(load(ends, 4 * width + at), fourth, middle))
+        if higher & ((1 << min(LANES, elements.stiffness.shape[0] - p)) - 1):
+            return False
+    return True
+
+
 @kernel
 def write_row(row, law, segment, tables, work):
     """Write spring y + dashpot y' - level along the present step into ``work.drift_rows``.
@@ -253,7 +280,8 @@ def first_change(segment, span, modes, tables, elements, work):
     for block in range(0, work.ends.shape[1], LANES):
         kept = keep_modes(block, span, work)
         for e in range(block, min(block + LANES, modes.mode.shape[0])):
-            if kept >> (e - block) & 1:
+            work.kept[e] = kept >> (e - block) & 1
+            if work.kept[e]:
                 continue
             mode = modes.mode[e]
             for g in range(elements.guards[mode], elements.guards[mode + 1]):
@@ -264,7 +292,9 @@ def first_change(segment, span, modes, tables, elements, work):
                     return UNDECIDED, time
                 if found >= 0.0:
                     first, time = g, found
-    if first >= 0 and segment.index != IN_LAYER:
+    if first >= 0 and segment.index == IN_SERIES:
+        sum_series(time / segment.h, work)
+    elif first >= 0 and segment.index != IN_LAYER:
         step_state(segment, time, tables, work, work.z_end)
     return first, time
 
@@ -302,11 +332,13 @@ def change(first, segment, time, z, modes, elements, shared):
     """Let elements pass their guards in a state z at that time of a step.
 
     With `first` all that are passed at the same instant: separately, each would need a segment
-    without length.
+    without length. Those that keep their modes on the whole step are not.
     """
     passed = elements.owner[first]
     pass_guard(first, z, modes, elements)
     for e in range(modes.mode.shape[0]):
+        if shared.work.kept[e]:
+            continue
         mode = modes.mode[e]
         for g in range(elements.guards[mode], elements.guards[mode + 1]):
             if e == passed or modes.mode[e] != mode:

@@ -5,6 +5,8 @@ that grows by c int x'^2 dt; once it has let go the spring relaxes by itself, wi
 energy is lost to the dashpot: (kappa / 2) times what x^2 falls by.
 """
 
+import math
+
 import numpy as np
 
 from hpcsweep.kernels.arena import as_long_as
@@ -23,6 +25,7 @@ from hpcsweep.solvers.flow.elements.contacts import (
 )
 from hpcsweep.solvers.flow.elements.guards import (
     change,
+    drifts_stay,
     first_change,
     sets_of,
     write_loads,
@@ -32,14 +35,9 @@ from hpcsweep.solvers.flow.elements.guards import (
 from hpcsweep.solvers.flow.elements.layers import visit_layers
 from hpcsweep.solvers.flow.layer.visit import Interval
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import (
-    evaluate,
-    evaluate_rows,
-    integral,
-    value_and_slope,
-)
+from hpcsweep.solvers.flow.linear.polynomials import evaluate, integral, value_and_slope
 from hpcsweep.solvers.flow.linear.propagators import is_tabled, table_of
-from hpcsweep.solvers.flow.linear.series import IN_SERIES, expand_series
+from hpcsweep.solvers.flow.linear.series import IN_SERIES, expand_series, sum_series
 from hpcsweep.solvers.flow.observe.dense_output import expand
 from hpcsweep.solvers.flow.observe.drift import (
     Peak,
@@ -67,9 +65,9 @@ from hpcsweep.solvers.flow.state.shared import (
     wants_norms,
 )
 from hpcsweep.solvers.flow.state.state import (
+    NO_TABLE,
     OVERFLOW,
     Segment,
-    Stretch,
     approach_speed,
     begin_period,
     contact_bit,
@@ -80,7 +78,7 @@ from hpcsweep.solvers.flow.state.state import (
     start,
     time_of,
 )
-from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
+from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL, THETA
 from hpcsweep.solvers.measures import DISSIPATED, FORCE, TIME
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
@@ -106,11 +104,14 @@ def observe_segment(segment, past, span, amplitude, wanted, tangent, shared):
 
 
 @inlined
-def measure_segment(segment, past, span, amplitude, wanted, shared):
-    """Bring peaks, impacts and energies of a record up to date, likewise."""
+def measure_segment(segment, past, span, whole, amplitude, wanted, shared):
+    """Bring peaks, impacts and energies of a record up to date, likewise.
+
+    The step is the first `span` of the `whole` of which `write_ends` has told.
+    """
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     if wanted != NO_TALLY:
-        peaks_of_elements(segment, span, amplitude, PEAKS, shared)
+        all_peaks_of_elements(segment, span, whole, amplitude, shared)
         impacts_of_elements(segment, past, span, model, tables, tally, work)
     if wanted & ENERGY:
         energies_on_segment(segment, span, model, tables, work, tally)
@@ -122,6 +123,13 @@ def peaks_of_elements(segment, span, amplitude, wanted, shared):
     peaks_on_segment(segment, span, amplitude, wanted & ~CONTACT, shared)
     if wanted & CONTACT:
         _force_peaks(segment, span, shared)
+
+
+@kernel
+def all_peaks_of_elements(segment, span, whole, amplitude, shared):
+    """Raise all peaks, of a step that is the first `span` of the one of which `write_ends` told."""
+    known = drifts_stay(whole, shared.model.elements, shared.tally.peaks, shared.work)
+    peaks_of_elements(segment, span, amplitude, PEAKS ^ DRIFT if known else PEAKS, shared)
 
 
 @kernel
@@ -195,8 +203,10 @@ def record_passing(passing, past, model, tally, z):
 
 @inlined
 def start_next(segment, place, span, z, amplitude, model, tables, work):
-    """Write the start of the next segment, in state z, into ``work.x``."""
+    """Write the start of the next segment, in state z, into ``work.x``, if there is one."""
     tau = segment.tau + span
+    if tau >= segment.end:
+        return
     if place >= 0 or segment.index == IN_SERIES:
         forcing_after(span, tau, amplitude, work.x, z.shape[0], model, work.forcing)
         start(work.x, z, work.forcing)
@@ -228,7 +238,7 @@ def begin(tau, z, amplitude, shared):
 def settle(tau, past, key, z, amplitude, shared):
     """Let contacts that rest at their stops go; return the sets, and write the windows, of all."""
     model, work, modes = shared.model, shared.work, shared.modes
-    if model.layer == 0.0:
+    if model.layer == 0.0 and model.contacts.row.shape[0] > 0:
         past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
     set_contacts(past, key, modes, model.contacts)
     write_windows(modes, model.elements, work)
@@ -236,20 +246,28 @@ def settle(tau, past, key, z, amplitude, shared):
 
 
 @inlined
-def _step(packed, key, stretch, coasts, steps, tangent, shared):
+def _is_last(part, model):
+    """Return whether a series of one step reaches the end, where there are sliders."""
+    most = THETA / math.sqrt(model.stiffness_bound + model.hardest)
+    return model.elements.stiffness.shape[0] > 0 and part.end - part.tau <= most
+
+
+@inlined
+def _step(packed, part, coasts, steps, tangent, shared):
     """Take a step to ``work.z_end``, after those that `coast_on` takes.
 
-    Under records those of sets without a table are series. Return the segment, the length of the
+    Under records those of sets without a table are series, and beside sliders the last ones of an
+    interval: where a slider changes no step is a whole one. Return the segment, the length of the
     step and the number of steps.
     """
-    model, tables, work = shared.model, shared.tables, shared.work
-    if tangent is None and not is_tabled(key, model, tables):
-        h = expand_series(key, stretch.end - stretch.tau, model, work)
-        evaluate_rows(work.rows, h, h, work.z_end)
+    model, tables, work, key = shared.model, shared.tables, shared.work, part.key
+    if tangent is None and (_is_last(part, model) or not is_tabled(key, model, tables)):
+        h = expand_series(key, part.end - part.tau, model, work)
+        sum_series(1.0, work)
         shared.counts[LINEAR_STEPS] += 1
-        return Segment(key, IN_SERIES, h, stretch.tau, stretch.end), h, steps
+        return Segment(key, IN_SERIES, h, part.tau, part.end), h, steps
     index = table_of(key, tables, packed)
-    segment = Segment(key, index, tables.h[index], stretch.tau, stretch.end)
+    segment = Segment(key, index, tables.h[index], part.tau, part.end)
     segment, known, steps = coast_on(segment, coasts, steps, tangent, shared)
     return segment, take_step(segment, known, model, tables, work), steps
 
@@ -265,17 +283,19 @@ def march_period(packed, z, amplitude, shared, wanted, tangent):
     """
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE
-    stretch = Stretch(0.0, shared.model.period)
-    return march_elements(packed, stretch, z, amplitude, shared, wanted, tangent)
+    whole = Segment(np.uint64(0), NO_TABLE, 0.0, 0.0, shared.model.period)
+    return march_elements(packed, whole, z, amplitude, shared, wanted, tangent)
 
 
 @inlined
-def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
+def march_elements(packed, part, z, amplitude, shared, wanted, tangent):
     """Advance z over a part of a period or of a sample interval, in place; return the outcome.
 
     Parameters
     ----------
-    stretch : Stretch
+    part : Segment
+        With a table no contact is past its stop, the set is its key, and what follows from the
+        modes is there, with ``work.x``; with `NO_TABLE` the sets follow from z.
     wanted : int
         Flags of what to gather, see `tally`; of a record only `PEAKS` and `IMPACTS`, together, and
         `ENERGY`.
@@ -285,9 +305,8 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
     """
     model, tables, work, counts = shared.model, shared.tables, shared.work, shared.counts
     elements, modes = model.elements, shared.modes
-    tau, end = stretch
-    past = key = np.uint64(0)
-    steps, begins = 0, True
+    key, tau, end = part.key, part.tau, part.end
+    past, steps, begins = np.uint64(0), 0, part.index == NO_TABLE
     while tau < end:
         if begins:
             past, key = begin(tau, z, amplitude, shared)
@@ -306,9 +325,9 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
             continue
         coasts = wanted == NO_TALLY and elements.stiffness.shape[0] == 0
         coasts = coasts and past == np.uint64(0)
-        part = Stretch(tau, end)
-        segment, span, steps = _step(packed, key, part, coasts, steps, tangent, shared)
-        tau = segment.tau
+        rest = Segment(key, NO_TABLE, 0.0, tau, end)
+        segment, span, steps = _step(packed, rest, coasts, steps, tangent, shared)
+        tau, whole = segment.tau, span
         place, span = first_change(segment, span, modes, tables, elements, work)
         if place == UNDECIDED:
             return SOLVER_FAILED
@@ -317,7 +336,7 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
         if not is_ordinary(work.z_end):
             return NON_FINITE
         if tangent is None:
-            measure_segment(segment, past, span, amplitude, wanted, shared)
+            measure_segment(segment, past, span, whole, amplitude, wanted, shared)
         else:
             observe_segment(segment, past, span, amplitude, wanted, tangent, shared)
         if place >= 0:
@@ -337,8 +356,8 @@ def march_elements(packed, stretch, z, amplitude, shared, wanted, tangent):
             if wanted & IMPACTS and model.layer == 0.0:
                 record_passing(passing, before, model, shared.tally, work.z_end)
         copy_state(work.z_end, z)
-        start_next(segment, place, span, z, amplitude, model, tables, work)
         tau = end if span >= end - tau else tau + span
+        start_next(segment, place, span, z, amplitude, model, tables, work)
     return COMPLETE
 
 

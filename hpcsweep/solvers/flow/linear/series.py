@@ -7,7 +7,8 @@ series, U_k = y^(k) h^k / k! and V_k = h^k / k! d^k y' / dt^k, of all rows at on
     U_(k+1) = h V_k / (k + 1),        V_(k+1) = h / (k + 1) (A (U_k, V_k) + what acts from outside).
 
 They end where two in a row are below rounding; a step too long for that is halved, and term k is
-then 2^-k of what it was. All rows are economised to polynomials, as those of tables are (`tables`).
+then 2^-k of what it was. Their sums are states within the step; what is searched is economised to
+polynomials, as those of tables are (`tables`), row by row.
 """
 
 import math
@@ -15,15 +16,24 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, modulus, negative, store
+from hpcsweep.kernels.simd.vectors import (
+    LANES,
+    combine,
+    fma,
+    greatest,
+    load,
+    maximum,
+    modulus,
+    negative,
+    store,
+)
 from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.linear.polynomials import fourth_derivative
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
 from hpcsweep.solvers.flow.state.tables import ECONOMISATION, N_COEFFICIENTS, ZERO
 from hpcsweep.solvers.flow.state.workspace import N_TERMS
 
 IN_SERIES = -2
-"""In place of the table of a segment: all its rows are expanded."""
+"""In place of the table of a segment."""
 NEGLIGIBLE = 1e-17
 """Size of a term, in the largest of the first ones, from which on they are left out."""
 
@@ -36,13 +46,22 @@ def about_start(count: int) -> np.ndarray:
 
 ABOUT_START = about_start(N_TERMS)
 """(N_TERMS, N_COEFFICIENTS)"""
+FOURTH_OF_TERMS = np.array([math.perm(k, 4) for k in range(N_TERMS)], float)
+"""Factors of the terms in what bounds the fourth derivative, in steps."""
 
 
 @kernel
 def write_field(key, model, out):
-    """Write y'' of all rows in the augmented state, (N, padded R), for a set."""
+    """Write y'' of all rows in the augmented state, (N, R) or more columns, for a set."""
+    _write_free_field(model, out)
+    _add_set(key, model, out)
+
+
+@kernel
+def _write_free_field(model, out):
+    """Write the field of the empty set."""
     n_rows = model.stiffness.shape[0]
-    contacts, elements = model.contacts, model.elements
+    elements = model.elements
     last = out.shape[0] - 1
     loads = last - elements.stiffness.shape[0]
     for i in range(n_rows):
@@ -51,7 +70,17 @@ def write_field(key, model, out):
             out[n_rows + j, i] = -model.damping[i, j]
         for pair in range(2 * n_rows, loads, 2):
             out[pair, i], out[pair + 1, i] = model.forcing[i], 0.0
+        for j in range(elements.stiffness.shape[0]):
+            out[loads + j, i] = elements.stiffness[j] * elements.kick[j, i]
         out[last, i] = 0.0
+
+
+@kernel
+def _add_set(key, model, out):
+    """Add the contacts that push to the field of the empty set, and sliders that slip."""
+    n_rows = model.stiffness.shape[0]
+    contacts, elements = model.contacts, model.elements
+    last = out.shape[0] - 1
     for k in range(contacts.row.shape[0]):
         if key & contact_bit(k) != np.uint64(0):
             row = contacts.row[k]
@@ -62,13 +91,13 @@ def write_field(key, model, out):
                 out[n_rows + row, i] -= drag * contacts.sign[k]
                 out[last, i] += push * contacts.gap[k]
     for j in range(elements.stiffness.shape[0]):
-        slips = key & contact_bit(contacts.row.shape[0] + j) != np.uint64(0)
-        for i in range(n_rows):
-            push = elements.stiffness[j] * elements.kick[j, i]
-            out[loads + j, i] = push
-            if slips and push != 0.0:
-                for k in range(elements.reach.shape[1]):
-                    out[k, i] += push * elements.reach[j, k]
+        if key & contact_bit(contacts.row.shape[0] + j) == np.uint64(0):
+            continue
+        for k in range(elements.reach.shape[1]):
+            if elements.reach[j, k] == 0.0:
+                continue
+            for i in range(n_rows):
+                out[k, i] += elements.stiffness[j] * elements.kick[j, i] * elements.reach[j, k]
 
 
 @kernel
@@ -85,13 +114,17 @@ def accelerations_of(key, model, work):
 def _renew(key, model, series):
     """Write the field of a set, if it is not there."""
     if series.key[0] != key or series.key[1] == np.uint64(0):
-        write_field(key, model, series.field)
+        if series.key[1] == np.uint64(0):
+            _write_free_field(model, series.free)
+        for at in range(0, series.free.size, LANES):
+            store(series.field, at, load(series.free, at))
+        _add_set(key, model, series.field)
         series.key[0], series.key[1] = key, np.uint64(1)
 
 
 @kernel
 def expand_series(key, h, model, work):
-    """Expand all rows by the series of a step of at most h from ``work.x``; write ``work.bounds``.
+    """Write the terms of a step of at most h from ``work.x``, and ``work.bounds``.
 
     Returns
     -------
@@ -100,31 +133,57 @@ def expand_series(key, h, model, work):
     """
     series, terms, size = work.series, work.series.terms, work.expanded.shape[0]
     _renew(key, model, series)
-    start = size // 2
+    start, flat = size // 2, terms.shape[1]
     copy_state(work.x[:size], terms[0])
-    limit = 0.0
-    count = 1
-    while count < 3 or (count < N_TERMS and not _converged(count, start, limit, terms)):
+    _write_term(1, h, work.x, series, size)
+    _write_term(2, h, work.x, series, size)
+    largest = load(ZERO, 0)
+    for k in range(3):
+        for i in range(0, series.a.shape[0], LANES):
+            largest = greatest(largest, modulus(load(terms, k * flat + start + i)))
+    limit, count = NEGLIGIBLE * maximum(largest), 3
+    while count < N_TERMS and not _converged(count, start, limit, series):
         _write_term(count, h, work.x, series, size)
-        if count <= 2:
-            for i in range(start, size):
-                limit = max(limit, NEGLIGIBLE * max(abs(terms[0, i]), abs(terms[count, i])))
         count += 1
-    while not _converged(count, start, limit, terms):
+    while not _converged(count, start, limit, series):
         h, limit = 0.5 * h, 0.5 * limit
         for k in range(count):
             for i in range(size):
                 terms[k, i] *= 0.5**k
+    series.count[0] = count
     for row in range(size):
-        work.expanded[row] = True
-        for p in range(0, N_COEFFICIENTS, LANES):
-            value = load(ZERO, 0)
-            for k in range(count):
-                value = fma(load(ABOUT_START, k * N_COEFFICIENTS + p), terms[k, row], value)
-            store(work.rows, row * N_COEFFICIENTS + p, value)
-    for i in range(start):
-        work.bounds[i] = fourth_derivative(work.rows[i : i + 1], h)
+        work.expanded[row] = False
+    rate = 1.0 / (h * h)
+    for i in range(0, work.bounds.shape[0], LANES):
+        bound = load(ZERO, 0)
+        for k in range(4, count):
+            bound = fma(modulus(load(terms, k * flat + i)), FOURTH_OF_TERMS[k], bound)
+        store(work.bounds, i, bound * (rate * rate))
     return h
+
+
+@kernel
+def expand_term_row(row, series, out):
+    """Write the polynomial of a row along the present step into its row of `out`."""
+    for p in range(0, N_COEFFICIENTS, LANES):
+        value = load(ZERO, 0)
+        for k in range(series.count[0]):
+            power = load(ABOUT_START, k * N_COEFFICIENTS + p)
+            value = fma(power, series.terms[k, row], value)
+        store(out, row * N_COEFFICIENTS + p, value)
+
+
+@kernel
+def sum_series(ratio, work):
+    """Write the state at that part of the present step to ``work.z_end``."""
+    terms, flat, wide = work.series.terms, work.series.terms.shape[1], work.wide
+    for i in range(0, wide.shape[0], LANES):
+        value = load(ZERO, 0)
+        for k in range(work.series.count[0] - 1, -1, -1):
+            value = fma(value, ratio, load(terms, k * flat + i))
+        store(wide, i, value)
+    for row in range(work.z_end.shape[0]):
+        work.z_end[row] = wide[row]
 
 
 @inlined
@@ -134,24 +193,24 @@ def _write_term(count, h, x, series, size):
     before, rate, half = (count - 1) * flat, h / count, size // 2
     for i in range(0, width, LANES):
         store(terms, before + flat + i, load(terms, before + half + i) * rate)
+    slope = h * rate * x[size + 1]
     for i in range(0, width, LANES):
         at = before + flat + half + i
         if count == 1:
-            combine(terms, at, ZERO, 0, 1.0, field, i, width, x, 0, x.shape[0])
+            combine(terms, at, ZERO, 0, rate, field, i, width, x, 0, x.shape[0])
+        elif count == 2:
+            store(series.a, i, load(field, size * width + i) * slope)
+            combine(terms, at, series.a, i, rate, field, i, width, terms, before, size)
         else:
-            combine(terms, at, ZERO, 0, 1.0, field, i, width, terms, before, size)
-        if count == 2:
-            slope = load(field, size * width + i) * (h * x[size + 1])
-            store(terms, at, load(terms, at) + slope)
-        store(terms, at, load(terms, at) * rate)
+            combine(terms, at, ZERO, 0, rate, field, i, width, terms, before, size)
 
 
 @inlined
-def _converged(count, start, limit, terms):
+def _converged(count, start, limit, series):
     """Return whether the speeds of the last two terms are at most a limit, or no numbers."""
-    flat = terms.shape[1]
+    terms, flat = series.terms, series.terms.shape[1]
     for k in range(count - 2, count):
-        for i in range(k * flat + start, (k + 1) * flat, LANES):
-            if negative(limit - modulus(load(terms, i))) != 0:
+        for i in range(0, series.a.shape[0], LANES):
+            if negative(limit - modulus(load(terms, k * flat + start + i))) != 0:
                 return False
     return True

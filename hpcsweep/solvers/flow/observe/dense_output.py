@@ -13,6 +13,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, store
+from hpcsweep.solvers.flow.linear.series import IN_SERIES, expand_term_row
 from hpcsweep.solvers.flow.linear.spectral import step_row
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, STAGE_POLYNOMIALS
 from hpcsweep.solvers.flow.state.state import Segment
@@ -49,6 +50,8 @@ def expand(row, segment, tables, work):
         if segment.index == IN_LAYER:
             stage = work.layer
             _expand_stages(row, segment.h, work.x, stage.v, stage.g, stage.values, work.rows)
+        elif segment.index == IN_SERIES:
+            expand_term_row(row, work.series, work.rows)
         else:
             step_row(row, segment.index, tables, work)
 

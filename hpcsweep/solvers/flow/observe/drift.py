@@ -156,7 +156,7 @@ def expand_difference(row, segment, tables, work):
     """Write the polynomial of a row, as of `row_at_ends`, into ``work.drift_rows``."""
     i, below, side, gap = row
     sign = -1.0 if side < 0 else 1.0
-    if segment.index != IN_LAYER and not is_spectral(tables):
+    if segment.index >= 0 and not is_spectral(tables):
         count = max(i, below) + 1
         expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
     else:

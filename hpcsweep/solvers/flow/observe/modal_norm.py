@@ -22,13 +22,13 @@ from hpcsweep.kernels.simd.vectors import (
 )
 from hpcsweep.solvers.flow.linear.polynomials import expand_rows
 from hpcsweep.solvers.flow.linear.spectral import is_spectral, write_modes
+from hpcsweep.solvers.flow.state.products import product
 from hpcsweep.solvers.flow.state.tables import (
     MODAL_NODES,
     MODAL_WEIGHTS,
     N_COEFFICIENTS,
     N_MODAL,
     ZERO,
-    product,
 )
 
 MODAL_TOLERANCE = 1e-5

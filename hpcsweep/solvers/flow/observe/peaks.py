@@ -7,10 +7,12 @@ peak is first raised to what is reached at the ends, and then looked for only wh
 bound of `search` allows more.
 """
 
+import math
+
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative, store
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
 from hpcsweep.solvers.flow.linear.forcing import (
@@ -44,13 +46,22 @@ from hpcsweep.solvers.flow.observe.drift import (
 )
 from hpcsweep.solvers.flow.observe.outputs import differentiate, fill_outputs
 from hpcsweep.solvers.flow.search.search import HERMITE_MIDDLE
+from hpcsweep.solvers.flow.state.products import (
+    add_product,
+    add_product_of_moduli,
+    product,
+    product_of_moduli,
+)
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, time_of
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, product, product_of_moduli
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.state.workspace import N_TERMS
 
 DISPLACEMENT_KINDS = 3
 DISPLACEMENTS = DRIFT | FLOOR | CONTACT
 LEAST = 1e-200
 """Excess over a peak that is not looked for, however small the peak is."""
+FIFTH_OF_TERMS = np.array([math.perm(k, 5) for k in range(N_TERMS)], float)
+"""As `series.FOURTH_OF_TERMS`, of speeds for accelerations."""
 
 
 @inlined
@@ -153,7 +164,7 @@ def _ends_by_tables(segment, span, amplitude, shared):
     if outputs.place[0] == index and outputs.place[1] == segment.tau:
         copy_state(outputs.end, outputs.start)
     else:
-        product(outputs.pair, index, work.x, outputs.start)
+        _write_pairs(work.x, index, shared, outputs.start)
     x_end = outputs.x_end
     copy_state(work.x, x_end)
     for row in range(size):
@@ -164,17 +175,53 @@ def _ends_by_tables(segment, span, amplitude, shared):
         forcing_after(span, segment.tau + span, amplitude, work.x, size, model, outputs.pairs)
         for k in range(outputs.pairs.shape[0]):
             x_end[size + k] = outputs.pairs[k]
-    product(outputs.pair, index, x_end, outputs.end)
+    _write_pairs(x_end, index, shared, outputs.end)
     outputs.place[0], outputs.place[1] = index, segment.tau + span
-    product_of_moduli(outputs.bound4, index, work.x, outputs.bounds)
+    tails = work.tails
+    if tails.table[0] == index + 1:
+        columns, bounds = (0, size + outputs.pairs.shape[0]), outputs.bounds
+        add_product_of_moduli(outputs.bound4, index, work.x, columns, tails.pair_bound4, bounds)
+    else:
+        product_of_moduli(outputs.bound4, index, work.x, outputs.bounds)
+
+
+@inlined
+def _write_pairs(x, index, shared, out):
+    """Write accelerations and slopes in an augmented state by a table."""
+    outputs, tails = shared.outputs, shared.work.tails
+    if tails.table[0] == index + 1:
+        columns = (0, shared.work.z_end.shape[0] + outputs.pairs.shape[0])
+        add_product(outputs.pair, index, x, columns, tails.pair, out)
+    else:
+        product(outputs.pair, index, x, out)
 
 
 @kernel
 def _ends_in_series(segment, span, shared):
-    """Write the same of a step that is a series, and the polynomials."""
-    for p in range(shared.outputs.rows.shape[0]):
-        _ends_of_polynomial(p, segment, span, shared)
-    shared.outputs.place[0] = IN_SERIES
+    """Write the same of a step that is a series: by its terms, with polynomials beside modes."""
+    model, outputs, x = shared.model, shared.outputs, shared.work.x
+    outputs.place[0] = IN_SERIES
+    if is_spectral(shared.tables):
+        for p in range(outputs.rows.shape[0]):
+            _ends_of_polynomial(p, segment, span, shared)
+        return
+    terms, size, rate = shared.work.series.terms, shared.work.z_end.shape[0], 1.0 / segment.h
+    flat, half, ratio = terms.shape[1], size // 2, span * rate
+    ground, slope = total_forcing(x, size, model), forcing_rate(x, size, model)
+    for p in range(0, outputs.bounds.shape[0], LANES):
+        share, first = load(outputs.ground, p), half + p
+        value = bend = bound = load(ZERO, 0)
+        for k in range(shared.work.series.count[0] - 1, 0, -1):
+            term = load(terms, k * flat + first)
+            bend = fma(bend, ratio, value)
+            value = fma(value, ratio, term * (1.0 * k))
+            bound = fma(modulus(term), FIFTH_OF_TERMS[k], bound)
+        store(outputs.start, 2 * p, fma(share, ground, load(terms, flat + first) * rate))
+        early = load(terms, 2 * flat + first) * (2.0 * rate * rate)
+        store(outputs.start, 2 * p + LANES, fma(share, slope, early))
+        store(outputs.end, 2 * p, fma(share, fma(slope, span, ground), value * rate))
+        store(outputs.end, 2 * p + LANES, fma(share, slope, bend * (rate * rate)))
+        store(outputs.bounds, p, bound * (rate * rate * rate * rate * rate))
 
 
 @inlined
@@ -267,9 +314,9 @@ def _raise_acceleration(p, segment, span, shared):
     reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
         rows = outputs.rows[p : p + 1]
-        if is_spectral(shared.tables):
+        if segment.index == IN_SERIES or is_spectral(shared.tables):
             _write_acceleration(p, segment, shared)
-        elif segment.index != IN_SERIES:
+        else:
             expand_row(outputs.poly, segment.index, p, work.x, outputs.rows)
         found = raise_peak(rows, segment.h, span, ends, bound4, 0, peak, work.stack)
         reached = found if found >= 0.0 else reached

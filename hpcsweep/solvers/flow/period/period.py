@@ -62,6 +62,7 @@ from hpcsweep.solvers.flow.state.shared import (
     VISITS,
 )
 from hpcsweep.solvers.flow.state.state import (
+    NO_TABLE,
     OVERFLOW,
     Ending,
     Segment,
@@ -74,9 +75,8 @@ from hpcsweep.solvers.flow.state.state import (
 )
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
-NO_TABLE, AT_EDGE = -1, -2
-"""In place of the index of a table: the contact set is unknown; a contact is at the edge of its
-layer, possibly just outside it by rounding."""
+AT_EDGE = -2
+"""As `NO_TABLE`: a contact is at the edge of its layer, possibly just outside it by rounding."""
 SHORTEST = 0.01
 """Fraction of a step after which a contact that reaches its stop beyond the step is tried again."""
 

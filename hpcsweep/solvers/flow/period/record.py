@@ -31,7 +31,7 @@ from hpcsweep.solvers.flow.elements.guards import (
     write_loads,
     write_windows,
 )
-from hpcsweep.solvers.flow.elements.march import march_elements
+from hpcsweep.solvers.flow.elements.march import all_peaks_of_elements, march_elements
 from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
@@ -41,8 +41,9 @@ from hpcsweep.solvers.flow.observe.drift import row_at_ends
 from hpcsweep.solvers.flow.observe.impacts import impacts_on_segment
 from hpcsweep.solvers.flow.observe.outputs import fill_outputs
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
-from hpcsweep.solvers.flow.period.period import NO_TABLE, march_segments
+from hpcsweep.solvers.flow.period.period import march_segments
 from hpcsweep.solvers.flow.search.events import contact_key, is_clear
+from hpcsweep.solvers.flow.state.products import add_product, add_product_of_moduli, product
 from hpcsweep.solvers.flow.state.shared import (
     ENERGY,
     IMPACTS,
@@ -52,9 +53,9 @@ from hpcsweep.solvers.flow.state.shared import (
     read_shared,
 )
 from hpcsweep.solvers.flow.state.state import (
+    NO_TABLE,
     OVERFLOW,
     Segment,
-    Stretch,
     accelerations,
     approach_speed,
     contact_bit,
@@ -64,7 +65,6 @@ from hpcsweep.solvers.flow.state.state import (
     renew_rows,
     start,
 )
-from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE
 
 PEAKS_AT_SAMPLES, ALL_PEAKS, WITH_ENERGY = 1, 2, 3
@@ -103,8 +103,10 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
     first, last, length = intervals
     key, index = np.uint64(0), NO_TABLE
     with_elements = by_elements(model)
+    work.tails.table[0] = 0
     if with_elements:
         write_loads(common.modes, model.elements, work.forcing)
+        write_windows(common.modes, model.elements, work)
     for j in range(first, last):
         _set_ramp(j, samples, model)
         if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
@@ -120,16 +122,20 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
         if index != NO_TABLE:
             forcing_at(0.0, amplitude, model, work.forcing, 0)
             start(work.x, z, work.forcing)
+            if model.elements.stiffness.shape[0] > 0 and work.tails.table[0] == 0:
+                _write_tails(index, wanted, common)
             segment = Segment(key, index, tables.h[index], 0.0, length)
             tau = _coast(segment, amplitude, wanted, common)
             for row in range(z.shape[0]):
                 z[row] = work.x[row]
         if tau < length:
-            flags = PEAKS | IMPACTS if wanted >= ALL_PEAKS else NO_TALLY
-            flags |= ENERGY if wanted == WITH_ENERGY else NO_TALLY
+            flags = _gathered(wanted)
             if with_elements:
-                rest = Stretch(tau, length)
-                outcome = march_elements(shared, rest, z, amplitude, common, flags, None)
+                work.tails.table[0] = 0
+                if model.contacts.row.shape[0] > 0:
+                    index = NO_TABLE
+                part = Segment(key, index, 0.0, tau, length)
+                outcome = march_elements(shared, part, z, amplitude, common, flags, None)
             else:
                 part = Segment(key, index, 0.0, tau, length)
                 outcome = march_segments(shared, part, z, amplitude, common, flags, None, True)
@@ -141,6 +147,13 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
         if points.shape[0] > 0:
             copy_state(z, points[j - first])
     return last - first, COMPLETE
+
+
+@inlined
+def _gathered(wanted):
+    """Return the flags of what is gathered of intervals that are not coasted."""
+    flags = PEAKS | IMPACTS if wanted >= ALL_PEAKS else NO_TALLY
+    return flags | (ENERGY if wanted == WITH_ENERGY else NO_TALLY)
 
 
 @inlined
@@ -161,18 +174,38 @@ def _table_at_start(z, amplitude, packed, shared):
     """
     model, work, key, nothing = shared.model, shared.work, np.uint64(0), np.uint64(0)
     if by_elements(model):
-        if past_stops(0.0, z, amplitude, model, work) != nothing:
-            return key, NO_TABLE
-        set_contacts(nothing, nothing, shared.modes, model.contacts)
+        if model.contacts.row.shape[0] > 0:
+            if past_stops(0.0, z, amplitude, model, work) != nothing:
+                return key, NO_TABLE
+            set_contacts(nothing, nothing, shared.modes, model.contacts)
+            write_windows(shared.modes, model.elements, work)
         _, key = sets_of(shared.modes, model.elements)
         if not is_tabled(key, model, shared.tables):
             return key, NO_TABLE
-        write_windows(shared.modes, model.elements, work)
     elif inside_layer(z, model):
         return key, NO_TABLE
     else:
         key = contact_key(0.0, z, amplitude, model, work)
     return key, table_of(key, shared.tables, packed)
+
+
+@kernel
+def _write_tails(index, wanted, shared):
+    """Write what the loads of sliders add to products by a table, see `Tails`."""
+    tables, outputs, tails, x = shared.tables, shared.outputs, shared.work.tails, shared.work.x
+    if is_spectral(tables):
+        return
+    columns = (x.shape[0] - 1 - shared.model.elements.stiffness.shape[0], x.shape[0])
+    tails.table[0] = index + 1
+    tails.step[:] = tails.bound4[:] = 0.0
+    add_product(tables.step, index, x, columns, tails.step, tails.step)
+    add_product_of_moduli(tables.bound4, index, x, columns, tails.bound4, tails.bound4)
+    if wanted >= ALL_PEAKS:
+        fill_outputs(index, shared.model, tables, outputs)
+        tails.pair[:] = tails.pair_bound4[:] = 0.0
+        add_product(outputs.pair, index, x, columns, tails.pair, tails.pair)
+        bounds = tails.pair_bound4
+        add_product_of_moduli(outputs.bound4, index, x, columns, bounds, bounds)
 
 
 @inlined
@@ -188,6 +221,8 @@ def _coast(segment, amplitude, wanted, shared):
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     x, wide, places = work.x, work.wide, model.contacts.places
     with_elements = by_elements(model)
+    n_sliders = model.elements.stiffness.shape[0]
+    moving = (0, x.shape[0] - (n_sliders + 1 if n_sliders > 0 else 0))
     n_steps = int(end / h + 0.5)
     if n_steps * h != end and abs(n_steps * h - end) > 1e-12 * end:
         # a part of an interval
@@ -197,8 +232,8 @@ def _coast(segment, amplitude, wanted, shared):
             spectral_step(index, step * h, (step + 1) * h, model, tables, work)
             bound_rows(h, tables, work)
         else:
-            product(tables.step, index, x, wide)
-            product_of_moduli(tables.bound4, index, x, work.bounds)
+            add_product(tables.step, index, x, moving, work.tails.step, wide)
+            add_product_of_moduli(tables.bound4, index, x, moving, work.tails.bound4, work.bounds)
         for row in range(work.z_end.shape[0]):
             work.expanded[row] = False
             work.z_end[row] = wide[row]
@@ -211,7 +246,10 @@ def _coast(segment, amplitude, wanted, shared):
                     return step * h
         if wanted == ALL_PEAKS:
             own = Segment(key, index, h, step * h, end)
-            peaks_on_segment(own, h, amplitude, PEAKS, shared)
+            if with_elements:
+                all_peaks_of_elements(own, h, h, amplitude, shared)
+            else:
+                peaks_on_segment(own, h, amplitude, PEAKS, shared)
             closed = np.uint64(0) if with_elements else key
             if (closed | tally.beside[0]) != np.uint64(0):
                 own = Segment(closed, index, h, step * h, end)

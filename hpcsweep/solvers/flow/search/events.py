@@ -36,6 +36,7 @@ from hpcsweep.solvers.flow.search.search import (
     reaching,
     rising_root,
 )
+from hpcsweep.solvers.flow.state.products import product, product_of_moduli
 from hpcsweep.solvers.flow.state.state import (
     accelerations,
     approach_speed,
@@ -43,7 +44,6 @@ from hpcsweep.solvers.flow.state.state import (
     copy_state,
     distance,
 )
-from hpcsweep.solvers.flow.state.tables import product, product_of_moduli
 
 
 @inlined

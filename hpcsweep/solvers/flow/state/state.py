@@ -177,6 +177,10 @@ def end_period(period, z, points, tangent, growth):
         copy_state(z, points[period])
 
 
+NO_TABLE = -1
+"""In place of the index of a table: the contact set is unknown."""
+
+
 class Segment(NamedTuple):
     """A step of the linear motion of one contact set."""
 
@@ -190,14 +194,6 @@ class Segment(NamedTuple):
     """Start."""
     end: float
     """End of the period."""
-
-
-class Stretch(NamedTuple):
-    """A part of a forcing period or of a sample interval of a record."""
-
-    tau: float
-    """Start."""
-    end: float
 
 
 class Ending(NamedTuple):

@@ -32,7 +32,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.places import allocate, part, zeros
-from hpcsweep.kernels.simd.vectors import LANES, combine, combine_moduli
+from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_model import ACCELERATION, Model, forcing_size
 from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
 
@@ -108,7 +108,8 @@ def sizes_of(model: Model) -> dict[str, int]:
     sizes |= {"E": model.elements.first.size, "n+1": n + 1, "F": len(model.ground)}
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
     sizes |= {f"padded {name}": padded(size) for name, size in sizes.items()}
-    sizes |= {"2 padded F": 2 * sizes["padded F"], "R+padded R": rows + padded(rows)}
+    sizes |= {"2 padded F": 2 * sizes["padded F"]}
+    sizes["padded R+padded R"] = padded(rows + padded(rows))
     spared = n_loads > 0 or model.layer == math.inf
     apart = not spared and are_apart(model)
     spared = spared or (model.layer > 0.0 and not apart)
@@ -305,24 +306,6 @@ class Tables(NamedTuple):
     rows by mode, then node."""
 
 
-@kernel
-def product(table, index, x, out):
-    """Multiply the columns ``table[index]`` by x into `out`, whose length is padded to `LANES`."""
-    rows = table.shape[2]
-    start = index * table.shape[1] * rows
-    for first in range(0, out.shape[0], LANES):
-        combine(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
-
-
-@kernel
-def product_of_moduli(table, index, x, out):
-    """Multiply like `product`, by the moduli |x|."""
-    rows = table.shape[2]
-    start = index * table.shape[1] * rows
-    for first in range(0, out.shape[0], LANES):
-        combine_moduli(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
-
-
 STRIDES = 8
 """Lengths of strides, from one step to 128."""
 LEVELS = 24
@@ -369,6 +352,8 @@ class Outputs(NamedTuple):
     """... and of the contacts."""
     place: np.ndarray
     """Table and time of `end`."""
+    ground: np.ndarray
+    """(padded F,): `Model.ground`."""
     key: np.ndarray = zeros("T", dtype=np.uint64)
     """Contact set of each table ..."""
     filled: np.ndarray = zeros("T", dtype=bool)
@@ -400,4 +385,5 @@ def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:
         first=int(np.argmax(model.watched[:, 3] == ACCELERATION)),
         first_contact=len(model.watched) - padded(len(model.contacts.row)),
         place=np.full(2, -1.0),
+        ground=np.pad(model.ground, (0, sizes["padded F"] - sizes["F"])),
     )

@@ -112,12 +112,31 @@ class SeriesWorkspace(NamedTuple):
     field: np.ndarray = zeros("N", "padded R")
     """y'' of all rows in the augmented state, by its columns ..."""
     key: np.ndarray = zeros(2, dtype=np.uint64)
-    """... for this set, if the second is 1."""
-    terms: np.ndarray = zeros(N_TERMS, "R+padded R")
-    """Term k of all rows of y, then of y'."""
+    """... for this set, if the second is 1 ..."""
+    free: np.ndarray = zeros("N", "padded R")
+    """... and for the empty one."""
+    terms: np.ndarray = zeros(N_TERMS, "padded R+padded R")
+    """Term k of all rows of y, then of y' ..."""
+    count: np.ndarray = zeros(1, dtype=int)
+    """... and how many there are."""
     x: np.ndarray = zeros("N")
     a: np.ndarray = zeros("padded R")
     """An augmented state, and its accelerations."""
+
+
+class Tails(NamedTuple):
+    """What the loads of sliders, which last from change to change, add to products by a table.
+
+    Zeros where there are no sliders.
+    """
+
+    table: np.ndarray = zeros(1, dtype=int)
+    """Its number, from 1 on; 0 if there are none."""
+    step: np.ndarray = zeros("padded 2R")
+    bound4: np.ndarray = zeros("padded R")
+    pair: np.ndarray = zeros("2 padded F")
+    pair_bound4: np.ndarray = zeros("padded F")
+    """Of `Tables`, then of `Outputs`."""
 
 
 N_CLOSED = 31
@@ -170,13 +189,15 @@ class Workspace(NamedTuple):
     """Polynomials of the present step, valid where `expanded`."""
     expanded: np.ndarray = zeros("2R", dtype=bool)
     drift_rows: np.ndarray = zeros(1, N_COEFFICIENTS)
-    ends: np.ndarray = zeros(5, "padded E")
+    ends: np.ndarray = zeros(6, "padded E")
     """Elongations of elements: at the start of the present step, their speeds, both at its end, and
-    bounds of their fourth derivatives ..."""
+    bounds of their fourth derivatives; a row that none reads ..."""
     windows: np.ndarray = zeros(4, "padded E")
     """... and within which elongations, below and above, and speeds they keep their modes, ..."""
     known: np.ndarray = zeros(2, "padded E")
     """... from 1 on these, and in these states."""
+    kept: np.ndarray = zeros("padded E", dtype=bool)
+    """Which elements keep their modes on the present step (proved)."""
     modal_rows: np.ndarray = zeros("n", N_COEFFICIENTS)
     modal_nodes: np.ndarray = zeros("padded n nodes")
     """Modal coordinates at the nodes of an interval, by mode, then node."""
@@ -197,4 +218,5 @@ class Workspace(NamedTuple):
     layer: LayerWorkspace = part(LayerWorkspace)
     solitary: SolitaryWorkspace = part(SolitaryWorkspace)
     series: SeriesWorkspace = part(SeriesWorkspace)
+    tails: Tails = part(Tails)
     spectral: SpectralWorkspace = part(SpectralWorkspace)

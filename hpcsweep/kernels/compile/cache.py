@@ -111,12 +111,12 @@ def source_hash() -> str:
     """Hash all sources of the kernels.
 
     Parsing takes as long as loading the kernels, so the hash is cached, too, under that of the
-    complete files. One thread parses at a time, as numba does when it compiles: in some versions of
-    Python `ast.parse` counts its depth for all threads.
+    complete files. One thread parses at a time, as numba does when it compiles, what files declare,
+    too: in some versions of Python `ast.parse` counts its depth for all threads.
     """
-    sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
-    kept = cache_root() / "sources" / _hash(sources)
     with global_compiler_lock:
+        sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
+        kept = cache_root() / "sources" / _hash(sources)
         found = read_verified(kept)
         if found is not None:
             return found.decode()

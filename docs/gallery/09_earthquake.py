@@ -38,10 +38,10 @@ print(f"{drift.size} histories, up to {impacts.max()} impacts each")
 
 # %%
 # The analysis: records in grey, counted fractiles in black.
-low, median, high = hpcsweep.fractiles(drift)
+low, middle, high = hpcsweep.fractiles(drift)
 figure, axis = plt.subplots(figsize=(6, 4), layout="constrained")
 axis.plot(1000 * drift.T, stripes, color="0.7", lw=0.8)
-axis.plot(1000 * median, stripes, "k", lw=2, label="median")
+axis.plot(1000 * middle, stripes, "k", lw=2, label="50 %")
 axis.plot(1000 * low, stripes, "k--", lw=1, label="16 and 84 %")
 axis.plot(1000 * high, stripes, "k--", lw=1)
 axis.set(xlabel="largest storey drift  [mm]", ylabel="Sa at the first period  [m/s²]")

@@ -3,7 +3,8 @@
 A stripe is one scale of the records: one response of each. Fractiles are counted, not fitted: that
 of the part p of n values is the smallest of them that at least p n values do not exceed, so it is
 one of the values, and means the same of responses at a scale, and of capacities, some of which are
-infinite. The capacity of a record is the smallest scale whose response reaches a threshold: where
+infinite; a median, of an even number the mean of the middle two, is never called a fractile.
+The capacity of a record is the smallest scale whose response reaches a threshold: where
 the line through its responses at the two stripes that bracket the threshold does, the response at
 the scale 0 being 0. Beyond a collapse the response is infinite, and the capacity the middle between
 the stripes before and after. A curve of a structure that pounds may fall below the threshold again
@@ -20,7 +21,7 @@ import numpy as np
 from hpcsweep.model.arguments import array, count, finite, number, positive, refused
 
 PARTS = (0.16, 0.5, 0.84)
-"""Of fractiles: the median, and what is a standard deviation from it in a normal distribution."""
+"""Of fractiles: the middle, and what is a standard deviation from it in a normal distribution."""
 ROUNDED = 1e-9
 """By which p n may exceed a whole number through rounding."""
 
@@ -99,6 +100,23 @@ def response_fractiles(values: Any, parts: Sequence[float] = PARTS) -> np.ndarra
     ndarray, shape (p, ...)
     """
     return -fractiles(-array("values", values), [1.0 - part for part in parts])
+
+
+def median_band(values: Any) -> np.ndarray:
+    """Return the median of the records between the fractiles 16 and 84 %.
+
+    Of an even number the median is the mean of the middle two, which need not be one of the values.
+
+    Parameters
+    ----------
+    values : array_like, shape (records, ...)
+
+    Returns
+    -------
+    ndarray, shape (3, ...)
+    """
+    low, middle, high = fractiles(values)
+    return np.array([low, 0.5 * (middle + response_fractiles(values, (0.5,))[0]), high])
 
 
 def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:

@@ -24,7 +24,10 @@ SIDES = (
     "distance of each floor at rest from the stop on its {}, of any sign, `inf` for no stop: a "
     "number, or a list of n"
 )
-OF_LEVELS = "of the contacts between buildings: a number, or a list with one per level"
+OF_LEVELS = (
+    "of the contacts between buildings: a number, or a list with one per level, the same between "
+    "all neighbours of that level"
+)
 STRUCTURE: Tables = {
     "structure": (
         Key("n_floors", "storeys n on a fixed base", 3, (1, MAX_FLOORS)),

@@ -239,7 +239,8 @@ def adjacent(
     buildings : sequence of Building
         At least two.
     gap, stiffness : float or sequence of float
-        Of all contacts, or of each level at which floors face each other, from the lowest on.
+        Of all contacts, or of each level at which floors face each other, from the lowest on, the
+        same between all neighbours of that level.
     restitution : float or sequence of float, optional
         Of the contacts, above 0 and at most 1, for two floors that collide as if alone.
     damping : float or sequence of float, optional

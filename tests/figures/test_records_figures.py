@@ -22,6 +22,7 @@ from hpcsweep import (
     separation,
     synthetic_records,
 )
+from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import labels
 from hpcsweep.figures.diagrams.hysteresis import springs
 from hpcsweep.figures.diagrams.responses import buildings, edge_of, within
@@ -78,6 +79,7 @@ def test_every_figure_is_drawn(folder, kind):
         (["plot", "job.h5", "--kind", "orbit"], "holds responses"),
         (["plot", "job.h5", "--kind", "hysteresis"], "the structure has no sliders"),
         (["plot", "hysteresis.h5", "--kind", "hysteresis", "--place", "B1"], "of A1, A2"),
+        (["plot", "hysteresis.h5", "--kind", "pounding"], "the elastic motion alone, no measure"),
         (["plot", "job.h5", "--scale", "nan"], "argument --scale: must be greater than 0, is nan"),
         (["fragility", "job.h5", "--scale", "nan", "--demands", "new.csv"], "is nan"),
         (
@@ -335,7 +337,8 @@ def test_a_portfolio_shows_fractiles_of_every_structure_over_its_keys(tmp_path):
     )
     results = open_results(tmp_path / "a.h5")
     force = results["contact_force"].isel(scale=-1).max("stop").values.reshape(4, 8)
-    np.testing.assert_array_equal(read.found, np.sort(force, axis=1).T[[1, 3, 6]])
+    low, high = np.sort(force, axis=1).T[[1, 6]]
+    np.testing.assert_array_equal(read.found, [low, np.median(force, axis=1), high])
     drawn = figure.draw(read._replace(found=np.where(read.over[0] == 0.01, np.inf, read.found)))
     offsets = [points.get_offsets().data.tolist() for points in drawn.axes[0].collections[1:]]
     assert [x for x, _ in offsets[1]] == [0.01, 0.01]  # those that collapse, on top
@@ -370,7 +373,30 @@ def test_what_collapses_lies_at_the_edge_and_words_fit_the_structure(folder):
     assert names == ["16 to 84 %", "median", "no contact"]
     frame = Building([1.0, 1.0], 50.0, yield_drift=0.1).structure
     beside = replace(frame, gap=0.1)
-    assert [alone_words(one) for one in (frame, beside)] == ["elastic", "elastic, no contact"]
+    words = ["elastic motion", "elastic motion without contact", "no contact"]
+    assert [alone_words(one) for one in (frame, beside, replace(beside, yield_drift=None))] == words
+    hard = open_results(folder / "hysteresis.h5")
+    for kind, label in (("profile", words[1]), ("ida", f"50 %, {words[1]}")):
+        legend = figures()[kind].draw(hard).axes[0].get_legend()
+        assert label in [text.get_text() for text in legend.get_texts()]
+
+
+def test_a_median_of_an_even_number_is_the_mean_of_the_middle_two(folder):
+    """Of eight records; fractiles, lines at 50 % and capacities are counted, and not called so."""
+    results = open_results(folder / "job.h5").isel(scale=[-1])
+    drawn = results.storey_drift / 0.032, results.storey_drift_alone / 0.032
+    profile = figures()["profile"].draw(results).axes[0].get_lines()
+    for line, values in zip(profile, drawn, strict=False):
+        np.testing.assert_allclose(line.get_xdata(), np.median(values[:, 0, :2], axis=0))
+    ratio = np.divide(*(values[:, 0, :2].max("storey") for values in drawn))
+    line = figures()["pounding"].draw(results).axes[0].get_lines()[1]
+    np.testing.assert_allclose(line.get_ydata(), np.median(ratio), rtol=1e-14)
+    ida = {line.get_label(): line for line in figures()["ida"].draw(results).axes[0].get_lines()}
+    largest = np.sort(drawn[0][:, 0].max("storey"))
+    assert ida["50 % fractile"].get_xdata()[-1] == largest[4]
+    low, middle, high = median_band([3.0, np.inf, 1.0, np.nan, 2.0])
+    assert (low, middle, high) == (1.0, 2.5, np.inf)
+    assert median_band([1.0, 2.0, np.inf, np.inf])[1] == np.inf
 
 
 def test_numbers_are_in_units_that_suit_them():

@@ -336,6 +336,13 @@ def test_the_shipped_jobs_are_what_they_say(name, n, contacts):
     assert job.structure.foreign
 
 
+def test_levels_have_one_gap_between_all_neighbours():
+    three = [hpcsweep.Building([1.0, 1.0], 10.0, name=name) for name in "ABC"]
+    row = hpcsweep.adjacent(three, gap=[0.1, 0.3], stiffness=50.0)
+    gaps = dict(zip(row.names.contacts, (one.gap for one in row.contacts), strict=True))
+    assert gaps == {"A1-B1": 0.1, "A2-B2": 0.3, "B1-C1": 0.1, "B2-C2": 0.3}
+
+
 def test_pounding_buildings_are_those_of_three_and_five_equal_storeys():
     found = load_job(JOBS / "structures/pounding.toml").structure
     stiffness = found.stiffness_matrix

@@ -1,8 +1,11 @@
-"""What contacts do: the response of each building over that without them, at each intensity."""
+"""What contacts do: the response of each building over that without them, at each intensity.
+
+Of what yields the file has no motion without contacts but the elastic one, which is no measure.
+"""
 
 import numpy as np
 
-from hpcsweep.earthquakes.stripes import PARTS, fractiles
+from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.studies.ground_motion.records import Records
@@ -20,8 +23,14 @@ load = responses.load
 def draw(results, response: str = "drift"):
     """Draw a band for each building."""
     whole = responses.opened(results, response, None)
-    if not style.structure_of(results).contacts:
+    structure = style.structure_of(results)
+    if not structure.contacts:
         raise style.PlotError("--kind pounding: the structure has no contacts")
+    if structure.sliders:
+        raise style.PlotError(
+            "--kind pounding: without contacts the file knows the elastic motion alone, no measure "
+            "of what yields: vary pounding.gap up to one that is never reached, and compare both"
+        )
     if whole.alone is None:
         raise style.PlotError(
             "the file holds no responses without contacts: set output.alone = true"
@@ -33,7 +42,7 @@ def draw(results, response: str = "drift"):
     ratios = {}
     for building in responses.buildings(results[dim].values):
         one = stripes_of(results, study, response, building or None)
-        ratios[building] = fractiles(one.values / np.asarray(one.alone), PARTS)
+        ratios[building] = median_band(one.values / np.asarray(one.alone))
     edge = responses.edge_of(*ratios.values())
     for series, (building, (low, median, high)) in enumerate(ratios.items()):
         ends = [np.minimum(part, edge or np.inf) for part in (low, high)]

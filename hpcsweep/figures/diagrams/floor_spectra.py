@@ -15,7 +15,7 @@ NAME = "floor-spectra"
 DRAWS = "responses"
 HELP = """\
 response spectra of the floor --place (default: the top of the first building) at one
-intensity, 5 % damping, with fractiles and the median without contacts; those of the file
+intensity, 5 % damping, with fractiles and the 50 % without contacts; those of the file
 (output.floor_spectra), or computed from the records, a second or two of each"""
 OPTIONS = (responses.SCALE, responses.PLACE)
 

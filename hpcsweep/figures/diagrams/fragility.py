@@ -13,7 +13,8 @@ DRAWS = "responses"
 HELP = """\
 share of records whose response reaches a threshold, against the intensity, counted by their
 capacities, with the lognormal curve of largest likelihood and its 95 % band, dashed beyond
-the stripes; without contacts the counted curve, which is exact at any intensity"""
+the stripes; without contacts (elastic, where something yields) the counted curve, which is
+exact at any intensity, and the intensity that half of the records reach"""
 OPTIONS = (
     *(responses.THRESHOLD, responses.COLLAPSES, responses.RESPONSE, responses.PLACE),
     UNITS,
@@ -56,11 +57,11 @@ def draw(
     shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(known, 1)
     axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
     last, exact = stripes.intensity[-1], stripes.alone is stripes.values
-    medians = [found.median]
+    middles = [found.median]
     if touches:
         free = capacities(stripes, threshold, alone=True)
-        medians.append(fractiles(free.scale, (0.5,)).item())
-    farthest = min(BEYOND * max(medians), FARTHEST * last)
+        middles.append(fractiles(free.scale, (0.5,)).item())
+    farthest = min(BEYOND * max(middles), FARTHEST * last)
     if exact:
         farthest = BEYOND * own.scale[np.isfinite(own.scale)].max()
     edge = max(last, farthest)
@@ -73,7 +74,7 @@ def draw(
     axis.plot(fine[~inside], curve[~inside], "--", color=colour)
     _count(axis, own, edge if exact else last, color=colour, linewidth=0.6)
     if touches:
-        name = f"{responses.alone(results)}, counted  median {medians[-1]:.4g}"
+        name = f"{responses.alone(results)}, counted, 50 % at {middles[-1]:.4g}"
         _count(axis, free, edge, color=palette.STOP, label=name)
     reach = f"share of records that reach {threshold:g} {stripes.unit}".rstrip()
     reach = "share of records that collapse" if collapse else reach

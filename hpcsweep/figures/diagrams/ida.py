@@ -11,7 +11,8 @@ NAME = "ida"
 DRAWS = "responses"
 HELP = """\
 response of each record against the intensity, with the 16, 50 and 84 % fractiles,
-and the median without contacts; flat lines to the edge where a structure collapses"""
+and the 50 % of the motion without contacts (elastic, where something yields); flat
+lines to the edge where a structure collapses"""
 OPTIONS = (responses.RESPONSE, responses.PLACE, UNITS)
 load = responses.load
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.earthquakes.stripes import fractiles
+from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.diagrams.vary_map import WIDE
@@ -35,7 +35,7 @@ EDGE = 1.05
 
 
 class Portfolio(NamedTuple):
-    """Fractiles of all structures, shape (3, structures), and values and label of two keys."""
+    """16 %, median and 84 % of all structures, shape (3, structures), values and labels of two keys."""
 
     found: np.ndarray
     over: tuple[np.ndarray, str]
@@ -63,7 +63,7 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
         except StripesError as error:
             raise style.PlotError(str(error)) from None
         number = responses.scale_index(results, scale)
-        found.append(fractiles(stripes.values[:, number]))
+        found.append(median_band(stripes.values[:, number]))
         keys.append({PERIOD: longest_period(study.structure), **at})
         tell(len(found), frames.whole.study.n_parts)
     if np.isnan(found).all():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcsweep.earthquakes.stripes import fractiles
+from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.studies.ground_motion.records import Records
@@ -12,7 +12,8 @@ NAME = "profile"
 DRAWS = "responses"
 HELP = """\
 peak drift, displacement or acceleration, ductility or residual drift over the storeys
-of each building at one intensity: median, 16 to 84 %, and the median without contacts"""
+of each building at one intensity: median, 16 to 84 %, and the median of the motion
+without contacts (elastic, where something yields)"""
 OPTIONS = (responses.RESPONSE, responses.SCALE)
 load = responses.load
 ROOM = 0.2
@@ -30,7 +31,7 @@ def draw(results, response: str = "drift", scale: float | None = None):
         raise style.PlotError("a profile is for buildings: a finite element model has no storeys")
     panels = responses.heights(found.names)
     figure, axes = style.new_grid(1, len(panels), (1.2 + 2.6 * len(panels), 4.2), sharex=True)
-    counted = fractiles(found.values[:, at])
+    counted = median_band(found.values[:, at])
     beside = [np.asarray(found.alone)[:, at]] if responses.touches(whole) else []
     edge = responses.edge_of(counted, *beside)
     for axis, (building, places, level) in zip(axes[0], panels, strict=True):
@@ -40,7 +41,7 @@ def draw(results, response: str = "drift", scale: float | None = None):
         axis.fill_betweenx(level, *band, color=own, alpha=0.2, linewidth=0, label="16 to 84 %")
         axis.plot(median, level, "o-", color=own, markersize=3, label="median")
         if responses.touches(whole):
-            (free,) = fractiles(np.asarray(found.alone)[:, at, places], (0.5,))
+            free = median_band(np.asarray(found.alone)[:, at, places])[1]
             looks = {"color": palette.STOP, "markersize": 3, "label": responses.alone(results)}
             axis.plot(free, level, "s:", **looks)
         axis.set_title(f"building {building}" if building else "", fontsize=9)

@@ -12,7 +12,7 @@ NAME = "separation"
 DRAWS = "responses"
 HELP = """\
 gap at which two floors do not touch, exact from the motion without contacts, against the
-intensity, with fractiles and the medians of the rules ABS, SRSS and DDC; in the legend
+intensity, with fractiles and the 50 % fractiles of the rules ABS, SRSS and DDC; in the legend
 how often and by how much a rule is too small"""
 OPTIONS = (responses.PLACE,)
 RULES = "sum of peaks", "SRSS", "double difference"
@@ -24,7 +24,7 @@ load = responses.load
 
 
 def draw(results, place: str | None = None):
-    """Draw the need of each record and the medians of the rules.
+    """Draw the need of each record and the 50 % fractiles of the rules.
 
     Raises
     ------
@@ -65,15 +65,15 @@ def draw(results, place: str | None = None):
         if over.size:  # alike buildings need no gap
             label += f": {np.median(over):.2f} of the need, too small for "
             label += f"{100 * np.mean(over < SHORT):.0f} % of them"
-        (median,) = fractiles(values, (0.5,))
-        curve(median, ":", label=label, color=palette.series_colour(series), linewidth=1.5)
+        (middle,) = fractiles(values, (0.5,))
+        curve(middle, ":", label=label, color=palette.series_colour(series), linewidth=1.5)
     gap, top = structure.contacts[k].gap, axis.get_ylim()[1]
     if gap <= 2.0 * top:
         axis.axhline(gap, color="0.4", linewidth=0.8, label="gap of the job")
         top = max(top, 1.05 * gap)
     ylabel = f"gap needed, {name}{labels.unit(structure, 'length')}"
     axis.set(xlabel=whole.measure, ylabel=ylabel, xlim=(0, scale[-1]), ylim=(0, top))
-    told = f"{responses.counted(whole)}, {responses.alone(results)}; rules in the median"
+    told = f"{responses.counted(whole)}, {responses.alone(results)}; rules at 50 %"
     responses.legend(axis, told, handlelength=3.0)
     return style.head(figure, responses.title(results), fontsize=9)
 

@@ -102,8 +102,9 @@ def elastic_words(drift: float) -> str:
 
 def alone_words(structure: Structure) -> str:
     """Return the words for the motion without contacts, in which no slider slips."""
-    words = "elastic" * bool(structure.sliders), "no contact" * bool(structure.contacts)
-    return ", ".join(filter(None, words))
+    if not structure.sliders:
+        return "no contact" * bool(structure.contacts)
+    return "elastic motion" + " without contact" * bool(structure.contacts)
 
 
 class ResponseTally(BaseTally):

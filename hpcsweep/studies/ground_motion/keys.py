@@ -81,7 +81,11 @@ KEYS = (
 )
 OUTPUT = (
     Key("times", "times of the peaks", True),
-    Key("alone", "peaks without contacts, and the gaps that would not have closed", True),
+    Key(
+        "alone",
+        "peaks of the elastic motion without contacts, and the gaps that would not have closed",
+        True,
+    ),
     Key(
         "base_shear",
         "peak reaction of the base of each building",

@@ -89,7 +89,7 @@ TIMES = (
 ALONE = (
     *(
         _peak(
-            *(f"{v.name}_alone", v.dims[-1], v.units, 1, f"{v.long_name}, without contacts"),
+            *(f"{v.name}_alone", v.dims[-1], v.units, 1, f"{v.long_name}, elastic motion without contacts"),
             field=field,
             failed=ANY,
         )
@@ -101,7 +101,7 @@ ALONE = (
         failed=ANY,
     ),
 )
-"""Of the motion without contacts."""
+"""Of the motion without contacts, in which nothing yields or slips."""
 BASES = (_peak("base_shear", "building", "force", 1, "peak reaction of the base of each building"),)
 ENERGIES = (
     _peak("energies", "energy", "energy", 2, "energies at the end", FINITE, field="energy"),

@@ -21,6 +21,11 @@ function responseFractile(sorted, part) {
   return n ? sorted[n - Math.max(Math.ceil((1 - part) * n - ROUNDED), 1)] : NaN;
 }
 
+// Median of ascending values: of an even number the mean of the middle two.
+function median(sorted) {
+  return 0.5 * (fractile(sorted, 0.5) + responseFractile(sorted, 0.5));
+}
+
 // Capacity of a record with a response at each of the scales, and how often it crosses later.
 function capacity(scales, responses, threshold) {
   const reached = Array.from(responses, (value) => value >= threshold);

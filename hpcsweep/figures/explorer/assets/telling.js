@@ -65,7 +65,7 @@ function fitWords(page, unit) {
     if (!kind.exact && beyond) words.push(`an extrapolation ${beyond} stripe`);
   } else words.push("no curve: two different capacities are needed");
   if (page.freeSorted.length) {
-    words.push(`${kind.alone}: median ${withUnit(fractile(page.freeSorted, 0.5), unit)}`);
+    words.push(`${kind.alone}: 50 % at ${withUnit(fractile(page.freeSorted, 0.5), unit)}`);
   }
   const again = capacity.filter(({ later }) => later).length;
   if (again) words.push(`${again} curve${again > 1 ? "s cross" : " crosses"} it again`);
@@ -84,7 +84,7 @@ function responseRows(page, valueOf) {
 
 function medians(page, at) {
   return responseRows(page, (places, name) =>
-    fractile(ascending(page.curves.map((_, i) => page.value(i, at, places, name))), 0.5));
+    median(ascending(page.curves.map((_, i) => page.value(i, at, places, name)))));
 }
 
 function numbersOf(page, record, at, unit) {
@@ -113,8 +113,8 @@ function writeKeys(page) {
       return entry;
     }));
   const alone = (words) => ["dotted", page.study.stop, kind.alone + words];
-  write("curves-key", [["solid", theme("grey"), "records"], ["solid", own, "median"],
-    ["dashed", own, "16, 84 %"], ...(page.touches ? [alone(", median")] : [])]);
+  write("curves-key", [["solid", theme("grey"), "records"], ["solid", own, "50 %"],
+    ["dashed", own, "16, 84 %"], ...(page.touches ? [alone(", 50 %")] : [])]);
   write("fragility-key", [["solid", own, "lognormal, 95 % band"], ["dots", own, "counted"],
     ...(page.freeSorted.length ? [alone(", counted")] : [])]);
 }

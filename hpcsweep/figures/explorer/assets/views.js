@@ -30,9 +30,9 @@ function curvesView(page) {
       Math.abs(scale - value) < Math.abs(scales[best] - value) ? k : best, 0),
     base: (pen) => {
       for (const curve of page.curves) pen.line(page.upwards(curve), grey(page), 0.7);
-      const [low, median, high] = page.fractiles.map((values) => page.upwards(values));
+      const [low, middle, high] = page.fractiles.map((values) => page.upwards(values));
       for (const outer of [low, high]) pen.line(outer, page.own, 1.8, DASHED);
-      pen.line(median, page.own, 2.4);
+      pen.line(middle, page.own, 2.4);
       const free = responseFractile(ascending(page.alone), 0.5);
       if (page.touches) pen.line([[0, 0], [free, last]], study.stop, 2, DOTTED);
     },
@@ -137,8 +137,8 @@ function profileViews(page) {
   return about.panels.map(([title, places, level]) => {
     const up = (values) => values.map((value, j) => [value, level[j]]);
     const of = (i) => places.map((place) => page.value(i, page.stripe(), [place]));
-    const counted = (of, part) =>
-      up(places.map((_, j) => fractile(ascending(records.map((i) => of(i)[j])), part)));
+    const counted = (of, count) =>
+      up(places.map((_, j) => count(ascending(records.map((i) => of(i)[j])))));
     const free = (i) => places.map((place) => page.free(i, page.stripe(), [place]));
     const step = Math.ceil(level.length / MOST_LEVELS);
     const named = level.flatMap((_, j) => (j % step ? [] : [j]));
@@ -157,10 +157,12 @@ function profileViews(page) {
       stripe: () => page.stripe(),
       base: (pen) => {
         for (const i of records) pen.line(up(of(i)), grey(page), 0.7);
-        for (const part of [0.16, 0.84]) pen.line(counted(of, part), page.own, 1.6, DASHED);
-        pen.line(counted(of, 0.5), page.own, 2.4);
-        pen.dots(counted(of, 0.5), page.own, 2.4);
-        if (page.touches) pen.line(counted(free, 0.5), page.study.stop, 2, DOTTED);
+        for (const part of [0.16, 0.84]) {
+          pen.line(counted(of, (own) => fractile(own, part)), page.own, 1.6, DASHED);
+        }
+        pen.line(counted(of, median), page.own, 2.4);
+        pen.dots(counted(of, median), page.own, 2.4);
+        if (page.touches) pen.line(counted(free, median), page.study.stop, 2, DOTTED);
       },
       curve: (i) => up(of(i)),
       mark: (pen, i, colour) => {

@@ -9,6 +9,7 @@ from scipy.special import expit
 from hpcsweep.job import Job
 from hpcsweep.model.description import few, modes_kept, one_line, slow
 from hpcsweep.model.equilibrium import pressed
+from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.reduction import absurd
 from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
 from hpcsweep.studies.run_names import count
@@ -51,6 +52,8 @@ def describe(job: Job) -> Lines:
     yield from (("slider", text) for text in _sliders(structure))
     if structure.sliders:
         yield "", _slipping(structure)
+    if sliding := isolated_period(structure):
+        yield "", f"while the bearings alone slip the longest period is {sliding:.6g}"
     if structure.collapse_drift is not None:
         limits, unit = few(structure.drift_limits.tolist()), known_unit(structure, "length")
         yield "collapse", f"beyond a drift of {limits}{unit}"

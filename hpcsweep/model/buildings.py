@@ -4,7 +4,7 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
 from hpcsweep.model.matrices import Contact, each, vector
+from hpcsweep.model.plausibility import heights_apart
 from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.structure import Structure
 
@@ -376,16 +377,21 @@ def _facing(one: tuple[Building, str], other: tuple[Building, str]) -> list[list
     ]
     floors = [ends for _, ends in found]
     lower = min(left.heights[-1], right.heights[-1])
+    steps = (np.diff(building.heights, prepend=0.0).tolist() for building in (left, right))
+    apart = heights_apart([*chain(*steps)])
     for side, ((building, name), (hit, hit_name)) in enumerate(((one, other), (other, one))):
         met = {ends[side] for ends in floors}
         for i, height in enumerate(building.heights):
             if i in met or height > lower * (1.0 + SAME_HEIGHT):
                 continue
             if hit.column is None:
+                remedy = (
+                    f"give {hit_name} column = {{share, mass}}, the share of a storey's stiffness "
+                    "that the column has, and the mass that moves with it"
+                )
                 raise ValueError(
                     f"building.storey_height: floor {i + 1} of {name} at height {height:g} faces a "
-                    f"column of {hit_name}: give {hit_name} column = {{share, mass}}, the share of "
-                    "a storey's stiffness that the column has, and the mass that moves with it"
+                    f"column of {hit_name}: {apart or remedy}"
                 )
             found.append((height, [height, i] if side else [i, height]))
     return [ends for _, ends in sorted(found, key=lambda level: level[0])]

@@ -13,6 +13,7 @@ import numpy as np
 
 from hpcsweep.model.arguments import number
 from hpcsweep.model.matrices import Contact, Slider
+from hpcsweep.model.modes import natural_modes
 from hpcsweep.model.structure import Structure
 
 RANGE = 1e-12, 1e12
@@ -139,6 +140,23 @@ class Isolation:
             collapse_drift=fixed.collapse_drift,
         )
         return made.named((SLAB, *fixed.floor_names), WALLS[: len(signs)])
+
+
+def isolated_period(structure: Structure) -> float | None:
+    """Return the longest period of what stands on bearings that slide; None without bearings.
+
+    Storeys that may yield do not: this is the period by which isolation is designed, where the
+    modes of the structure are those of stuck bearings.
+    """
+    named = zip(structure.slider_names, structure.sliders, strict=True)
+    bearings = [one for name, one in named if name.endswith(SLAB)]
+    if not bearings:
+        return None
+    rows = np.array([one.direction for one in bearings])
+    sliding = structure.stiffness_matrix - (rows.T * [one.spring for one in bearings]) @ rows
+    slabs = np.abs(rows).argmax(axis=1)
+    own = np.ix_(*2 * [np.isin(structure.buildings, structure.buildings[slabs])])
+    return 2.0 * math.pi / float(natural_modes(structure.mass_matrix[own], sliding[own])[0][0])
 
 
 def _key(name: str) -> str:

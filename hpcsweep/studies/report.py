@@ -4,7 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hpcsweep.earthquakes.units import seconds_in
 from hpcsweep.model.description import few
+from hpcsweep.model.plausibility import implausible
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import known_unit, unit_of
 from hpcsweep.studies.study import Lines, Study
@@ -72,6 +74,7 @@ def doubts(
     continues : bool
         Whether runs start from the end of the one at the amplitude before.
     """
+    yield from implausible(structure, seconds_in(structure.unit_names.time))
     natural = structure.frequencies
     orders = np.array([order for order, _, _ in structure.forcing.terms if order])
     ratio = np.abs(np.log(np.outer(orders, omega).ravel()[:, None] / natural))

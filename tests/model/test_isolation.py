@@ -1,6 +1,7 @@
 """Buildings on bearings: closed forms, the independent reference, and what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from together import together
 from yielding import Yielding
 
 import hpcsweep
+from hpcsweep.model.isolation import isolated_period
 
 SHAKING = hpcsweep.Record(np.random.default_rng(3).standard_normal(40) * 4.0, dt=0.1)
 GIVEN = {"slab_mass": 2.0, "stiffness": 1.5, "strength": 0.8, "initial_stiffness": 20.0}
@@ -99,6 +101,17 @@ def test_the_period_and_damping_of_the_building_are_those_on_a_fixed_base():
     damping = on_slab.structure.damping_matrix
     np.testing.assert_allclose(damping.sum(axis=1), 0.0, atol=1e-12)
     np.testing.assert_allclose(damping[1:, 1:], free.structure.damping_matrix, rtol=1e-12)
+
+
+def test_the_isolated_period_is_that_of_bearings_that_slide():
+    """Of a rigid building 2 pi sqrt(m / k), whether or not it may yield, and beside another one."""
+    rigid = hpcsweep.Building([1.0, 2.0], 1e6, isolation=hpcsweep.Isolation(**GIVEN), name="A")
+    yields = replace(rigid, yield_drift=0.1)
+    slow = hpcsweep.Building([1.0, 2.0], 1e-3, name="B")
+    pair = hpcsweep.adjacent([yields, slow], gap=0.1, stiffness=1.0)
+    for one in (rigid.structure, yields.structure, pair):
+        assert isolated_period(one) == pytest.approx(2 * math.pi * math.sqrt(5.0 / 1.5), rel=1e-5)
+    assert isolated_period(slow.structure) is None
 
 
 WRONG = [

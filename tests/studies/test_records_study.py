@@ -153,6 +153,23 @@ def test_floor_spectra_are_those_of_the_plain_motion(tmp_path):
     assert validate(path).sound
 
 
+def test_records_that_are_equal_or_drift_are_warned_of(tmp_path):
+    """An offset of 3 mm/s^2 for 20 s moves the ground by 11.4 m in all with 180 s of zeros."""
+    (good,) = synthetic_records(1, seed=3, dt=0.02, duration=20.0)
+    long = np.append(good.acceleration + 0.003, np.zeros(9000))
+    for name, values in {"a": good.acceleration, "b": good.acceleration, "c": long}.items():
+        np.savetxt(tmp_path / f"{name}.txt", values)
+    source = 'files = ["*.txt"]\nunit = "m/s2"\ndt = 0.02'
+    text = re.sub(r"synthetic = .*", source, RECORDS) + '[units]\nlength = "m"\n'
+    (tmp_path / "job.toml").write_text(text)
+    job = load_job(tmp_path / "job.toml")
+    moved = 0.003 * (20.0**2 / 2 + 20.0 * 180.0)
+    told = warnings(job)
+    assert re.match(r"c: the ground is displaced by 11\.\d m: its baseline drifts", told[0])
+    assert told[1:] == ["2 records are equal: a, b"]
+    assert job.study.suite[2].pgd == pytest.approx(moved, rel=0.1)
+
+
 def test_records_that_are_multiplied_by_more_than_ten_are_warned_of():
     for most, count in ((9.0, 0), (11.0, 4)):
         job = parse_job(FACTORS.replace("[0.25, 0.5, 1.0, 2.0]", f"[1.0, {most}]"), "job", "job")
@@ -670,6 +687,83 @@ time = "s"
 synthetic = {{count = 2, seed = 3, dt = 0.02, duration = 10.0, rms = 2000.0}}
 """
 ISOLATED = ALONE.format(ISOLATION)
+
+
+FRAME = """
+[study]
+kind = "records"
+[[building]]
+name = "A"
+mass = [2.5e5, 2.5e5, 2.5e5]
+storey_stiffness = 3e8
+storey_height = 3.2
+[records]
+synthetic = {count = 2, seed = 3, dt = 0.02, duration = 10.0}
+scale = {by = "pga", values = [1.0]}
+"""
+OWN = 2 * np.pi / np.sqrt(1200.0) / 0.4450418679
+"""Period of three equal storeys, k / m = 1,200."""
+BEARINGS = "[building.isolation]\nslab_mass = 2.5e5\nfriction = 0.05\nradius = {}\n[records]\ngravity = 9.80665"
+BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
+
+
+@together(
+    "new, said",
+    [
+        ({}, []),
+        (
+            {"2.5e5": "250.0"},
+            [f"0.0129 s on a fixed base, 3 storeys .*: {OWN:.3g} s if masses are in t"],
+        ),
+        ({"3e8": "3e5"}, [f"a period of 12.9 s .* 1.5 s: {OWN:.3g} s if stiffnesses are in kN/m$"]),
+        ({"3e8": "300.0"}, [f"a period of 408 s .*: {OWN:.3g} s if stiffnesses are in kN/mm, or"]),
+        (
+            {"3e8": "3e5", "[records]": '[units]\nmass = "t"\n[records]'},
+            [f"the building has a period of 12.9 s .*: {OWN:.3g} s if masses are in kg$"],
+        ),
+        (
+            {"3.2": "3.2\nyield_drift = 0.5"},
+            [
+                "storey 1 and 2 more yields at a drift of 0.5, 15.6 % of its height 3.2, outside "
+                "0.05 to 5 %: 0.156 % if yield drifts are in cm, 0.5 % if it is a percentage"
+            ],
+        ),
+        ({"3.2": "3.2\nyield_drift = 16.0"}, ["500 % .*: 0.5 % if yield drifts are in mm, 5 % if"]),
+        ({"3.2": "3.2\nyield_force = 4.8e3"}, ["0.0005 % .*: 0.5 % if yield forces are in kN"]),
+        ({"3.2": "3.2\nyield_drift = 0.016"}, []),
+        ({"3.2": "[3.2, 3.2, 3200.0]"}, ["storey heights of 3.2 and 3200 are .*: mm beside m?"]),
+        ({"3.2": "[3.2, 320.0, 3.2]"}, ["storey heights of 3.2 and 320 are .*: cm beside m?"]),
+        (
+            BY_PERIOD | {"[records]": BEARINGS.format(2.24)},
+            [r"by Sa at T1 = 0\.\d+, the period of stuck .* is 3.022: .*period = 3.022?"],
+        ),
+        (
+            BY_PERIOD | {"3.2": "3.2\nyield_drift = 0.016", "[records]": BEARINGS.format(2.24)},
+            [r"by Sa at T1 = 0\.\d+, the period of stuck .* is 3.0\d+: .*period = 3.0\d+?"],
+        ),
+        (
+            {"[records]": BEARINGS.format(2240.0)},
+            ["bearings that slide have a period of 95 s, above 12 s: 3 s if the radius is in mm"],
+        ),
+    ],
+)
+def test_units_that_are_mistaken_are_told_with_the_one_that_would_be_right(new, said):
+    text = FRAME
+    for old, own in new.items():
+        text = text.replace(old, own)
+    job = parse_job(text, "job", "job")
+    found = warnings(job)
+    assert len(found) == len(said), found
+    assert all(re.search(one, line) for one, line in zip(said, found, strict=True)), found
+    sliding = [line for _, line in describe(job) if line.startswith("while the bearings alone")]
+    assert len(sliding) == text.count("isolation")
+
+
+def test_heights_in_two_units_are_told_in_place_of_a_column():
+    with pytest.raises(
+        JobError, match=r"faces a column of A: storey heights of 3.2 and 3200 .* mm"
+    ):
+        parse_job(RECORDS.replace("height = 3.2", "height = 3200.0", 1), "job", "job")
 
 
 def test_a_slab_that_weighs_next_to_nothing_is_warned_of():

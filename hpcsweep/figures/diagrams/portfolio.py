@@ -35,7 +35,7 @@ EDGE = 1.05
 
 
 class Portfolio(NamedTuple):
-    """16 %, median and 84 % of all structures, shape (3, structures), values and labels of two keys."""
+    """16 %, median, 84 % of all structures, shape (3, structures); values, labels of two keys."""
 
     found: np.ndarray
     over: tuple[np.ndarray, str]

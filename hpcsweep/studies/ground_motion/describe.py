@@ -7,8 +7,12 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.earthquakes.intensity import average_spectral_acceleration
+from hpcsweep.earthquakes.suite import OWN_PERIOD
+from hpcsweep.earthquakes.units import seconds_in
+from hpcsweep.model.isolation import isolated_period
+from hpcsweep.model.plausibility import implausible
 from hpcsweep.model.structure import Structure
-from hpcsweep.model.unit_names import unit_of
+from hpcsweep.model.unit_names import known_unit, unit_of
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion.keys import RecordGrid, longest_period
 from hpcsweep.studies.ground_motion.variables import PEAKS
@@ -23,10 +27,12 @@ STRONG, WEAK = 3.0, 1e-3
 recorded is 4 g."""
 SCALED = 10.0
 """Factor beyond which a record is not like a stronger one any more."""
+MOST_EQUAL = 5
+"""Names of equal records that are listed."""
 YIELDS = 0.5
 """Drift ratio in percent from which on frames of reinforced concrete begin to yield."""
 FAR = 0.3
-"""Peak ground displacement in PGV x duration beyond which a baseline drifts."""
+"""Peak ground displacement in PGV x significant duration beyond which a baseline drifts."""
 
 
 def lines(study: RecordGrid) -> Lines:
@@ -69,12 +75,30 @@ def _spectral(study: RecordGrid, i: int, period: float) -> str:
 
 def warnings(study: RecordGrid) -> Iterator[str]:
     """Return one line for each thing that looks like a mistake."""
+    structure = study.structure
+    yield from implausible(structure, seconds_in(structure.unit_names.time or "s"))
+    sliding = isolated_period(structure)
+    if sliding is not None and OWN_PERIOD in study.measure.periods:
+        unit = known_unit(structure, "time")
+        yield (
+            f"records are scaled by Sa at T1 = {longest_period(structure):.4g}{unit}, the period "
+            f"of stuck bearings; while they slide it is {sliding:.4g}{unit}: "
+            f"records.scale.period = {sliding:.4g}?"
+        )
     for one in study.suite[:MOST]:
         pga = one.pga / study.gravity
         if not WEAK <= pga <= STRONG:
             yield f"{one.name} has a PGA of {pga:.3g} g: is its unit right?"
-        if one.pgd > FAR * one.pgv * one.samples * one.dt:
-            yield f"{one.name}: the ground is displaced by {one.pgd:.3g}: its baseline drifts"
+        if one.pgd > FAR * one.pgv * one.duration:
+            moved = f"{one.pgd:.3g}{known_unit(study.structure, 'length')}"
+            yield f"{one.name}: the ground is displaced by {moved}: its baseline drifts"
+    equal: dict[str, list[str]] = {}
+    for one in study.suite:
+        equal.setdefault(one.digest, []).append(one.name)
+    for names in equal.values():
+        if len(names) > 1:
+            more = ", ..." * (len(names) > MOST_EQUAL)
+            yield f"{len(names)} records are equal: {', '.join(names[:MOST_EQUAL])}{more}"
     if (factor := study.factor.max(axis=1)).max() > SCALED:
         yield (
             f"{(factor > SCALED).sum()} of {len(study.suite)} records are multiplied by more than "

@@ -86,10 +86,11 @@ TIMES = (
     _time("floor_acceleration", "floor", "acceleration", "time of its peak"),
     _time("contact_force", "stop", "force", "time of peak force"),
 )
+ELASTIC = "elastic motion without contacts"
 ALONE = (
     *(
         _peak(
-            *(f"{v.name}_alone", v.dims[-1], v.units, 1, f"{v.long_name}, elastic motion without contacts"),
+            *(f"{v.name}_alone", v.dims[-1], v.units, 1, f"{v.long_name}, {ELASTIC}"),
             field=field,
             failed=ANY,
         )

@@ -1,0 +1,130 @@
+"""Is this building plausible? Bounds beyond which a number is likely to be in another unit.
+
+Nothing here is refused: a warning tells the value, the bounds, and with which unit it would lie
+within them, if there is one. A mass or a stiffness that is mistaken by the factor c changes periods
+by sqrt(c).
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from hpcsweep.model.isolation import SLAB, isolated_period
+from hpcsweep.model.modes import natural_modes
+from hpcsweep.model.structure import Structure
+
+PERIOD = 0.02, 0.5
+"""Longest period of a building on a fixed base over its number of storeys, in seconds."""
+OSCILLATOR = 8
+"""Storeys of the building that one of a single storey may stand for, as oscillators do."""
+ISOLATED = 0.5, 12.0
+"""Longest period while bearings slide, in seconds; only the upper bound is warned of."""
+YIELDS = 0.05, 5.0
+"""Drift at which a storey yields, in percent of its height."""
+HEIGHTS = 10.0
+"""Largest storey height over the smallest."""
+ROOT = 1e3**0.5
+Mistakes = tuple[tuple[float, str], ...]
+IN_KILOGRAMS: Mistakes = (
+    *((ROOT, "masses are in t"), (1.0 / ROOT, "stiffnesses are in kN/m")),
+    (1e-3, "stiffnesses are in kN/mm, or periods in ms"),
+)
+IN_TONNES: Mistakes = (ROOT, "stiffnesses are in N/m"), (1.0 / ROOT, "masses are in kg")
+OF_PERIODS = {"": IN_KILOGRAMS, "kg": IN_KILOGRAMS, "t": IN_TONNES}
+"""What a period is multiplied by, and why, by the unit of mass of the job."""
+OF_RADII = (1.0 / ROOT, "the radius is in mm, or the stiffness in kN/m"), (0.1, "it is in cm")
+IN_METRES: Mistakes = (
+    *((1e-3, "yield drifts are in mm"), (1e-2, "yield drifts are in cm")),
+    (1e3, "yield forces are in kN"),
+)
+OF_DRIFTS = {"": IN_METRES, "m": IN_METRES, "mm": ((1e3, "yield drifts are in m"),)}
+"""Likewise of yield drifts, by the unit of length."""
+OF_HEIGHTS = (1e3, "mm"), (1e2, "cm")
+
+
+def implausible(structure: Structure, second: float | None) -> Iterator[str]:
+    """Return one line for each number of a building that looks as if in another unit.
+
+    Parameters
+    ----------
+    structure : Structure
+        Of matrices or of a model nothing is known.
+    second : float, optional
+        The structure's unit of time in seconds; without it periods are not judged.
+    """
+    of_storeys = structure.matrices is None or structure.names.storeys
+    if structure.reduction is not None or not of_storeys:
+        return
+    if text := heights_apart(structure.names.storey_heights):
+        yield text
+    if second is not None:
+        yield from _periods(structure, second)
+    yield from _yield_drifts(structure)
+
+
+def heights_apart(heights: Sequence[float]) -> str:
+    """Return words about heights that cannot be in one unit; empty if they can."""
+    low, high = min(heights, default=1.0), max(heights, default=1.0)
+    if high <= HEIGHTS * low:
+        return ""
+    units = (f": {name} beside m?" for size, name in OF_HEIGHTS if high > size * low / HEIGHTS)
+    return f"storey heights of {low:g} and {high:g} are given together{next(units, '')}"
+
+
+def _periods(structure: Structure, second: float) -> Iterator[str]:
+    """Judge the period of each building on a fixed base, and that of bearings that slide."""
+    mistakes = OF_PERIODS.get(structure.unit_names.mass, ())
+    fixed = np.array([not name.endswith(SLAB) for name in structure.floor_names])
+    for number, name in enumerate(structure.building_names):
+        own = (structure.buildings == number) & fixed
+        if not own.any():
+            continue
+        of_own = np.ix_(own, own)
+        matrices = structure.mass_matrix[of_own], structure.stiffness_matrix[of_own]
+        omega = float(natural_modes(*matrices)[0][0])
+        if not omega > 0.0:
+            continue
+        n = int(structure.drift_rows[:, own].any(axis=1).sum())
+        period = 2.0 * np.pi / omega * second
+        low, high = PERIOD[0] * n, PERIOD[1] * (n if n > 1 else OSCILLATOR)
+        if not low <= period <= high:
+            building = "the building" if name == "building" else f"building {name}"
+            yield (
+                f"{building} has a period of {period:.3g} s on a fixed base, {n} storeys have "
+                f"{low:g} to {high:g} s" + _were(period, low, high, mistakes, " s")
+            )
+    sliding = (isolated_period(structure) or 0.0) * second
+    if sliding > ISOLATED[1]:
+        told = _were(sliding, *ISOLATED, OF_RADII, " s")
+        yield f"bearings that slide have a period of {sliding:.3g} s, above {ISOLATED[1]:g} s{told}"
+
+
+def _yield_drifts(structure: Structure) -> Iterator[str]:
+    """Judge the drifts at which storeys of known heights yield; one line for all of them."""
+    limits, found = {one.direction: one.limit for one in structure.sliders}, []
+    for i, height in enumerate(structure.names.storey_heights):
+        limit = limits.get(tuple(structure.drift_rows[i].tolist()))
+        if limit is not None and not YIELDS[0] <= 100.0 * limit / height <= YIELDS[1]:
+            found.append((structure.storey_names[i], limit, height))
+    if not found:
+        return
+    name, limit, height = found[0]
+    mistakes = OF_DRIFTS.get(structure.unit_names.length, ())
+    ratios = (height / 100.0, "it is a percentage of the height"), (height, "it is a share of it")
+    more = f" and {len(found) - 1} more" * (len(found) > 1)
+    share = 100.0 * limit / height
+    told = _were(share, *YIELDS, (*mistakes, *ratios), " %")
+    yield (
+        f"storey {name}{more} yields at a drift of {limit:.4g}, {share:.3g} % of its height "
+        f"{height:g}, outside {YIELDS[0]:g} to {YIELDS[1]:g} %{told}"
+    )
+
+
+def _were(value: float, low: float, high: float, mistakes: Mistakes, unit: str) -> str:
+    """Write which mistakes would bring a value within its bounds."""
+    told = [
+        f"{factor * value:.3g}{unit} if {words}"
+        for factor, words in mistakes
+        if low <= factor * value <= high
+    ]
+    return "".join(f": {text}" if not k else f", {text}" for k, text in enumerate(told))

@@ -85,13 +85,12 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_at(parser: argparse.ArgumentParser) -> None:
-    """Add ``--at`` to the parser of a command that shows one part of a file."""
+def add_at(parser: argparse.ArgumentParser, default: str = "the first values") -> None:
+    """Add ``--at`` to the parser of a command that shows one part of a file, or `default`."""
     parser.add_argument(
         "--at",
         action=AtAction,
         default={},
         metavar="KEY=VALUE",
-        help="value of a key that the job varies; may be given several times (default: the first "
-        "values)",
+        help=f"value of a key that the job varies; may be given several times (default: {default})",
     )

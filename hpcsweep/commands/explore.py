@@ -62,7 +62,7 @@ def configure(parser) -> None:
     add_file(parser, "HTML", "page (default: FILE with .html)")
     for option in OPTIONS:
         option.add(parser)
-    add_at(parser)
+    add_at(parser, "the first values, of responses to records all")
 
 
 def run(options) -> int:

@@ -23,7 +23,7 @@ KINDS = {
     PAGE: rb"(?i)\s*<!doctype html",
     FILM: rb"GIF8|....ftyp",
     DEMANDS: rb",\d+-P[FI][AD]-",
-    TABLE: rb"PAR1|([^\n]+,)?(record,scale|direction,\w+,amplitude),",
+    TABLE: rb"PAR1|([^\n]+,)?(record,scale|direction,\w+[^\n,]*,amplitude)( \[[^\n,]*\])?,",
 }
 """Patterns of the first bytes, by kind."""
 

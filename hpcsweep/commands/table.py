@@ -14,13 +14,15 @@ HELP = """\
 Write chosen results as a table with one row for each structure, record, scale and place (of other
 studies, each run and place), and columns that name these: record, scale, storey, floor or contact,
 and the keys that the job varies. By its name the table is CSV, an Excel workbook (.xlsx, needs
-openpyxl) or Parquet (.parquet, needs pyarrow). Runs that are not computed have no row."""
+openpyxl) or Parquet (.parquet, needs pyarrow). Runs that are not computed have no row. Names that a
+spreadsheet would compute (=A1, +1, @SUM) stand behind an apostrophe there."""
 EXAMPLES = """\
 examples:
   hpcsweep table pair.h5 -o pair.csv
   hpcsweep table pair.h5 --what drift,acceleration,force --place A -o pair.xlsx
   hpcsweep table pair.h5 --what storey_drift,storey_drift_time,pga --at gap=0.02 -o pair.parquet
-Columns have the names of --what. drift is a ratio in percent where the job gives storey heights."""
+Columns have the names of --what and their units: drift [%]. Responses are sizes; drift and
+residual_drift are ratios in percent where the job gives storey heights."""
 NEEDS = {".csv": "pandas", ".xlsx": "openpyxl", ".parquet": "pyarrow"}
 """Libraries that write a table, by the end of its name."""
 NOWHERE = ""
@@ -41,7 +43,7 @@ def configure(parser) -> None:
     parser.add_argument(
         "--place", metavar="NAME", help="storey, floor, contact or building (default: all)"
     )
-    add_at(parser)
+    add_at(parser, "all values")
 
 
 def run(options) -> int:
@@ -62,6 +64,8 @@ def run(options) -> int:
 
     with contextlib.closing(Frames(options.file, None, options.at)) as frames:
         tables = _tables(frames, options.what, options.place)
+        if form != ".parquet":
+            tables = map(_as_cells, tables)
         first = next(tables)
         wanted = _wanted(frames, options.what).items()
         with writing(path):
@@ -88,16 +92,19 @@ def _tables(frames, what: str | None, place: str | None) -> Iterator:
     for keys in frames.parts():
         study = frames.study
         wanted = _wanted(frames, what)
+        units = _units(frames, wanted)
         held = [one.variable for one in wanted.values()]
         each = [[k] for k in range(study.n_frames)] if study.is_list else [None]
         for some in each:
-            yield _table(frames.gather([*held, "outcome"], some), study, wanted, place, keys)
+            part = frames.gather([*held, "outcome"], some)
+            yield _table(part, study, wanted, place, keys, units)
 
 
 class Column(NamedTuple):
-    """A column of the table: a variable, or the ratio of a drift to the storeys' heights."""
+    """A column of the table: a variable, or a response, with its ratio to the storeys' heights."""
 
     variable: str
+    is_response: bool
     is_ratio: bool
     unit: str
 
@@ -120,13 +127,14 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
     for column in map(str.strip, what.split(",")):
         if column not in known:
             raise CommandError(f"--what {column}: must be of {', '.join(known)}")
-        is_ratio = column == "drift" and is_records and STOREY_HEIGHT.name in held
-        unit = unit_of(study.structure, held[known[column]].units)
-        wanted[column] = Column(known[column], is_ratio, "%" if is_ratio else unit)
+        is_response, one = is_records and column in RESPONSES, held[known[column]]
+        is_ratio = is_response and one.dims[-1] == "storey" and STOREY_HEIGHT.name in held
+        unit = "%" if is_ratio else unit_of(study.structure, one.units)
+        wanted[column] = Column(one.name, is_response, is_ratio, unit)
     return wanted
 
 
-def _table(results, study, wanted: dict[str, Column], place: str | None, keys: dict):
+def _table(results, study, wanted: dict[str, Column], place: str | None, keys: dict, units: dict):
     """Return the table of a part's results: a row a computed run and place."""
     import numpy as np
     import pandas
@@ -137,10 +145,12 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
     runs, outcome, percent = [*study.run_dims], results["outcome"], percent_of_height(results)
     done = np.flatnonzero(outcome.values > 0)
     columns: dict[str, dict[str, np.ndarray]] = {}
-    for column, (name, is_ratio, _) in wanted.items():
+    for column, (name, is_response, is_ratio, _) in wanted.items():
         array = results[name].broadcast_like(outcome).transpose(*runs, ...)
         dim = array.dims[len(runs) :]
         values = array.values.reshape(outcome.size, -1)[done]
+        if is_response:
+            values = np.abs(values)
         if is_ratio and percent is not None:
             values = values * percent
         names = [str(one) for one in results[dim[0]].values] if dim else [NOWHERE]
@@ -161,4 +171,26 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
     for column, own in columns.items():
         elsewhere = own.get(NOWHERE, np.full(len(done), np.nan))
         filled[column] = np.stack([own.get(one, elsewhere) for one in places], axis=1).ravel()
-    return pandas.DataFrame(filled)
+    return pandas.DataFrame(filled).rename(columns=lambda name: name + units.get(name, ""))
+
+
+def _units(frames, wanted: dict[str, Column]) -> dict[str, str]:
+    """Return the units of columns in brackets, as they follow their names."""
+    from hpcsweep.model.unit_names import unit_of
+    from hpcsweep.studies.variables import AMPLITUDE, OMEGA
+
+    study = frames.whole.study
+    given = {"omega": OMEGA[0], "amplitude": AMPLITUDE[0]}
+    given |= {name: one.units for name, one in study.coordinates.items()}
+    given |= {one.name: one.units for axis in study.axes for one in axis.keys}
+    units = {name: unit_of(study.structure, unit) for name, unit in given.items()}
+    units |= {name: one.unit for name, one in wanted.items()}
+    return {name: f" [{unit}]" for name, unit in units.items() if unit not in ("1", "")}
+
+
+def _as_cells(table):
+    """Return a table in which no cell is a formula to a spreadsheet."""
+    from hpcsweep.earthquakes.demands import as_cell
+
+    texts = {name: table[name].map(as_cell) for name in table if table[name].dtype.kind == "O"}
+    return table.assign(**texts).rename(columns=as_cell)

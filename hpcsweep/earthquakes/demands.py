@@ -17,6 +17,13 @@ from hpcsweep.model.arguments import choice, count, file_name, refused, rows, wo
 
 ACCELERATION_UNITS = ("mps2", "cmps2", "mmps2", "inps2", "ftps2", "g")
 """Names of units in Pelicun."""
+COMPUTED = ("=", "+", "-", "@", "\t", "\r")
+"""With what texts begin that spreadsheets take for formulas."""
+
+
+def as_cell(value: Any) -> Any:
+    """Return a text behind an apostrophe where a spreadsheet would compute it; else the value."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(COMPUTED) else value
 
 
 def write_demands(
@@ -95,4 +102,4 @@ def write_demands(
         table.writerow(["", *names])
         table.writerow(["Units", *units])
         for name, realisation in zip(rowwise, zip(*columns, strict=True), strict=True):
-            table.writerow([name, *map(repr, realisation)])
+            table.writerow([as_cell(name), *map(repr, realisation)])

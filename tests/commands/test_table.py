@@ -10,7 +10,9 @@ from tools import RECORDS, SMALL
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands.cli import main
+from hpcsweep.earthquakes.demands import as_cell
 from hpcsweep.job import parse_job
+from hpcsweep.job.tree import write_value
 from hpcsweep.parallel.mpi import Serial
 
 ROWS = """
@@ -33,8 +35,11 @@ def file(tmp_path_factory):
 
 
 def read(path) -> list[dict]:
+    """Return rows by the names of their columns, without units."""
     with path.open(newline="") as stream:
-        return list(csv.DictReader(stream))
+        table = csv.reader(stream)
+        names = [name.partition(" [")[0] for name in next(table)]
+        return [dict(zip(names, row, strict=True)) for row in table]
 
 
 def test_a_row_for_each_structure_record_scale_and_place(file, tmp_path, capsys):
@@ -75,6 +80,10 @@ def test_only_what_is_asked_of_a_building_and_a_structure(file, tmp_path):
     assert {row["structure"] for row in rows} == {"far"}
     assert [row["place"] for row in rows] == ["B1", "B2", "B3"] * 8
     assert [*rows[0]] == ["structure", "gap", "tension", "record", "scale", "place", "storey_drift"]
+    header = (
+        "structure,gap [length],tension,record,scale [length/time^2],place,storey_drift [length]"
+    )
+    assert path.read_text().splitlines()[0] == header
     # a table is written over a table, and over nothing else
     assert main(["table", str(file), *given]) == 0
     path.write_text("name,pounding.gap\nmine,1\n")
@@ -89,11 +98,45 @@ def test_motions_have_a_row_a_run_and_what_is_not_computed_has_none(tmp_path):
     rows, found = read(path), open_results(file)
     assert len(rows) == found.outcome.size
     assert [*rows[0]][:3] == ["direction", "omega", "amplitude"]
+    header = path.read_text().partition("n_points")[0]
+    assert header == "direction,omega [omega_0],amplitude [gaps omega_0^2],"
+    assert main(["table", str(file)]) == 0  # over a table
     for row in rows[::7]:
         at = {"omega": float(row["omega"]), "amplitude": float(row["amplitude"])}
         one = found.sel(direction=row["direction"], **at)
         assert int(row["orbit_period"]) == one.orbit_period.item()
         assert float(row["drift"]) == one.drift.item()
+
+
+def test_lasting_drifts_are_in_the_unit_and_sense_of_drifts(tmp_path):
+    file, path = tmp_path / "a.h5", tmp_path / "a.csv"
+    text = FEW.replace('"A"\n', '"A"\nyield_drift = 2e-3\n').replace("to = 5.0", "to = 20.0")
+    text += '[units]\nlength = "m"\nmass = "kg"\ntime = "s"\n'
+    assert campaign.run(parse_job(text, "job", "a"), file, Serial()) == 0
+    assert main(["table", str(file), "--what", "drift,residual_drift,ductility"]) == 0
+    header = path.read_text().splitlines()[0]
+    assert header == "record,scale [m/s^2],place,drift [%],residual_drift [%],ductility"
+    found = open_results(file).residual_drift
+    assert (found < -1e-6).any()
+    for row in read(path):
+        one = found.sel(record=row["record"], scale=float(row["scale"]))
+        if row["place"] in found.storey.values:
+            wanted = 100 * abs(one.sel(storey=row["place"]).item()) / 3.2
+            assert float(row["residual_drift"]) == pytest.approx(wanted, rel=1e-15)
+            assert float(row["residual_drift"]) <= float(row["drift"]) * (1 + 1e-12)
+
+
+def test_no_cell_is_a_formula_to_a_spreadsheet(tmp_path):
+    names = ["=cmd|' /C calc'!A0", "@SUM(1)", "+1+1", "-1", "plain = 1"]
+    rows = [{"name": name, "pounding.gap": 0.01 * (k + 1)} for k, name in enumerate(names)]
+    job = parse_job(FEW + "[vary]\nrows = " + write_value(rows), "job", "pair")
+    file, path = tmp_path / "a.h5", tmp_path / "a.csv"
+    assert campaign.run(job, file, Serial()) == 0
+    assert main(["table", str(file), "-o", str(path)]) == 0
+    told = {row["structure"] for row in read(path)}
+    assert told == {f"'{name}" for name in names[:4]} | {names[4]}
+    cells = as_cell("=1"), as_cell("a"), as_cell(-1.0), as_cell(False)
+    assert cells == ("'=1", "a", -1.0, False)
 
 
 @pytest.mark.slow

@@ -703,7 +703,12 @@ scale = {by = "pga", values = [1.0]}
 """
 OWN = 2 * np.pi / np.sqrt(1200.0) / 0.4450418679
 """Period of three equal storeys, k / m = 1,200."""
-BEARINGS = "[building.isolation]\nslab_mass = 2.5e5\nfriction = 0.05\nradius = {}\n[records]\ngravity = 9.80665"
+BEARINGS = """[building.isolation]
+slab_mass = 2.5e5
+friction = 0.05
+radius = {}
+[records]
+gravity = 9.80665"""
 BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
 
 

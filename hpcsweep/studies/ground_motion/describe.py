@@ -33,7 +33,7 @@ YIELDS = 0.5
 """Drift ratio in percent from which on frames of reinforced concrete begin to yield."""
 FAR = 0.7
 """Peak ground displacement in PGV x significant duration beyond which a baseline drifts: recorded
-motions reach 0.09, synthetic ones of 3 s 0.55, El Centro cut off at 20 s before 180 s of zeros 2.9."""
+motions reach 0.09, synthetic ones of 3 s 0.55, El Centro cut off before 180 s of zeros 2.9."""
 
 
 def lines(study: RecordGrid) -> Lines:

@@ -24,7 +24,9 @@ a median is an extrapolation beyond the stripes.
 Drifts are ratios in percent where the job gives storey heights, else in its unit of length.
 
 With --demands instead of a threshold: write peak drift ratios and floor accelerations of one
-building at one intensity as the CSV table that Pelicun and PBE of SimCenter read."""
+building at one intensity as the CSV table that Pelicun and PBE of SimCenter read. PFA-0 is that of
+the ground, or of the slab on bearings. Records that collapse have no row; the first cell names
+them, and what the table does not have."""
 EXAMPLES = """\
 examples:
   hpcsweep fragility pair.h5 --threshold 1.0 --place A
@@ -116,6 +118,8 @@ def _threshold(options, results, study: "Records") -> int:
     return 0
 
 
+MOST_NAMES = 20
+"""Records that have collapsed which a table of demands names."""
 ROWS = """\
 capacity | {fractiles} of {measure}; {never} records never reach it up to {highest:.4g}\
  | , {lost} unknown
@@ -157,7 +161,11 @@ def _finite(found):
 
 
 def _demands(options, results, study: "Records") -> int:
-    """Write the table of demands of a building at the scale nearest to one."""
+    """Write the table of demands of a building at the scale nearest to one.
+
+    The lowest acceleration is that of the ground, or of the slab on bearings. Records that have
+    collapsed have no demands; the corner of the table names them, and what it does not tell.
+    """
     import numpy as np
 
     from hpcsweep.earthquakes.demands import write_demands
@@ -168,31 +176,50 @@ def _demands(options, results, study: "Records") -> int:
     check_overwriting(options.demands, DEMANDS)
     if "storey_height" not in results:
         raise CommandError(f"{options.file}: its job gives no storey_height: drift has no ratio")
-    scales = results["scale"].values
+    scales, place = results["scale"].values, options.place
     if options.scale is None and scales.size > 1:
         raise CommandError(f"--scale is missing: one of {scales[0]:g} to {scales[-1]:g}")
+    known = study.structure.building_names
+    if place not in known and (place or len(known) > 1):
+        limit = f"a table is of one building, {', '.join(known)}"
+        raise CommandError(f"--place {place or 'is missing'}: {limit}")
     at = int(np.argmin(np.abs(scales - (options.scale or scales[0]))))
     one = results.isel(scale=at)
+    every = [*map(str, results["floor"].values)]
     storeys, floors = (
         [
             i
-            for i in places_of(names, options.place)
+            for i in places_of(names, place if len(known) > 1 else None)
             if not names[i].endswith(SLAB) and COLUMN not in names[i]
         ]
-        for names in ([*map(str, results[dim].values)] for dim in ("storey", "floor"))
+        for names in ([*map(str, results["storey"].values)], every)
     )
-    height = results["storey_height"].values[storeys]
-    g = study.gravity
+    g, where = study.gravity, f"{study.measure} = {scales[at]:.4g}"
+    slab = f"{place if len(known) > 1 else ''} {SLAB}".strip()
+    ground = one["pga"].values * one["factor"].values
+    if slab in every:
+        ground = one["floor_acceleration"].values[:, every.index(slab)]
+    names = np.array([record.name for record in study.suite], object)
+    stands = one["collapsed"].values == 0 if "collapsed" in one else np.ones(names.size, bool)
+    if not stands.any():
+        raise CommandError(f"{options.file}: all records collapse at {where}: none has demands")
     columns = (
-        one["storey_drift"].values[:, storeys] / height,
-        one["floor_acceleration"].values[:, floors] / g,
-        one["pga"].values * one["factor"].values / g,
+        one["storey_drift"].values[stands][:, storeys] / results["storey_height"].values[storeys],
+        one["floor_acceleration"].values[stands][:, floors] / g,
+        ground[stands] / g,
     )
     if not all(np.isfinite(column).all() for column in columns):
         raise CommandError(f"{options.file}: holds no response of some records at {scales[at]:g}")
-    write_demands(options.demands, *columns, unit="g", records=[one.name for one in study.suite])
-    fallen = int(one["collapsed"].sum()) if "collapsed" in one else 0
-    ended = f", {fallen} of them up to their collapse" if fallen else ""
-    where = f"{study.measure} = {scales[at]:.4g}"
-    print(f"{options.demands}: {one.sizes['record']} records at {where}{ended}")
+    fallen = names[~stands].tolist()
+    listed = ", ".join(fallen[:MOST_NAMES]) + ", ..." * (len(fallen) > MOST_NAMES)
+    collapse = f"{len(fallen)} of {names.size} records collapse and are not here: {listed}"
+    notes = (
+        f"PFA-0 is that of the slab {slab}" * (slab in every),
+        "no residual drifts (RID)" * ("residual_drift" in results),
+        collapse * bool(fallen),
+    )
+    note, records = "; ".join(filter(None, notes)), names[stands].tolist()
+    write_demands(options.demands, *columns, unit="g", records=records, note=note)
+    told = f": {note}" * bool(note)
+    print(f"{options.demands}: {len(records)} records at {where}{told}")
     return 0

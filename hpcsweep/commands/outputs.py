@@ -13,7 +13,7 @@ from pathlib import Path
 
 from hpcsweep.commands import CommandError
 
-HEAD = 512
+HEAD = 4096
 """First bytes of each kind of file."""
 PICTURE, PAGE, FILM, DEMANDS, TABLE = "picture", "page", "film", "table of demands", "table"
 KINDS = {
@@ -22,7 +22,7 @@ KINDS = {
     PICTURE: rb"\x89PNG|\xff\xd8\xff|RIFF....WEBP|%PDF|%!PS|II\*\0|MM\0\*|\s*<(\?xml|svg)|\x1f\x8b",
     PAGE: rb"(?i)\s*<!doctype html",
     FILM: rb"GIF8|....ftyp",
-    DEMANDS: rb",\d+-P[FI][AD]-",
+    DEMANDS: rb"[^\n]*,\d+-P[FI][AD]-",
     TABLE: rb"PAR1|([^\n]+,)?(record,scale|direction,\w+[^\n,]*,amplitude)( \[[^\n,]*\])?,",
 }
 """Patterns of the first bytes, by kind."""

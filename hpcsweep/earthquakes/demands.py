@@ -2,7 +2,8 @@
 
 A demand is named event-type-location-direction: ``1-PID-2-1`` is the peak interstorey drift ratio
 of storey 2, ``1-PFA-2-1`` the peak acceleration of the floor above it, ``1-PFA-0-1`` of the ground.
-The first row holds the names, the second the units, each other one a realisation, i.e. a record.
+The first row holds the names, behind what is to be said of the table, the second the units, each
+other one a realisation, i.e. a record.
 """
 
 import csv
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, count, file_name, refused, rows, words
+from hpcsweep.model.arguments import choice, count, file_name, instance, refused, rows, words
 
 ACCELERATION_UNITS = ("mps2", "cmps2", "mmps2", "inps2", "ftps2", "g")
 """Names of units in Pelicun."""
@@ -35,6 +36,7 @@ def write_demands(
     event: int = 1,
     direction: int = 1,
     records: Sequence[str] = (),
+    note: str = "",
 ) -> None:
     """Write the demands of one building to a CSV file, a row a record.
 
@@ -47,13 +49,15 @@ def write_demands(
     floor_acceleration : array_like, shape (records, storeys)
         Largest absolute acceleration of the floor above each storey.
     ground_acceleration : array_like, shape (records,)
-        Largest acceleration of the ground under the scaled record.
+        Largest acceleration of the ground under the scaled record, of the slab on bearings.
     unit : str
         Unit of the accelerations: ``mps2``, ``cmps2``, ``mmps2``, ``inps2``, ``ftps2``, ``g``.
     event, direction : int
         Numbers in the names, from 1; the other horizontal direction is 2.
     records : sequence of str
         Names of the records, for the first column; they are numbered from 0 without them.
+    note : str
+        What the table is to tell of itself: its first cell, the name of the first column.
 
     Raises
     ------
@@ -84,6 +88,7 @@ def write_demands(
         raise ValueError(f"records must have {len(drift)} names, has {len(rowwise)}")
     event, direction = count("event", event, 1), count("direction", direction, 1)
     choice("unit", unit, ACCELERATION_UNITS)
+    instance("note", note, str)
     names, units, columns = [], [], []
     for kind, first, given, its_unit in (
         ("PFA", 0, np.hstack([ground, floors]), unit),
@@ -99,7 +104,7 @@ def write_demands(
             columns.append(column.tolist())
     with file.open("w", newline="", encoding="utf-8") as stream:
         table = csv.writer(stream)
-        table.writerow(["", *names])
+        table.writerow([as_cell(note), *names])
         table.writerow(["Units", *units])
         for name, realisation in zip(rowwise, zip(*columns, strict=True), strict=True):
             table.writerow([as_cell(name), *map(repr, realisation)])

@@ -91,6 +91,7 @@ def test_every_figure_is_drawn(folder, kind):
         (["fragility", "job.h5", "--threshold", "0.5", "--place", "Z"], "or a building"),
         (["fragility", "job.h5", "--demands", "job.toml", "--scale", "1"], "job.toml"),
         (["fragility", "job.h5", "--demands", "new.csv"], "--scale is missing"),
+        (["fragility", "job.h5", "--demands", "new.csv", "--scale", "1"], "building, A, B"),
     ],
 )
 def test_what_cannot_be_drawn_is_one_line(folder, arguments, said):

@@ -1,5 +1,6 @@
 """Studies of records: rules that spare work against plain computing, files, restart, mistakes."""
 
+import csv
 import json
 import re
 from pathlib import Path
@@ -701,6 +702,7 @@ storey_height = 3.2
 synthetic = {count = 2, seed = 3, dt = 0.02, duration = 10.0}
 scale = {by = "pga", values = [1.0]}
 """
+PID = [f"1-PID-{k}-1" for k in (1, 2, 3)]
 OWN = 2 * np.pi / np.sqrt(1200.0) / 0.4450418679
 """Period of three equal storeys, k / m = 1,200."""
 BEARINGS = """[building.isolation]
@@ -769,6 +771,39 @@ def test_heights_in_two_units_are_told_in_place_of_a_column():
         JobError, match=r"faces a column of A: storey heights of 3.2 and 3200 .* mm"
     ):
         parse_job(RECORDS.replace("height = 3.2", "height = 3200.0", 1), "job", "job")
+
+
+def test_demands_have_the_slab_and_no_record_that_collapses(tmp_path):
+    """Not the peak of the ground as PFA-0, nor rows up to a collapse; the first cell says so."""
+    text = FRAME.replace("3.2", "3.2\nyield_drift = 0.004\ncollapse_drift = 0.012")
+    text = text.replace("[records]", BEARINGS.format(2.24)).replace("count = 2", "count = 6")
+    (tmp_path / "a.toml").write_text(text.replace("[1.0]", "[2.0, 7.0, 20.0]"))
+    assert hpcsweep(0, "run", "a.toml", cwd=tmp_path).returncode == 0
+    results = open_results(tmp_path / "a.h5")
+    for scale in (2.0, 7.0):
+        given = "fragility", "a.h5", "--demands", "d.csv", "--scale", str(scale)
+        done = hpcsweep(0, *given, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        one = results.sel(scale=scale)
+        falls = one.collapsed.values > 0
+        with (tmp_path / "d.csv").open(newline="") as stream:
+            head, _, *rows = csv.reader(stream)
+        assert [row[0] for row in rows] == one.record.values[~falls].tolist()
+        slab = one.floor_acceleration.sel(floor="isolation").values[~falls] / 9.80665
+        np.testing.assert_allclose([float(row[1]) for row in rows], slab, rtol=1e-14)
+        said = "PFA-0 is that of the slab isolation; no residual drifts (RID)"
+        if falls.any():
+            told = ", ".join(one.record.values[falls])
+            said += f"; {falls.sum()} of 6 records collapse and are not here: {told}"
+        assert head == [said, "1-PFA-0-1", *(f"1-PFA-{k}-1" for k in (1, 2, 3)), *PID]
+        assert said in done.stdout
+    assert 0 < falls.sum() < 6
+    for wrong, said in (
+        (["20"], "all records collapse"),
+        (["2", "--place", "1"], "of one building"),
+    ):
+        done = hpcsweep(0, *given[:-1], *wrong, cwd=tmp_path)
+        assert (done.returncode, said in done.stderr) == (2, True)
 
 
 def test_a_slab_that_weighs_next_to_nothing_is_warned_of():

@@ -4,7 +4,7 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import chain, pairwise
+from itertools import pairwise
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -21,6 +21,13 @@ from hpcsweep.model.structure import Structure
 
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
+SHARE_AND_MASS = "the share of a storey's stiffness that it has, and the mass that moves with it"
+"""What is asked of a column that is hit."""
+OF_STOREYS = (
+    *("mass", "storey_stiffness", "damping_ratio", "rayleigh", "storey_damping", "yield_force"),
+    *("yield_drift", "hardening", "p_delta", "weight", "storey_height", "collapse_drift"),
+)
+"""What a building and its structure on a fixed base have under the same names."""
 COLUMN = "column at"
 """In the name of a point of a column, before its height."""
 
@@ -160,24 +167,9 @@ class Building:
     @functools.cached_property
     def on_fixed_base(self) -> Structure:
         """Structure of its storeys on the ground, without stops."""
-        return Structure(
-            n_floors=self.n_floors,
-            stiffness_ratio=0.0,
-            mass=self.mass,
-            storey_stiffness=self.storey_stiffness,
-            damping_ratio=self.damping_ratio,
-            rayleigh=self.rayleigh,
-            storey_damping=self.storey_damping,
-            gap=math.inf,
-            sharpness=math.inf,
-            yield_force=self.yield_force,
-            yield_drift=self.yield_drift,
-            hardening=self.hardening,
-            p_delta=self.p_delta,
-            weight=self.weight,
-            storey_height=self.storey_height,
-            collapse_drift=self.collapse_drift,
-        )
+        given: dict[str, Any] = {name: getattr(self, name) for name in OF_STOREYS}
+        given |= {"stiffness_ratio": 0.0, "gap": math.inf, "sharpness": math.inf}
+        return Structure(self.n_floors, **given)
 
     def _with_points(self, heights: Sequence[float]) -> Structure:
         """Return the structure on the ground, with points of columns behind its floors."""
@@ -377,21 +369,17 @@ def _facing(one: tuple[Building, str], other: tuple[Building, str]) -> list[list
     ]
     floors = [ends for _, ends in found]
     lower = min(left.heights[-1], right.heights[-1])
-    steps = (np.diff(building.heights, prepend=0.0).tolist() for building in (left, right))
-    apart = heights_apart([*chain(*steps)])
+    apart = heights_apart(np.hstack([np.diff(b.heights, prepend=0) for b in (left, right)]))
     for side, ((building, name), (hit, hit_name)) in enumerate(((one, other), (other, one))):
         met = {ends[side] for ends in floors}
         for i, height in enumerate(building.heights):
             if i in met or height > lower * (1.0 + SAME_HEIGHT):
                 continue
             if hit.column is None:
-                remedy = (
-                    f"give {hit_name} column = {{share, mass}}, the share of a storey's stiffness "
-                    "that the column has, and the mass that moves with it"
-                )
                 raise ValueError(
                     f"building.storey_height: floor {i + 1} of {name} at height {height:g} faces a "
-                    f"column of {hit_name}: {apart or remedy}"
+                    f"column of {hit_name}: "
+                    + (apart or f"give {hit_name} column = {{share, mass}}, {SHARE_AND_MASS}")
                 )
             found.append((height, [height, i] if side else [i, height]))
     return [ends for _, ends in sorted(found, key=lambda level: level[0])]

@@ -6,6 +6,7 @@ by sqrt(c).
 """
 
 from collections.abc import Iterator, Sequence
+from fractions import Fraction
 
 import numpy as np
 
@@ -42,7 +43,7 @@ OF_DRIFTS = {"": IN_METRES, "m": IN_METRES, "mm": ((1e3, "yield drifts are in m"
 OF_HEIGHTS = (1e3, "mm"), (1e2, "cm")
 
 
-def implausible(structure: Structure, second: float | None) -> Iterator[str]:
+def implausible(structure: Structure, second: float | Fraction | None) -> Iterator[str]:
     """Return one line for each number of a building that looks as if in another unit.
 
     Parameters
@@ -58,11 +59,11 @@ def implausible(structure: Structure, second: float | None) -> Iterator[str]:
     if text := heights_apart(structure.names.storey_heights):
         yield text
     if second is not None:
-        yield from _periods(structure, second)
+        yield from _periods(structure, float(second))
     yield from _yield_drifts(structure)
 
 
-def heights_apart(heights: Sequence[float]) -> str:
+def heights_apart(heights: Sequence[float] | np.ndarray) -> str:
     """Return words about heights that cannot be in one unit; empty if they can."""
     low, high = min(heights, default=1.0), max(heights, default=1.0)
     if high <= HEIGHTS * low:

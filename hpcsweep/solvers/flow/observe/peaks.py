@@ -222,6 +222,11 @@ def _ends_in_series(segment, span, shared):
         store(outputs.end, 2 * p, fma(share, fma(slope, span, ground), value * rate))
         store(outputs.end, 2 * p + LANES, fma(share, slope, bend * (rate * rate)))
         store(outputs.bounds, p, bound * (rate * rate * rate * rate * rate))
+    for p in range(outputs.rows.shape[0], outputs.bounds.shape[0]):
+        # behind the floors the terms go on with other rows, whose accelerations are nobody's
+        at = p + p // LANES * LANES
+        outputs.start[at] = outputs.start[at + LANES] = 0.0
+        outputs.end[at] = outputs.end[at + LANES] = outputs.bounds[p] = 0.0
 
 
 @inlined

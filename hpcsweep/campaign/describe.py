@@ -23,6 +23,10 @@ PULLED = 0.01
 """Part of a gap over which smooth contacts may pull at rest without a warning."""
 ROUNDING = 1e-12
 """Entry of a mode, over its largest, that is 0."""
+ENOUGH_MASS = 0.9
+"""Effective mass of the modes of a model, over all that the base moves, without a warning."""
+LARGE = 1e8
+"""Bytes from which on memory is told."""
 
 
 def title(job: Job) -> str:
@@ -99,7 +103,7 @@ def _model(structure) -> Lines:
     yield (
         "model",
         f"{found.coordinates} coordinates, {found.empty} of them fixed or empty, {found.massless} "
-        "without mass condensed",
+        f"without mass condensed{_memory(found.memory)}",
     )
     highest = found.frequencies[-1]
     yield (
@@ -110,6 +114,11 @@ def _model(structure) -> Lines:
     shares = ", ".join(f"{share:.3g}" for share in found.shares[:MAX_MODES])
     more = ", ..." if found.modes > MAX_MODES else ""
     yield "mass", f"effective shares of the modes {shares}{more}, together {sum(found.shares):.4g}"
+
+
+def _memory(n_bytes: float) -> str:
+    """Tell memory where it is much."""
+    return f"; its modes took {n_bytes / 1e9:.2g} GB" if n_bytes > LARGE else ""
 
 
 def _modes(structure) -> Lines:
@@ -184,8 +193,15 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
 def _warnings(structure) -> Iterator[str]:
     ratios = structure.damping_ratios[: modes_kept(structure)]
     yield from slow(structure)
-    if structure.reduction is not None and (text := absurd(structure.frequencies[0])):
-        yield text
+    if (found := structure.reduction) is not None:
+        yield from found.told
+        if (share := sum(found.shares)) < ENOUGH_MASS:
+            yield (
+                f"the modes that are kept have {share:.3g} of the mass that the base moves: "
+                f"structure.model.reduce with more modes, for {ENOUGH_MASS:g} of it"
+            )
+        if text := absurd(structure.frequencies[0]):
+            yield text
     if ratios.max() > 1:
         yield f"mode {int(ratios.argmax()) + 1} has the damping ratio {ratios.max():.4g}, above 1"
     if structure.matrices is None and not np.all(np.array(structure.stiffness_ratio) >= 1):

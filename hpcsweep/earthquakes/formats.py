@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from hpcsweep.earthquakes.header import NUMBER, NUMBERS, SECOND, Header, number
+from hpcsweep.earthquakes.header import NUMBER, NUMBERS, Header, number
 from hpcsweep.earthquakes.units import unit_of
 from hpcsweep.model.arguments import count, shown
 
@@ -145,7 +145,7 @@ def read_format(name: str, text: str, channel: int | None) -> tuple[list[float],
             raise ValueError(f"must be in a unit of acceleration, is in {found.unit.strip()}")
         if not found.step > 0:
             raise ValueError("must tell the time between samples, does not")
-        return found.values(), Header({}, {name: found.step}, {unit: found.unit}, SECOND, None)
+        return found.values(), Header({}, {name: found.step}, {unit: found.unit}, None, None)
     except (ValueError, IndexError, ZeroDivisionError) as error:
         said = str(error) if isinstance(error, ValueError) else "is cut off or damaged"
         raise ValueError(f"{name} file: {said}") from None

@@ -34,12 +34,12 @@ COUNT = _pattern(
 )
 COUNTED = _pattern(
     r"(?<![\w.+-])(?P<value>\d{1,18})\s+(?P<label>(?:data )?(?:points|pts|samples)\b)"
-    r"(?!\s*(?:/|per\b|a\b))"
+    r"(?!\s*(?:/|per\b|a\b|across\b|(?:in|on)\s+(?:a|an?other|each|every|one)\b))"
 )
 STEP = _pattern(
     r"(?<![a-z])(?P<label>dt|delta[ _-]?t|(?:time|sampl(?:e|ing))[ _-]?"
     r"(?:step|increment|interval|spacing|period)|time between samples|"
-    r"(?:spaced|points|samples|data|values)\s+(?:at|every)|intervals of)" + _VALUE
+    r"(?:spaced|points|samples|data|values)\s+(?:at|every)|(?:intervals|steps|spacing) of)" + _VALUE
 )
 RATE = _pattern(
     r"(?<![a-z])(?P<label>sampl(?:e|ing)s?[ _-]?(?:rate|freq\w*)|samples[ _-]per[ _-]sec\w*|sps)"
@@ -99,8 +99,8 @@ class Header(NamedTuple):
     """Seconds, by the words that say it."""
     units: dict[Unit, str]
     """Of acceleration, with the words that name it."""
-    time: Unit
-    """Of a column of times."""
+    time: Unit | None
+    """Of a column of times, where it is named."""
     unknown: str | None
     """Words that name a unit which is not known."""
 
@@ -140,7 +140,7 @@ def read_header(lines: list[str]) -> Header:
     for found in (units, times):
         if len(found) > 1:
             raise ValueError(f"must name one unit, names {' and '.join(found.values())}")
-    return Header(counts, steps, units, next(iter(times), SECOND), unknown)
+    return Header(counts, steps, units, next(iter(times), None), unknown)
 
 
 def _both(line: str) -> tuple[int, float]:

@@ -23,11 +23,13 @@ import numpy as np
 from hpcsweep.earthquakes.formats import format_of, read_format
 from hpcsweep.earthquakes.header import (
     NUMBERS,
+    SECOND,
     Header,
     number,
     read_header,
     says,
 )
+from hpcsweep.earthquakes.text_files import COMMA, decoded, read_bytes
 from hpcsweep.earthquakes.units import (
     OWN,
     STANDARD_GRAVITY,
@@ -158,11 +160,7 @@ def _compare_units(header: Header, asked: Unit, name: str) -> None:
 
 def _parse(file: Path, dt: float | None, channel: int | None) -> Table:
     """Parse a file; `dt` if it is known."""
-    with file.open("rb") as stream:
-        content = stream.read(MAX_BYTES + 1)
-    if len(content) > MAX_BYTES:
-        raise ValueError(f"must have {MAX_BYTES} bytes at most, has more")
-    text = _text(content)
+    text = decoded(read_bytes(file, MAX_BYTES))
     if name := format_of(text):
         values, header = read_format(name, text, channel)
         _compare_steps(dt, header.steps)
@@ -189,24 +187,11 @@ def _parse(file: Path, dt: float | None, channel: int | None) -> Table:
         raise ValueError(f"must name NPTS and DT in its first {MAX_HEADER} lines, does not")
     if is_at2 and not header.units and header.unknown is None:
         raise ValueError("must name its unit before its samples (IN UNITS OF G), does not")
+    _refuse_commas(lines[first : first + MAX_HEADER], first + 1)
     rows = _rows(lines, first)
     if not rows and not header.counts:
         raise ValueError(f"must have at least 2 samples, has none in {len(lines)} lines")
     return _table(rows, header, dt)
-
-
-def _text(content: bytes) -> str:
-    """Decode a file: UTF-8, UTF-16 with its mark, or else one byte a character."""
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        text = content.decode("utf-16", errors="replace")
-    else:
-        try:
-            text = content.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = content.decode("latin-1")
-    if "\0" in text:
-        raise ValueError("must be a text, has bytes of 0")
-    return text
 
 
 def _is_closing(line: str) -> bool:
@@ -241,6 +226,16 @@ def _rows(lines: list[str], first: int) -> list[Row]:
     return rows
 
 
+def _refuse_commas(lines: list[str], first: int) -> None:
+    """Refuse samples whose decimals are commas, from line `first` on."""
+    cells = [re.split(r"[;\s]+", line.strip(" \t;")) for line in lines if line.strip()]
+    each = [cell for row in cells for cell in row]
+    if each and all(map(COMMA.fullmatch, each)):
+        several = any(len(row) > 1 for row in cells)
+        if several or any(re.match(r"[-+]?\d*,0\d|[-+]0*,", cell) for cell in each):
+            raise ValueError(f"decimals must be points, line {first} has {each[0]}")
+
+
 def _table(rows: list[Row], header: Header, known: float | None) -> Table:
     """Take the samples from the numbers of lines, and compare them with what is said of them."""
     counts, steps = dict(header.counts), dict(header.steps)
@@ -263,10 +258,15 @@ def _table(rows: list[Row], header: Header, known: float | None) -> Table:
         i, cells = next(row for row in rows if len(row[1]) != width)
         raise ValueError(f"every line must have {width} columns, line {i} has {len(cells)}")
     if not counts and max(widths) > 2:
-        wide = f"has {max(widths)}"
+        wide = f"has {max(widths)}: each of several components is a record of its own"
         raise ValueError(f"must have one column or two, time and acceleration, {wide}")
-    if has_times:
-        dt = _step([cells[0] for _, cells in rows], header.time, said)
+    if has_times and header.time is None and _are_numbered(rows):
+        if not said:
+            first = ", ".join(cells[0] for _, cells in rows[:3])
+            raise ValueError(f"dt must be given: the first column, {first}, ..., counts samples")
+        rows = [(i, cells[1:]) for i, cells in rows]
+    elif has_times:
+        dt = _step([cells[0] for _, cells in rows], header.time or SECOND, said)
         return Table(np.array([number(cells[1]) for _, cells in rows]), dt, header)
     if not said:
         raise ValueError("dt must be given with one column of samples, is None")
@@ -301,9 +301,18 @@ def _without_count(rows: list[Row], counts: dict, steps: dict) -> list[Row]:
     return rest
 
 
-def _are_times(rows: list[Row], unit: Unit, said: dict[str, float]) -> bool:
+def _are_numbered(rows: list[Row]) -> bool:
+    """Return whether first numbers are 0, 1, 2, ..., or from another whole number on."""
+    first = [cells[0] for _, cells in rows]
+    if not all(cell.isdecimal() and len(cell) < 10 for cell in first):
+        return False
+    counted = [int(cell) - int(first[0]) for cell in first]
+    return len(first) > 1 and counted == list(range(len(first)))
+
+
+def _are_times(rows: list[Row], unit: Unit | None, said: dict[str, float]) -> bool:
     """Return whether first numbers rise by the step that is said, as if they were times."""
-    times = np.array([number(cells[0]) for _, cells in rows]) * float(unit.size)
+    times = np.array([number(cells[0]) for _, cells in rows]) * float((unit or SECOND).size)
     return any(np.allclose(np.diff(times), step, rtol=0, atol=0.1 * step) for step in said.values())
 
 

@@ -8,7 +8,9 @@ MAX_LETTERS = 200
 """Of a formula: its brackets cannot be nested too deeply."""
 FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan")
 KNOWN = {name: getattr(math, name) for name in (*FUNCTIONS, "pi")}
-ARITHMETIC = (ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.USub)
+ARITHMETIC = (
+    *(ast.BinOp, ast.UnaryOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.USub, ast.UAdd),
+)
 FORM = f"must be of numbers, names, + - * / **, brackets, pi and {', '.join(FUNCTIONS)}"
 
 

@@ -137,15 +137,15 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     except TreeError as error:
         raise JobError(str(error)) from None
     whole, file = with_rows(Values(source, tree), tree, folder)
-    if "records" in tree:
-        from hpcsweep.job.suites import with_found
-
-        whole = with_found(Values(source, whole), whole, folder, file)
     structure = whole.get("structure")
     if isinstance(structure, Mapping) and "model" in structure:
         from hpcsweep.job.models import with_model
 
         whole = with_model(Values(source, whole), whole, folder)
+    if "records" in tree:
+        from hpcsweep.job.suites import with_found
+
+        whole = with_found(Values(source, whole), whole, folder, file)
     if whole is not tree:
         tree, text = whole, write(whole, every_key())
     values = Values(source, tree)

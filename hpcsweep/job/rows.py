@@ -7,10 +7,12 @@ rows themselves, so that its meaning follows what the file held, and the file is
 
 import contextlib
 import csv
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
+from hpcsweep.earthquakes.text_files import decoded, has_commas, read_bytes, with_point
 from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
 from hpcsweep.studies.study import ROWS
@@ -19,6 +21,8 @@ MAX_BYTES = 2**24
 SEPARATORS = ",;\t"
 NAME = "name"
 """Column of words that names the rows; without it they are numbered from 1."""
+PLAIN = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
+"""Numbers that are the same in TOML."""
 FIRST_LINE = 2
 """Line of the first row."""
 
@@ -44,48 +48,75 @@ def with_rows(values: Values, tree: dict, folder: Path | None) -> tuple[dict, st
         return tree, ""
     path = (folder or Path()) / given
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise values.error(f"vary.{ROWS}", given, f"must have {MAX_BYTES} bytes at most")
-        text = path.read_text(encoding="utf-8-sig")
+        text = decoded(read_bytes(path, MAX_BYTES))
     except OSError as error:
         raise values.error(f"vary.{ROWS}", given, f"cannot be read: {error.strerror}") from None
-    except ValueError:
-        raise values.error(f"vary.{ROWS}", given, "must be a CSV file in UTF-8") from None
-    rows = _table(text, f"{path}")
-    return {**tree, "vary": {**vary, ROWS: rows}}, f"{path}"
+    except ValueError as error:
+        raise values.error(f"vary.{ROWS}", given, str(error)) from None
+    head, _, below = text.partition("\n")
+    said, place = re.fullmatch(r'"?sep=([,;\t])"?[,;\s]*', head), f"{path}"
+    if said:  # as spreadsheets are told it
+        text, place = below, f"{path}, below its line sep={said[1]}"
+    rows = _table(text, said[1] if said else max(SEPARATORS, key=head.count), place)
+    return {**tree, "vary": {**vary, ROWS: rows}}, place
 
 
-def _table(text: str, path: str) -> list[dict]:
+def _table(text: str, separator: str, path: str) -> list[dict]:
     """Return the rows of a CSV file, each by its keys."""
-    head = text.partition("\n")[0]
-    separator = max(SEPARATORS, key=head.count)
     lines = text.rstrip(f"\r\n {SEPARATORS}").splitlines()
-    cells = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+    try:
+        cells = list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+    except csv.Error:
+        limit = f"every cell must have {csv.field_size_limit()} characters at most"
+        raise JobError(f"{path}: {limit}, one has more") from None
     if len(cells) < FIRST_LINE or len(cells) != len(lines):
         raise JobError(f"{path}: must have a line of keys and a line for each row below it")
-    keys = [key.strip() for key in cells[0]]
+    cells = [[cell.strip() for cell in own] for own in cells]
+    if not cells[0][-1] and not any(own[-1] for own in cells if len(own) == len(cells[0])):
+        cells = [own[:-1] if len(own) == len(cells[0]) else own for own in cells]
+    keys = cells[0]
     for key in keys:
         if not key or keys.count(key) > 1:
             raise JobError(f"{path}: line 1: {key!r} must be the key of one column")
-    rows = []
+    if keys == [NAME]:
+        raise JobError(f"{path}: must have a column of a key beside {NAME}, has none")
     for line, own in enumerate(cells[1:], FIRST_LINE):
         if len(own) != len(keys):
-            raise JobError(
-                f"{path}: line {line}: must have {len(keys)} cells as line 1, has {len(own)}"
-            )
-        row = {key: _value(key, cell.strip()) for key, cell in zip(keys, own, strict=True)}
-        for key, value in row.items():
-            if value == "" or value != value:
-                told = "nan" if value else "empty"
-                raise JobError(f"{path}: line {line}, column {key}: must have a value, is {told}")
-        rows.append(row)
-    return rows
+            limit = f"must have {len(keys)} cells as line 1"
+            raise JobError(f"{path}: line {line}: {limit}, has {len(own)}")
+    rows = [dict(zip(keys, own, strict=True)) for own in cells[1:]]
+    if separator != ",":
+        rows = _with_points(rows, path)
+    return [_values(row, f"{path}: line {k}") for k, row in enumerate(rows, FIRST_LINE)]
+
+
+def _with_points(rows: list[dict], path: str) -> list[dict]:
+    """Return the rows of a table whose decimals may be commas with decimal points."""
+    try:
+        if not has_commas(cell for row in rows for key, cell in row.items() if key != NAME):
+            return rows
+    except ValueError as error:
+        raise JobError(f"{path}: {error}") from None
+    return [{k: one if k == NAME else with_point(one) for k, one in row.items()} for row in rows]
+
+
+def _values(cells: Mapping[str, str], place: str) -> dict:
+    """Return the values of a row."""
+    row = {key: _value(key, cell) for key, cell in cells.items()}
+    for key, value in row.items():
+        if value == "" or value != value:
+            told = "nan" if value else "empty"
+            raise JobError(f"{place}, column {key}: must have a value, is {told}")
+    return row
 
 
 def _value(key: str, cell: str) -> object:
     """Return the value of a cell: as in TOML, or a word."""
     if key == NAME:
         return cell
+    with contextlib.suppress(ValueError):
+        if PLAIN.fullmatch(cell):
+            return float(cell)
     word = cell.lower() if cell.lower() in ("true", "false") else cell
     with contextlib.suppress(ValueError):
         value = tomllib.loads(f"x = {word}")["x"]

@@ -1,9 +1,9 @@
 """Merge job files as trees: with what they extend and the command line sets, back into TOML.
 
 A tree is what ``tomllib`` makes of a job file: keys at the top, and tables of keys. Trees are
-merged key by key; the value of a key, even a range table, is replaced whole. This module knows
-neither the keys of a job nor their limits: it returns a text, and validating that text validates
-the merged job.
+merged key by key, and so are `TABLES_WITHIN`; the value of a key, even a range table, is replaced
+whole. This module knows no other keys of a job, and no limits: it returns a text, and validating
+that text validates the merged job.
 """
 
 import datetime
@@ -22,6 +22,8 @@ UNSET = "unset"
 """Value that takes an inherited key away."""
 INDEXED = re.compile(r"(?=.*\[)\w+(?:\.\w+|\[\d{1,6}\]){1,6}")
 """A key of one of several tables, or one value of a list: structure.contact[0].gap, gap[2]."""
+TABLES_WITHIN = ("structure.model", "structure.matrices")
+"""Tables in tables that are merged, too; others are values."""
 NOT_INHERITED = ("name", "title", "part")
 MAX_BASES = 8
 """Files that one job may be built on; the shipped jobs need at most four."""
@@ -159,13 +161,14 @@ def _replaced(below: Any, steps: list[str], value: object, said: str, owner: str
     return [*listed[:place], inner, *listed[place + 1 :]]
 
 
-def merge(base: Mapping, given: Mapping) -> dict:
+def merge(base: Mapping, given: Mapping, within: str = "") -> dict:
     """Merge a tree over another: tables key by key, the value of a key whole."""
     merged = dict(base)
     for key, value in given.items():
         below = merged.get(key)
-        if isinstance(below, Mapping) and isinstance(value, Mapping):
-            value = {**below, **value}
+        is_table = not within or f"{within}.{key}" in TABLES_WITHIN
+        if is_table and isinstance(below, Mapping) and isinstance(value, Mapping):
+            value = merge(below, value, f"{within}.{key}" if within else key)
         merged[key] = value
     return merged
 

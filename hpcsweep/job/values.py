@@ -305,7 +305,8 @@ class Values:
             if not least <= found[place] <= most and (found[place] != 0 or is_omega):
                 where = ", ".join(f"{name} = {one:.6g}" for name, one in at.items())
                 told = "overflows" if math.isinf(found[place]) else f"is {found[place]:.6g}"
-                limit = f"must be from {least:g} to {most:g}, {told} at {where}"
+                limit = f"must be {'' if is_omega else '0, or '}from {least:g} to {most:g}"
+                limit += f", {told} at {where}"
                 raise self.error(key, text, limit)
         return found
 

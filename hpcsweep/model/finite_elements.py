@@ -1,12 +1,11 @@
 """A linear model of any size, by its sparse matrices, and structures that are made of it."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from hpcsweep.model.arguments import shown
 from hpcsweep.model.matrices import MAX_ROWS, Slider, elements_of, is_named, vector
@@ -20,14 +19,13 @@ from hpcsweep.model.reduction import (
     find_modes,
     most_modes,
 )
+from hpcsweep.model.sparse_matrices import motions_below, negative, sticking, symmetric
 from hpcsweep.model.structure import Structure
 
 MAX_REDUCED = 64
 """Rows of a reduced model."""
-ASYMMETRY = 1e-6
-"""Largest difference of a matrix from its transpose, over its largest entry: files round."""
-RIGID = 1e-13
-"""Square of a natural frequency, over the largest, that is 0."""
+TOLD = 4
+"""Names that are listed."""
 
 
 class FiniteElements:
@@ -41,6 +39,8 @@ class FiniteElements:
         C.
     names : sequence of n str, optional
         Of the coordinates; by default their numbers, from 1.
+    unused : sequence of str
+        What else a file holds.
 
     Attributes
     ----------
@@ -54,10 +54,18 @@ class FiniteElements:
         If they are not those of a structure; one line says why.
     """
 
-    def __init__(self, mass: Any, stiffness: Any, damping: Any = None, names: Any = None):
-        self.mass = _matrix("mass", mass)
-        self.stiffness = _matrix("stiffness", stiffness)
-        self.damping = None if damping is None else _matrix("damping", damping)
+    def __init__(
+        self,
+        mass: Any,
+        stiffness: Any,
+        damping: Any = None,
+        names: Any = None,
+        unused: Sequence[str] = (),
+    ):
+        self.unused = tuple(unused)
+        self.mass = symmetric("mass", mass)
+        self.stiffness = symmetric("stiffness", stiffness)
+        self.damping = None if damping is None else symmetric("damping", damping)
         n = self.stiffness.shape[0]
         for name, one in (("mass", self.mass), ("damping", self.damping)):
             if one is not None and one.shape[0] != n:
@@ -66,7 +74,7 @@ class FiniteElements:
         if len(self.names) != n:
             raise ValueError(f"names must be {n}, one per coordinate, are {len(self.names)}")
         if len(set(self.names)) < n:
-            twice = next(k for k in self.names if self.names.count(k) > 1)
+            twice = Counter(self.names).most_common(1)[0][0]
             raise ValueError(f"names must differ, {twice!r} is given twice")
         self._numbers = {name: i for i, name in enumerate(self.names)}
         diagonal = self.mass.diagonal()
@@ -77,34 +85,63 @@ class FiniteElements:
             raise ValueError(f"mass must be positive definite, its diagonal is {at}")
         self.is_empty = ~self._has_mass & (np.abs(self.stiffness).sum(axis=1) == 0)
         used = ~self.is_empty
-        if _negative(_part(self.mass, self._has_mass)):
+        if negative(_part(self.mass, self._has_mass)):
             raise ValueError("mass must be positive definite, it has an eigenvalue of 0 or less")
-        if count := self._below(used, _part(self.stiffness, used), -1.0):
-            raise ValueError(f"stiffness must not be negative, it has {count} negative eigenvalues")
+        ties = np.flatnonzero(used & ~self._has_mass & (self.stiffness.diagonal() == 0))
+        if ties.size:
+            limit = "must have numbers above 0 on its diagonal, where there is no mass"
+            where = f"{self._listed(ties)}: Lagrange multipliers, whose constraints are to be"
+            raise ValueError(f"stiffness {limit}, has {ties.size} of 0 at {where} eliminated")
+        if count := motions_below(_part(self.stiffness, used), -1.0):
+            many = f"{count} negative eigenvalue{'s' * (count > 1)}"
+            raise ValueError(f"stiffness must not be negative, it has {many}")
 
     @property
-    def problem(self) -> str:
-        """A warning if the first period looks like mixed units, else nothing."""
-        used = ~self.is_empty
-        held = _part(self.mass, used)
-        stiffness = _part(self.stiffness, used) + RIGID * self._largest(used) * held
-        if self._below(used, stiffness, 1.0):
-            return ""
-        nothing = np.zeros((0, int(used.sum())))
-        squares = find_modes(held, stiffness, nothing, nothing.sum(axis=0), 1).squares
-        return absurd(np.sqrt(squares[0]))
+    def problems(self) -> Iterator[str]:
+        """Yield one line for what is not used, joins nothing, or looks like mixed units."""
+        yield from self._told(self._grounded(), self._alone & ~self.is_empty)
+        used = ~self.is_empty & ~self._grounded()
+        held, stiffness = _part(self.mass, used), _part(self.stiffness, used)
+        if not motions_below(stiffness, 1.0):
+            nothing = np.zeros((0, int(used.sum())))
+            squares = find_modes(held, stiffness, nothing, nothing.sum(axis=0), 1).squares
+            if text := absurd(np.sqrt(squares[0])):
+                yield text
 
-    def _largest(self, used: np.ndarray) -> float:
-        """Return about the largest omega^2."""
-        has = self._has_mass & used
-        return float((self.stiffness.diagonal()[has] / self.mass.diagonal()[has]).max())
+    def _told(self, grounded: np.ndarray, alone: np.ndarray) -> Iterator[str]:
+        """Yield what is told of matrices and coordinates: those taken as fixed, and others."""
+        for one in self.unused:
+            yield f"{one} is not used: names are M or mass, K or stiffness, C or damping"
+        for places, said in (
+            (grounded, "taken as fixed, with equal numbers on the diagonals of K and M, and "),
+            (alone & ~grounded, ""),
+        ):
+            if places.any():
+                listed = np.flatnonzero(places)
+                n = f"{listed.size} coordinate{'s are' if listed.size > 1 else ' is'}"
+                hint = "" if said else "; fixed = [...] holds supports"
+                yield f"{n} {said}joined to no other: {self._listed(listed)}{hint}"
 
-    def _below(self, used: np.ndarray, stiffness: Any, side: float) -> int:
-        """Return the number of omega^2 below 0 (side -1), or below what is above rounding (1)."""
-        # massless rows are shifted, too
-        mass = self.mass.diagonal()[used] * self._largest(used)
-        shift = np.where(self._has_mass[used], mass, -side * stiffness.diagonal()) * RIGID
-        return _negative(stiffness - side * sparse.diags_array(shift))
+    def _listed(self, places: np.ndarray) -> str:
+        """Return the names of coordinates, the first of many."""
+        names = ", ".join(self.names[i] for i in places[:TOLD])
+        return names + ", ..." * (places.size > TOLD)
+
+    @property
+    def _alone(self) -> np.ndarray:
+        """Whether a coordinate is joined to no other."""
+        several = np.zeros(len(self.names), bool)
+        for one in (self.mass, self.stiffness, self.damping):
+            if one is not None:
+                several |= np.diff(one.indptr) > (one.diagonal() != 0)
+        return ~several
+
+    def _grounded(self) -> np.ndarray:
+        """Whether a coordinate is one of a support, as some programs leave it: 1 in K and M."""
+        alone = self._alone
+        if alone[~self.is_empty].all():
+            return np.zeros_like(alone)
+        return alone & self._has_mass & (self.stiffness.diagonal() == self.mass.diagonal())
 
     def row(self, name: str, given: Any) -> np.ndarray:
         """Return a row over all coordinates: from a vector, a name, a pair, or names with shares.
@@ -221,33 +258,28 @@ class FiniteElements:
     ) -> Reduced:
         """Return what a structure is made of, from tables of its contacts and sliders."""
         contacts, sliders = elements_of("contact", contacts), elements_of("slider", sliders)
-        for name, listed in (("outputs", outputs), ("fixed", fixed)):
-            if isinstance(listed, str):
-                raise ValueError(f"{name} must be a list of coordinates, is {listed!r}")
         used = ~self.is_empty
-        for key in fixed:
+        for key in _listed("fixed", fixed):
             used[self.number_of("fixed", str(key))] = False
         hits = self._directions("contact", contacts, used)
         slides = self._directions("slider", sliders, used)
-        told = [self._moving("outputs", one, used) for one in outputs]
-        for k, row in enumerate(told):
-            if any(np.array_equal(abs(row), abs(other)) for other in told[:k]):
-                raise ValueError(f"outputs must not hold a coordinate twice, as {outputs[k]!r}")
+        told = self._outputs(outputs, used)
         pairs = [row for row, one in zip(told, outputs, strict=True) if _is_pair(one)]
         alone = [row for row, one in zip(told, outputs, strict=True) if not _is_pair(one)]
+        named = np.abs([np.zeros(used.size), *hits, *slides, *told]).sum(axis=0) > 0
+        grounded = self._grounded() & used & ~named
+        lonely = self._alone & used & ~named
+        used &= ~grounded
         drifts = pairs or alone or [*hits, *slides]
         if not drifts:
             raise ValueError("outputs are missing: where there is no contact, name some")
         r = self._influence(influence)
-        moved = float(r @ (self.mass @ r))
         push, r = (self.mass @ r)[used], r[used]
+        moved = float(r @ push)
         if not moved > 0:
             raise ValueError("influence must not be 0 of all coordinates with mass")
-        tied = np.array([np.sqrt(one.stiffness) for one in sliders])[:, None] * _array(slides, used)
         mass, stiffness = _part(self.mass, used), _part(self.stiffness, used)
-        sticking = stiffness + sparse.csr_array(tied.T @ tied)
-        if n_free := self._below(used, sticking, 1.0):
-            raise ValueError(f"stiffness leaves {n_free} motions free: fix some coordinates")
+        held = sticking(stiffness, _array(slides, used), sliders)
         drag = None if self.damping is None else _part(self.damping, used)
         forced, drift = _array([*hits, *slides], used), _array(drifts, used)
         n_mass = int((used & self._has_mass).sum())
@@ -255,11 +287,13 @@ class FiniteElements:
         if reduce is None and n_mass > MAX_ROWS:
             limit = f"at most {MAX_ROWS} coordinates with mass, has {n_mass}"
             raise ValueError(f'reduce is missing: without, as {{"modes": 12}}, there are {limit}')
-        modes = find_modes(mass, sticking, forced, push, most_modes(reduce, room))
+        modes = find_modes(mass, held, forced, push, most_modes(reduce, room))
+        massless = int((used & ~self._has_mass).sum())
         if reduce is None:
             k, error = len(modes.squares), 0.0
-            x = condensed(mass, stiffness, drag, push, forced, drift)
+            x = condensed(mass, stiffness, drag, push, forced, drift, named[used])
             names = [self.names[i] for i in np.flatnonzero(used)[x.names]]
+            massless = int(used.sum()) - len(names)
         else:
             measured = np.vstack((forced, drift))
             kappa = np.array([one.stiffness for one in contacts])
@@ -283,7 +317,9 @@ class FiniteElements:
             "shares": ((modes.shapes[:, :k].T @ push) ** 2 / moved).tolist(),
             "coordinates": len(used),
             "empty": int((~used).sum()),
-            "massless": int((used & ~self._has_mass).sum()),
+            "massless": massless,
+            "memory": modes.memory,
+            "told": [*self._told(grounded, lonely)],
         }
         return Reduced(
             names,
@@ -299,6 +335,14 @@ class FiniteElements:
             None if x.damping is None else x.damping.tolist(),
         )
 
+    def _outputs(self, outputs: Sequence[Any], used: np.ndarray) -> list[np.ndarray]:
+        """Return the rows of outputs."""
+        told = [self._moving("outputs", one, used) for one in _listed("outputs", outputs)]
+        for k, row in enumerate(told):
+            if any(np.array_equal(abs(row), abs(other)) for other in told[:k]):
+                raise ValueError(f"outputs must not hold a coordinate twice, as {outputs[k]!r}")
+        return told
+
     def _directions(self, name: str, elements: Sequence, used: np.ndarray) -> list[np.ndarray]:
         """Return the rows of contacts or sliders."""
         directions = [(f"{name}[{k}].direction", one.direction) for k, one in enumerate(elements)]
@@ -313,6 +357,12 @@ class FiniteElements:
         if not row.any():
             raise ValueError(f"{name} must not be 0")
         return row
+
+
+def _listed(name: str, given: Sequence[Any]) -> Sequence[Any]:
+    if isinstance(given, str):
+        raise ValueError(f"{name} must be a list of coordinates, is {given!r}")
+    return given
 
 
 def _is_pair(output: Any) -> bool:
@@ -343,40 +393,3 @@ def _part(matrix: Any, used: np.ndarray) -> Any:
 def _table(element: Any) -> dict:
     """Return the values of a contact or slider."""
     return dict(element) if isinstance(element, Mapping) else asdict(element)
-
-
-def _negative(matrix: Any) -> int:
-    """Count negative eigenvalues: by Sylvester's law those are negative pivots without exchange."""
-    kept = {"SymmetricMode": True}
-    try:
-        found = splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=kept)
-    except RuntimeError:  # a pivot is 0
-        return 1
-    return int((found.U.diagonal() < 0).sum())
-
-
-def _matrix(name: str, given: Any) -> Any:
-    """Return a symmetric sparse matrix, of both triangles."""
-    try:
-        found = sparse.csr_array(given) if sparse.issparse(given) else np.asarray(given)
-        if np.iscomplexobj(found):
-            raise TypeError
-        if found.ndim in (1, 2) and np.prod(found.shape) == max(found.shape):
-            dense = found if isinstance(found, np.ndarray) else found.toarray()
-            found = np.diag(dense.ravel())  # a vector of masses, in a row or a column
-        found = sparse.csr_array(found, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a matrix of real numbers, is {shown(given)}") from None
-    if found.ndim != 2 or found.shape[0] != found.shape[1] or not found.nnz:
-        raise ValueError(f"{name} must be square, and not 0, has the shape {found.shape}")
-    if not np.isfinite(found.data).all():
-        raise ValueError(f"{name} must be finite, holds {found.data[~np.isfinite(found.data)][0]}")
-    lower, upper = sparse.tril(found, -1), sparse.triu(found, 1)
-    if (lower.count_nonzero() == 0) != (upper.count_nonzero() == 0):
-        found = sparse.csr_array(found + lower.T + upper.T)
-    off = abs(found - found.T).tocoo()
-    if off.nnz and off.data.max() > ASYMMETRY * abs(found).max():
-        i, j = (int(place[off.data.argmax()]) for place in off.coords)
-        entries = f"({i + 1}, {j + 1}) is {found[i, j]:g}, ({j + 1}, {i + 1}) is {found[j, i]:g}"
-        raise ValueError(f"{name} must be symmetric: entry {entries}")
-    return sparse.csr_array((found + found.T) / 2.0)

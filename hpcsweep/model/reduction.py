@@ -40,6 +40,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.model.arguments import count, number, positive, shown
+from hpcsweep.model.sparse_matrices import factors
 
 KINDS = ("modes", "error", "up_to")
 """Of reductions: what says how many modes are kept."""
@@ -47,8 +48,12 @@ TIMES, MORE = 3, 16
 """The error of k modes is taken from `TIMES` k + `MORE` modes."""
 SMALL = 512
 """Coordinates from which on modes are found by sparse shift-invert."""
+ENTRY, COPIES = 16, 3
+"""Bytes of an entry of factors, with its place, and times that modes are there while found."""
 MASSLESS = 1e-13
 """1 / omega^2 over the largest one, of a mode without mass."""
+QUASI_STATIC = 1e-10
+"""M_ii / K_ii over the largest one, of a coordinate whose mass is left out: a penalty spring."""
 DEPENDENT = 1e-10
 """Mass of a residual mode, over that of others, that is rounding; of the static deflections it is
 the square of this."""
@@ -81,6 +86,10 @@ class Reduction:
     coordinates, empty, massless : int
         Of the model; those of them that have neither mass nor stiffness or are fixed; and those
         without mass, which are condensed.
+    memory : float
+        Bytes that the factors of the stiffness and the modes took; 0 where that was not told.
+    told : tuple of str
+        What is told of matrices and coordinates of the model, a line each.
     """
 
     modes: int
@@ -90,6 +99,8 @@ class Reduction:
     coordinates: int
     empty: int
     massless: int
+    memory: float = 0.0
+    told: tuple[str, ...] = ()
 
 
 class Modes(NamedTuple):
@@ -111,6 +122,8 @@ class Modes(NamedTuple):
     """(n,): M r."""
     speeds: np.ndarray
     """(n,): K^-1 M r."""
+    memory: float
+    """Bytes of the factors of K and of the modes."""
 
 
 class Basis(NamedTuple):
@@ -128,11 +141,12 @@ def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -
     Massless rows are condensed: 1 / omega^2 is an eigenvalue of M - mu K, of these 0.
     """
     from scipy.linalg import eigh
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     n = len(push)
     is_whole = n <= SMALL or 2 * most >= n
-    solve = splu(stiffness.tocsc()).solve
+    factorised = factors(stiffness)
+    solve = factorised.solve
     if is_whole:
         inverse, shapes = eigh(mass.toarray(), stiffness.toarray())
         inverse, shapes = inverse[::-1], shapes[:, ::-1]
@@ -149,7 +163,9 @@ def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -
         order = np.argsort(squares)
         squares, shapes = squares[order], shapes[:, order]
     static = solve(np.ascontiguousarray(rows.T)) if len(rows) else np.zeros((n, 0))
-    return Modes(squares, shapes, is_whole, rows, static, mass, stiffness, push, solve(push))
+    memory = float(ENTRY * factorised.nnz + COPIES * shapes.nbytes)
+    speeds = solve(push)
+    return Modes(squares, shapes, is_whole, rows, static, mass, stiffness, push, speeds, memory)
 
 
 def basis_of(modes: Modes, k: int) -> Basis:
@@ -315,23 +331,31 @@ def coordinates(
     )
 
 
-def condensed(mass, stiffness, damping, push, rows, drift) -> Coordinates:
-    """Keep all coordinates with mass; the others follow them as under static loads."""
+def condensed(mass, stiffness, damping, push, rows, drift, named) -> Coordinates:
+    """Keep all coordinates with mass; the others follow them as under static loads.
+
+    So do those that a penalty spring holds, unless they are `named`, shape (n,).
+    """
     has = np.asarray(abs(mass).sum(axis=1)).ravel() > 0
     if len(rows) and rows[:, ~has].any():
         raise ValueError(
             "reduce is missing: a contact or slider acts on coordinates without mass, "
             "which are condensed without it"
         )
-    full = stiffness.toarray()
+    diagonal = stiffness.diagonal()
+    ratio = np.full(len(push), np.inf)
+    np.divide(mass.diagonal(), diagonal, where=has & (diagonal > 0), out=ratio)
+    has &= named | (ratio > QUASI_STATIC * ratio[np.isfinite(ratio)].max(initial=0.0))
     follow = np.zeros((len(push), int(has.sum())))
     follow[has] = np.eye(int(has.sum()))
-    follow[~has] = -np.linalg.solve(full[np.ix_(~has, ~has)], full[np.ix_(~has, has)])
+    if not has.all():
+        below = stiffness[~has]
+        follow[~has] = -factors(below[:, ~has]).solve(below[:, has].toarray())
     own = _symmetric(follow.T @ (mass @ follow))
     return Coordinates(
         np.flatnonzero(has).tolist(),
         own,
-        _symmetric(follow.T @ full @ follow),
+        _symmetric(follow.T @ (stiffness @ follow)),
         None if damping is None else _symmetric(follow.T @ (damping @ follow)),
         clean(np.linalg.solve(own, follow.T @ push)),
         rows @ follow,

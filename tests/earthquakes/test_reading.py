@@ -153,6 +153,26 @@ def test_what_is_no_at2_file_is_refused_in_one_line(read, text, given, message):
 
 
 @together(
+    "text, given",
+    [
+        (",acc\n0,.1\n1,.2\n2,.3\n", {"dt": 0.02}),
+        ("IN UNITS OF G\nNPTS= 3, DT= .02 SEC\n1 .1\n2 .2\n3 .3\n", {}),
+        (
+            "3 points at equal spacing of 0.02 sec\nFormat of 8F10.5, i.e., 8 points across in\n"
+            "a row with 5 decimal places\nThe units are (g)\n.1 .2 .3\n",
+            {},
+        ),
+        ("ACCELERATION IN UNITS OF G, 8 points per line\nNPTS=  3, DT= .02000 SEC\n.1 .2 .3\n", {}),
+        ("time (ms),a\n0,.1\n20,.2\n40,.3\n", {}),
+    ],
+)
+def test_what_counts_samples_is_no_time_and_places_are_no_samples(read, text, given):
+    record = read(text, name="a.txt", **given)
+    assert record.dt == 0.02
+    assert record.acceleration == pytest.approx([0.980665, 1.96133, 2.941995])
+
+
+@together(
     "text, given, message",
     [
         ("only words\nand more\n", {}, "must have at least 2 samples, has none in 2 lines"),
@@ -172,6 +192,15 @@ def test_what_is_no_at2_file_is_refused_in_one_line(read, text, given, message):
         ("0 .1\n.01\n", {}, "every line must have 2 columns, line 2 has 1"),
         ("0 .1 3\n.01 .2 4\n", {}, "must have one column or two, time and acceleration, has 3"),
         ("t,a (m/s^2)\n0,.1\n.01,.2\n", {}, "unit must be that of the file, m/s2, is g"),
+        (
+            ",acc\n0,.1\n1,.2\n2,.3\n",
+            {},
+            "dt must be given: the first column, 0, 1, 2, ..., counts",
+        ),
+        ("time a\n1 .1\n2 .2\n", {}, "dt must be given: the first column, 1, 2, ..., counts"),
+        ("0,00;0,12\n0,01;0,13\n", {}, "decimals must be points, line 1 has 0,00"),
+        ("0,0012\n-0,0013\n", {"dt": 0.01}, "decimals must be points, line 1 has 0,0012"),
+        ("t a b\n0 .1 3\n.01 .2 4\n", {}, "each of several components is a record of its own"),
     ],
 )
 def test_columns_that_are_no_record_are_refused_in_one_line(read, text, given, message):

@@ -1,5 +1,7 @@
 """Portfolios: keys that vary together, a row a structure, from a CSV file or the job itself."""
 
+import os
+
 import numpy as np
 import pytest
 from together import together
@@ -152,6 +154,55 @@ def test_a_wrong_row_is_one_line_with_file_line_column_value_and_limit(job, was,
     assert "\n" not in told
     assert said in told
     assert "portfolio.csv: " in told or "rows" in told
+
+
+@together(
+    "text, gaps",
+    [
+        ("name;pounding.gap;pounding.stiffness\na;0,5;200.000\nb;1,25;1.200.000\n", [0.5, 1.25]),
+        ("sep=;\nname;pounding.gap\na;2,5\nb;3,0\n", [2.5, 3.0]),
+        ("name,pounding.gap,\na,2.5,\nb,3.0,\n", [2.5, 3.0]),
+        ("name;pounding.gap;pounding.stiffness\na;2.500;1.5e8\nb;3.000;1.0e8\n", [2.5, 3.0]),
+    ],
+)
+def test_a_table_is_read_as_spreadsheets_write_it(job, text, gaps):
+    job.with_name("portfolio.csv").write_text(text)
+    columns = {one.key: one.given for one in load_job(job).study.axes[0].columns}
+    assert columns["pounding.gap"] == tuple(gaps)
+    if "1.200.000" in text:
+        assert columns["pounding.stiffness"] == (2e5, 1.2e6)
+
+
+@together(
+    "text, said",
+    [
+        (
+            "name;pounding.gap\na;200.000\n",
+            "200.000 may be 200000 or a decimal: write 200000, or 200.0",
+        ),
+        (
+            "name;pounding.gap;pounding.stiffness\na;0.5;1,5\n",
+            "must have decimal points or decimal c",
+        ),
+        ("sep=;\nname;pounding.gap\na;-\n", "below its line sep=;: line 2, column pounding.gap"),
+        ("name\na\nb\n", "must have a column of a key beside name, has none"),
+        (
+            f"name,pounding.gap\na,{'3' * 140_000}\n",
+            "every cell must have 131072 characters at most",
+        ),
+    ],
+)
+def test_what_a_table_cannot_mean_is_refused(job, text, said):
+    job.with_name("portfolio.csv").write_text(text)
+    with pytest.raises(JobError, match=f"portfolio.csv.*{said}"):
+        load_job(job)
+
+
+def test_a_pipe_is_no_table(job):
+    job.with_name("portfolio.csv").unlink()
+    os.mkfifo(job.with_name("portfolio.csv"))
+    with pytest.raises(JobError, match=r"job.toml: vary.rows = 'portfolio.csv': must be a regular"):
+        load_job(job)
 
 
 def test_a_key_that_all_rows_share_is_not_blamed_on_one(job):

@@ -74,6 +74,21 @@ def test_a_range_and_a_list_are_replaced_whole(base):
     assert message.startswith(f"{base.parent / 'own.toml'} (extends base.toml): ")
 
 
+def test_tables_of_a_model_and_of_matrices_are_merged_key_by_key(base):
+    model = 'file = "a.npz"\noutputs = ["1"]\ninfluence = "UX"\nreduce = {modes = 5}\n'
+    given = {"structure": {"model": tomllib.loads(model), "gap": {"from": 1.0}}}
+    own = {"structure": {"model": {"file": "b.npz", "reduce": {"error": 0.1}}, "gap": {"to": 2.0}}}
+    assert merge(given, own)["structure"] == {
+        "model": {"file": "b.npz", "outputs": ["1"], "influence": "UX", "reduce": {"error": 0.1}},
+        "gap": {"to": 2.0},
+    }
+    text = "[structure.matrices]\nmass = [1, 2]\nstiffness = [[2, -1], [-1, 1]]\n"
+    base.write_text(f"{text}damping = [[0.2, 0], [0, 0]]\n{BASE[BASE.index('[sweep]') :]}")
+    job = load_job(extend(base, "[structure.matrices]\nmass = [3, 4]\n"))
+    assert job.structure.mass_matrix.diagonal().tolist() == [3.0, 4.0]
+    assert job.structure.damping_matrix[0, 0] == 0.2
+
+
 def test_a_name_is_not_inherited(base):
     assert load_job(base).name == "base"
     own = extend(base, "")

@@ -242,7 +242,7 @@ WRONG = [
     (lambda: of(mass=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]), "mass must be positive definite, it has"),
     (lambda: of(stiffness=-np.eye(3)), "stiffness must not be negative, it has 3 negative eigen"),
     (lambda: of(stiffness=[[1, 2, 0], [1, 9, 0], [0, 0, 1]]), r"\(1, 2\) is 2, \(2, 1\) is 1"),
-    (lambda: of(stiffness=np.ones((3, 2))), r"stiffness must be square, and not 0, .*\(3, 2\)"),
+    (lambda: of(stiffness=np.ones((3, 2))), r"stiffness must be a square matrix, is 3 x 2"),
     (lambda: of(stiffness=np.full((3, 3), math.nan)), "stiffness must be finite, holds nan"),
     (lambda: of(mass=[[1, 1, 0], [1, 1, 0], [0, 0, 1]]), "mass must be positive .* 0 or less"),
     (lambda: of(stiffness=np.eye(3) * (1 + 1j)), "stiffness must be a matrix of real numbers"),
@@ -250,7 +250,7 @@ WRONG = [
     (lambda: of(stiffness="K"), "stiffness must be a matrix of real numbers, is 'K'"),
     (lambda: of(names=["a", "b"]), "names must be 3, one per coordinate, are 2"),
     (lambda: of(names=["a", "b", "a"]), "names must differ, 'a' is given twice"),
-    (lambda: of(stiffness=FREE).structure(outputs=[1]), "leaves 1 motions free: fix some coord"),
+    (lambda: of(stiffness=FREE).structure(outputs=[1]), "leaves 1 motion free: fix some coord"),
     (lambda: of().structure(), "outputs are missing"),
     (lambda: of().structure(outputs=["7"]), "outputs must be one of the 3 coordinates .*, is '7'"),
     (lambda: of().structure(outputs=[[1.0, 2.0]]), "outputs must have 3 entries, has 2"),
@@ -299,6 +299,6 @@ def test_a_wrong_model_is_refused_in_one_line(make, said):
 
 
 def test_units_that_do_not_fit_are_told():
-    assert of().problem == ""
-    assert "the first period is 8209" in of(mass=np.full(3, 1e6)).problem
-    assert of(stiffness=FREE).problem == ""
+    assert not [*of().problems]
+    assert "the first period is 8209" in next(of(mass=np.full(3, 1e6)).problems)
+    assert not [*of(stiffness=FREE).problems]

@@ -266,6 +266,7 @@ def test_a_formula_counts_by_its_values():
     jobs = [parse_job(ONE.replace("= 0.1", f'= "{one}"'), "", "job") for one in formulas]
     first, same, other = (job.fingerprint for job in jobs)
     assert first == same != other
+    assert "+0.1*omega" in repr(parse_job(ONE.replace("= 0.1", '= "+0.1*omega"'), "", "job").study)
 
 
 @together(
@@ -276,7 +277,7 @@ def test_a_formula_counts_by_its_values():
         ('"omega"', '"structure.gap"', "sweep.along = 'structure.gap': needs its values: [vary]"),
         ("{from = 0.9, to = 1.4, count = 51}", "[1.0, 0.9]", "sweep.omega = [1.0, 0.9]: must asc"),
         ("= 0.1", '= "0.1 * gap"', "sweep.amplitude = '0.1 * gap': knows no 'gap', only omega;"),
-        ("= 0.1", '= "1 - omega"', "must be from 1e-250 to 1e+250, is -0.01 at omega = 1.01"),
+        ("= 0.1", '= "1 - omega"', "must be 0, or from 1e-250 to 1e+250, is -0.01 at omega = 1.01"),
         ("= 0.1", '= "sqrt(1 - omega)"', "is nan at omega = 1.01"),
         ("= 0.1", '= "1 / (omega - 0.9)"', "is nan at omega = 0.9"),
         ("= 0.1", '= "9.0**omega**999"', "overflows at omega = 1.01"),
@@ -423,7 +424,7 @@ def test_branches_along_a_formula_go_through_all_motions_and_lie_beneath_them(tm
             "sweep.amplitude = '0.1 * omega': must be numbers: the",
         ),
         ("* omega", "* gap", "sweep.amplitude = '0.1 * gap': knows no 'gap', only omega"),
-        ("* omega", "- omega", "must be from 1e-250 to 1e+250, is -0.8 at omega = 0.9"),
+        ("* omega", "- omega", "must be 0, or from 1e-250 to 1e+250, is -0.8 at omega = 0.9"),
         ('parameter = "omega"', 'parameter = "omega"\ncurves = ["fold"]', "without formulas"),
         ("[study]", "[output]\nlyapunov = true\n[study]", "unknown key 'output.lyapunov'"),
     ],

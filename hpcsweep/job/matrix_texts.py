@@ -1,0 +1,246 @@
+"""Read matrices that are written as text.
+
+MatrixMarket (Boisvert, Pozo & Remington, NISTIR 5935, 1996), substructures of Abaqus, and matrices
+row by row. What a header says of size, number of entries and symmetry is compared with what follows
+it; exponents may have Fortran's D.
+"""
+
+import re
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from hpcsweep.earthquakes.header import number
+from hpcsweep.earthquakes.text_files import has_commas, with_point
+from hpcsweep.model.arguments import shown
+from hpcsweep.model.sparse_matrices import MAX_COORDINATES
+
+Lines = list[tuple[int, str]]
+"""Lines with their numbers, from 1."""
+Found = dict[str, Any]
+"""Matrices by their names, '' of one without."""
+
+BANNER = re.compile(r"\s*%+\s*MatrixMarket\b(.*)", re.IGNORECASE)
+FORM = "%%MatrixMarket matrix coordinate real symmetric"
+KNOWN = (
+    ("matrix",),
+    ("coordinate", "array"),
+    ("real", "integer", "double"),
+    ("general", "symmetric"),
+)
+MATRIX = re.compile(r"\s*\*MATRIX\s*,\s*TYPE\s*=\s*([^,\n]+)", re.IGNORECASE)
+COMMENTS = ("%", "#", "!", "//", "**")
+NUMERIC = set("0123456789+-.eEdD")
+CARD, INDICES = 5, {3: 2, 5: 4}
+"""Numbers of a line of global matrices of Abaqus; by that number how many of them are whole."""
+INSTEAD = f"which is not read: write MatrixMarket ({FORM}), as scipy.io.mmwrite does"
+FOREIGN = (
+    (re.compile(r"\s*DMIG\b", re.I), "DMIG of Nastran, which is not read: write it by OUTPUT4"),
+    (re.compile(r"(?:.*\n){2}\s*[RCPI][SUHZR][AE]\s+\d", re.I), f"Harwell-Boeing, {INSTEAD}"),
+)
+"""What formats begin with that are told by name."""
+
+
+def read_text(text: str) -> Found:
+    """Read one matrix, or those of a substructure.
+
+    Raises
+    ------
+    ValueError
+        If they are not there as the text says; one line names line, number and limit.
+    """
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if not lines:
+        raise ValueError("is empty")
+    for sign, name in FOREIGN:
+        if sign.match(text):
+            raise ValueError(f"is {name}")
+    if banner := BANNER.match(lines[0][1]):
+        return {"": _market(banner[1].lower().split(), _without_comments(lines[1:]))}
+    blocks = [k for k, (_, line) in enumerate(lines) if MATRIX.match(line)]
+    if blocks:
+        unsymmetric = re.search(r"^\s*\*USER ELEMENT.*\bUNSYMM", text, re.I | re.M) is not None
+        return _abaqus(lines, blocks, unsymmetric)
+    return {"": _rows(_without_comments(lines))}
+
+
+def _without_comments(lines: Lines) -> Lines:
+    return [(i, line) for i, line in lines if not line.lstrip().startswith(COMMENTS)]
+
+
+def _numbers(lines: Lines, separators: str = "") -> tuple[np.ndarray, np.ndarray]:
+    """Return all numbers of lines, and how many each line has."""
+    table = str.maketrans(separators, " " * len(separators))
+    cells = [line.translate(table).split() for _, line in lines]
+    if not set().union(*map(set, (line.translate(table) for _, line in lines))) <= NUMERIC | set(
+        " \t\r\f\v"
+    ):
+        _refuse_words(lines, cells)
+    try:
+        found = np.fromiter((number(cell) for row in cells for cell in row), float)
+    except ValueError:
+        _refuse_words(lines, cells)
+    if not np.isfinite(found).all():
+        place = int(np.argmin(np.isfinite(found)))
+        raise ValueError(f"every entry must be finite, {[c for row in cells for c in row][place]}")
+    return found, np.array([len(row) for row in cells])
+
+
+def _refuse_words(lines: Lines, cells: list[list[str]]) -> None:
+    """Refuse the first cell that is no number."""
+    for (i, _), row in zip(lines, cells, strict=True):
+        for cell in row:
+            try:
+                is_number = set(cell) <= NUMERIC and number(cell) is not None
+            except ValueError:
+                is_number = False
+            if not is_number:
+                raise ValueError(f"every entry must be a finite number, line {i} has {shown(cell)}")
+
+
+def _market(said: list[str], lines: Lines) -> Any:
+    """Read a matrix of MatrixMarket, of which the banner says object, format, field, symmetry."""
+    if len(said) != len(KNOWN) or not all(map(tuple.__contains__, KNOWN, said)):
+        limit = "coordinate or array, real or integer, general or symmetric"
+        raise ValueError(f"its first line must be like {FORM} ({limit}), says {shown(said)}")
+    _, form, _, symmetry = said
+    width = 3 if form == "coordinate" else 2
+    is_symmetric = symmetry == "symmetric"
+    sizes, n_sizes = _numbers(lines[:1])
+    if n_sizes.tolist() != [width] or np.any(sizes != np.floor(sizes)) or sizes.min() < 0:
+        words = "rows, columns and entries" if width == 3 else "rows and columns"
+        at = f"line {lines[0][0]} is {shown(lines[0][1].strip())}" if lines else "has none"
+        raise ValueError(f"below its first line must be its {words}, {at}")
+    n, m, n_entries = (*map(int, sizes), 0)[:3]
+    check_size(n, m)
+    if is_symmetric and n != m:
+        raise ValueError(f"says that it is symmetric, and has {n} rows and {m} columns")
+    entries, widths = _numbers(lines[1:])
+    if form == "array":
+        full = n * (n + 1) // 2 if is_symmetric else n * m
+        if entries.size != full:
+            raise ValueError(
+                f"must have {full} entries, as line {lines[0][0]} says: {entries.size}"
+            )
+        if not is_symmetric:
+            return entries.reshape(m, n).T
+        made = np.zeros((n, n))
+        made.T[np.triu_indices(n)] = entries  # the lower triangle, column by column
+        return made + np.tril(made, -1).T
+    if np.any(widths != width):
+        i, given = next((lines[1 + k][0], w) for k, w in enumerate(widths) if w != width)
+        raise ValueError(
+            f"every line must have row, column and entry, line {i} has {given} numbers"
+        )
+    if len(widths) != n_entries:
+        raise ValueError(
+            f"must have {n_entries} entries, as line {lines[0][0]} says, has {len(widths)}"
+        )
+    return _placed(entries.reshape(-1, width), (n, m), is_symmetric, lines[1:])
+
+
+def _placed(
+    entries: np.ndarray, shape: tuple[int, int], is_symmetric: bool, lines: Lines
+) -> sparse.csr_array:
+    """Return the matrix of entries: row and column, from 1, and value of each."""
+    i, j, values = entries.T
+    outside = np.array((i < 1) | (i > shape[0]) | (j < 1) | (j > shape[1]))
+    outside |= (i != np.floor(i)) | (j != np.floor(j))
+    if outside.any():
+        k = int(outside.argmax())
+        limit = f"from 1 to {shape[0]} and {shape[1]}"
+        at = f"line {lines[k][0]} has ({i[k]:.10g}, {j[k]:.10g})"
+        raise ValueError(f"places of entries are counted {limit}, {at}")
+    row, column = i.astype(int) - 1, j.astype(int) - 1
+    order = np.lexsort((column, row))
+    twice = (np.diff(row[order]) == 0) & (np.diff(column[order]) == 0)
+    if twice.any():
+        k = order[int(twice.argmax())]
+        raise ValueError(f"entry ({row[k] + 1}, {column[k] + 1}) is given twice")
+    below = row > column
+    if is_symmetric and below.any() and (row < column).any():
+        k = int((row < column).argmax())
+        limit = "entries on one side of the diagonal stand for both"
+        raise ValueError(
+            f"says that it is symmetric, where {limit}, and has ({row[k] + 1}, {column[k] + 1}) "
+            "and others below the diagonal"
+        )
+    found = sparse.csr_array((values, (row, column)), shape=shape)
+    if is_symmetric:
+        found = sparse.csr_array(found + found.T - sparse.diags_array(found.diagonal()))
+    return found
+
+
+def check_size(n: int, m: int) -> None:
+    """Refuse a matrix of too many rows or columns."""
+    if max(n, m) > MAX_COORDINATES:
+        raise ValueError(f"must have {MAX_COORDINATES} rows and columns at most, is {n} x {m}")
+
+
+def _abaqus(lines: Lines, blocks: list[int], unsymmetric: bool) -> Found:
+    """Read the matrices of a substructure: lower triangles, row by row, or whole."""
+    found: dict[str, Any] = {}
+    for k in blocks:
+        header = MATRIX.match(lines[k][1])
+        assert header is not None
+        name = header[1].strip().lower()
+        if name in found:
+            raise ValueError(f"{name.upper()} is there twice")
+        after = range(k + 1, len(lines))
+        end = next((at for at in after if re.match(r"\s*\*[^*]", lines[at][1])), len(lines))
+        entries, _ = _numbers(_without_comments(lines[k + 1 : end]), ",")
+        whole = round(np.sqrt(entries.size))
+        n = whole if unsymmetric else round((np.sqrt(8 * entries.size + 1) - 1) / 2)
+        if unsymmetric and whole * whole == entries.size:
+            found[name] = entries.reshape(n, n)
+        elif not unsymmetric and n * (n + 1) // 2 == entries.size:
+            found[name] = np.zeros((n, n))
+            found[name][np.tril_indices(n)] = entries
+        else:
+            limit = "those of n rows" if unsymmetric else "n (n + 1) / 2, those of a triangle"
+            raise ValueError(f"the numbers of {name.upper()} must be {limit}, are {entries.size}")
+    return found
+
+
+def _rows(lines: Lines) -> np.ndarray:
+    """Read a matrix row by row; numbers are separated by blanks, commas, semicolons or tabs."""
+    if not lines:
+        raise ValueError("has only comments")
+    if re.fullmatch(r"\W*sep=.\W*", lines[0][1]):
+        lines = lines[1:]
+    separators = ",;"
+    strong = next((one for one in ";\t" if any(one in line for _, line in lines)), "")
+    if strong:
+        cells = [[cell.strip() for cell in line.split(strong)] for _, line in lines]
+        if has_commas(cell for row in cells for cell in row):
+            lines = [
+                (i, " ".join(map(with_point, row)))
+                for (i, _), row in zip(lines, cells, strict=True)
+            ]
+    entries, widths = _numbers(lines, separators)
+    if np.any(widths != widths[0]):
+        k = int((widths != widths[0]).argmax())
+        (first, _), (i, _) = lines[0], lines[k]
+        said = f"line {first} has {widths[0]} numbers, line {i} has {widths[k]}"
+        raise ValueError(f"all lines must have as many numbers as it has lines: {said}")
+    found = entries.reshape(len(lines), -1)
+    check_size(*found.shape)
+    _refuse_list(found)
+    return found
+
+
+def _refuse_list(found: np.ndarray) -> None:
+    """Refuse what is not a matrix, but looks like the places of entries and the entries."""
+    places = found[:, : INDICES.get(found.shape[1], 0)]
+    if not places.size or len(found) == 1 or np.any((places < 0) | (places != np.floor(places))):
+        return
+    if found.shape[0] == found.shape[1]:
+        triangles = (found, np.tril(found), np.triu(found))
+        if np.array_equal(found, found.T) or any(
+            map(np.array_equal, triangles[:1] * 2, triangles[1:])
+        ):
+            return
+    what = "row, column, entry" if found.shape[1] < CARD else "node, number, twice, entry"
+    more = ", as a global matrix of Abaqus" * (found.shape[1] == CARD)
+    raise ValueError(f"looks like a list of entries ({what}){more}, {INSTEAD}")

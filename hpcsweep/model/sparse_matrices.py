@@ -1,0 +1,113 @@
+"""Sparse symmetric matrices of a model: what is accepted, and how many motions have no stiffness.
+
+Signs of eigenvalues are those of pivots, by Sylvester's law of inertia, of factors without exchange
+of pivots.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from hpcsweep.model.arguments import shown
+
+ASYMMETRY = 1e-6
+"""Largest difference of a matrix from its transpose, over its largest entry: files round."""
+RIGID = 1e-13
+"""Stiffness of a motion that is 0, where the diagonal of K is scaled to 1: so that penalty springs,
+which hold supports, count as little as units do."""
+MAX_COORDINATES = 300_000
+"""Of a model: factors of as many of a solid may take some 10 GB."""
+
+
+def factors(matrix: Any) -> Any:
+    """Factorise a sparse symmetric matrix without exchange of pivots.
+
+    Raises
+    ------
+    RuntimeError
+        If a pivot is 0.
+    ValueError
+        If there is not enough memory.
+    """
+    from scipy.sparse.linalg import splu
+
+    kept = {"SymmetricMode": True}
+    try:
+        return splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=kept)
+    except MemoryError:
+        n = matrix.shape[0]
+        raise ValueError(
+            f"stiffness of {n} coordinates needs more memory than there is for its factors"
+        ) from None
+
+
+def motions_below(stiffness: Any, side: float) -> int:
+    """Return the number of motions of a stiffness below 0 (side -1), or of 0 or less (1)."""
+    diagonal = stiffness.diagonal()
+    shift = RIGID * np.where(diagonal > 0, diagonal, diagonal.max())
+    return negative(stiffness - side * sparse.diags_array(shift))
+
+
+def sticking(stiffness: Any, slides: np.ndarray, sliders: Sequence[Any]) -> Any:
+    """Return K with the springs of sliders; refuse one that leaves motions free."""
+    springs = np.sqrt([one.stiffness for one in sliders])
+    tied = sparse.csr_array(springs[:, None] * slides)
+    found = sparse.csr_array(stiffness + tied.T @ tied)
+    if n_free := motions_below(found, 1.0):
+        many = f"{n_free} motion{'s' * (n_free > 1)}"
+        raise ValueError(f"stiffness leaves {many} free: fix some coordinates")
+    return found
+
+
+def negative(matrix: Any) -> int:
+    """Count negative eigenvalues: by Sylvester's law those are negative pivots without exchange."""
+    if matrix.nnz <= np.count_nonzero(matrix.diagonal()):
+        return int((matrix.diagonal() <= 0).sum())
+    try:
+        found = factors(matrix)
+    except RuntimeError:  # a pivot is 0
+        return 1
+    return int((found.U.diagonal() < 0).sum())
+
+
+def symmetric(name: str, given: Any) -> Any:
+    """Return a symmetric sparse matrix, of both triangles."""
+    try:
+        found: Any = given if sparse.issparse(given) else np.asarray(given)
+        if sparse.issparse(found) and found.format in ("csr", "csc", "bsr"):
+            found.check_format(full_check=True)  # products would read anywhere in memory
+        if found.dtype.kind not in "iuf":
+            raise TypeError
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a matrix of real numbers, is {shown(given)}") from None
+    shape = found.shape
+    if max(shape, default=0) > MAX_COORDINATES:
+        limit = f"must have {MAX_COORDINATES} rows at most, has {max(shape)}"
+        raise ValueError(f"{name} {limit}: leave out, or condense, what does not move")
+    if len(shape) in (1, 2) and 0 not in shape and math.prod(shape) == max(shape):
+        if name != "mass" and max(shape) > 1:
+            raise ValueError(f"{name} must be a square matrix, is a row of {max(shape)} numbers")
+        dense = found if isinstance(found, np.ndarray) else found.toarray()
+        found = sparse.diags_array(dense.ravel().astype(float))
+    if found.ndim != 2 or found.shape[0] != found.shape[1]:
+        sizes = " x ".join(map(str, shape)) or "a number"
+        raise ValueError(f"{name} must be a square matrix, is {sizes}")
+    found = sparse.csr_array(found, dtype=float)
+    found.sum_duplicates()
+    if not np.isfinite(found.data).all():
+        raise ValueError(f"{name} must be finite, holds {found.data[~np.isfinite(found.data)][0]}")
+    found.eliminate_zeros()
+    if not found.nnz:
+        raise ValueError(f"{name} must not be 0")
+    lower, upper = sparse.tril(found, -1), sparse.triu(found, 1)
+    if (lower.nnz == 0) != (upper.nnz == 0):
+        found = sparse.csr_array(found + lower.T + upper.T)
+    off = abs(found - found.T).tocoo()
+    if off.nnz and off.data.max() > ASYMMETRY * abs(found).max():
+        i, j = (int(place[off.data.argmax()]) for place in off.coords)
+        entries = f"({i + 1}, {j + 1}) is {found[i, j]:g}, ({j + 1}, {i + 1}) is {found[j, i]:g}"
+        raise ValueError(f"{name} must be symmetric: entry {entries}")
+    return sparse.csr_array((found + found.T) / 2.0)

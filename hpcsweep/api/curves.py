@@ -147,7 +147,7 @@ def _variables(arc: Arc, forced: ForcedMap) -> dict[str, Any]:
         "special_value": (("special", "parameter"), values(there)),
         "special_point": (("special", "state"), first(there)),
         "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
-        "special_kind": ("special", [one.kind.value for _, one in arc.specials]),
+        "special_kind": ("special", np.array([one.kind.value for _, one in arc.specials], str)),
     }
 
 

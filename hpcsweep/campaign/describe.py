@@ -11,7 +11,7 @@ from hpcsweep.model.description import few, modes_kept, one_line, slow
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.reduction import absurd
-from hpcsweep.model.unit_names import is_in_gaps, known_unit, unit_of
+from hpcsweep.model.unit_names import is_in_gaps, is_in_own_units, known_unit, unit_of
 from hpcsweep.studies.run_names import count
 from hpcsweep.studies.study import Lines, Study
 
@@ -21,6 +21,9 @@ MAX_WORDS = 6
 """Number of values of a key that are words, names of structures say, that are listed."""
 PULLED = 0.01
 """Part of a gap over which smooth contacts may pull at rest without a warning."""
+SPRINGLESS = 10.0
+"""Damping ratio zeta above which the spring hardly counts: speeds decay in 1 / (2 zeta omega), 4
+zeta^2 times as fast as displacements."""
 ROUNDING = 1e-12
 """Entry of a mode, over its largest, that is 0."""
 ENOUGH_MASS = 0.9
@@ -81,8 +84,8 @@ def _listed(values) -> str:
 def _units(structure) -> str:
     if is_in_gaps(structure):
         return "lengths in gaps, time in 1/omega_0, frequencies in omega_0"
-    if structure.is_uniform:
-        return "lengths as given, time in 1/omega_0, frequencies in omega_0"
+    if not is_in_own_units(structure):
+        return "length as given, time in 1/omega_0, frequencies in omega_0"
     if not any(structure.unit_names):
         return "those in which masses, stiffnesses and lengths are given; [units] names them"
     names = ("length", "velocity", "acceleration", "force", "frequency")
@@ -123,7 +126,7 @@ def _memory(n_bytes: float) -> str:
 
 def _modes(structure) -> Lines:
     """Yield natural frequencies, periods, damping ratios and mode shapes."""
-    frequencies, ratios = structure.frequencies, structure.damping_ratios
+    frequencies = structure.frequencies
     kept = modes_kept(structure)
     for i, omega in enumerate(frequencies[:MAX_MODES]):
         shape = structure.modes[:, i]
@@ -134,12 +137,24 @@ def _modes(structure) -> Lines:
         yield (
             f"mode {i + 1}",
             f"omega = {omega:.6g}{_cycles(structure, omega)}, period {2 * np.pi / omega:.6g}, "
-            f"damping ratio {ratios[i]:.4g}, shape ({entries}{more})"
+            f"{_damping(structure, i)}, shape ({entries}{more})"
             + ", stands for those left out"
             * (i >= kept),
         )
     if (more := frequencies.size - MAX_MODES) > 0:
         yield "", f"and {more} modes more, up to omega = {frequencies[-1]:.6g}"
+
+
+def _damping(structure, i: int, article: str = "") -> str:
+    """Tell the damping ratio of a mode, or how it decays where it hardly has a spring."""
+    ratio, omega = structure.damping_ratios[i], structure.frequencies[i]
+    if ratio <= SPRINGLESS:
+        return f"{article}damping ratio {ratio:.4g}"
+    time = known_unit(structure, "time")
+    decays = 0.5 / (ratio * omega), 2.0 * ratio / omega
+    return "hardly a spring: speeds decay in {0:.4g}{2}, displacements in {1:.4g}{2}".format(
+        *decays, time
+    )
 
 
 def _contacts(structure) -> list[str]:
@@ -203,7 +218,9 @@ def _warnings(structure) -> Iterator[str]:
         if text := absurd(structure.frequencies[0]):
             yield text
     if ratios.max() > 1:
-        yield f"mode {int(ratios.argmax()) + 1} has the damping ratio {ratios.max():.4g}, above 1"
+        at = int(ratios.argmax())
+        above = ", above 1" * bool(ratios[at] <= SPRINGLESS)
+        yield f"mode {at + 1} has {_damping(structure, at, 'the ')}{above}"
     if structure.matrices is None and not np.all(np.array(structure.stiffness_ratio) >= 1):
         least = float(np.min(structure.stiffness_ratio))
         if least > 0:

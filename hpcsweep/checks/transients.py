@@ -26,8 +26,8 @@ Run = tuple[tuple[int, ...], int, tuple[int, ...]]
 """Place of its part, frame, and the others of its indices: direction, amplitude, attractor."""
 HELD = {
     "motions": (MOTION, "final_state"),
-    "attractors": ("motion_class", "point"),
-    "basins": ("motion_class", "point"),
+    "attractors": ("motion", "point"),
+    "basins": ("motion", "point"),
 }
 """Variables of the class of a motion and of its state, by what a file holds."""
 PERIODS = 10_000

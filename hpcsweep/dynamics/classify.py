@@ -99,10 +99,14 @@ class MotionClass(IntEnum):
     FAILED = 7
     """The solver failed."""
 
+    @property
+    def word(self) -> str:
+        """Its name in files, figures and messages."""
+        is_torus = self is MotionClass.QUASI_PERIODIC
+        return "quasi-periodic" if is_torus else self.name.lower().replace("_", " ")
 
-CLASS_NAMES = {kind: kind.name.lower().replace("_", " ") for kind in MotionClass} | {
-    MotionClass.QUASI_PERIODIC: "quasi-periodic"
-}
+
+CLASS_NAMES = {kind: kind.word for kind in MotionClass}
 
 
 def class_names(structure: Structure) -> dict[MotionClass, str]:

@@ -27,7 +27,7 @@ def attractor_classes(results) -> np.ndarray:
     ndarray of int8, in the shape of ``attractor_id``
     """
     held = results["attractor_id"].values > 0
-    kind = np.where(held, results["motion_class"].values, MotionClass.NOT_COMPUTED)
+    kind = np.where(held, results["motion"].values, MotionClass.NOT_COMPUTED)
     if "contact" in results:
         free = held & (results["contact"].values == 0)
         if "shakedown" in results:

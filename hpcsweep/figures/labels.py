@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.figures.style import PlotError
 from hpcsweep.model.description import contacts_named
-from hpcsweep.model.unit_names import is_in_gaps, unit_of
+from hpcsweep.model.unit_names import is_in_gaps, is_in_own_units, unit_of
 
 WORD = r"$\omega_0$"
 MAX_FLOORS = 5
@@ -77,9 +77,8 @@ def path_words(study, runs) -> str:
 def unit(structure, quantity: str) -> str:
     """Format the unit that follows a label; empty where it has no name."""
     is_length = quantity in ("length", "velocity", "acceleration")
-    has_name = any(structure.unit_names) or (
-        is_in_gaps(structure) if is_length else structure.is_uniform
-    )
+    is_own = is_in_own_units(structure)
+    has_name = any(structure.unit_names) or (is_in_gaps(structure) if is_length else not is_own)
     if not has_name or quantity == "1":
         return ""
     name = unit_of(structure, quantity).replace("omega_0^2", r"$\omega_0^2$").replace("^2", "²")

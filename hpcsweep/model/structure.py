@@ -344,8 +344,11 @@ class Structure(MeasuredDynamics):
         """Return the same structure with names, see `Names`, from those of floors on."""
         return self.labelled(names=Names(*(tuple(listed) for listed in names)))
 
-    def labelled(self, **labels: Names | UnitNames) -> "Structure":
-        """Return the same structure with other `names` or `unit_names`; it keeps what it knows."""
+    def labelled(self, **labels: "Names | UnitNames | Structure") -> "Structure":
+        """Return the same structure with other `names`, `unit_names` or `in_units_of`.
+
+        It keeps what it knows. `in_units_of` is another one beside which it is told, in one unit.
+        """
         other = copy(self)
         vars(other).update(labels)
         return other

@@ -75,7 +75,7 @@ def unit_of(structure, quantity: str) -> str:
 
 
 def _unit_of(structure, quantity: str) -> str:
-    in_own = any(structure.unit_names) or not structure.is_uniform
+    in_own = is_in_own_units(structure)
     if quantity not in (*GAPS, "cycles"):
         return quantity
     if in_own:
@@ -87,8 +87,18 @@ def _unit_of(structure, quantity: str) -> str:
 
 def is_in_gaps(structure) -> bool:
     """Return whether lengths are in gaps and times in 1/omega_0: equal storeys, all stops at 1."""
-    stops = all(contact.gap == 1.0 for contact in structure.contacts)
-    return structure.is_uniform and stops and not any(structure.unit_names)
+    one = _model(structure)
+    return not is_in_own_units(one) and all(contact.gap == 1.0 for contact in one.contacts)
+
+
+def is_in_own_units(structure) -> bool:
+    """Return whether all units are the user's: of masses and times, too."""
+    return any(structure.unit_names) or not _model(structure).is_uniform
+
+
+def _model(structure):
+    """Return the structure in whose units another one is told, see `Structure.labelled`."""
+    return getattr(structure, "in_units_of", structure)
 
 
 def known_unit(structure, quantity: str) -> str:

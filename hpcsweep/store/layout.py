@@ -34,7 +34,7 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
-LAYOUT_VERSION = 5
+LAYOUT_VERSION = 6
 FORMAT = "hpcsweep campaign"
 CONVENTIONS = "CF-1.8"
 ATTRIBUTES = (
@@ -210,9 +210,9 @@ def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:
         return {"flag_masks": np.array(masks, variable.dtype), "flag_meanings": " ".join(names)}
     if variable.flags is None or isinstance(variable.flags, str):
         return {}
-    words = {0: "none"} | {
-        int(one): one.name.lower() for one in variable.flags
-    }  # 0 fills what is not used
+    words = {0: "none"} | {  # 0 fills what is not used
+        int(one): getattr(one, "word", one.name.lower()).replace(" ", "_") for one in variable.flags
+    }
     return {
         "flag_values": np.array([*words], variable.dtype),
         "flag_meanings": " ".join(words.values()),

@@ -86,12 +86,14 @@ def meanings(variable):
     ----------
     variable : xarray.DataArray
         From `open_results`, whole or a part: `motion`, `outcome`, `skip_rule`, `contact`, e.g.
+        Words mean themselves.
 
     Returns
     -------
     xarray.DataArray
-        Of str, with the same dimensions and coordinates, e.g. "chaotic"; for a set of contacts the
-        names of its members, "A2-B2,A3-B3", or "none".
+        Of str, with the same dimensions and coordinates, in the words of summaries and figures,
+        e.g. "quasi-periodic" or "no contact"; for a set of contacts the names of its members,
+        "A2-B2,A3-B3", or "none".
 
     Raises
     ------
@@ -105,6 +107,8 @@ def meanings(variable):
     ['complete']
     """
     notes = variable.attrs
+    if variable.dtype.kind in "UO":
+        return variable
     if "flag_meanings" not in notes:
         raise ValueError(f"{variable.name}: has no flag_meanings: its numbers mean themselves")
     words = notes["flag_meanings"].split()
@@ -117,7 +121,7 @@ def meanings(variable):
         said = [",".join(members) or "none" for members in sets]
     else:
         word_of = dict(zip(np.atleast_1d(notes["flag_values"]).tolist(), words, strict=True))
-        said = [word_of[number] for number in numbers.tolist()]
+        said = [word_of[number].replace("_", " ") for number in numbers.tolist()]
     return variable.copy(data=np.array(said, dtype=str)[place].reshape(variable.shape))
 
 

@@ -27,7 +27,7 @@ from hpcsweep.studies.blocks import (
 from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
-from hpcsweep.studies.report import MAX_FRAMES, doubts, ranges, starting_range
+from hpcsweep.studies.report import MAX_FRAMES, Step, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
 from hpcsweep.studies.study import Lines, RunAgain, StudyTally
 from hpcsweep.studies.tally import RunTally
@@ -217,9 +217,14 @@ class RunGrid(Part):
         frames = range(min(self.n_frames, MAX_FRAMES))
         return self.omega, np.unique(np.concatenate([self.amplitudes_of(k) for k in frames]))
 
+    @property
+    def path_steps(self) -> list[Step]:
+        """Steps along paths that lead elsewhere than along the amplitude; of many frames some."""
+        return []
+
     def lines(self) -> Lines:
         """Tell the ranges of frequency and amplitude, of first contact, and of the starts."""
-        yield from ranges(self.structure, *self.covered)
+        yield from ranges(self.structure, *self.covered, self.path_steps)
         yield from (("starts", text) for text in starting_range(self))
 
     def warnings(self) -> Iterator[str]:

@@ -11,6 +11,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, joined
 from hpcsweep.studies.grid import DOWN, RunGrid
 from hpcsweep.studies.path import FORCING, Followed, Steps, read_path
+from hpcsweep.studies.report import MAX_FRAMES, Step
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import Lines
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -113,6 +114,19 @@ class PathGrid(RunGrid):
         """Describe a frame by its frequency, or its amplitude."""
         name = self.run_dims[-2]
         return run_name({name: float(self.frames[task])}) if name in FORCING else "the path"
+
+    @property
+    def path_steps(self) -> list[Step]:
+        """Steps along the paths; of many some."""
+        if self.steps is None:
+            return []
+        name, n = self.run_dims[-1], self.n_frames * self.n_along
+        every = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int)).tolist()
+        found = []
+        for frame, k in (divmod(one, self.n_along) for one in every):
+            forcing = self.omegas_of(frame)[k], self.amplitudes_of(frame)[k]
+            found.append(Step(name, self.along_of(frame)[k], self.structure_at(k), *forcing))
+        return found
 
     def lines(self) -> Lines:
         """Tell the path, and what drives the structure along it."""

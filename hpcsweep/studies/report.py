@@ -1,6 +1,7 @@
 """What users are told of studies over frequency and amplitude before anything is computed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,17 @@ from hpcsweep.model.plausibility import implausible
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import known_unit, unit_of
 from hpcsweep.studies.study import Lines, Study
+
+
+class Step(NamedTuple):
+    """A step along a path: its parameter, and what is there."""
+
+    name: str
+    value: float
+    structure: Structure
+    omega: float
+    amplitude: float
+
 
 FAR = 3.0
 """Least ratio of every frequency to every natural one that counts as far from resonance."""
@@ -41,24 +53,36 @@ def starting_range(study: Study) -> list[str]:
     ]
 
 
-def ranges(structure: Structure, omega: np.ndarray, amplitude: np.ndarray) -> Lines:
-    """Tell the ranges of frequency and amplitude, and of first contact."""
+def ranges(
+    structure: Structure, omega: np.ndarray, amplitude: np.ndarray, path: Sequence[Step] = ()
+) -> Lines:
+    """Tell the ranges of frequency and amplitude, and of first contact, along a path if any."""
     unit = known_unit(structure, "acceleration")
     named = structure.unit_names.time
     cycles = unit_of(structure, "cycles") if named else "cycles per unit of time"
     turns = f"{_range(omega / (2 * np.pi))} {cycles}"
     yield "frequency", f"{_range(omega)}{known_unit(structure, 'frequency')} = {turns}"
     yield "amplitude", f"{_range(amplitude)}{unit}"
-    omegas, grazes = _grazing_amplitudes(structure, omega)
-    if np.isfinite(grazes).any():
-        least = int(grazes.argmin())
-        most = int(np.where(np.isfinite(grazes), grazes, 0).argmax())
-        ends = dict.fromkeys((least, most))
-        text = " to ".join(f"{grazes[k]:.6g}{unit} (Omega = {omegas[k]:.6g})" for k in ends)
-        motion = "motion without slip" if structure.sliders else "free motion"
-        yield "grazing", f"the {motion} first touches at A = {text}"
+    if path:
+        places = [f"{one.name} = {one.value:.6g}" for one in path]
+        grazes = np.array([one.structure.grazing_amplitude(one.omega) for one in path])
     else:
+        omegas, grazes = _grazing_amplitudes(structure, omega)
+        places = [f"Omega = {one:.6g}" for one in omegas.tolist()]
+    if not np.isfinite(grazes).any():
         yield "grazing", "there is no contact"
+        return
+    least, most = int(grazes.argmin()), int(np.where(np.isfinite(grazes), grazes, 0).argmax())
+    text = " to ".join(f"{grazes[k]:.6g}{unit} ({places[k]})" for k in dict.fromkeys((least, most)))
+    motion = "motion without slip" if structure.sliders else "free motion"
+    text = f"the {motion} first touches at A = {text}"
+    if path:
+        there = [one.value for one, own in zip(path, grazes, strict=True) if one.amplitude >= own]
+        where = (
+            f"from {path[0].name} = {min(there):.6g} to {max(there):.6g}" if there else "nowhere"
+        )
+        text += f"; along the path it touches {where}"
+    yield "grazing", text
 
 
 def doubts(

@@ -52,14 +52,23 @@ class Varied:
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that all parts share, one of `SHARED`."""
         if name in SHARED and not name.startswith("_"):
-            return getattr(self.base, name)
+            return getattr(self._first, name)
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     @cached_property
     def structure(self) -> Any:
-        """Structure that stands for all parts; in units of its own only where each of these is."""
-        at = [self._in_other_units(i) for i in range(len(self.axes))]
-        return (self.part(tuple(at)) if any(at) else self.base).structure
+        """Structure of the first part."""
+        return self._first.structure
+
+    @property
+    def _first(self) -> RunGrid:
+        return self.part((0,) * len(self.axes))
+
+    @cached_property
+    def _units(self) -> Any:
+        """Structure in whose units all parts are told where some have units of their own."""
+        at = tuple(self._in_other_units(i) for i in range(len(self.axes)))
+        return _part(self.make, at).structure if any(at) else None
 
     def _in_other_units(self, i: int) -> int:
         """Return where on an axis a structure is not in units of its own; 0 if nowhere."""
@@ -69,7 +78,7 @@ class Varied:
             return 0
         found = 0
         for k in range(len(axis.values)):
-            structure = self.part((*(0,) * i, k, *rest)).structure
+            structure = _part(self.make, (*(0,) * i, k, *rest)).structure
             in_gaps = is_in_gaps(structure)
             if not structure.is_uniform or not (in_gaps or "p_delta" in names):
                 return k
@@ -159,7 +168,7 @@ class Varied:
 
     def part(self, place: Place) -> RunGrid:
         """Return the study at an index of the axes."""
-        part = _part(self.make, place)
+        part = _part(self.make, place, self._units)
         return part if self.reader is None else part.with_reader(self.reader)
 
     def part_of(self, block: Block) -> tuple[RunGrid, Block]:
@@ -281,8 +290,11 @@ SHARED = frozenset(vars(Study))
 
 
 @lru_cache(maxsize=PARTS_KEPT)
-def _part(make: Callable[[Place], RunGrid], place: Place) -> RunGrid:
-    return make(place)
+def _part(make: Callable[[Place], RunGrid], place: Place, units: Any = None) -> RunGrid:
+    made = make(place)
+    if units is None:
+        return made
+    return replace(made, structure=made.structure.labelled(in_units_of=units))
 
 
 def _picks_kernels(key: str) -> bool:

@@ -12,6 +12,7 @@ from hpcsweep.campaign.describe import describe, warnings
 from hpcsweep.commands.cli import main
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import unit_of
 from hpcsweep.store import Layout
 
 UNITS = '[units]\nlength = "m"\nmass = "kg"\ntime = "s"\n'
@@ -312,3 +313,71 @@ def test_one_of_several_contacts_is_set():
     assert [contact.gap for contact in found] == [usual[0].gap, 0.7, usual[2].gap]
     with pytest.raises(JobError, match="there are 3 tables"):
         load_job(path, ["structure.contact[3].gap=0.7"])
+
+
+FREE = """
+[structure.matrices]
+mass = [1.0]
+stiffness = [[1e-6]]
+damping = [[0.1]]
+[[structure.contact]]
+direction = [1.0]
+gap = 1.0
+stiffness = 100.0
+[sweep]
+omega = 1.0
+amplitude = [0.1, 0.2]
+"""
+
+
+def test_a_motion_that_hardly_has_a_spring_has_no_damping_ratio():
+    """m / c = 10 and c / k = 1e5 in place of 50; with a spring of 1e-3 it is 1.58."""
+    told = [text for name, text in describe(parse(FREE)) if name in ("mode 1", "warning")]
+    words = "hardly a spring: speeds decay in 10, displacements in 1e+05"
+    assert [words in text for text in told] == [True, True, False]
+    assert "mode 1 has the damping ratio 1.581, above 1" in warnings(
+        parse(FREE.replace("-6", "-3"))
+    )
+
+
+ALONG = """
+[structure]
+n_floors = 1
+sharpness = inf
+gap = 1.0
+[sweep]
+along = "structure.gap"
+omega = 0.6
+amplitude = 0.33
+[vary]
+"structure.gap" = [0.25, 0.5, 1.0]
+"""
+
+
+def test_grazing_and_skip_rules_are_told_along_the_path():
+    """First contact is at the gap times |1 - Omega^2 + 2 i zeta Omega|, below 0.33 twice."""
+    one = abs(1 - 0.36 + 0.06j)
+    told = dict(describe(parse(ALONG)))
+    assert told["grazing"] == (
+        f"the free motion first touches at A = {0.25 * one:.6g} (gap = 0.25) to {one:.6g} (gap = "
+        "1); along the path it touches from gap = 0.25 to 0.5"
+    )
+    assert told["skip rules"] == "linear, converged, newton: all hold along any path"
+    yields = describe(parse(ALONG.replace("gap = 1.0", "gap = 1.0\nyield_drift = 0.3")))
+    assert dict(yields)["skip rules"] == "linear, converged: all hold along any path"
+    never = dict(describe(parse(ALONG.replace("0.33", "0.01"))))
+    assert never["grazing"].endswith("; along the path it touches nowhere")
+
+
+def test_a_job_has_one_unit_of_length_whatever_its_parts(tmp_path):
+    """The file, its parts, tables and describe, also where the first part alone is in gaps."""
+    text = SMALL.replace("[output]", "[output]\ndisplacement = true")
+    job = parse(text + '[vary]\n"structure.gap" = [1.0, 2.0]\n')
+    told = [*describe(job)]
+    assert ("units", "length as given, time in 1/omega_0, frequencies in omega_0") in told
+    assert ("contact", "1: gap 1, stiffness 300") in told  # of the first part, as it says
+    assert not any("gaps" in line for name, line in told if name != "varied")
+    units = {unit_of(job.study.part((k,)).structure, "length") for k in (0, 1)}
+    assert units == {unit_of(job.structure, "length")} == {"length"}
+    alone = parse(text + '[vary]\n"structure.stiffness_ratio" = [10.0, 20.0]\n').study
+    assert unit_of(alone.part((1,)).structure, "length") == "gaps"

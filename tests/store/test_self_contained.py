@@ -170,9 +170,9 @@ def test_units_of_a_varied_key_have_the_names_that_the_job_gives():
 
 def test_every_code_of_every_study_has_words(tmp_path):
     results = open_results(computed(tools.BASINS, tmp_path))
-    assert {"attractor_1"} <= set(meanings(results.label).values.ravel().tolist())
+    assert {"attractor 1"} <= set(meanings(results.label).values.ravel().tolist())
     coded = [v for v in results.data_vars.values() if v.dtype == np.int8]
-    assert {v.name for v in coded} >= {"label", "motion_class", "outcome"}
+    assert {v.name for v in coded} >= {"label", "motion", "outcome"}
     for one in coded:
         assert "flag_meanings" in one.attrs, one.name
 

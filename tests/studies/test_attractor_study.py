@@ -215,7 +215,7 @@ def test_the_map_shows_what_the_file_holds_of_the_attractor_of_the_largest_share
     assert (first["hits"] == results["hits"].max("attractor")).all()
     cells, colours, words = drawn_cells(whole)
     assert all(colours(int(k))[:3] == to_rgb(MOTION_COLOURS[k]) for k in np.unique(cells))
-    motion = motion_index(first["motion_class"].values, first["orbit_period"].values)
+    motion = motion_index(first["motion"].values, first["orbit_period"].values)
     motion[first["contact"].values == 0] = 0
     np.testing.assert_array_equal(cells, motion)
     assert any(word.startswith("P1  ") for word in words)

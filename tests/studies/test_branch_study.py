@@ -110,7 +110,7 @@ def test_a_branch_in_python_has_the_form_and_the_values_of_the_file(folder, whol
             assert all(np.array_equal(run[name].attrs[key], notes[key]) for key in notes), name
         if name != "leads_to":  # which other branches leave is not followed
             np.testing.assert_array_equal(first[name], run[name].isel({held.dims[0]: held.values}))
-    assert meanings(first.ends).item() == first.attrs["ends"].replace(" ", "_")
+    assert meanings(first.ends).item() == first.attrs["ends"]
     np.testing.assert_array_equal(first.orbit.values[:, 0], first.point)
 
 

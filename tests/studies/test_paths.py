@@ -49,7 +49,7 @@ ATTRACTORS = {
     + OF_ATTRACTORS
     + '[vary]\n"structure.gap" = {from = 0.9, to = 1.2, count = 6}\n',
 }
-KIND = "hits", "orbit_period", "motion_class", "contact"
+KIND = "hits", "orbit_period", "motion", "contact"
 POINTS = ONE.replace("omega = {", "# {").replace("amplitude = 0.1", "") + (
     f"{OF_ATTRACTORS}points = [[0.1, 1.1]]\n"
 )

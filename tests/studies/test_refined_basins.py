@@ -38,7 +38,7 @@ def test_starts_equal_those_of_all_rows_and_the_audit_bounds_the_inferred_ones(r
     wrong = (results["inferred_label"].values != every)[inferred]
     assert look.left == inferred.sum()
     assert look.low <= wrong.mean() <= look.high < 0.2
-    for name in ("attractor_id", "orbit_period", "motion_class", "contact", "point", "drift"):
+    for name in ("attractor_id", "orbit_period", "motion", "contact", "point", "drift"):
         listed, own = results[name].values, whole[name].values[:, :, 0]
         assert np.array_equal(listed, own, equal_nan=True), name
     assert "hits" not in results

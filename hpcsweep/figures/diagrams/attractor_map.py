@@ -24,7 +24,7 @@ MISSED = "missed"
 """Variable of the attractors that the sweep misses."""
 
 
-VARIABLES = ("n_attractors", "attractor_id", "motion_class", "share", *map("n_{}".format, UNSTORED))
+VARIABLES = ("n_attractors", "attractor_id", "motion", "share", *map("n_{}".format, UNSTORED))
 """Variables of maps of attractors, beside those of motions."""
 
 

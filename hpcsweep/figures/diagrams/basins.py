@@ -35,7 +35,7 @@ def load(frames, cells: bool | None = None):
     names = (
         "label",
         "attractor_id",
-        "motion_class",
+        "motion",
         "orbit_period",
         "contact",
         "shakedown",
@@ -102,7 +102,7 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
     slots = np.flatnonzero(one["attractor_id"].values).tolist()
     sets = [int(one["contact"].values[slot]) if "contact" in one else 0 for slot in slots]
     for slot, contact, words in zip(slots, sets, style.set_names(sets, labels), strict=True):
-        kind = MotionClass(int(one["motion_class"].values[slot]))
+        kind = MotionClass(int(one["motion"].values[slot]))
         period = int(one["orbit_period"].values[slot])
         name = f"P{period}" if period else CLASS_NAMES[kind]
         place = palette.motion_place(kind, period)

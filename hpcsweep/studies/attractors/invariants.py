@@ -59,11 +59,11 @@ def _of_shares(limits: SearchLimits, rows: Rows, held: np.ndarray) -> Broken:
 
 def _of_motions(rows: Rows, held: np.ndarray) -> Broken:
     """Check kind, period and multiplier of attractors."""
-    kind, period, multiplier = rows["motion_class"], rows["orbit_period"], rows["multiplier"]
+    kind, period, multiplier = rows["motion"], rows["orbit_period"], rows["multiplier"]
     orbit = held & (kind == MotionClass.PERIODIC)
     with np.errstate(invalid="ignore"):
         return {
-            "motion_class is 2, 4 or 5": (held & ~np.isin(kind, KINDS)).any(axis=1),
+            "motion is 2, 4 or 5": (held & ~np.isin(kind, KINDS)).any(axis=1),
             "orbits, and nothing else, have a period": (held & (orbit != (period > 0))).any(axis=1),
             "orbits attract": (orbit & ~(multiplier < 1)).any(axis=1),
         }

@@ -149,7 +149,7 @@ def store_attractor(
     result: Rows, at: tuple[int, int], structure: Structure, one: Attractor, **values: Any
 ) -> None:
     """Store one attractor, and `values`, at a run and a slot, by the names of the variables."""
-    for name, value in (vars(one) | one.sliders | {"motion_class": one.kind} | values).items():
+    for name, value in (vars(one) | one.sliders | {"motion": one.kind} | values).items():
         if name in result:
             result[name][at] = value
     if one.measures.size:

@@ -31,14 +31,14 @@ from hpcsweep.studies.tally import (
 class Counted(NamedTuple):
     """Counted properties of an attractor; None where the file lacks them."""
 
-    motion_class: int
+    motion: int
     orbit_period: int
     contact: int | None
     shakedown: int | None
 
     def named(self, labels) -> str:
         """Return its name: period or class, and contact set."""
-        kind = CLASS_NAMES[MotionClass(self.motion_class)]
+        kind = CLASS_NAMES[MotionClass(self.motion)]
         name = f"P{self.orbit_period}" if self.orbit_period else kind
         name += "" if self.contact is None else f" {contact_name(self.contact, labels)}"
         return name + shakedown_name(self.shakedown)
@@ -48,8 +48,7 @@ def attractors_in(frame) -> tuple[list[int], list[Counted]]:
     """Return identity and kind of all attractors of a frame, an xarray.Dataset."""
     held = frame["attractor_id"].values > 0
     number, kind, period = (
-        frame[name].values[held].tolist()
-        for name in ("attractor_id", "motion_class", "orbit_period")
+        frame[name].values[held].tolist() for name in ("attractor_id", "motion", "orbit_period")
     )
     contact, shakedown = (
         frame[name].values[held].tolist() if name in frame else [None] * len(kind)

@@ -37,7 +37,7 @@ TRANSIENT = (
 """Outcome of the tests of lifetimes (`hpcsweep.dynamics.lifetime`)."""
 ATTRACTOR = (
     count("attractor_id", EACH, "identity along the amplitudes, 0 for none"),
-    code("motion_class", EACH, MotionClass, "motion: 2 periodic, 4 quasi-periodic, 5 chaotic"),
+    code("motion", EACH, MotionClass, "motion: 2 periodic, 4 quasi-periodic, 5 chaotic"),
     count("hits", EACH, "starts that reached the attractor"),
     real("share", EACH, "1", "share of the box of starts", None),
     real("share_low", EACH, "1", "lower end of the share's confidence interval", None),

@@ -57,7 +57,8 @@ class AmplitudeSweep(PathGrid):
         """Tell the path, and which rules hold along it."""
         yield from super().lines()
         if self.steps:
-            rules = [name for name in SKIP_RULES if name in self.settings.skip]
+            mapped = SKIP_RULES[: 2 if self.structure.sliders else 3]  # newton needs a tangent map
+            rules = [name for name in mapped if name in self.settings.skip]
             yield "skip rules", ", ".join(rules or ["none"]) + ": all hold along any path"
 
     @property

@@ -182,7 +182,7 @@ def test_a_branch_does_not_jump_to_its_own_other_side():
     found = branch(structure, 0.0355, 0.445, z, 1, span=(0.035, 0.25), steps=2000)
     assert found.value.values[[0, -1]].tolist() == [0.035, 0.25]
     kinds = kinds_of(found).tolist()
-    assert kinds.count("branch_point") == 0
+    assert kinds.count("branch point") == 0
     assert len(kinds) == 42
     assert kinds.count("doubling") == 12
     # one step from a doubling and from a fold, as they are with steps of a tenth

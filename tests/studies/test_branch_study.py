@@ -81,7 +81,7 @@ def test_the_numbers_of_special_points_have_words(whole):
     results = open_results(whole)
     for name in ("special_kind", "criticality", "ends", "found_by", "seed_reason"):
         words, numbers = meanings(results[name]).values, results[name].values
-        assert (words[numbers == 0] == ("on_a_branch" if name == "seed_reason" else "none")).all()
+        assert (words[numbers == 0] == ("on a branch" if name == "seed_reason" else "none")).all()
     kinds = meanings(results.special_kind).values
     assert (kinds[results.special_kind.values == 1] == "fold").all()
     assert (kinds == "fold").any()

@@ -150,11 +150,8 @@ def _damping(structure, i: int, article: str = "") -> str:
     ratio, omega = structure.damping_ratios[i], structure.frequencies[i]
     if ratio <= SPRINGLESS:
         return f"{article}damping ratio {ratio:.4g}"
-    time = known_unit(structure, "time")
-    decays = 0.5 / (ratio * omega), 2.0 * ratio / omega
-    return "hardly a spring: speeds decay in {0:.4g}{2}, displacements in {1:.4g}{2}".format(
-        *decays, time
-    )
+    fast, late, unit = 0.5 / (ratio * omega), 2.0 * ratio / omega, known_unit(structure, "time")
+    return f"hardly a spring: speeds decay in {fast:.4g}{unit}, displacements in {late:.4g}{unit}"
 
 
 def _contacts(structure) -> list[str]:

@@ -109,10 +109,13 @@ def _model(structure) -> Lines:
         f"without mass condensed{_memory(found.memory)}",
     )
     highest = found.frequencies[-1]
+    where = "in a motion with contact"
+    if found.force_error is not None:
+        where = f"and {found.force_error:.2g} of forces of contacts under the records"
     yield (
         "reduced to",
         f"{found.modes} modes, up to omega = {highest:.6g}{_cycles(structure, highest)}; estimated "
-        f"error {found.error:.2g} of displacements in a motion with contact",
+        f"error {found.error:.2g} of displacements {where}",
     )
     shares = ", ".join(f"{share:.3g}" for share in found.shares[:MAX_MODES])
     more = ", ..." if found.modes > MAX_MODES else ""

@@ -7,7 +7,7 @@ matrices are rounded as the machine rounds. A results file is read without the f
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,20 @@ from hpcsweep.job.values import Values
 from hpcsweep.job.vary import varied_values
 
 LISTS = ("names", "outputs", "fixed")
+ARGUMENTS = ("influence", "outputs", "reduce", "fixed")
+"""Of a reduction, keys of the table."""
 SHAPES_MODES = re.compile(r"\.direction(\[\d+\])?$|slider\[\d+\]\.stiffness$")
 """Keys beside a model that its reduction depends on."""
 
 
-def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
-    """Return a job with its model reduced, the same where that is there or it has none.
+def with_model(
+    values: Values, tree: dict, folder: Path | None
+) -> tuple[dict, Callable[..., dict] | None]:
+    """Return a job with its model reduced, the same where that is there.
+
+    Where it is not, and modes are left out, also a function that reduces it otherwise: it takes
+    ``reduce``, and whether there shall be the modes that errors are estimated from, and returns
+    what is found.
 
     Parameters
     ----------
@@ -41,7 +49,7 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
     structure = values.table("structure")
     table = structure["model"]
     if isinstance(table, Mapping) and folder is None and "found" in table:
-        return tree
+        return tree, None
     own = table
     if isinstance(table, Mapping):
         own = {key: value for key, value in table.items() if key != "found"}
@@ -71,13 +79,6 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
         if isinstance(error, OSError) and error.filename:
             said = f"{error.filename}: {error.strerror}"
         raise JobError(f"{values.source}: {place}: {said}") from None
-    try:
-        arguments = (table.get(key) for key in ("influence", "outputs", "reduce", "fixed"))
-        influence, outputs, reduce, fixed = arguments
-        reduced = model.reduced(contacts, sliders, influence, outputs or (), reduce, fixed or ())
-    except (ValueError, TypeError) as error:
-        own = not str(error).startswith(("contact", "slider"))
-        raise JobError(f"{values.source}: structure.{'model.' * own}{error}") from None
     settings = model_settings(structure)
     origin = hashlib.sha256(repr((content, settings)).encode()).hexdigest()
     before = table.get("found")
@@ -85,12 +86,23 @@ def with_model(values: Values, tree: dict, folder: Path | None) -> dict:
         if not isinstance(before, Mapping) or before.get("origin") != origin:
             said = f"{values.source}: structure.model.found: the model is not as it was any more"
             raise JobError(f"{said}; take structure.model.found away to use what is there")
-        return tree
-    told = {key: value for key, value in reduced._asdict().items() if value is not None}
-    found = {"origin": origin, "settings": settings, **told}
+        return tree, None
+    influence, outputs, reduce, fixed = (table.get(key) for key in ARGUMENTS)
+
+    def reduced(wanted: Any, more: bool = False) -> dict:
+        arguments = influence, outputs or (), wanted, fixed or (), more
+        try:
+            made = model.reduced(contacts, sliders, *arguments)
+        except (ValueError, TypeError) as error:
+            own = not str(error).startswith(("contact", "slider"))
+            raise JobError(f"{values.source}: structure.{'model.' * own}{error}") from None
+        told = {key: value for key, value in made._asdict().items() if value is not None}
+        return {"origin": origin, "settings": settings, **told}
+
+    found = reduced(reduce)
     places = [str(path.absolute()) for path in paths]
     table = {**table, "file": places if isinstance(given, list) else places[0], "found": found}
-    return {**tree, "structure": {**structure, "model": table}}
+    return {**tree, "structure": {**structure, "model": table}}, reduced if reduce else None
 
 
 def _stiffest(contacts: list[dict], varied: Mapping[str, tuple[Any, ...]]) -> list[dict]:

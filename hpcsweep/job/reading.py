@@ -137,15 +137,19 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     except TreeError as error:
         raise JobError(str(error)) from None
     whole, file = with_rows(Values(source, tree), tree, folder)
-    structure = whole.get("structure")
+    structure, reduced = whole.get("structure"), None
     if isinstance(structure, Mapping) and "model" in structure:
         from hpcsweep.job.models import with_model
 
-        whole = with_model(Values(source, whole), whole, folder)
+        whole, reduced = with_model(Values(source, whole), whole, folder)
     if "records" in tree:
         from hpcsweep.job.suites import with_found
 
         whole = with_found(Values(source, whole), whole, folder, file)
+    if reduced is not None:
+        from hpcsweep.job.record_error import with_record_error
+
+        whole = with_record_error(Values(source, whole), whole, reduced, read_study)
     if whole is not tree:
         tree, text = whole, write(whole, every_key())
     values = Values(source, tree)

@@ -11,12 +11,15 @@ from hpcsweep.model.arguments import shown
 from hpcsweep.model.matrices import MAX_ROWS, Slider, elements_of, is_named, vector
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.reduction import (
+    MORE,
+    TIMES,
     absurd,
     basis_of,
     choose,
     condensed,
     coordinates,
     find_modes,
+    modal_name,
     most_modes,
 )
 from hpcsweep.model.sparse_matrices import motions_below, negative, sticking, symmetric
@@ -254,9 +257,12 @@ class FiniteElements:
         return reduced.structure(hits, slides, damping_ratio, **others)
 
     def reduced(
-        self, contacts, sliders, influence=None, outputs=(), reduce=None, fixed=()
+        self, contacts, sliders, influence=None, outputs=(), reduce=None, fixed=(), more=False
     ) -> Reduced:
-        """Return what a structure is made of, from tables of its contacts and sliders."""
+        """Return what a structure is made of, from tables of its contacts and sliders.
+
+        With `more` it has all modes that the error is estimated from.
+        """
         contacts, sliders = elements_of("contact", contacts), elements_of("slider", sliders)
         used = ~self.is_empty
         for key in _listed("fixed", fixed):
@@ -298,6 +304,7 @@ class FiniteElements:
             measured = np.vstack((forced, drift))
             kappa = np.array([one.stiffness for one in contacts])
             k, error = choose(modes, reduce, room, measured, kappa)
+            k = min(k if not more else TIMES * k + MORE, len(modes.squares))
             signed = [row * np.sign(row[np.flatnonzero(row)[0]]) for row in (*hits, *slides)]
             rows = [*alone, *signed]
             missing = r if alone else None
@@ -307,7 +314,9 @@ class FiniteElements:
                 limit = f"fewer, or modes more: they are not told apart by {k} modes"
                 raise ValueError(f"outputs must be {limit}, are {len(alone)}")
             size = basis.squares.size
-            names = [self.label(rows[j]) if j >= 0 else _modal(-1 - j, k, size) for j in x.names]
+            names = [
+                self.label(rows[j]) if j >= 0 else modal_name(-1 - j, k, size) for j in x.names
+            ]
             x = x._replace(stiffness=x.stiffness - _springs(x.pushed[len(hits) :], sliders))
         labels = [self.label(row) for row in hits], [self.label(row) for row in drifts]
         facts = {
@@ -372,13 +381,6 @@ def _is_pair(output: Any) -> bool:
 
 def _array(rows: Sequence[np.ndarray], used: np.ndarray) -> np.ndarray:
     return np.array(rows, float).reshape(-1, used.size)[:, used]
-
-
-def _modal(j: int, k: int, size: int) -> str:
-    """Name a modal coordinate: one of k modes, then of residual flexibility and missing mass."""
-    if j < k:
-        return f"mode {j + 1}"
-    return f"residual {j - k + 1}" if j < size else "missing mass"
 
 
 def _springs(directions: np.ndarray, sliders: Sequence[Slider]) -> np.ndarray:

@@ -86,6 +86,8 @@ class Reduction:
     coordinates, empty, massless : int
         Of the model; those of them that have neither mass nor stiffness or are fixed; and those
         without mass, which are condensed.
+    force_error : float, optional
+        Of forces of contacts; where it is known, both errors are those under records.
     memory : float
         Bytes that the factors of the stiffness and the modes took; 0 where that was not told.
     told : tuple of str
@@ -99,6 +101,7 @@ class Reduction:
     coordinates: int
     empty: int
     massless: int
+    force_error: float | None = None
     memory: float = 0.0
     told: tuple[str, ...] = ()
 
@@ -374,6 +377,13 @@ def absurd(first: float) -> str:
 def physical(names: Sequence[str]) -> list[int]:
     """Return the places of names that are no amounts of modes; all where there is no other."""
     return [i for i, name in enumerate(names) if not MODAL.fullmatch(name)] or [*range(len(names))]
+
+
+def modal_name(j: int, k: int, size: int) -> str:
+    """Name a modal coordinate: one of k modes, then of residual flexibility and missing mass."""
+    if j < k:
+        return f"mode {j + 1}"
+    return f"residual {j - k + 1}" if j < size else "missing mass"
 
 
 def clean(rows: np.ndarray) -> np.ndarray:

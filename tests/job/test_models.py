@@ -196,6 +196,20 @@ def test_the_content_of_the_file_and_every_key_of_it_is_part_of_the_fingerprint(
     assert len(found) == 8
 
 
+def test_records_are_scaled_at_the_period_of_a_model(folder):
+    structure = JOB[: JOB.index("[sweep]")]
+    made = []
+    for period in ('"T1"', f"{2 * np.pi / 3.515894:.6f}"):  # of the beam
+        scale = f'scale = {{by = "sa", period = {period}, values = [5.0]}}'
+        text = f"[records]\nsynthetic = {{count = 1, duration = 4.0}}\n{scale}\n"
+        (folder / "beam.toml").write_text(f'{structure}{text}[study]\nkind = "records"\n')
+        made.append(load_job("beam.toml").study)
+    own, given = made
+    assert own.structure.frequencies[0] == pytest.approx(3.515894, rel=1e-4)
+    assert own.factor == pytest.approx(given.factor, rel=1e-3)
+    assert parse_job(load_job("beam.toml").text, "results", "beam").study.factor == given.factor
+
+
 def test_a_model_that_has_changed_is_not_taken_for_the_one_of_a_job(folder):
     (folder / "stored.toml").write_text(load_job("beam.toml").text)
     load_job("stored.toml")

@@ -288,13 +288,10 @@ class FiniteElements:
         held = sticking(stiffness, _array(slides, used), sliders)
         drag = None if self.damping is None else _part(self.damping, used)
         forced, drift = _array([*hits, *slides], used), _array(drifts, used)
-        n_mass = int((used & self._has_mass).sum())
         room = MAX_REDUCED - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
-        if reduce is None and n_mass > MAX_ROWS:
-            limit = f"at most {MAX_ROWS} coordinates with mass, has {n_mass}"
-            raise ValueError(f'reduce is missing: without, as {{"modes": 12}}, there are {limit}')
-        modes = find_modes(mass, held, forced, push, most_modes(reduce, room))
         massless = int((used & ~self._has_mass).sum())
+        _refuse_rows(reduce, int(used.sum()) - massless)
+        modes = find_modes(mass, held, forced, push, most_modes(reduce, room))
         if reduce is None:
             k, error = len(modes.squares), 0.0
             x = condensed(mass, stiffness, drag, push, forced, drift, named[used])
@@ -366,6 +363,12 @@ class FiniteElements:
         if not row.any():
             raise ValueError(f"{name} must not be 0")
         return row
+
+
+def _refuse_rows(reduce: Any, n_mass: int) -> None:
+    if reduce is None and n_mass > MAX_ROWS:
+        limit = f"at most {MAX_ROWS} coordinates with mass, has {n_mass}"
+        raise ValueError(f'reduce is missing: without, as {{"modes": 12}}, there are {limit}')
 
 
 def _listed(name: str, given: Sequence[Any]) -> Sequence[Any]:

@@ -99,7 +99,10 @@ def test_files_and_functions_stay_small():
 
 
 def test_kernels_stay_small():
-    """Eight arguments, and fifteen branches and loops, at most."""
+    """Ten arguments, and fifteen branches and loops, at most.
+
+    A kernel takes what it touches: a tuple that is only unpacked again is as many arguments.
+    """
     forks = ast.If | ast.IfExp | ast.For | ast.While
     n_kernels, large = 0, []
     for name, (_, tree) in modules().items():
@@ -110,7 +113,7 @@ def test_kernels_stay_small():
             if makers & {"kernel", "inlined", "entry_point"}:
                 n_kernels += 1
                 branches = sum(isinstance(one, forks) for one in ast.walk(node))
-                if len(node.args.args) > 8 or branches > 15:
+                if len(node.args.args) > 10 or branches > 15:
                     large.append(f"{name}:{node.name}")
     assert n_kernels > 200
     assert large == []

@@ -259,8 +259,9 @@ def test_below_its_strength_a_slider_is_a_spring():
     scale = hpcsweep.first_contact_scale(yielding, record)
     below = hpcsweep.response(yielding, record, 0.999 * scale)
     linear = hpcsweep.response(elastic, record, 0.999 * scale)
-    np.testing.assert_allclose(below.final_state, linear.final_state, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(below.floor_acceleration, linear.floor_acceleration, rtol=1e-13)
+    # by series and by tables: to rounding, 200 steps long
+    np.testing.assert_allclose(below.final_state, linear.final_state, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(below.floor_acceleration, linear.floor_acceleration, rtol=1e-12)
     assert not below.excursions.any()
     assert below.ductility.max() == pytest.approx(0.999, rel=1e-9)
     assert hpcsweep.response(yielding, record, 1.001 * scale).excursions.sum() == 1

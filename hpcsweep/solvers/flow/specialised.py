@@ -26,13 +26,12 @@ from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.elements.contacts import by_elements
 from hpcsweep.solvers.flow.elements.layers import visit_layers
-from hpcsweep.solvers.flow.elements.march import march_periods
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.orbit.walk import solve_point, walk_branch
-from hpcsweep.solvers.flow.period.march import march, march_measured
+from hpcsweep.solvers.flow.period.march import march, march_elements, march_measured
 from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
 
 
@@ -86,7 +85,7 @@ def of_elements(model: Model) -> tuple[EntryPoint, ...]:
     if not by_elements.py_func(model):
         return ()
     layers = visit_layers, measure_layer_step  # that of sliders, which always ask for drifts
-    return (march_periods, *layers) if model.layer else (march_periods,)
+    return (march_elements, *layers) if model.layer else (march_elements,)
 
 
 def needed_kernels(
@@ -104,7 +103,7 @@ def needed_kernels(
         Include those of measures.
     """
     if structure is None:
-        every = _needed((march_periods, visit_layers), measures)
+        every = _needed((march_elements, visit_layers), measures)
         return with_called(*every, *OF_BRANCHES)
     model = kernel_model(structure, 1.0)
     needed = _needed(of_elements(model), measures)

@@ -116,7 +116,7 @@ class Way(NamedTuple):
 WAYS = {
     "without contact": Way("free.is_free", free),
     "tables": Way(
-        "events.coast period._end_at_event products.product tangent.coasted_tangent",
+        "events.coast ending.end_at_event products.product tangent.tangent_of_steps",
         lambda: motion(of(STOPS, harmonics=((1, 1.0, 0.3), (3, 0.5, 0.1)))),
     ),
     "fast passages": Way(
@@ -142,7 +142,7 @@ WAYS = {
         IN_LAYER,
     ),
     "dashpots": Way(
-        "march.march_elements contacts.change_tangent march._force_peaks",
+        "march.march_elements contacts.change_tangent peaks._raise_force",
         lambda: motion(of(LOSSY, damping=COUPLED)),
     ),
     "sliders": Way(
@@ -155,7 +155,7 @@ WAYS = {
     ),
     "orbits": Way("newton.newton_orbit transient.watch_motion batch._finish", orbits),
     "records": Way(
-        "record._coast period.march_segments peaks._ends_by_tables",
+        "interval.march_interval accelerations._ends_by_tables",
         lambda: response(towers(damping_ratio=0.05), noise(50, 0.02, 6.0), base_shear=True),
     ),
     "records at samples": Way(
@@ -163,11 +163,11 @@ WAYS = {
         lambda: response(towers(), noise(50, 0.02, 6.0), at_samples=True),
     ),
     "records that yield and pound": Way(
-        "series.expand_series peaks._ends_in_series record._write_tails",
+        "series.expand_series accelerations._ends_in_series",
         lambda: response(towers(), noise(80, 0.02, 6.0)),
     ),
     "records with dashpots and limits": Way(
-        "march.march_elements energies.energies_on_segment record_map._end",
+        "interval._pass_guard energies.energies_on_segment record_map._end",
         lambda: response(
             towers(
                 contact={"restitution": 0.6}, yield_drift=0.01, hardening=0.05, collapse_drift=0.05
@@ -211,12 +211,12 @@ WAYS = {
         in_modes=True,
     ),
     "records in modes": Way(
-        "peaks._ends_in_modes peaks._ends_of_polynomial peaks._add_forcing",
+        "accelerations._ends_in_modes accelerations._ends_of_polynomial accelerations._add_forcing",
         lambda: response(towers(gap=0.004), noise(60, 0.02, 8.0), base_shear=True),
         in_modes=True,
     ),
     "yielding records in modes": Way(
-        "peaks._ends_in_series guards.change",
+        "accelerations._ends_of_polynomial guards.change",
         lambda: response(of(LOSSY, sliders=BRACES, damping=COUPLED), noise(60, 0.05, 8.0)),
         in_modes=True,
     ),

@@ -13,7 +13,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.layer import scheme, visit
 from hpcsweep.solvers.flow.linear import forcing
-from hpcsweep.solvers.flow.observe.dense_output import layer_segment
+from hpcsweep.solvers.flow.linear.step import layer_segment
 from hpcsweep.solvers.flow.state.state import accelerations
 
 compiled_only = pytest.mark.skipif(

@@ -9,7 +9,7 @@ from hpcsweep.kernels.simd import vectors
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.linear import forcing, polynomials, propagators
+from hpcsweep.solvers.flow.linear import forcing, polynomials, step
 from hpcsweep.solvers.flow.state import tables
 
 OMEGA = 0.445
@@ -39,8 +39,8 @@ def test_tables_are_the_matrix_exponential(key):
     structure = Structure(3, 1000.0, 1e4, (0.05, 0.3, 1.4))
     flow = FlowMap(structure, OMEGA)
     store = flow._shared.tables
-    index = propagators.lookup(np.uint64(key), flow._packed)
-    assert propagators.lookup(np.uint64(key), flow._packed) == index
+    index = step.lookup(np.uint64(key), flow._packed)
+    assert step.lookup(np.uint64(key), flow._packed) == index
     n = 3
     field = generator(structure, key, OMEGA)
     h = store.h[index]
@@ -54,7 +54,7 @@ def test_tables_are_the_matrix_exponential(key):
 
 def test_fourth_derivative_bound_holds():
     flow = FlowMap(Structure(), OMEGA)
-    index = propagators.lookup(np.uint64(0), flow._packed)
+    index = step.lookup(np.uint64(0), flow._packed)
     h = flow._shared.tables.h[index]
     rng = np.random.default_rng(3)
     sigma = np.linspace(-1, 1, 401)

@@ -9,7 +9,7 @@ from reference import reference_points
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.linear import propagators
+from hpcsweep.solvers.flow.linear import step
 from hpcsweep.solvers.flow.passage import slow_passage
 from hpcsweep.solvers.flow.rules import gauss
 
@@ -66,7 +66,7 @@ def test_series_are_those_of_the_exponential(key):
     omega = 0.445
     flow = FlowMap(structure, omega)
     store = flow._shared.tables
-    index = propagators.lookup(np.uint64(key), flow._packed)
+    index = step.lookup(np.uint64(key), flow._packed)
     s = 1e-3
     powers = s ** np.arange(slow_passage.LANES)
     exact = expm(generator(structure, key, omega) * s)

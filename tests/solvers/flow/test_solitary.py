@@ -13,7 +13,7 @@ from scipy.special import expit
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.layer.solitary import equation, plan, step
-from hpcsweep.solvers.flow.linear import propagators
+from hpcsweep.solvers.flow.linear import step as linear_step
 from hpcsweep.solvers.flow.rules import solitary_rule as rule
 from hpcsweep.solvers.flow.rules import tableau
 from hpcsweep.solvers.flow.state.shared import MAXIMA, NO_TALLY
@@ -28,7 +28,7 @@ NO_TANGENT = np.empty((6, 0))
 def test_tables_are_those_of_the_exponential(key, contact, level):
     structure = Structure(3, 1000.0, RHO, (0.05, 0.3, 1.4))
     flow = FlowMap(structure, OMEGA)
-    index = propagators.lookup(np.uint64(key), flow._packed)
+    index = linear_step.lookup(np.uint64(key), flow._packed)
     place = equation.build_response(index, contact, level, flow._packed)
     responses, matrix = flow._shared.responses, generator(structure, key, OMEGA)
     h = flow._shared.tables.h[index] * 2.0 ** (-0.5 * level)

@@ -116,6 +116,23 @@ def test_many_rows_agree_with_the_reference(n):
     assert np.abs(points - expected).max() < 2e-12 * max(1.0, np.abs(expected).max())
 
 
+def test_base_shears_beside_series_are_without_contacts(twice):
+    """Two towers that yield and pound: steps in modes, and series after each change."""
+    both = [
+        Building([2.5e5] * n, k, yield_drift=0.01, hardening=0.05) for n, k in ((2, 3e8), (3, 2e8))
+    ]
+    structure = hpcsweep.adjacent(both, gap=0.004, stiffness=2e9)
+    samples = 12.0 * np.random.default_rng(2).standard_normal(80)
+
+    def response():
+        return RecordMap(structure, 0.02, base_shear=True).respond(samples, 1.0, 0.01)
+
+    by_tables, in_modes = twice(response)
+    assert by_tables.impacts.min() > 0
+    assert by_tables.excursions.min() > 0
+    np.testing.assert_allclose(in_modes.base_shear, by_tables.base_shear, rtol=1e-12)
+
+
 def test_a_large_structure_keeps_no_propagators():
     small = shared.new_shared(kernel_model(chain(8, 4), 1.0), 1e-9, 1)
     large = shared.new_shared(kernel_model(chain(64, 10), 1.0), 1e-9, 1)

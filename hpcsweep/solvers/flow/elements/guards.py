@@ -20,13 +20,8 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
 from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
-from hpcsweep.solvers.flow.linear.polynomials import (
-    fourth_derivative,
-    value_and_slope,
-)
-from hpcsweep.solvers.flow.linear.series import IN_SERIES, sum_series
-from hpcsweep.solvers.flow.linear.spectral import step_state
-from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
+from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
+from hpcsweep.solvers.flow.linear.step import expand, state_at, write_row
 from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, row_at_ends
 from hpcsweep.solvers.flow.search.search import (
     HERMITE_MIDDLE,
@@ -42,7 +37,6 @@ from hpcsweep.solvers.flow.search.search import (
     may_reach,
     rising_root,
 )
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.measures import ROUNDING
 
 ALL_LANES = (1 << LANES) - 1
@@ -190,39 +184,6 @@ def drifts_stay(d, elements, peaks, work):
 
 
 @kernel
-def write_row(row, law, segment, tables, work):
-    """Write spring y + dashpot y' - level along the present step into ``work.drift_rows``.
-
-    Parameters
-    ----------
-    row : (int, int)
-        Of `Elements.rows`.
-    law : (float, float, float)
-
-    Returns
-    -------
-    float
-        Bound of its fourth derivative.
-    """
-    rows, out, half = work.rows, work.drift_rows, work.expanded.shape[0] // 2
-    spring, dashpot, level = law
-    for p in range(N_COEFFICIENTS):
-        out[0, p] = 0.0
-    for end in range(2):
-        for part in range(2):
-            factor = dashpot if part else spring
-            i = row[end] + part * half
-            if row[end] < 0 or factor == 0.0:
-                continue
-            expand(i, segment, tables, work)
-            factor = -factor if end else factor
-            for p in range(N_COEFFICIENTS):
-                out[0, p] += factor * rows[i, p]
-    out[0, 0] -= level
-    return fourth_derivative(out, segment.h)
-
-
-@kernel
 def _passage(g, segment, end, modes, tables, elements, work):
     """Return when guard g is first passed up to `end`.
 
@@ -292,10 +253,8 @@ def first_change(segment, span, modes, tables, elements, work):
                     return UNDECIDED, time
                 if found >= 0.0:
                     first, time = g, found
-    if first >= 0 and segment.index == IN_SERIES:
-        sum_series(time / segment.h, work)
-    elif first >= 0 and segment.index != IN_LAYER:
-        step_state(segment, time, tables, work, work.z_end)
+    if first >= 0:
+        state_at(segment, time, tables, work, work.z_end)
     return first, time
 
 

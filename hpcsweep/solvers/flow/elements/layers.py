@@ -4,7 +4,7 @@ Between two changes the set of the sliders that slip is constant, and with it th
 equation and its constant loads (`layer.sliders`); p is no variable of it, since it changes only
 with y, which the step knows: p = y -+ delta while a slider slips. So a step is a collocated one,
 whatever the set, and its guards are rows of its polynomials (`guards`), as those of linear segments
-are. What is proved of a row from the states at both ends needs the bounds of `dense_output` alone:
+are. What is proved of a row from the states at both ends needs the bounds of `linear.step` alone:
 |y - H| <= D h^2 / 12 and |y' - H'| <= 0.21 D h, H the cubic Hermite interpolant and D as there, and
 for these 40 D / h^2 in place of |y''''| gives more, 0.10 D h^2 and 0.32 D h.
 
@@ -46,16 +46,14 @@ from hpcsweep.solvers.flow.layer.visit import (
     longest_step,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
-from hpcsweep.solvers.flow.observe.dense_output import begin_layer_step, layer_segment
+from hpcsweep.solvers.flow.linear.step import begin_layer_step, layer_segment
 from hpcsweep.solvers.flow.observe.energies import energies_on_segment
 from hpcsweep.solvers.flow.search.search import UNDECIDED
 from hpcsweep.solvers.flow.state.shared import (
     ANY_MEASURE,
     ENERGY,
-    LAYER_STEPS,
     NO_TALLY,
     PASSAGES,
-    VISITS,
     read_shared,
 )
 from hpcsweep.solvers.flow.state.state import accelerations, copy_state, is_ordinary, start, time_of
@@ -166,7 +164,6 @@ def visit_layers(packed, interval, z, amplitude, wanted):
     tau, end, steps_left = interval
     model, work, modes = shared.model, shared.work, shared.modes
     elements, pairs, nothing = model.elements, work.forcing, np.uint64(0)
-    shared.counts[VISITS] += 1
     set_contacts(~nothing, nothing, modes, model.contacts)
     _set_modes(shared)
     forcing_at(tau, amplitude, model, pairs, 0)
@@ -179,7 +176,6 @@ def visit_layers(packed, interval, z, amplitude, wanted):
         part = Interval(tau, end, steps_left - steps)
         place, h, span, fine, outcome, used = _step(part, fine, z, amplitude, shared)
         steps += used
-        shared.counts[LAYER_STEPS] += used
         if place == UNDECIDED:
             return tau, SOLVER_FAILED, steps
         if outcome != COMPLETE:

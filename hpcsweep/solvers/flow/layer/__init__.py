@@ -11,7 +11,7 @@ the scheme, here Gauss collocation:
 - end: `scheme.finish` gives the state at the end of the step from its stages;
 - error: `error.quadrature_error` measures the error of that state, relative to max(1, |z|), of a
   known order in h (`visit.shortening`); it is a bound or an estimate from above;
-- dense output: its stages give the polynomials of rows and what bounds them (`dense_output`), from
+- dense output: its stages give the polynomials of rows and what bounds them (`linear.step`), from
   which maxima, peaks and impacts are taken as on a linear step (`measures`), of a solitary step in
   halves (`solitary.step`) where it may change them;
 - tangent: `variations.layer_tangent` multiplies a matrix by the derivative of the map from start to

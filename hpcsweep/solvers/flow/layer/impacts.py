@@ -7,7 +7,7 @@ from hpcsweep.kernels.simd.vectors import load, total
 from hpcsweep.model.contact import contact_forces
 from hpcsweep.solvers.flow.layer.scheme import allowed_error, distances
 from hpcsweep.solvers.flow.linear.polynomials import evaluate, value_and_slope
-from hpcsweep.solvers.flow.observe.dense_output import expand
+from hpcsweep.solvers.flow.linear.step import expand
 from hpcsweep.solvers.flow.observe.drift import fourth_derivative
 from hpcsweep.solvers.flow.observe.impacts import note_arch, record
 from hpcsweep.solvers.flow.rules.tableau import NODES, WEIGHTS

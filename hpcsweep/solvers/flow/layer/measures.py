@@ -1,4 +1,4 @@
-"""Observe a step inside a layer (`dense_output`): contact set, drift, norms and other measures."""
+"""Observe a step inside a layer (`linear.step`): contact set, drift, norms and other measures."""
 
 import math
 
@@ -19,7 +19,7 @@ from hpcsweep.solvers.flow.layer.solitary.step import (
     second_half,
 )
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
-from hpcsweep.solvers.flow.observe.dense_output import begin_layer_step, layer_segment
+from hpcsweep.solvers.flow.linear.step import begin_layer_step, layer_segment
 from hpcsweep.solvers.flow.observe.drift import Peak, drift_on_segment, raise_row
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
 from hpcsweep.solvers.flow.observe.peaks import DISPLACEMENTS, displacements_on_segment
@@ -46,7 +46,7 @@ FIRST_HALF, SECOND_HALF, WHOLE = range(3)
 def observe_layer_step(segment, z0, wanted, shared):
     """Update maxima and norms by a step inside a layer, from z0 to ``work.z_end``.
 
-    It becomes the present step (`dense_output`); ``work.a`` and ``work.a_end`` hold the
+    It becomes the present step (`linear.step`); ``work.a`` and ``work.a_end`` hold the
     accelerations at the ends.
     """
     model, tally, work = shared.model, shared.tally, shared.work

@@ -44,7 +44,7 @@ from hpcsweep.solvers.flow.layer.scheme import (
 from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
-from hpcsweep.solvers.flow.observe.dense_output import layer_segment
+from hpcsweep.solvers.flow.linear.step import layer_segment
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared, wants_norms
 from hpcsweep.solvers.flow.state.state import (

@@ -20,7 +20,6 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.compile.entry_points import BYTES, INT, KEY, entry_point
 from hpcsweep.kernels.simd.vectors import (
     LANES,
     combine,
@@ -31,17 +30,10 @@ from hpcsweep.kernels.simd.vectors import (
     modulus,
     store,
 )
-from hpcsweep.solvers.flow.linear.generator import (
-    bound_of_set,
-    spectral_bound,
-    write_generator,
-)
-from hpcsweep.solvers.flow.linear.spectral import is_spectral
-from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
+from hpcsweep.solvers.flow.linear.generator import spectral_bound, write_generator
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
     ECONOMISATION,
-    MAX_TABLES,
     MODAL_NODES,
     N_COEFFICIENTS,
     N_MODAL,
@@ -50,11 +42,7 @@ from hpcsweep.solvers.flow.state.tables import (
     THETA,
     THETA_FREE,
     ZERO,
-    forget,
 )
-
-LARGEST_STORE = MAX_TABLES.bit_length() - 1
-"""Most contacts and sliders of which all sets have a table."""
 
 
 @kernel
@@ -128,73 +116,6 @@ def _impulse_series(contact, generator, vectors, model, impulses):
             _write_extra(model, impulses[k, first : first + n_rows])
 
 
-@inlined
-def _find(key, tables):
-    """Return the index of the table of contact set `key`; -1 if there is none."""
-    for index in range(tables.count[0]):
-        if tables.keys[index] == key:
-            return index
-    return -1
-
-
-@inlined
-def is_tabled(key, model, tables):
-    """Return whether a set has a table: none slips, or all sets of the structure fit in the store.
-
-    That does not depend on the motions before.
-    """
-    m, n_sliders = model.contacts.row.shape[0], model.elements.stiffness.shape[0]
-    if n_sliders == 0 or m + n_sliders <= LARGEST_STORE or is_spectral(tables):
-        return True
-    return key >> np.uint64(m) == np.uint64(0)
-
-
-@inlined
-def table_of(key, tables, packed):
-    """Return the result of `lookup`, without a call where the table exists."""
-    index = _find(key, tables)
-    return index if index >= 0 else lookup(key, packed)
-
-
-@inlined
-def table_at_hand(key, tables, packed):
-    """Find or build the table of a contact set; -1 where that would empty the store of tables."""
-    index = _find(key, tables)
-    if index < 0 and tables.count[0] < tables.keys.shape[0]:
-        return lookup(key, packed)
-    return index
-
-
-@entry_point(INT, KEY, BYTES)
-def lookup(key, packed):
-    """Return the index of the table of contact set `key`, building it on first use.
-
-    Parameters
-    ----------
-    key : uint64
-        Contact set.
-    packed : ndarray of bytes
-        A packed `Shared`.
-    """
-    shared = read_shared(packed)
-    tables = shared.tables
-    index = _find(key, tables)
-    if index >= 0:
-        return index
-    if tables.count[0] == tables.keys.shape[0]:
-        tables.count[0] = 0
-        forget(shared.responses)
-    index = tables.count[0]
-    if is_spectral(tables):
-        _write_length(bound_of_set(key, shared.model), key, shared.model, tables, index)
-    else:
-        _build(key, shared.model, tables, index)
-    shared.counts[TABLES] += 1
-    tables.keys[index] = key
-    tables.count[0] = index + 1
-    return index
-
-
 @kernel
 def _square(matrix, out):
     """Write the product of a square matrix with itself, rows padded."""
@@ -238,7 +159,7 @@ def _half_step(generator, n, h, half, term, spare):
 
 
 @inlined
-def _write_length(radius, key, model, tables, index):
+def write_length(radius, key, model, tables, index):
     """Write the length of a step, by a bound of |lambda(M)|, and the rotations; return it."""
     h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
     if model.ramp.shape[0] > 0:
@@ -252,7 +173,7 @@ def _write_length(radius, key, model, tables, index):
 
 
 @kernel
-def _build(key, model, tables, index):
+def build_table(key, model, tables, index):
     """Fill table `index` with the propagators of contact set `key`."""
     n = model.modal_transform.shape[0]
     n_rows = model.stiffness.shape[0]
@@ -260,7 +181,7 @@ def _build(key, model, tables, index):
     scale = math.sqrt(model.stiffness_bound + (model.hardest if key != np.uint64(0) else 0.0))
     generator, half, term, full = tables.work[0], tables.work[1], tables.work[2], tables.work[3]
     write_generator(key, model, scale, generator)
-    h = _write_length(spectral_bound(key, model, tables.energy), key, model, tables, index)
+    h = write_length(spectral_bound(key, model, tables.energy), key, model, tables, index)
 
     # x in the units of the model: balance for u, times s for v, s * forcing, 1 with s = scale
     unit = tables.vectors[0]

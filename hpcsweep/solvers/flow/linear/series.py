@@ -32,8 +32,6 @@ from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
 from hpcsweep.solvers.flow.state.tables import ECONOMISATION, N_COEFFICIENTS, ZERO
 from hpcsweep.solvers.flow.state.workspace import N_TERMS
 
-IN_SERIES = -2
-"""In place of the table of a segment."""
 NEGLIGIBLE = 1e-17
 """Size of a term, in the largest of the first ones, from which on they are left out."""
 
@@ -174,16 +172,16 @@ def expand_term_row(row, series, out):
 
 
 @kernel
-def sum_series(ratio, work):
-    """Write the state at that part of the present step to ``work.z_end``."""
+def sum_series(ratio, work, out):
+    """Write the state at that part of the present step."""
     terms, flat, wide = work.series.terms, work.series.terms.shape[1], work.wide
     for i in range(0, wide.shape[0], LANES):
         value = load(ZERO, 0)
         for k in range(work.series.count[0] - 1, -1, -1):
             value = fma(value, ratio, load(terms, k * flat + i))
         store(wide, i, value)
-    for row in range(work.z_end.shape[0]):
-        work.z_end[row] = wide[row]
+    for row in range(out.shape[0]):
+        out[row] = wide[row]
 
 
 @inlined

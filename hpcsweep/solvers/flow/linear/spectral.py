@@ -37,13 +37,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, modulus, store, total
 from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.linear.polynomials import (
-    FOURTH,
-    evaluate_rows,
-    expand_row,
-    expand_rows,
-    fourth_derivative,
-)
+from hpcsweep.solvers.flow.linear.polynomials import FOURTH, fourth_derivative
 from hpcsweep.solvers.flow.linear.series import about_start
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
 from hpcsweep.solvers.flow.state.tables import FEW, N_COEFFICIENTS, ZERO
@@ -60,12 +54,6 @@ FALLING = np.array([[math.perm(k, m) for k in range(N_CLOSED)] for m in (4, 5)],
 """Of the terms of displacements in their fourth, of speeds in their fifth derivative."""
 NEARLY_CRITICAL = 1e-3
 """Square of an angle below which its sine and cosine are series."""
-
-
-@inlined
-def is_spectral(tables):
-    """Return whether steps are those of this module; tables then hold lengths and rotations."""
-    return tables.step.shape[1] == 0
 
 
 @kernel
@@ -176,7 +164,7 @@ def _add(out, o, factor, table, t, size):
 
 
 @kernel
-def _write_row(row, half, spectrum, own, rows):
+def write_modal_row(row, half, spectrum, own, rows):
     """Write the polynomial of a row, of `half` rows of displacements and as many of speeds."""
     width, count = spectrum.squares.shape[0], own.count[0]
     first, i = (width, row - half) if row >= half else (0, row)
@@ -294,7 +282,7 @@ def bound_contacts(index, model, tables, work):
     h, count, m = tables.h[index], own.count[0], rows.shape[0]
     if m <= FEW:
         for k in range(m):
-            _write_row(rows[k], work.z_end.shape[0] // 2, spectrum, own, work.rows)
+            write_modal_row(rows[k], work.z_end.shape[0] // 2, spectrum, own, work.rows)
             work.bounds[rows[k]] = fourth_derivative(work.rows[rows[k] : rows[k] + 1], h)
         return
     (n, width), sums, step = spectrum.stops.shape, own.sums, own.terms.shape[2]
@@ -336,41 +324,11 @@ def continues(index, tau, own):
 
 
 @inlined
-def step_row(row, index, tables, work):
-    """Write the polynomial of a row along the present step of table `index`."""
-    if is_spectral(tables):
-        _write_row(row, work.z_end.shape[0] // 2, tables.spectrum, work.spectral, work.rows)
-    else:
-        expand_row(tables.poly, index, row, work.x, work.rows)
-
-
-@inlined
-def rows_of_contacts(segment, some, model, tables, work):
-    """Write the polynomials of the rows of some contacts along the present step, if they are not.
-
-    Of a step with a table those of all rows.
-    """
-    if is_spectral(tables):
-        for k in range(model.contacts.row.shape[0]):
-            row = model.contacts.row[k]
-            if some & contact_bit(k) != np.uint64(0) and not work.expanded[row]:
-                step_row(row, segment.index, tables, work)
-                work.expanded[row] = True
-    else:
-        count = work.z_end.shape[0]
-        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
-
-
-@inlined
-def step_state(segment, s, tables, work, out):
-    """Write the state at time s of the present step; its polynomials, too, where it has a table."""
-    if segment.index >= 0 and is_spectral(tables):
-        _evaluate(STATE, s / segment.h, work.spectral, work.spectral.start)
-        write_rows(work.spectral.start, tables.spectrum, work.spectral, out)
-    else:
-        count = work.z_end.shape[0]
-        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
-        evaluate_rows(work.rows, segment.h, s, out)
+def modal_state(s, h, tables, work, out):
+    """Write the state at time s of the present step, of length h."""
+    own = work.spectral
+    _evaluate(STATE, s / h, own, own.start)
+    write_rows(own.start, tables.spectrum, own, out)
 
 
 @kernel

@@ -1,6 +1,6 @@
 """Largest storey drift over continuous time, and what finds peaks of rows on any step.
 
-All components are polynomials of the step (`dense_output`). A maximum is sought only where the
+All components are polynomials of the step (`linear.step`). A maximum is sought only where the
 Hermite bound of `search` allows more than the largest drift so far.
 """
 
@@ -11,13 +11,11 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.linear.polynomials import (
-    expand_rows,
     fourth_derivative,
     value_and_slope,
     value_slope_bend,
 )
-from hpcsweep.solvers.flow.linear.spectral import bound_rows, is_spectral
-from hpcsweep.solvers.flow.observe.dense_output import IN_LAYER, expand
+from hpcsweep.solvers.flow.linear.step import bound_all_rows, bound_of_row, expand
 from hpcsweep.solvers.flow.search.search import HERMITE_BEND, may_exceed, may_reach
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 
@@ -56,8 +54,8 @@ class Peak(NamedTuple):
 
 @inlined
 def drift_on_segment(segment, span, model, tables, tally, work):
-    """Update the largest drift over the first `span` of the present step (`dense_output`)."""
-    bound_measured(segment, tables, work)
+    """Update the largest drift over the first `span` of the present step."""
+    bound_all_rows(segment, tables, work)
     for d in range(model.drift_rows.shape[0]):
         i, below = model.drift_rows[d]
         peak = Peak(tally.peak_drift, 0, -math.inf)
@@ -78,8 +76,7 @@ def raise_row(row, peak, segment, span, tables, work):
     at = raise_to_ends(ends, side, span, peak)
     if row_may_be_higher(peak.values[peak.place], side, span, ends, bound4):
         expand_difference(row, segment, tables, work)
-        bound4 = math.inf if segment.index == IN_LAYER else bound4
-        rows, h = work.drift_rows, segment.h
+        rows, h, bound4 = work.drift_rows, segment.h, bound_of_row(segment, bound4)
         found = raise_peak(rows, h, span, ends, bound4, side, peak, work.stack)
         at = found if found >= 0.0 else at
     return at
@@ -126,13 +123,6 @@ def row_at_ends(row, x, z_end, bounds):
 
 
 @inlined
-def bound_measured(segment, tables, work):
-    """Write ``work.bounds`` of all rows along a linear step, where those of contacts are enough."""
-    if segment.index >= 0 and is_spectral(tables):
-        bound_rows(segment.h, tables, work)
-
-
-@inlined
 def raise_to_ends(ends, side, s, peak):
     """Raise a `Peak` to the values at the ends of a step; return when, -1 if it was not below."""
     start, end = _size(ends[0], side), _size(ends[2], side)
@@ -156,12 +146,9 @@ def expand_difference(row, segment, tables, work):
     """Write the polynomial of a row, as of `row_at_ends`, into ``work.drift_rows``."""
     i, below, side, gap = row
     sign = -1.0 if side < 0 else 1.0
-    if segment.index >= 0 and not is_spectral(tables):
-        count = max(i, below) + 1
-        expand_rows(tables.poly, segment.index, work.x, work.rows, work.expanded, count)
-    else:
-        expand(i, segment, tables, work)
-        expand(max(below, 0), segment, tables, work)
+    expand(i, segment, tables, work)
+    if below >= 0:
+        expand(below, segment, tables, work)
     for p in range(N_COEFFICIENTS):
         work.drift_rows[0, p] = sign * work.rows[i, p]
         if below >= 0:

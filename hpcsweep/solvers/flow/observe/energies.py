@@ -1,9 +1,9 @@
-"""Integrals of the energy over a step, by the polynomials of its rows (`dense_output`)."""
+"""Integrals of the energy over a step, by the polynomials of its rows (`linear.step`)."""
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.simd.vectors import fma
 from hpcsweep.solvers.flow.linear.polynomials import evaluate
-from hpcsweep.solvers.flow.observe.dense_output import expand
+from hpcsweep.solvers.flow.linear.step import expand
 from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
 
 

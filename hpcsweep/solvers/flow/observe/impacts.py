@@ -20,6 +20,12 @@ where
 
 with beta less in b if that side is the one beyond; on a slow passage by the remaining distance
 after the force of the arriving side has acted.
+
+Energy
+------
+A contact takes the energy int F x' dt less what its spring holds, kappa x^2 / 2. While it pushes
+that grows by c int x'^2 dt; once it has let go the spring relaxes by itself, without force, and its
+energy is lost to the dashpot: (kappa / 2) times what x^2 falls by.
 """
 
 import math
@@ -27,27 +33,53 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import total
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
+from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import FLOOR
-from hpcsweep.solvers.flow.linear.polynomials import integral, value_and_slope
-from hpcsweep.solvers.flow.observe.dense_output import expand
+from hpcsweep.solvers.flow.linear.polynomials import evaluate, integral, value_and_slope
+from hpcsweep.solvers.flow.linear.step import expand
 from hpcsweep.solvers.flow.passage.crossing import at_stop, half_passage, since_linear, sums
-from hpcsweep.solvers.flow.passage.passage import ARRIVED, FAST, SLOW
-from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit
-from hpcsweep.solvers.measures import CLOSINGS, FORCE, ROUNDING, SPEED, TIME
+from hpcsweep.solvers.flow.passage.passage import FAST, SLOW
+from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
+from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, ROUNDING, SPEED, TIME
 
 
 @kernel
-def impacts_on_segment(segment, span, model, tables, tally, work):
-    """Add force and time of the contacts that are closed on the first `span` of a linear step."""
-    contacts = model.contacts
-    note_closed(segment, segment.key, span, model, tables, tally, work)
+def impacts_on_segment(segment, past, span, model, tables, tally, work):
+    """Add force, time and energy of the contacts past their stops on the first `span` of a step."""
+    contacts, h, n = model.contacts, segment.h, work.z_end.shape[0] // 2
+    note_closed(segment, past, span, model, tables, tally, work)
     for k in range(contacts.row.shape[0]):
-        if segment.key & contact_bit(k):
-            expand(contacts.row[k], segment, tables, work)
-            way = integral(work.rows, contacts.row[k], segment.h, span)
-            tally.impacts[FORCE, k] += contacts.sign[k] * way - contacts.gap[k] * span
-            tally.impacts[TIME, k] += span
+        if past & contact_bit(k) == np.uint64(0):
+            continue
+        tally.impacts[TIME, k] += span
+        row, spring, dashpot = (
+            contacts.row[k],
+            contacts.edges[k, SPRING],
+            contacts.edges[k, DASHPOT],
+        )
+        x0, x1 = distance(k, work.x, contacts), distance(k, work.z_end, contacts)
+        if segment.key & contact_bit(k) == np.uint64(0):
+            tally.impacts[DISSIPATED, k] += 0.5 * spring * (x0 - x1) * (x0 + x1)
+            continue
+        expand(row, segment, tables, work)
+        way = contacts.sign[k] * integral(work.rows, row, h, span) - contacts.gap[k] * span
+        tally.impacts[FORCE, k] += spring * way + dashpot * (x1 - x0)
+        if dashpot > 0.0:
+            expand(n + row, segment, tables, work)
+            tally.impacts[DISSIPATED, k] += dashpot * _square(work.rows[n + row], h, span)
+
+
+@kernel
+def _square(coefficients, h, span):
+    """Integrate the square of a polynomial over the first `span` of a step, exactly."""
+    found = 0.0
+    for first in range(0, N_MODAL, LANES):
+        s = 0.5 * span * (load(MODAL_NODES, first) + 1.0)
+        value = evaluate(coefficients, fma(s, 2.0 / h, -1.0))
+        found += total(load(MODAL_WEIGHTS, first) * value * value)
+    return 0.5 * span * found
 
 
 @inlined
@@ -114,26 +146,23 @@ def note_arch(k, a, b, segment, contacts, tables, tally, work):
         tally.beside[0] &= ~contact_bit(k)
 
 
+@inlined
+def record_passing(passing, past, model, tally, z):
+    """Record the contacts that pass their stops in a state; `past` is as it was before."""
+    for k in range(model.contacts.row.shape[0]):
+        bit = contact_bit(k)
+        if passing & bit:
+            closing = past & bit == np.uint64(0)
+            record(k, closing, abs(approach_speed(k, z, model.contacts)), z, model, tally)
+
+
 @kernel
-def impacts_at_end(segment, ending, passing, model, tally, work):
-    """Add the contacts, a set, that pass their stops at the end of a linear segment.
+def passage_at_end(segment, ending, model, tally, work):
+    """Add the passage of an elastic contact through its layer at the end of a segment.
 
     ``work.a`` has the accelerations there without the force of the contact, ``work.z_end`` the
     state after the passage.
     """
-    if model.rho == math.inf:
-        for k in range(model.contacts.row.shape[0]):
-            if passing & contact_bit(k):
-                closing = segment.key & contact_bit(k) == np.uint64(0)
-                speed = abs(approach_speed(k, work.z_end, model.contacts))
-                record(k, closing, speed, work.z_end, model, tally)
-    elif passing != np.uint64(0) or ending.how == ARRIVED:
-        _passage_at_end(segment, ending, model, tally, work)
-
-
-@kernel
-def _passage_at_end(segment, ending, model, tally, work):
-    """Add the passage through a layer at the end of a segment."""
     contacts, k = model.contacts, ending.contact
     row, sign, beta = contacts.row[k], contacts.sign[k], contacts.beta[k]
     closing = segment.key & contact_bit(k) == np.uint64(0)

@@ -20,8 +20,7 @@ from hpcsweep.kernels.simd.vectors import (
     store,
     total,
 )
-from hpcsweep.solvers.flow.linear.polynomials import expand_rows
-from hpcsweep.solvers.flow.linear.spectral import is_spectral, write_modes
+from hpcsweep.solvers.flow.linear.step import expand_modal
 from hpcsweep.solvers.flow.state.products import product
 from hpcsweep.solvers.flow.state.tables import (
     MODAL_NODES,
@@ -95,35 +94,19 @@ LOCAL, BEFORE, HALF = _between_places()
 
 
 @inlined
-def _expand_modes(index, x, n, model, tables, work):
-    """Write the polynomials of the modal coordinates along a step from x."""
-    expand_rows(tables.poly, index, x, work.rows, work.expanded, n)
-    transform, width, count = model.modal_transform, model.modal_transform.shape[1], N_COEFFICIENTS
-    for j in range(n):
-        for p in range(0, count, LANES):
-            to, own = work.modal_rows, j * width
-            combine(to, j * count + p, ZERO, 0, 1.0, work.rows, p, count, transform, own, n)
-
-
-@inlined
-def modal_norm_on_segment(index, x, s, model, tables, tally, work):
-    """Add the modal norms over the first `s` of a free step that starts at x."""
-    n = tally.modal.shape[0]
-    h = tables.h[index]
+def modal_norm_on_segment(segment, s, model, tables, tally, work):
+    """Add the modal norms over the first `s` of a free step."""
+    n, h = tally.modal.shape[0], segment.h
     tally.free_time[0] += s
     if n == 1:
         tally.modal[0] += s
         return
-    if (
-        s == h and tables.keys[index] == np.uint64(0) and not is_spectral(tables)
-    ):  # with sliders that slip it is not
-        product(tables.modal, 0, x, work.modal_nodes)
+    # there is a table of free flight; with sliders that slip it is not
+    if s == h and segment.key == np.uint64(0) and tables.modal.shape[1] > 0:
+        product(tables.modal, 0, work.x, work.modal_nodes)
         if _add_interval(s, False, n, tally, work):
             return
-    if is_spectral(tables):
-        write_modes(work.spectral, work.modal_rows)
-    else:
-        _expand_modes(index, x, n, model, tables, work)
+    expand_modal(segment, model, tables, work)
     count = N_COEFFICIENTS
     # halves, the left one first, until each is resolved
     left = 0.0

@@ -31,8 +31,7 @@ from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, KEY, VECTOR
 from hpcsweep.model.contact import FULL_POTENTIAL
 from hpcsweep.solvers.flow.linear.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.linear.polynomials import value_and_slope, value_slope_bend
-from hpcsweep.solvers.flow.linear.propagators import table_at_hand
-from hpcsweep.solvers.flow.linear.spectral import is_spectral
+from hpcsweep.solvers.flow.linear.step import in_modes, table_at_hand
 from hpcsweep.solvers.flow.passage.crossing import NEGLECTED, add_kick, moments, passage_is_fast
 from hpcsweep.solvers.flow.passage.slow_passage import (
     cross_half,
@@ -341,7 +340,7 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     if how == INTEGRATED:
         return how, jerk, promised
     if how != FAST:
-        by_tables = promised == np.uint64(0) and not is_spectral(shared.tables)
+        by_tables = promised == np.uint64(0) and not in_modes(shared.tables)
         if not (by_tables and is_alone(arrival, z, a, amplitude, model)):
             return INTEGRATED, jerk, promised
     elif promised & contact_bit(contact) == np.uint64(0):

@@ -26,8 +26,8 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.simd.vectors import LANES, combine, fma
-from hpcsweep.solvers.flow.linear.spectral import is_spectral, spectral_tangent
+from hpcsweep.kernels.simd.vectors import fma
+from hpcsweep.solvers.flow.linear.step import step_tangent
 from hpcsweep.solvers.flow.passage.crossing import (
     add_kick,
     at_stop,
@@ -40,7 +40,6 @@ from hpcsweep.solvers.flow.passage.crossing import (
 from hpcsweep.solvers.flow.search.events import coast
 from hpcsweep.solvers.flow.state.shared import LINEAR_STEPS
 from hpcsweep.solvers.flow.state.state import Segment
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, N_POWERS, ZERO
 
 
 @inlined
@@ -69,94 +68,13 @@ def coast_on(segment, coasts, steps, tangent, shared):
     if tangent is not None and coasts:
         left = shared.max_steps - steps
         tau, coasted, known = coast(segment, left, shared.model, shared.tables, shared.work)
-        coasted_tangent(segment.index, coasted, tangent, shared)
-        segment = Segment(segment.key, segment.index, segment.h, tau, segment.end)
+        step_tangent(segment, segment.h, coasted, tangent, shared)
+        kind, key, index, h, _, end = segment
+        segment = Segment(kind, key, index, h, tau, end)
         shared.counts[LINEAR_STEPS] += coasted
         steps += coasted
     shared.counts[LINEAR_STEPS] += 1
     return segment, known, steps
-
-
-@inlined
-def linear_tangent(index, s, tangent, shared):
-    """Multiply `tangent` by exp(M s) of table `index`, in place.
-
-    Parameters
-    ----------
-    index : int
-    s : float
-    tangent : ndarray, shape (2R, m)
-    shared : Shared
-    """
-    tables, work = shared.tables, shared.work.tangent
-    if is_spectral(tables):
-        spectral_tangent(index, s, 1, tangent, shared.model, tables, shared.work)
-        return
-    size = tangent.shape[0]
-    rows = work.propagator.shape[1]
-    h = tables.h[index]
-    if s == h:
-        _multiply(tables.step, index * tables.step.shape[1] * rows, tangent, work)
-        return
-    sigma = 2.0 * s / h - 1.0
-    powers = work.powers
-    powers[0] = 1.0
-    powers[1] = sigma
-    for p in range(2, N_COEFFICIENTS):
-        powers[p] = powers[p - 2] * (sigma * sigma)
-    start = index * N_COEFFICIENTS * size * rows
-    for place in range(0, size * rows, LANES):
-        combine(
-            work.propagator,
-            place,
-            ZERO,
-            0,
-            1.0,
-            tables.columns,
-            start + place,
-            size * rows,
-            powers,
-            0,
-            N_COEFFICIENTS,
-        )
-    _multiply(work.propagator, 0, tangent, work)
-
-
-@inlined
-def coasted_tangent(index, n_steps, tangent, shared):
-    """Multiply `tangent` by exp(M n h) of table `index`, in place, by the powers kept."""
-    tables, work = shared.tables, shared.work.tangent
-    if tangent.shape[1] == 0 or n_steps == 0:
-        return
-    if is_spectral(tables):
-        h = tables.h[index]
-        spectral_tangent(index, h, n_steps, tangent, shared.model, tables, shared.work)
-        return
-    size, rows = tables.powers.shape[2], tables.powers.shape[3]
-    if n_steps & 1:
-        _multiply(tables.step, index * tables.step.shape[1] * rows, tangent, work)
-    left = n_steps >> 1
-    for power in range(N_POWERS):
-        times = left & 1 if power < N_POWERS - 1 else left
-        for _ in range(times):
-            _multiply(tables.powers, (index * N_POWERS + power) * size * rows, tangent, work)
-        left >>= 1
-
-
-@inlined
-def _multiply(table, start, tangent, work):
-    """Multiply `tangent` by the matrix with the columns table[start:], padded, in place."""
-    size, columns = tangent.shape
-    rows = work.column.shape[0]
-    for column in range(columns):
-        for k in range(size):
-            work.column[k] = tangent[k, column]
-        for first in range(0, rows, LANES):
-            combine(
-                work.product, first, ZERO, 0, 1.0, table, start + first, rows, work.column, 0, size
-            )
-        for k in range(size):
-            tangent[k, column] = work.product[k]
 
 
 @inlined

@@ -18,18 +18,23 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
+from hpcsweep.solvers.flow.elements.guards import drifts_stay
 from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
 from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
-from hpcsweep.solvers.flow.linear.propagators import table_of
-from hpcsweep.solvers.flow.linear.spectral import step_state
+from hpcsweep.solvers.flow.linear.step import state_at, step_tangent, table_of
 from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, drift_on_segment
-from hpcsweep.solvers.flow.observe.impacts import impacts_at_end, impacts_on_segment
+from hpcsweep.solvers.flow.observe.energies import energies_on_segment
+from hpcsweep.solvers.flow.observe.impacts import (
+    impacts_on_segment,
+    passage_at_end,
+    record_passing,
+)
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
 from hpcsweep.solvers.flow.passage.passage import FAST, INTEGRATED, SLOW, Arrival
 from hpcsweep.solvers.flow.passage.slow_passage import half_tangent
-from hpcsweep.solvers.flow.passage.tangent import linear_tangent, passage_tangent
-from hpcsweep.solvers.flow.state.shared import IMPACTS, PEAKS, wants_norms
+from hpcsweep.solvers.flow.passage.tangent import passage_tangent
+from hpcsweep.solvers.flow.state.shared import ENERGY, IMPACTS, NO_TALLY, PEAKS, wants_norms
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, distance
 from hpcsweep.solvers.outcome import COMPLETE
 
@@ -92,7 +97,7 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
     s = ending.span
     for _ in range(10):
         s = max(s - time, 0.0)
-        step_state(segment, s, shared.tables, work, z)
+        state_at(segment, s, shared.tables, work, z)
         if s == 0.0 or abs(distance(k, z, model.contacts)) > model.layer:
             break
     tau = segment.tau + s
@@ -112,21 +117,18 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
 @inlined
 def segment_tangent(segment, ending, packed, shared, tangent):
     """Multiply `tangent` by the tangent map of a segment and of the passage at its end."""
+    if tangent is None or tangent.shape[1] == 0:
+        return
     model, tables, work = shared.model, shared.tables, shared.work
-    linear_tangent(segment.index, ending.span, tangent, shared)
+    step_tangent(segment, ending.span, 1, tangent, shared)
+    contact = ending.contact
     if ending.how == FAST:
         z = work.z_end
-        contact = ending.contact
         z[model.contacts.row[contact]] = model.contacts.sign[contact] * model.contacts.gap[contact]
-        arrival = Arrival(
-            contact,
-            segment.key ^ contact_bit(contact),
-            segment.tau + ending.span,
-            work.forcing,
-        )
+        after, tau = segment.key ^ contact_bit(contact), segment.tau + ending.span
+        arrival = Arrival(contact, after, tau, work.forcing)
         passage_tangent(arrival, z, work.a, ending.jerk, model, work.tangent, tangent)
     elif ending.how != INTEGRATED:
-        contact = ending.contact
         half_tangent(-1.0, segment.index, contact, tangent, packed)
         if ending.how == SLOW:
             after = table_of(segment.key ^ contact_bit(contact), tables, packed)
@@ -134,37 +136,58 @@ def segment_tangent(segment, ending, packed, shared, tangent):
 
 
 @inlined
-def observe_segment(segment, span, wanted, measures, shared):
-    """Update contact set, drift and modal norms by a segment of length `span`.
-
-    `measures` as of `period.march_period`.
-    """
-    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
-    key, index = segment.key, segment.index
-    if key != np.uint64(0):
-        tally.contact[0] |= key
-    if measures is None or wanted & DRIFT == 0:  # see `observe.drift.largest_of_storeys`
-        drift_on_segment(segment, span, model, tables, tally, work)
-    if wants_norms(wanted) and key == np.uint64(0):
-        modal_norm_on_segment(index, work.x, span, model, tables, tally, work)
-
-
-@inlined
-def measure_segment(segment, ending, passing, z, amplitude, wanted, packed, shared):
-    """Update peaks and impacts by a segment and the passage of contacts at its end.
+def gather(segment, past, span, whole, amplitude, wanted, elements, measures, shared):
+    """Update what is wanted by the first `span` of a step, to ``work.z_end``.
 
     Parameters
     ----------
-    passing : uint64
-        Contacts, a set, that pass their stops at the end.
+    segment : Segment
+    past : uint64
+        Contacts past their stops along it.
+    span : float
+    whole : float
+        Length of the step, as it was before a guard ended it.
+    amplitude, wanted, elements, measures, shared
+        As of `interval.march_interval`.
+    """
+    if wanted == NO_TALLY:
+        return
+    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
+    tally.contact[0] |= past
+    if measures is None or wanted & DRIFT == 0:  # see `observe.drift.largest_of_storeys`
+        drift_on_segment(segment, span, model, tables, tally, work)
+    if measures is not None:
+        peaks = wanted & PEAKS
+        if elements is not None and drifts_stay(whole, model.elements, tally.peaks, work):
+            peaks &= ~DRIFT
+        if peaks != 0:
+            peaks_on_segment(segment, span, amplitude, peaks, shared)
+        if wanted & IMPACTS:
+            impacts_on_segment(segment, past, span, model, tables, tally, work)
+        if elements is not None and wanted & ENERGY:
+            energies_on_segment(segment, span, model, tables, work, tally)
+    if wants_norms(wanted) and past == np.uint64(0):
+        modal_norm_on_segment(segment, span, model, tables, tally, work)
+
+
+@inlined
+def gather_passing(
+    segment, ending, passing, before, z, amplitude, wanted, elements, packed, shared
+):
+    """Update impacts and peaks by the contacts that pass their stops at the end of a segment.
+
+    Parameters
+    ----------
+    passing, before : uint64
+        Those, and the contacts past their stops along the segment.
     z : ndarray, shape (2R,)
-        As `Ending` has it.
+        As `Ending` has it; the state after the passage is in ``work.z_end``.
     """
     model, work, tally = shared.model, shared.work, shared.tally
-    if wanted & PEAKS:
-        peaks_on_segment(segment, ending.span, amplitude, wanted, shared)
     if wanted & IMPACTS:
-        impacts_on_segment(segment, ending.span, model, shared.tables, tally, work)
-        impacts_at_end(segment, ending, passing, model, tally, work)
-    if wanted & ACCELERATION:
+        if model.layer == 0.0:
+            record_passing(passing, before, model, tally, work.z_end)
+        elif elements is None and ending.how != INTEGRATED:
+            passage_at_end(segment, ending, model, tally, work)
+    if elements is None and wanted & ACCELERATION:
         accelerations_at_end(segment, ending, z, amplitude, packed, shared)

@@ -15,14 +15,12 @@ from hpcsweep.solvers.flow.linear.spectral import (
     bound_rows,
     continues,
     ends_of_contacts,
-    is_spectral,
     modal_step,
     modes_of,
     spectral_step,
-    step_row,
-    step_state,
     write_rows,
 )
+from hpcsweep.solvers.flow.linear.step import expand, in_modes, state_at
 from hpcsweep.solvers.flow.linear.strides import accept, have_strides, look, stride
 from hpcsweep.solvers.flow.search.search import (
     UNDECIDED,
@@ -44,6 +42,9 @@ from hpcsweep.solvers.flow.state.state import (
     copy_state,
     distance,
 )
+
+SAME_END = 1e-13
+"""Rounding of the end of an interval that is reached by steps of equal length."""
 
 
 @inlined
@@ -111,8 +112,7 @@ def first_event(segment, span, model, tables, work):
     near : uint64
         Contacts that are not proved to stay outside their layers within `span`.
     """
-    key, index, h = segment.key, segment.index, segment.h
-    x, z_end, rows, expanded = work.x, work.z_end, work.rows, work.expanded
+    key, h, x, z_end, rows = segment.key, segment.h, work.x, work.z_end, work.rows
     contact = -1
     near = np.uint64(0)
     first = Bracket(span, 0.0, span, 0.0)
@@ -122,9 +122,7 @@ def first_event(segment, span, model, tables, work):
         if is_clear(key, k, span, x, z_end, model, work.bounds[place]):
             continue
         near |= contact_bit(k)
-        if not expanded[i]:
-            step_row(i, index, tables, work)
-            expanded[i] = True
+        expand(i, segment, tables, work)
         curve = Curve(rows, i, h)
         edge = layer_edge(key, k, model)
         sign, level = edge
@@ -178,7 +176,7 @@ def _stride_on(segment, steps_left, model, tables, work):
     time reached and the number of steps; if a step more could be taken, ``work.bounds`` are those
     of contacts on it.
     """
-    _, index, h, tau, end = segment
+    index, h, tau, end = segment.index, segment.h, segment.tau, segment.end
     own, spectrum, strides = work.spectral, tables.spectrum, tables.strides
     first = work.z_end.shape[0]
     n_steps, level = 0, 0
@@ -212,7 +210,7 @@ def _stride_on(segment, steps_left, model, tables, work):
 @kernel
 def _coast_in_modes(segment, steps_left, model, tables, work):
     """Take such steps as `coast` in modes, of which all rows are written at the end alone."""
-    key, index, h, tau, end = segment
+    _, key, index, h, tau, end = segment
     x, wide, places, half = work.x, work.wide, model.contacts.places, work.z_end.shape[0] // 2
     n_steps, clear = 0, True
     free = key == np.uint64(0) and tables.strides.steps.shape[0] > 0
@@ -258,9 +256,9 @@ def coast(segment, steps_left, model, tables, work):
     known : bool
         Whether ``work.wide`` and ``work.bounds`` are those of a step from there.
     """
-    if is_spectral(tables):
+    if in_modes(tables):
         return _coast_in_modes(segment, steps_left, model, tables, work)
-    key, index, h, tau, end = segment
+    _, key, index, h, tau, end = segment
     x, wide, bounds = work.x, work.wide, work.bounds
     places = model.contacts.places
     n_steps = 0
@@ -328,8 +326,10 @@ def take_step(segment, known, model, tables, work):
     index, x = segment.index, work.x
     for row in range(work.z_end.shape[0]):
         work.expanded[row] = False
-    span = segment.h
-    spectral = is_spectral(tables)
+    span, left, spectral = segment.h, segment.end - segment.tau, in_modes(tables)
+    whole = segment.tau + span < segment.end
+    if model.ramp.shape[0] > 0 and abs(left - span) <= SAME_END * segment.end:
+        span, whole = left, True  # steps of a record are parts of its intervals
     if spectral and not known:
         tau = segment.tau
         spectral_step(index, tau, tau + segment.h, model, tables, work)
@@ -337,14 +337,14 @@ def take_step(segment, known, model, tables, work):
             bound_rows(segment.h, tables, work)
         else:
             bound_contacts(index, model, tables, work)
-    if segment.tau + segment.h < segment.end:
+    if whole:
         if not (known or spectral):
             product(tables.step, index, x, work.wide)
         for row in range(work.z_end.shape[0]):
             work.z_end[row] = work.wide[row]
     else:
-        span = segment.end - segment.tau
-        step_state(segment, span, tables, work, work.z_end)
+        span = left
+        state_at(segment, span, tables, work, work.z_end)
     if not (known or spectral):
         product_of_moduli(tables.bound4, index, x, work.bounds)
     return span

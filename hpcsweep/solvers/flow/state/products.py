@@ -1,6 +1,6 @@
 """Products of tables and vectors."""
 
-from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, combine_moduli
 from hpcsweep.solvers.flow.state.tables import ZERO
 
@@ -21,23 +21,3 @@ def product_of_moduli(table, index, x, out):
     start = index * table.shape[1] * rows
     for first in range(0, out.shape[0], LANES):
         combine_moduli(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
-
-
-@inlined
-def add_product(table, index, x, columns, init, out):
-    """Write `init` plus the columns first, .., last - 1 of ``table[index]`` times x."""
-    first, last = columns
-    rows = table.shape[2]
-    start = (index * table.shape[1] + first) * rows
-    for at in range(0, out.shape[0], LANES):
-        combine(out, at, init, at, 1.0, table, start + at, rows, x, first, last - first)
-
-
-@inlined
-def add_product_of_moduli(table, index, x, columns, init, out):
-    """Add like `add_product`, by the moduli |x|."""
-    first, last = columns
-    rows = table.shape[2]
-    start = (index * table.shape[1] + first) * rows
-    for at in range(0, out.shape[0], LANES):
-        combine_moduli(out, at, init, at, 1.0, table, start + at, rows, x, first, last - first)

@@ -177,13 +177,10 @@ def end_period(period, z, points, tangent, growth):
         copy_state(z, points[period])
 
 
-NO_TABLE = -1
-"""In place of the index of a table: the contact set is unknown."""
-
-
 class Segment(NamedTuple):
-    """A step of the linear motion of one contact set."""
+    """A step of the motion, of one contact set; what is asked of it is in `linear.step`."""
 
+    kind: int
     key: np.uint64
     """Contact set."""
     index: int
@@ -202,7 +199,7 @@ class Ending(NamedTuple):
     span: float
     """Its length."""
     contact: int
-    """The contact at its end, -1 if there is none."""
+    """The contact at its end, or the guard of an element, -1 if there is none."""
     how: int
     """How it passes its stop (`passage`). Unless the passage is integrated the state after it is in
     z, that before it in ``work.z_end``, the forcing is in ``work.forcing``."""
@@ -217,7 +214,7 @@ class Ending(NamedTuple):
     promised: np.uint64
 
 
-SEGMENT = type_of(Segment(np.uint64(0), 0, 0.0, 0.0, 0.0))
+SEGMENT = type_of(Segment(0, np.uint64(0), 0, 0.0, 0.0, 0.0))
 
 
 @inlined

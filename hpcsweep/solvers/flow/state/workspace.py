@@ -124,21 +124,6 @@ class SeriesWorkspace(NamedTuple):
     """An augmented state, and its accelerations."""
 
 
-class Tails(NamedTuple):
-    """What the loads of sliders, which last from change to change, add to products by a table.
-
-    Zeros where there are no sliders.
-    """
-
-    table: np.ndarray = zeros(1, dtype=int)
-    """Its number, from 1 on; 0 if there are none."""
-    step: np.ndarray = zeros("padded 2R")
-    bound4: np.ndarray = zeros("padded R")
-    pair: np.ndarray = zeros("2 padded F")
-    pair_bound4: np.ndarray = zeros("padded F")
-    """Of `Tables`, then of `Outputs`."""
-
-
 N_CLOSED = 31
 """Most terms of a step in modes."""
 
@@ -218,5 +203,4 @@ class Workspace(NamedTuple):
     layer: LayerWorkspace = part(LayerWorkspace)
     solitary: SolitaryWorkspace = part(SolitaryWorkspace)
     series: SeriesWorkspace = part(SeriesWorkspace)
-    tails: Tails = part(Tails)
     spectral: SpectralWorkspace = part(SpectralWorkspace)

@@ -16,7 +16,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.solvers.flow.layer.scheme import reach, stiffness_up_to
-from hpcsweep.solvers.flow.linear.propagators import table_of
+from hpcsweep.solvers.flow.linear.step import table_of
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.tables import LEVELS
 

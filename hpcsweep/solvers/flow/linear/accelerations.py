@@ -1,0 +1,195 @@
+r"""Absolute accelerations along the present step, whatever its kind: at its ends, bounds, rows.
+
+Those of floors and of bases; `LANES` at once, values and slopes in turns. Lanes beyond the last one
+are 0. By a table they are those of `outputs`; a series has them in its terms; of a step in modes
+they are sums over the modes, with polynomials of bases alone, beside closed contacts.
+"""
+
+import math
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, store
+from hpcsweep.model.kernel_contacts import DRAG
+from hpcsweep.solvers.flow.linear.forcing import (
+    forcing_after,
+    forcing_rate,
+    total_forcing,
+    turn_forcing,
+)
+from hpcsweep.solvers.flow.linear.outputs import differentiate, fill_outputs
+from hpcsweep.solvers.flow.linear.polynomials import (
+    expand_row,
+    fourth_derivative,
+    value_and_slope,
+)
+from hpcsweep.solvers.flow.linear.spectral import (
+    bound_by_terms,
+    write_accelerations,
+    write_forcing,
+)
+from hpcsweep.solvers.flow.linear.step import MODES, TABLE, expand, in_modes
+from hpcsweep.solvers.flow.state.products import product, product_of_moduli
+from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.state.workspace import N_TERMS
+
+FIFTH_OF_TERMS = np.array([math.perm(k, 5) for k in range(N_TERMS)], float)
+"""As `series.FOURTH_OF_TERMS`, of speeds for accelerations."""
+
+
+@inlined
+def ends_of_accelerations(segment, span, amplitude, shared):
+    """Write accelerations and slopes at both ends of the first `span` of a step, and bounds."""
+    if segment.kind == TABLE:
+        _ends_by_tables(segment, span, amplitude, shared)
+        return
+    shared.outputs.place[0] = -1.0
+    if segment.kind == MODES:
+        _ends_in_modes(segment, span, amplitude, shared)
+    elif in_modes(shared.tables):
+        for p in range(shared.outputs.rows.shape[0]):
+            _ends_of_polynomial(p, segment, span, shared)
+    else:
+        _ends_in_series(segment, span, shared)
+
+
+@inlined
+def expand_acceleration(p, segment, shared):
+    """Write the polynomial of an acceleration along the present step."""
+    if segment.kind == TABLE:
+        outputs = shared.outputs
+        expand_row(outputs.poly, segment.index, p, shared.work.x, outputs.rows)
+    else:
+        _write_acceleration(p, segment, shared)
+
+
+@inlined
+def _ends_by_tables(segment, span, amplitude, shared):
+    """Write accelerations and slopes at both ends of a step of a table, and their bounds."""
+    model, tables, work, outputs = shared.model, shared.tables, shared.work, shared.outputs
+    index, size = segment.index, work.z_end.shape[0]
+    fill_outputs(index, model, tables, outputs)
+    if outputs.place[0] == index and outputs.place[1] == segment.tau:
+        copy_state(outputs.end, outputs.start)
+    else:
+        product(outputs.pair, index, work.x, outputs.start)
+    x_end = outputs.x_end
+    copy_state(work.x, x_end)
+    for row in range(size):
+        x_end[row] = work.z_end[row]
+    if span == segment.h:
+        turn_forcing(x_end, size, tables, index)
+    else:
+        forcing_after(span, segment.tau + span, amplitude, work.x, size, model, outputs.pairs)
+        for k in range(outputs.pairs.shape[0]):
+            x_end[size + k] = outputs.pairs[k]
+    product(outputs.pair, index, x_end, outputs.end)
+    outputs.place[0], outputs.place[1] = index, segment.tau + span
+    product_of_moduli(outputs.bound4, index, work.x, outputs.bounds)
+
+
+@kernel
+def _ends_in_series(segment, span, shared):
+    """Write the same of a step that is a series, by its terms."""
+    model, outputs, x = shared.model, shared.outputs, shared.work.x
+    terms, size, rate = shared.work.series.terms, shared.work.z_end.shape[0], 1.0 / segment.h
+    flat, half, ratio = terms.shape[1], size // 2, span * rate
+    ground, slope = total_forcing(x, size, model), forcing_rate(x, size, model)
+    for p in range(0, outputs.bounds.shape[0], LANES):
+        share, first = load(outputs.ground, p), half + p
+        value = bend = bound = load(ZERO, 0)
+        for k in range(shared.work.series.count[0] - 1, 0, -1):
+            term = load(terms, k * flat + first)
+            bend = fma(bend, ratio, value)
+            value = fma(value, ratio, term * (1.0 * k))
+            bound = fma(modulus(term), FIFTH_OF_TERMS[k], bound)
+        store(outputs.start, 2 * p, fma(share, ground, load(terms, flat + first) * rate))
+        early = load(terms, 2 * flat + first) * (2.0 * rate * rate)
+        store(outputs.start, 2 * p + LANES, fma(share, slope, early))
+        store(outputs.end, 2 * p, fma(share, fma(slope, span, ground), value * rate))
+        store(outputs.end, 2 * p + LANES, fma(share, slope, bend * (rate * rate)))
+        store(outputs.bounds, p, bound * (rate * rate * rate * rate * rate))
+    for p in range(outputs.rows.shape[0], outputs.bounds.shape[0]):
+        # behind the floors the terms go on with other rows, whose accelerations are nobody's
+        at = p + p // LANES * LANES
+        outputs.start[at] = outputs.start[at + LANES] = 0.0
+        outputs.end[at] = outputs.end[at + LANES] = outputs.bounds[p] = 0.0
+
+
+@inlined
+def _ends_of_polynomial(p, segment, span, shared):
+    """Write the same of one acceleration by its polynomial."""
+    outputs, h, at = shared.outputs, segment.h, p + p // LANES * LANES
+    _write_acceleration(p, segment, shared)
+    rows = outputs.rows[p : p + 1]
+    outputs.start[at], outputs.start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
+    outputs.end[at], outputs.end[at + LANES] = value_and_slope(rows, 0, h, span)
+    outputs.bounds[p] = fourth_derivative(rows, h)
+
+
+@kernel
+def _ends_in_modes(segment, span, amplitude, shared):
+    """Write the same of a step in modes; polynomials of bases alone, beside closed contacts."""
+    model, work, outputs, x = shared.model, shared.work, shared.outputs, shared.work.x
+    spectrum, own = shared.tables.spectrum, work.spectral
+    h, size, count = segment.h, work.z_end.shape[0], outputs.rows.shape[0]
+    write_accelerations(0.0, h, count, spectrum, own, outputs.start)
+    write_accelerations(span, h, count, spectrum, own, outputs.end)
+    bound_by_terms(5, h, count, spectrum, own, outputs.bounds)
+    forcing_after(span, segment.tau + span, amplitude, x, size, model, outputs.pairs)
+    bend = 0.0
+    for k in range(model.harmonics.shape[0]):
+        most = abs(x[size + 2 * k]) + abs(x[size + 2 * k + 1])
+        bend += (model.harmonics[k, 0] * model.omega) ** 4 * most
+    for p in range(count):
+        at, share = p + p // LANES * LANES, model.ground[p]
+        outputs.start[at] += share * total_forcing(x, size, model)
+        outputs.start[at + LANES] += share * forcing_rate(x, size, model)
+        outputs.end[at] += share * total_forcing(outputs.pairs, 0, model)
+        outputs.end[at + LANES] += share * forcing_rate(outputs.pairs, 0, model)
+        outputs.bounds[p] += abs(share) * bend
+        if p >= model.modal_transform.shape[0] and segment.key != np.uint64(0):
+            _ends_of_polynomial(p, segment, span, shared)
+
+
+@kernel
+def _write_acceleration(p, segment, shared):
+    """Write the polynomial of an acceleration along a step without a table."""
+    model, work, h = shared.model, shared.work, segment.h
+    size, out = work.z_end.shape[0], shared.outputs.rows[p]
+    expand(size // 2 + p, segment, shared.tables, work)
+    differentiate(work.rows[size // 2 + p], h, out)
+    if segment.kind == MODES:
+        write_forcing(h, model, work, work.layer.values)
+        _add_forcing(p, segment, out, shared)
+    else:
+        slope = 0.5 * h * forcing_rate(work.x, size, model)
+        out[0] += model.ground[p] * (total_forcing(work.x, size, model) + slope)
+        out[1] += model.ground[p] * slope
+
+
+@kernel
+def _add_forcing(p, segment, out, shared):
+    """Add what the ground has to the polynomial of an acceleration, and take from that of a base.
+
+    The reaction of a base is without what contacts do.
+    """
+    model, work, contacts = shared.model, shared.work, shared.model.contacts
+    n, size = model.modal_transform.shape[0], work.z_end.shape[0]
+    for power in range(N_COEFFICIENTS):
+        out[power] += model.ground[p] * work.layer.values[power]
+    for k in range(contacts.row.shape[0] if p >= n else 0):
+        if segment.key & contact_bit(k) == np.uint64(0):
+            continue
+        push = 0.0
+        for j in range(n):
+            push += model.rows[p - n, j] * contacts.kick[k, j]
+        row, sign = contacts.row[k], contacts.sign[k]
+        expand(row, segment, shared.tables, work)
+        expand(size // 2 + row, segment, shared.tables, work)
+        for power in range(N_COEFFICIENTS):
+            out[power] += push * contacts.beta[k] * sign * work.rows[row, power]
+            out[power] += push * contacts.edges[k, DRAG] * sign * work.rows[size // 2 + row, power]
+        out[0] -= push * contacts.beta[k] * contacts.gap[k]

@@ -1,0 +1,252 @@
+"""One march: the motion over a forcing period, or over the interval between two samples.
+
+A forcing period runs from tau = 0 to T = 2 pi / Omega, so that the phase is exact in every period;
+of a record an interval has a ramp in place of harmonics. Between two changes the motion takes steps
+of the present set (`linear.step`). A step ends where the first guard is passed, which is found, or
+proved to be none (`search`, `elements.guards`); it is observed, the guard is passed, and the motion
+goes on. A guard of an elastic contact is the edge of its layer, and passing it changes the bit of
+the set, through the layer in closed form where that is so (`ending`); those of elements lead to
+other modes (`elements`). A motion with a contact within its layer is that of `layer`.
+
+What a motion is, is told in compiling: with `elements` None all contacts are elastic and there are
+no sliders and limits; `tangent` None is a record, whose steps are taken one by one; with `measures`
+None peaks and impacts are left out, a third of the compiled code.
+"""
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.model.elements import ENDS
+from hpcsweep.solvers.flow.elements.contacts import change_tangent
+from hpcsweep.solvers.flow.elements.guards import change, first_change, sets_of, write_loads
+from hpcsweep.solvers.flow.elements.layers import visit_layers
+from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
+from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
+from hpcsweep.solvers.flow.linear.step import is_series, series_step, step_of, table_of
+from hpcsweep.solvers.flow.passage.passage import INTEGRATED
+from hpcsweep.solvers.flow.passage.tangent import coast_on
+from hpcsweep.solvers.flow.period.ending import end_at_event, passing_contacts
+from hpcsweep.solvers.flow.period.gather import gather, gather_passing, segment_tangent
+from hpcsweep.solvers.flow.period.sets import ANY, begin, begin_at, is_within, settle
+from hpcsweep.solvers.flow.search.events import first_event, go_on, look_ahead, take_step
+from hpcsweep.solvers.flow.search.search import UNDECIDED
+from hpcsweep.solvers.flow.state.shared import (
+    LAYER_STEPS,
+    LINEAR_STEPS,
+    NO_TALLY,
+    PASSAGES,
+    VISITS,
+)
+from hpcsweep.solvers.flow.state.state import (
+    OVERFLOW,
+    Ending,
+    copy_state,
+    is_ordinary,
+    start,
+    time_of,
+)
+from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
+
+UNKNOWN = np.uint64(0), np.uint64(0), True
+"""In place of the sets with which an interval begins: they follow from the state."""
+
+
+@inlined
+def _visit(packed, interval, z, amplitude, wanted, elements, tangent, shared):
+    """Integrate while contacts are within their layers; return time, outcome and steps."""
+    shared.counts[VISITS] += 1
+    if elements is None:
+        moved = shared.no_tangent if tangent is None else tangent
+        tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, moved)
+    else:
+        tau, outcome, used = visit_layers(packed, interval, z, amplitude, wanted)
+    shared.counts[LAYER_STEPS] += used
+    return tau, outcome, used
+
+
+@inlined
+def _step(packed, past, key, interval, wanted, ahead, elements, tangent, shared):
+    """Take a step of a set to ``work.z_end``, after those that coasting takes.
+
+    Returns
+    -------
+    segment : Segment
+    span : float
+        Length of the step.
+    steps : int
+        Steps taken.
+    ahead : int
+        So many steps are proved to be ended by no guard, from this one on.
+    """
+    model, tables, work = shared.model, shared.tables, shared.work
+    tau, end, left = interval
+    if elements is not None and tangent is None and is_series(key, tau, end, model, tables):
+        segment = series_step(key, tau, end, model, work)
+        shared.counts[LINEAR_STEPS] += 1
+        return segment, segment.h, 1, 0
+    segment = step_of(key, table_of(key, tables, packed), tau, end, tables)
+    coasts = wanted == NO_TALLY
+    if elements is not None:
+        coasts = coasts and model.elements.stiffness.shape[0] == 0 and past == np.uint64(0)
+    segment, known, steps = coast_on(segment, coasts, 1, tangent, shared)
+    if elements is None and tangent is not None and wanted != NO_TALLY and ahead == 0:
+        ahead, known = look_ahead(segment, left - steps, model, tables, work)
+    return segment, take_step(segment, known, model, tables, work), steps, ahead
+
+
+@inlined
+def _ending(segment, span, ahead, promised, z, amplitude, elements, packed, shared):
+    """Find the first guard within a step, and end the step there, in ``work.z_end``."""
+    model, tables, work = shared.model, shared.tables, shared.work
+    if elements is None:
+        if ahead > 0:
+            return Ending(span, -1, INTEGRATED, False, False, 0.0, promised)
+        event = first_event(segment, span, model, tables, work)
+        if event[0] >= 0:
+            return end_at_event(segment, event, promised, z, amplitude, packed, shared)
+        return Ending(span, event[0], INTEGRATED, False, False, 0.0, promised)
+    guard, span = first_change(segment, span, shared.modes, tables, model.elements, work)
+    if guard >= 0 and span >= segment.end - segment.tau:
+        guard = -1  # what changes at the end does so at the start of what follows
+    return Ending(span, guard, INTEGRATED, False, False, 0.0, promised)
+
+
+@inlined
+def _pass_guard(segment, ending, past, z, amplitude, elements, tangent, shared):
+    """Pass the guard at the end of a step, in state z.
+
+    Returns
+    -------
+    past, key : uint64
+        The sets that follow ...
+    begins : bool
+        ... unless they follow from the state.
+    passing : uint64
+        Contacts that pass their stops.
+    outcome : int
+    """
+    model, work, modes, key = shared.model, shared.work, shared.modes, segment.key
+    if elements is None:
+        shared.counts[PASSAGES] += ending.how != INTEGRATED
+        passing = passing_contacts(segment, ending, z, model)
+        if ending.beyond or passing != np.uint64(0):
+            return past ^ passing, key ^ passing, False, passing, COMPLETE
+        return ANY, np.uint64(0), model.layer == 0.0, passing, COMPLETE
+    shared.counts[PASSAGES] += 1
+    guard, before = ending.contact, past
+    change(guard, segment, ending.span, z, modes, model.elements, shared)
+    if model.elements.guard[guard, ENDS] > 0.0:
+        modes.path[model.elements.owner[guard]] = time_of(segment.tau + ending.span, model)
+        return past, key, False, np.uint64(0), COLLAPSED
+    past, key = sets_of(modes, model.elements)
+    write_loads(modes, model.elements, work.forcing)
+    past, key = settle(segment.tau + ending.span, past, key, z, amplitude, shared)
+    passing = past ^ before
+    if tangent is not None:
+        change_tangent(passing, before, segment.key, model, tangent)
+    return past, key, False, passing, COMPLETE
+
+
+@inlined
+def _go_on(segment, ending, tau, ahead, z, amplitude, elements, shared):
+    """Write the augmented state in which the next step begins, in state z, into ``work.x``.
+
+    Return its time, and how many steps are proved from there on.
+    """
+    model, tables, work = shared.model, shared.tables, shared.work
+    if ending.contact < 0 and segment.index >= 0:
+        copy_state(z, work.x)
+        if ending.span == segment.h:
+            turn_forcing(work.x, z.shape[0], tables, segment.index)
+        if ahead == 1:
+            tau = go_on(segment.index, z, tables, work)
+        return tau, max(ahead - 1, 0)
+    if elements is not None:
+        forcing_after(ending.span, tau, amplitude, work.x, z.shape[0], model, work.forcing)
+    elif ending.beyond or ending.rounded:
+        forcing_at(tau, amplitude, model, work.forcing, 0)
+    start(work.x, z, work.forcing)
+    return tau, 0
+
+
+@inlined
+def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements, tangent, measures):
+    """Advance z from tau = 0 of a forcing period, or of a sample interval, in place.
+
+    Parameters
+    ----------
+    packed : ndarray of bytes
+        `shared`, packed.
+    length : float
+        Where the interval ends.
+    sets : (uint64, uint64, bool)
+        Contacts past their stops, and the set of the table; with True both follow from z.
+    z : ndarray, shape (2R,)
+        On success the state at the end, else the last one reached.
+    amplitude : float
+        A.
+    wanted : int
+        What to gather, see `tally`; of a record peaks and impacts together, and energies.
+    elements, tangent, measures
+        Told in compiling, see the module; `tangent`, shape (2R, m), is multiplied by the tangent
+        map of the interval, in place.
+
+    Returns
+    -------
+    outcome : int
+        An `Outcome`.
+    sets : (uint64, uint64, bool)
+        With which the next interval may begin.
+    """
+    model, work = shared.model, shared.work
+    past, key, begins = sets
+    if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
+        return NON_FINITE, UNKNOWN
+    if not begins:
+        begin_at(0.0, z, amplitude, model, work)
+    tau, end, steps, ahead, promised, changed = 0.0, length, 0, 0, np.uint64(0), begins
+    while tau < end:
+        if begins:
+            past, key = begin(tau, z, amplitude, elements, shared)
+        if steps >= shared.max_steps:
+            return STEP_LIMIT, UNKNOWN
+        interval = Interval(tau, end, shared.max_steps - steps)
+        begins = is_within(past, key, model)
+        if begins:
+            tau, outcome, used = _visit(
+                packed, interval, z, amplitude, wanted, elements, tangent, shared
+            )
+            steps, changed = steps + used + 1, True
+            if outcome != COMPLETE:
+                return outcome, UNKNOWN
+            continue
+        segment, span, taken, ahead = _step(
+            packed, past, key, interval, wanted, ahead, elements, tangent, shared
+        )
+        steps, tau = steps + taken, segment.tau
+        ending = _ending(segment, span, ahead, promised, z, amplitude, elements, packed, shared)
+        if ending.contact == UNDECIDED:
+            return SOLVER_FAILED, UNKNOWN
+        promised = ending.promised
+        segment_tangent(segment, ending, packed, shared, tangent)
+        if ending.how != INTEGRATED:
+            copy_state(z, work.z_end)
+        if not is_ordinary(work.z_end):
+            return NON_FINITE, UNKNOWN
+        gather(segment, past, ending.span, span, amplitude, wanted, elements, measures, shared)
+        if ending.contact >= 0:
+            before, changed = past, True
+            past, key, begins, passing, outcome = _pass_guard(
+                segment, ending, past, work.z_end, amplitude, elements, tangent, shared
+            )
+            if outcome != COMPLETE:
+                copy_state(work.z_end, z)
+                return outcome, UNKNOWN
+            if measures is not None:
+                gather_passing(
+                    segment, ending, passing, before, z, amplitude, wanted, elements, packed, shared
+                )
+        copy_state(work.z_end, z)
+        tau = end if ending.span >= end - tau else tau + ending.span
+        tau, ahead = _go_on(segment, ending, tau, ahead, z, amplitude, elements, shared)
+    return COMPLETE, (past, key, changed or not (elements is None or past == np.uint64(0)))

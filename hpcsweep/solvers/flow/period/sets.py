@@ -1,0 +1,72 @@
+"""The sets of a motion where a stretch of it begins: contacts past their stops, and the table's.
+
+Those past their stops tell what ends the motion; those that push, and sliders that slip, make it
+linear and are the key of its table. They are the same where all contacts are elastic. A smooth
+contact within its layer is past its stop and does not push: a motion with such a one is `layer`'s.
+"""
+
+import numpy as np
+
+from hpcsweep.kernels.compile import inlined
+from hpcsweep.solvers.flow.elements.contacts import (
+    past_stops,
+    pushing,
+    rest_at_stops,
+    set_contacts,
+)
+from hpcsweep.solvers.flow.elements.guards import sets_of, write_loads, write_windows
+from hpcsweep.solvers.flow.layer.visit import inside_layer
+from hpcsweep.solvers.flow.linear.forcing import forcing_at
+from hpcsweep.solvers.flow.search.events import contact_key
+from hpcsweep.solvers.flow.state.state import start
+
+ANY = ~np.uint64(0)
+"""In place of the contacts past their stops: some are within their layers."""
+
+
+@inlined
+def is_within(past, key, model):
+    """Return whether a smooth contact is within its layer, by the sets of a motion."""
+    return model.layer > 0.0 and past & ~key != np.uint64(0)
+
+
+@inlined
+def begin(tau, z, amplitude, elements, shared):
+    """Begin a stretch in a state; return the contacts past their stops, and the set of the table.
+
+    Sliders go on as they are. `elements` is that of `march`.
+    """
+    model, work, modes = shared.model, shared.work, shared.modes
+    if elements is None:
+        past = key = np.uint64(0)
+        if inside_layer(z, model):
+            past = ANY
+        else:
+            past = key = contact_key(tau, z, amplitude, model, work)
+    else:
+        write_loads(modes, model.elements, work.forcing)
+        past = past_stops(tau, z, amplitude, model, work)
+        key = pushing(past, z, model)
+        set_contacts(past, key, modes, model.contacts)
+        past, key = sets_of(modes, model.elements)
+        past, key = settle(tau, past, key, z, amplitude, shared)
+    begin_at(tau, z, amplitude, model, work)
+    return past, key
+
+
+@inlined
+def begin_at(tau, z, amplitude, model, work):
+    """Write the augmented state at tau into ``work.x``."""
+    forcing_at(tau, amplitude, model, work.forcing, 0)
+    start(work.x, z, work.forcing)
+
+
+@inlined
+def settle(tau, past, key, z, amplitude, shared):
+    """Let contacts that rest at their stops go; return the sets, and write the windows, of all."""
+    model, work, modes = shared.model, shared.work, shared.modes
+    if model.layer == 0.0 and model.contacts.row.shape[0] > 0:
+        past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
+    set_contacts(past, key, modes, model.contacts)
+    write_windows(modes, model.elements, work)
+    return past, key

@@ -15,6 +15,7 @@ from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import StoreError, read_history
+from hpcsweep.store.journal import totals
 from hpcsweep.store.opening import read_progress
 
 SILENT = 120.0
@@ -44,8 +45,7 @@ def overview(path: str | Path) -> dict:
     except (StoreError, JobError) as error:
         return {"file": str(path), "state": "unreadable", "why": str(error)}
     history = read_history(path)
-    costs = history.latest.values()
-    seconds, timed = sum(cost.seconds for cost in costs), sum(cost.runs for cost in costs)
+    timed = totals(history.latest.values())
     heard = None if history.last is None else time.time() - history.last
     ended = history.sessions[-1].ended if history.sessions else None
     if complete:
@@ -56,7 +56,8 @@ def overview(path: str | Path) -> dict:
         state = "not begun"
     else:
         state = "running" if heard < SILENT else "silent"
-    left = (outcome.size - done) * seconds / timed if timed and inferred is None else None
+    of_run = timed.core / timed.runs if timed.runs and inferred is None else None
+    left = None if of_run is None else (outcome.size - done) * of_run
     return {
         "file": str(path),
         "name": attributes["name"],
@@ -64,7 +65,7 @@ def overview(path: str | Path) -> dict:
         "runs_done": done,
         "runs_total": outcome.size,
         "n_failed": int((outcome > Outcome.COMPLETE).sum()),
-        "core_seconds": seconds,
+        "core_seconds": timed.core,
         "core_seconds_remaining": 0.0 if complete else left,
         "last_heard": heard,
     }

@@ -6,8 +6,6 @@ what ranks report. A round is cut into tasks: runs of one frame, which are compu
 committed one by one. So neither ranks nor kills change which runs are computed, or any byte.
 """
 
-import time
-
 import numpy as np
 
 from hpcsweep.campaign.costs import KnownCosts
@@ -16,7 +14,7 @@ from hpcsweep.parallel import farm
 from hpcsweep.store import StoreError, WriteError
 from hpcsweep.store.inferred import Inferred, write_inferred
 from hpcsweep.store.inputs import Inputs
-from hpcsweep.store.journal import BlockCost
+from hpcsweep.store.journal import BlockCost, instant, spent
 from hpcsweep.studies.blocks import Block
 
 
@@ -126,7 +124,7 @@ class RoundsWork(RankWork):
         poll()
         blocks = [self._block(run) for run in self._tasks[task].tolist()]
         start = self.study.initial_state
-        begun = time.perf_counter()
+        begun = instant()
         taken = [self._reuse.rows(block, start) for block in blocks]
         new = [block for block, found in zip(blocks, taken, strict=True) if found is None]
         computed = iter(self._growth.compute(new, start, poll) if new else ())
@@ -137,8 +135,7 @@ class RoundsWork(RankWork):
             self._campaign.write_block(block, start, own)
             if failed:
                 failures.add(self._failed(block, own))
-        seconds = round(time.perf_counter() - begun, 6)
-        cost = BlockCost(new[0].place, len(new), seconds) if new else None
+        cost = spent(new[0].place, len(new), begun) if new else None
         report((task, labels, cost, failures))
 
     def block_done(self, rank: int, value) -> int:

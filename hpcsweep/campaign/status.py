@@ -15,7 +15,7 @@ from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store import Layout, open_layout, read_history
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
-from hpcsweep.store.journal import CampaignHistory, Session
+from hpcsweep.store.journal import CampaignHistory, Session, totals
 from hpcsweep.store.opening import check_file
 
 RECENT = 60.0
@@ -40,6 +40,8 @@ def status(path: str | Path) -> dict:
             Runs per second by the wall clock in the last session, and in its last minute.
         seconds_remaining : float or None
             Wall time left on that session's ranks; None if nothing was timed or all is complete.
+        core_seconds, clock_seconds : float
+            Processor time of the ranks in blocks, and the same by the clock.
         last_heard : float or None
             Seconds since the journal's last record.
         frame_seconds : dict or None
@@ -133,12 +135,13 @@ def _runs(
 
 def _costs(history: CampaignHistory, work: float | None, complete: bool) -> dict:
     """Return the timed costs and what is left."""
-    seconds = sum(cost.seconds for cost in history.costs)
-    runs = sum(cost.runs for cost in history.costs)
+    runs, clock, core = totals(history.costs)
+    left = work if work is None or not clock else work * core / clock
     return {
-        "core_seconds": seconds,
-        "runs_per_core_second": runs / seconds if seconds else None,
-        "core_seconds_remaining": 0.0 if complete and runs else work,
+        "core_seconds": core,
+        "clock_seconds": clock,
+        "runs_per_core_second": runs / core if core else None,
+        "core_seconds_remaining": 0.0 if complete and runs else left,
     }
 
 

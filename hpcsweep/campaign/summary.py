@@ -9,7 +9,7 @@ from hpcsweep.dynamics.classify import tells_chaos
 from hpcsweep.job.paths import path_of
 from hpcsweep.model.description import contacts_named, one_line
 from hpcsweep.store import Frames, read_history
-from hpcsweep.store.journal import CampaignHistory
+from hpcsweep.store.journal import CampaignHistory, totals
 
 
 def summarize(path: str | Path) -> dict:
@@ -25,8 +25,8 @@ def summarize(path: str | Path) -> dict:
         Plain numbers, strings and lists. Shares are of the completed runs; those of periods are of
         the periodic ones. ``by_direction`` has the shares of each sweep; other kinds of study add
         their own tally. ``cost`` is None where the file has no journal: its wall time is that of
-        all sessions, from start to last record; its core seconds are those of the blocks in the
-        file, each counted once.
+        all sessions, from start to last record; its core seconds are the processor time of the
+        blocks in the file, each counted once, ``clock_seconds`` the same by the clock.
 
     Raises
     ------
@@ -80,14 +80,14 @@ def total_cost(history: CampaignHistory) -> dict | None:
     if not history.sessions or not latest:
         return None
     wall = sum(session.last - session.started for session in history.sessions)
-    runs = sum(cost.runs for cost in latest)
-    seconds = sum(cost.seconds for cost in latest)
+    runs, clock, core = totals(latest)
     return {
         "sessions": len(history.sessions),
         "ranks": sorted({session.ranks for session in history.sessions}),
         "wall_seconds": wall,
-        "core_seconds": seconds,
+        "core_seconds": core,
+        "clock_seconds": clock,
         "runs_timed": runs,
         "runs_per_second": runs / wall if wall else None,
-        "runs_per_core_second": runs / seconds if seconds else None,
+        "runs_per_core_second": runs / core if core else None,
     }

@@ -20,7 +20,7 @@ from hpcsweep.store import Campaign, Journal, StoreError
 from hpcsweep.store import reuse as reusing
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import is_complete
-from hpcsweep.store.journal import BlockCost, block_record, load_record
+from hpcsweep.store.journal import BlockCost, block_record, instant, load_record, spent
 from hpcsweep.studies.run_names import run_name
 
 LISTED_FAILURES = 10
@@ -218,14 +218,13 @@ class RankWork:
             end = self._campaign.blocks.end_of(block, state)
             if end is None:
                 poll()
-                begun = time.perf_counter()
+                begun = instant()
                 rows = self._reuse.rows(block, state)
                 taken = rows is not None
                 if rows is None:
                     rows = self.study.compute(block, state, poll)
                 end = self._campaign.write_block(block, state, rows)
-                seconds = round(time.perf_counter() - begun, 6)
-                cost = BlockCost(block.place, block.n_runs, seconds)
+                cost = spent(block.place, block.n_runs, begun)
                 recalled = report((cost, self._failed(block, rows), taken))
                 if recalled and position + 1 < len(path):
                     return position + 1, end

@@ -55,6 +55,14 @@ class _Templates(string.Formatter):
 
 
 _TEMPLATES = _Templates()
+BUSY = 1.1
+"""Seconds by the clock over those of processor time, from which on both are told."""
+
+
+def by_clock(cost: Mapping[str, float]) -> float | None:
+    """Return the seconds by the clock where they are more than those of processor time."""
+    clock = cost["clock_seconds"]
+    return clock if clock > BUSY * cost["core_seconds"] else None
 
 
 def percent(share: float | None) -> str:

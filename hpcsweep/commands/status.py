@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hpcsweep.commands import USER_ERROR, CommandError, Rows, listing
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
-from hpcsweep.commands.rows import inferred_text, rows_of
+from hpcsweep.commands.rows import by_clock, inferred_text, rows_of
 from hpcsweep.figures.options import file_name
 from hpcsweep.studies.run_names import count, run_name
 
@@ -87,7 +87,7 @@ ROWS = """\
 solver | {solver}
 inferred | {inferred}
 cost | {core_seconds:.3g} core seconds, {runs_per_core_second:.3g} {run_noun}s per core second\
- | , about {core_seconds_remaining:.3g} core seconds left
+ | ; {by_clock:.3g} s by the clock | , about {core_seconds_remaining:.3g} core seconds left
 rate | {runs_per_second:.3g} {run_noun}s/s by the clock, {runs_per_second_recent:.3g} in the last \
 minute of the last session | ; about {seconds_remaining:.3g} s left on its ranks
 {frame_noun}s | costliest {frame_seconds[costliest]:.3g} s ({frame_seconds[costliest_at]:run}), \
@@ -122,6 +122,7 @@ def _rows(state: dict) -> Rows:
         "master": master if master and master["messages"] else None,
         "memory": [size / 1e6 for size in state["peak_memory"] or ()] or None,
         "silent": state["last_heard"] if waits else None,
+        "by_clock": by_clock(state),
     }
     if "audit" in state:
         derived["inferred"] = inferred_text(state["runs_inferred"], state["audit"])

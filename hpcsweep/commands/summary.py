@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hpcsweep.commands import Rows, listing
-from hpcsweep.commands.rows import inferred_text, percent, rows_of, share
+from hpcsweep.commands.rows import by_clock, inferred_text, percent, rows_of, share
 from hpcsweep.figures.options import whole_number
 from hpcsweep.studies.run_names import count, plural, written
 
@@ -63,7 +63,7 @@ varied | {varied}
 inferred | {share_inferred:percent} of the map, {inferred}; all shares below are of {of}
 cost | {no_cost}
 wall time | {cost[wall_seconds]:.4g} s{sessions} on {ranks}
-core seconds | {cost[core_seconds]:.4g} s
+core seconds | {cost[core_seconds]:.4g} s of processor time | , {by_clock:.4g} s by the clock
 {run_noun}s per second | {cost[runs_per_second]:.4g}
 {run_noun}s per core second | {cost[runs_per_core_second]:.4g}
 scaled by | {measure}
@@ -169,6 +169,7 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         values["share_inferred"] = summary["runs_inferred"] / summary["runs_total"]
         values["inferred"] = inferred_text(summary["runs_inferred"], summary["audit"])
     if cost := summary["cost"]:
+        values["by_clock"] = by_clock(cost)
         ranks, sessions = cost["ranks"], cost["sessions"]
         values["ranks"] = f"{' or '.join(map(str, ranks))} {plural('rank', sum(ranks))}"
         values["sessions"] = f" in {sessions} sessions" if sessions > 1 else ""

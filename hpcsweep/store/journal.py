@@ -1,14 +1,15 @@
 """Keep the history beside the file: ``FILE.journal``, one JSON object a line.
 
-Sessions (host names, ranks, start, end) and the cost of each block in seconds. They differ from run
-to run, and are therefore kept out of the results, which do not. Losing the journal loses no result.
+Sessions (host names, ranks, start, end) and the cost of each block, in seconds by the clock and of
+processor time of its rank, which are less among busy neighbours. They differ from run to run, and
+are therefore kept out of the results, which do not. Losing the journal loses no result.
 
 =========  ======================================================================================
 kind       values
 =========  ======================================================================================
 start      ranks, hosts, transport: a session begins
 pilot      frame, along, runs, seconds: runs that were timed at a place of a frame
-block      rank, place, runs, seconds: the block at a place of ``commit`` was computed
+block      rank, place, runs, seconds, processor: the block at a place of ``commit`` was computed
 master     messages, message_seconds, master_seconds, recalls: load of rank 0 so far
 end        reason, written_bytes, write_seconds, rank_seconds, peak_memory, and as master
 =========  ======================================================================================
@@ -19,6 +20,7 @@ import json
 import math
 import os
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -127,7 +129,38 @@ class BlockCost(NamedTuple):
     place: tuple[int, ...]
     runs: int
     seconds: float
+    """By the clock."""
     time: float = 0.0
+    processor: float | None = None
+    """Seconds of processor time; None if they are not known."""
+
+
+def instant() -> tuple[float, float]:
+    """Return the clock and the processor time of this process, in seconds."""
+    return time.perf_counter(), time.process_time()
+
+
+def spent(place: tuple[int, ...], runs: int, begun: tuple[float, float]) -> BlockCost:
+    """Return the cost of a block that began at an `instant`."""
+    clock, processor = (round(b - a, 6) for a, b in zip(begun, instant(), strict=True))
+    return BlockCost(place, runs, clock, processor=processor)
+
+
+class Totals(NamedTuple):
+    """Sums over blocks."""
+
+    runs: int
+    clock: float
+    """Seconds by the clock ..."""
+    core: float
+    """... and of processor time, or by the clock where it is not known."""
+
+
+def totals(costs: Iterable[BlockCost]) -> Totals:
+    """Sum the costs of blocks."""
+    every = list(costs)
+    core = (one.seconds if one.processor is None else one.processor for one in every)
+    return Totals(sum(one.runs for one in every), sum(one.seconds for one in every), sum(core))
 
 
 class PilotCost(NamedTuple):
@@ -196,7 +229,8 @@ class CampaignHistory:
 
 def block_record(cost: BlockCost) -> dict:
     """Return the values of a block's record."""
-    return {"place": list(map(int, cost.place)), "runs": cost.runs, "seconds": cost.seconds}
+    spent = {"seconds": cost.seconds, "processor": cost.processor}
+    return {"place": list(map(int, cost.place)), "runs": cost.runs, **spent}
 
 
 def load_record(load: Traffic) -> dict:
@@ -247,13 +281,16 @@ def _is_word(value: object) -> bool:
 
 _ENDS = ("written_bytes", "write_seconds", "rank_seconds", "peak_memory")
 _LOAD = ("messages", "message_seconds", "master_seconds", "recalls")
-_MAYBE = ("transport", *_ENDS)
+_MAYBE = ("transport", "processor", *_ENDS)
 _LISTS = ("hosts", "peak_memory", "place")
 _KINDS = {
     **dict.fromkeys(("ranks", "rank", "place", "frame", "runs", "messages", "recalls"), _is_count),
     **dict.fromkeys(("written_bytes", "peak_memory"), _is_count),
     **dict.fromkeys(
-        ("along", "seconds", "message_seconds", "master_seconds", "write_seconds", "rank_seconds"),
+        (
+            *("along", "seconds", "processor", "message_seconds", "master_seconds"),
+            *("write_seconds", "rank_seconds"),
+        ),
         _is_time,
     ),
     **dict.fromkeys(("hosts", "transport", "reason"), _is_word),
@@ -271,7 +308,8 @@ def _take(history: CampaignHistory, record: dict) -> None:
     elif kind == "block":
         if record["runs"] < 1:
             raise ValueError("a block without runs")
-        cost = BlockCost(tuple(record["place"]), record["runs"], record["seconds"], now)
+        told = record["runs"], record["seconds"], now, record.get("processor")
+        cost = BlockCost(tuple(record["place"]), *told)
         history.costs.append(cost)
         if session:
             session.costs.append(cost)

@@ -1,6 +1,8 @@
 """`hpcsweep summary`, and figures of files that are read one frame at a time."""
 
 import json
+import shutil
+import time
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.store.journal import instant, spent
 
 
 @pytest.fixture(scope="module")
@@ -93,30 +96,52 @@ def test_sessions_add_up_and_a_block_done_twice_counts_once(tmp_path):
         journal.write_text("".join(json.dumps(record) + "\n" for record in records))
         return total_cost(store.read_history(tmp_path / "x.h5"))
 
-    def block(time, place, seconds):
+    def block(time, place, seconds, **processor):
         return {
             "kind": "block", "time": time, "place": [0, place, 0],
             "runs": 50, "seconds": seconds,
-        }  # fmt: skip
+        } | processor  # fmt: skip
 
     records = [
         {"kind": "start", "time": 100.0, "ranks": 2, "hosts": ["a"]},
         block(110.0, 0, 10.0),
         block(112.0, 1, 11.0),  # killed: no end, and the last block was lost
         {"kind": "start", "time": 500.0, "ranks": 4, "hosts": ["a"]},
-        block(512.0, 1, 12.0),
+        block(512.0, 1, 12.0, processor=2.5),  # among busy neighbours
         {"kind": "end", "time": 513.0, "reason": "complete"},
     ]
     assert reported(records) == {
         "sessions": 2,
         "ranks": [2, 4],
         "wall_seconds": 25.0,
-        "core_seconds": 22.0,
+        "core_seconds": 12.5,
+        "clock_seconds": 22.0,
         "runs_timed": 100,
         "runs_per_second": 4.0,
-        "runs_per_core_second": 100 / 22,
+        "runs_per_core_second": 100 / 12.5,
     }
     assert reported([]) is reported(records[:1]) is None
+
+
+def test_core_seconds_are_processor_time_and_both_are_told_where_they_differ(
+    file, tmp_path, capsys
+):
+    begun = instant()
+    time.sleep(0.3)
+    cost = spent((0, 0, 0), 1, begun)
+    assert cost.processor < 0.2 < 0.3 <= cost.seconds
+    copy = shutil.copy(file, tmp_path / "a.h5")
+    block = {"kind": "block", "time": 110.0, "place": [0, 0, 0], "runs": 8, "seconds": 20.8}
+    start = {"kind": "start", "time": 100.0, "ranks": 2, "hosts": ["a"]}
+    for processor, told in ((4.4, True), (20.0, False)):
+        lines = json.dumps(start), json.dumps(block | {"processor": processor})
+        copy.with_suffix(".h5.journal").write_text("\n".join(lines) + "\n")
+        for command in ("summary", "status"):
+            assert cli.main([command, str(copy)]) == 0
+            text = capsys.readouterr().out
+            assert f"{processor:g}" in text
+            assert ("20.8 s by the clock" in text) == told
+        assert f"{8 / processor:.3g}" in text
 
 
 def test_the_command_writes_text_tables_and_json(file, tmp_path, capsys):

@@ -8,13 +8,15 @@ from sphinx import addnodes
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {"README": "index", "CHANGELOG": "changes"}
 """Pages of the site that stand for files beside `docs`."""
+MADE = {"job/keys.py": "generated/job-keys", "studies/variables.py": "generated/variables"}
+"""Pages that the site makes of what the code declares, to which links lead that are named so."""
 
 
 def leave_pages(app, doctree) -> None:
     """Follow links that are written for the tree of files.
 
-    Examples of the gallery have a page, as have the files beside `docs` of `PAGES`; folders of the
-    program are text.
+    Examples of the gallery have a page, as have the files beside `docs` of `PAGES` and the code of
+    `MADE`, unless the file itself is named; folders of the program are text.
     """
     for node in list(doctree.findall(addnodes.pending_xref)):
         target = node.get("reftarget", "")
@@ -28,8 +30,10 @@ def leave_pages(app, doctree) -> None:
             node.replace_self(nodes.literal("", target))
     for node in list(doctree.findall(addnodes.download_reference)):
         path = Path(node["reftarget"])
+        page = MADE.get("/".join(path.parts[-2:]))
         if path.parent.name == "gallery":
             page = f"auto_gallery/{path.stem}"
+        if page is not None and node.astext() != path.name:
             node.replace_self(_link(app, app.env.docname, page, node.children))
 
 

@@ -1,6 +1,7 @@
 """Pack a campaign file: the same datasets, chunked and compressed, verified equal."""
 
 import contextlib
+import io
 import math
 import os
 import shutil
@@ -105,17 +106,67 @@ def _check_blocks(path: Path, layout: Layout, whole: bool) -> list[tuple[int, ..
 
 
 def _copy(path: Path, temporary: Path, layout: Layout) -> None:
-    """Write the packed copy and flush it to disk."""
-    with reading(path) as source, h5py.File(temporary, "w", libver=LIBRARY) as copy:
-        # its checksum covers the offsets of the datasets, which differ here
-        fill(copy, layout, {k: v for k, v in source.attrs.items() if k != CHECKSUM}, _packed)
-        for variable in layout.structures:
-            copy[variable.name][...] = source[variable.name][...]
-        for variable in layout.stored:
-            data, packed = source[variable.name], copy[variable.name]
-            for part in parts_of(packed):
-                packed[part] = data[part]
+    """Write the packed copy and flush it to disk; what cannot be written is not the source's.
+
+    Raises
+    ------
+    OSError
+        If the copy cannot be written.
+    """
+    with _Written(temporary, "w+") as stream, contextlib.ExitStack() as last:
+        last.callback(stream.check)  # before what follows from it
+        with reading(path) as source, h5py.File(stream, "w", libver=LIBRARY) as copy:
+            # its checksum covers the offsets of the datasets, which differ here
+            fill(copy, layout, {k: v for k, v in source.attrs.items() if k != CHECKSUM}, _packed)
+            for variable in layout.structures:
+                copy[variable.name][...] = source[variable.name][...]
+            for variable in layout.stored:
+                data, packed = source[variable.name], copy[variable.name]
+                for part in parts_of(packed):
+                    packed[part] = _part(path, data, part)
+                    stream.check()
     _sync(temporary)
+
+
+class _Written(io.FileIO):
+    """A file that keeps the first error of writing, and takes what follows as written.
+
+    HDF5 may end the process where it cannot write what it still has when it closes a file.
+    """
+
+    error: OSError | None = None
+
+    def write(self, data) -> int:
+        """Write bytes."""
+        rest = memoryview(data).cast("B")
+        size = rest.nbytes
+        try:
+            while rest.nbytes and self.error is None:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self.error = error
+        return size
+
+    def truncate(self, size=None) -> int:
+        """Set the size."""
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self.error = self.error or error
+            return size or 0
+
+    def check(self) -> None:
+        """Raise the first error."""
+        if self.error is not None:
+            raise self.error
+
+
+def _part(path: Path, data: h5py.Dataset, part) -> np.ndarray:
+    """Read a part of a dataset of the source."""
+    try:
+        return data[part]
+    except Exception as error:
+        raise StoreError(f"{path}: cannot be read: {reason(error)}") from None
 
 
 def _packed(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:

@@ -1,5 +1,6 @@
 """A packed file reads the same everywhere, and nothing is lost on the way."""
 
+import resource
 from pathlib import Path
 
 import h5py
@@ -137,3 +138,19 @@ def test_chunks_and_parts_cover_a_variable_once(tmp_path):
                 held = np.prod([piece.stop - piece.start for piece in part]) * 8
                 assert held <= 2 * contents.COPY_BYTES
             assert seen.min() == seen.max() == 1
+
+
+@pytest.mark.parametrize("room", [2_000, 20_000])
+def test_where_the_copy_does_not_fit_the_sound_source_is_not_blamed(copy, tmp_path, room):
+    """Nor does HDF5 end the process, as it may where it cannot write what it still has."""
+    before, target = copy.read_bytes(), tmp_path / "packed.h5"
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limit[1]))
+    try:
+        with pytest.raises(StoreError) as caught:
+            pack(copy, target)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert str(caught.value) == f"{target}: cannot be written: File too large"
+    assert copy.read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.h5", "copy.h5.journal"]

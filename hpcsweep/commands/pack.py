@@ -17,10 +17,11 @@ def configure(parser) -> None:
 def run(options) -> int:
     """Run the command."""
     from hpcsweep.store import pack
+    from hpcsweep.studies.run_names import amount
 
     before, after = pack(options.file, options.output)
     print(
-        f"{options.output or options.file}: {after / 1e6:.4g} MB, "
-        f"{before / 1e6:.4g} MB before packing; equal in every dataset and checksum"
+        f"{options.output or options.file}: {amount(after)}, {amount(before)} before packing; "
+        "equal in every dataset and checksum"
     )
     return 0

@@ -4,7 +4,8 @@ A line declares a row: its name and its text, divided by a bar, and behind anoth
 to the text. A row is shown where the values of name and text are there and not None, and what is
 added where its own are. ``MAPPING: `` before a name declares a row for each `key` and `value` of a
 mapping. Templates are those of `str.format`, also with these formats: ``share`` of a number and its
-share, ``percent``, ``counts`` of a mapping, ``run`` of a described one, ``n NOUN`` of a count.
+share, ``percent``, ``counts`` of a mapping, ``size`` of bytes, ``run`` of a described one,
+``n NOUN`` of a count.
 """
 
 import string
@@ -12,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hpcsweep.commands import Rows
-from hpcsweep.studies.run_names import count, run_name
+from hpcsweep.studies.run_names import amount, count, run_name
 
 
 def rows_of(declared: str, values: Mapping[str, Any]) -> Rows:
@@ -85,6 +86,7 @@ FORMATS: dict[str, Callable[[Any], str]] = {
     "share": share,
     "counts": counts,
     "run": run_name,
+    "size": amount,
 }
 
 

@@ -9,7 +9,7 @@ from hpcsweep.commands import USER_ERROR, CommandError, Rows, listing
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.commands.rows import by_clock, inferred_text, rows_of
 from hpcsweep.figures.options import file_name
-from hpcsweep.studies.run_names import count, run_name
+from hpcsweep.studies.run_names import amount, count, run_name
 
 SUMMARY = "show how far results files are, also while they run"
 HELP = """\
@@ -143,7 +143,7 @@ def _rows(state: dict) -> Rows:
         if session["write_bytes_per_second"]:
             yield (
                 "  wrote",
-                f"{session['written_bytes'] / 1e6:.4g} MB at "
-                f"{session['write_bytes_per_second'] / 1e6:.3g} MB/s, "
+                f"{amount(session['written_bytes'])} at "
+                f"{amount(session['write_bytes_per_second'])}/s, "
                 f"{100 * session['write_share']:.2g} % of the ranks' time",
             )

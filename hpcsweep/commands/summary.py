@@ -100,7 +100,7 @@ seeds on a branch | {seeds_covered:share}
 missed: seed {key} on none | {value[line]}, {parameter} = {value[value]:.8g}, \
 P{value[period]}: {value[reason]}
 more seeds on none | {more_missed}
-file | {gigabytes:.4g} GB, {on_disk:.4g} GB on disk
+file | {file_bytes:size}, {disk_bytes:size} on disk
 kinds: {key} | {value}
 shakedown: shakedown {key} | {value:share}
 chaotic | {untold}
@@ -156,8 +156,6 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         "searched": None if summary["run_noun"] == "start" else summary.get("starts"),
         "missed": dict(enumerate(missed[:MAX_ROWS], 1)),
         "more_missed": len(missed) - MAX_ROWS if len(missed) > MAX_ROWS else None,
-        "gigabytes": summary["file_bytes"] / 1e9,
-        "on_disk": summary["disk_bytes"] / 1e9,
         "kinds": {name: share(one) + _by_direction(summary, name) for name, one in classes.items()},
         "named": (summary.get("contact_sets") and summary["contacts_named"]) or None,
         "tested": window if window and window["runs"] else None,

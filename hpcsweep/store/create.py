@@ -11,6 +11,7 @@ import numpy as np
 
 from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.layout import Layout, StoreError, attributes_of
+from hpcsweep.studies.run_names import amount
 
 LIBRARY = ("v108", "v108")
 """Oldest version of HDF5 that can read a file."""
@@ -40,8 +41,7 @@ def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None
         need = layout.file_size() + 4 * len(layout.text)
         if need > free:
             raise StoreError(
-                f"{path}: the results need {need / 1e9:.3g} GB, the file system has "
-                f"{free / 1e9:.3g} GB free"
+                f"{path}: the results need {amount(need)}, the file system has {amount(free)} free"
             )
         # HDF5 may crash if there is no space when it closes a file: find out before
         _reserve(temporary, need + METADATA)

@@ -21,6 +21,14 @@ def written(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+def amount(n_bytes: float) -> str:
+    """Write a number of bytes in the unit that suits it."""
+    for unit, of in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if n_bytes >= of:
+            return f"{n_bytes / of:.4g} {unit}"
+    return f"{n_bytes:.4g} bytes"
+
+
 def run_name(described: Mapping[str, Any]) -> str:
     """Format the name of a run, from `Study.describe` or a part of it, on one line."""
     last = [name for name in SYMBOLS if name in described]

@@ -2,6 +2,7 @@
 
 from hpcsweep.commands import listing
 from hpcsweep.commands.rows import rows_of
+from hpcsweep.studies.run_names import amount
 
 DECLARED = """\
 {noun}s | {done:n run} of {all} | , {left:.2f} s left
@@ -30,6 +31,8 @@ def test_mappings_have_a_row_for_each_entry_and_formats_of_their_own():
         ("outcomes", "NON_FINITE 2"),
         ("at", "Omega = 0.5, A = 0.1, up"),
     ]
+    sizes = [amount(n) for n in (12, 76680, 1e6, 10.25e9)]
+    assert sizes == ["12 bytes", "76.68 kB", "1 MB", "10.25 GB"]
 
 
 def test_a_long_name_has_a_line_of_its_own():

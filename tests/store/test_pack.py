@@ -15,6 +15,7 @@ from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Lock, StoreError, contents, is_packed, pack, packing
+from hpcsweep.studies.run_names import amount
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def test_a_packed_file_reads_the_same_and_is_smaller(copy, tmp_path):
     assert done.returncode == 0, done.stderr
     before, after = copy.stat().st_size, packed.stat().st_size
     assert after < before
-    assert f"{after / 1e6:.4g} MB, {before / 1e6:.4g} MB before" in done.stdout
+    assert f": {amount(after)}, {amount(before)} before" in done.stdout
     assert open_results(packed).identical(open_results(copy))
     assert_same_datasets(copy, packed)
     left, right = status(copy), status(packed)

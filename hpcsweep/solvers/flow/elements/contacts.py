@@ -104,9 +104,9 @@ def rest_at_stops(tau, past, key, z, amplitude, model, work):
         size = max(size, abs(z[i]))
     resting = np.uint64(0)
     for k in range(contacts.row.shape[0]):
-        own = max(size, abs(contacts.gap[k]))
+        scale = max(size, abs(contacts.gap[k]))
         x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
-        if abs(x) <= ROUNDING * own and abs(w) <= AT_REST * own and (x != 0.0 or w != 0.0):
+        if abs(x) <= ROUNDING * scale and abs(w) <= AT_REST * scale and (x != 0.0 or w != 0.0):
             resting |= contact_bit(k)
     if resting == np.uint64(0):
         return past, key
@@ -119,8 +119,8 @@ def rest_at_stops(tau, past, key, z, amplitude, model, work):
         way = contacts.sign[k] * work.series.a[contacts.row[k]]
         if way == 0.0:
             continue
-        own = math.copysign(ROUNDING * max(size, abs(contacts.gap[k])), way)
-        z[contacts.row[k]] = contacts.sign[k] * (contacts.gap[k] + own)
+        away = math.copysign(ROUNDING * max(size, abs(contacts.gap[k])), way)
+        z[contacts.row[k]] = contacts.sign[k] * (contacts.gap[k] + away)
         past = past | bit if way > 0.0 else past & ~bit
         key = key | bit if way > 0.0 else key & ~bit
     return past, key

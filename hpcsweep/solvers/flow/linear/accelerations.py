@@ -133,11 +133,11 @@ def _ends_of_polynomial(p, segment, span, shared):
 def _ends_in_modes(segment, span, amplitude, shared):
     """Write the same of a step in modes; polynomials of bases alone, beside closed contacts."""
     model, work, outputs, x = shared.model, shared.work, shared.outputs, shared.work.x
-    spectrum, own = shared.tables.spectrum, work.spectral
+    spectrum, modal = shared.tables.spectrum, work.spectral
     h, size, count = segment.h, work.z_end.shape[0], outputs.rows.shape[0]
-    write_accelerations(0.0, h, count, spectrum, own, outputs.start)
-    write_accelerations(span, h, count, spectrum, own, outputs.end)
-    bound_by_terms(5, h, count, spectrum, own, outputs.bounds)
+    write_accelerations(0.0, h, count, spectrum, modal, outputs.start)
+    write_accelerations(span, h, count, spectrum, modal, outputs.end)
+    bound_by_terms(5, h, count, spectrum, modal, outputs.bounds)
     forcing_after(span, segment.tau + span, amplitude, x, size, model, outputs.pairs)
     bend = 0.0
     for k in range(model.harmonics.shape[0]):

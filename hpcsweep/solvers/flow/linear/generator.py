@@ -128,13 +128,13 @@ def bound_of_set(key, model):
         stiff = drag = 0.0
         for i in range(kappa.shape[0]):
             if key & contact_bit(i) != np.uint64(0):
-                along, own, other = 0.0, 0.0, 0.0
+                along, first, second = 0.0, 0.0, 0.0
                 for j in range(reach.shape[1]):
                     along += reach[k, j] * reach[i, j]
-                    own += reach[k, j] ** 2
-                    other += reach[i, j] ** 2
+                    first += reach[k, j] ** 2
+                    second += reach[i, j] ** 2
                 stiff += math.sqrt(kappa[k] * kappa[i]) * abs(along)
-                both = contacts.edges[k, DRAG] * contacts.edges[i, DRAG] / (own * other)
+                both = contacts.edges[k, DRAG] * contacts.edges[i, DRAG] / (first * second)
                 drag += math.sqrt(both) * abs(along)
         hardest, strongest = max(hardest, stiff), max(strongest, drag)
     fastest = model.omega

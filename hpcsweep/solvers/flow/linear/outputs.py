@@ -38,20 +38,20 @@ def _fill(index, model, tables, outputs):
     poly, h = tables.poly[index], tables.h[index]
     loads = poly.shape[1] - 1 - model.elements.stiffness.shape[0]
     for i in range(model.ground.shape[0]):
-        own = outputs.poly[index, i]
+        polynomial = outputs.poly[index, i]
         for column in range(poly.shape[1]):
             for c in range(N_COEFFICIENTS):
-                own[column, c] = 0.0
+                polynomial[column, c] = 0.0
             if model.forcing[i] + model.ground[i] != 0.0:
-                differentiate(poly[n_rows + i, column], h, own[column])
+                differentiate(poly[n_rows + i, column], h, polynomial[column])
             else:
                 for j in range(2 * n_rows):
                     if rows[j, i] != 0.0:
                         for c in range(N_COEFFICIENTS):
-                            own[column, c] += rows[j, i] * poly[j, column, c]
+                            polynomial[column, c] += rows[j, i] * poly[j, column, c]
                 if column >= loads:
-                    own[column, 0] += rows[column, i]
-            outputs.bound4[index, column, i] = max_fourth_derivative(own[column], h)
+                    polynomial[column, 0] += rows[column, i]
+            outputs.bound4[index, column, i] = max_fourth_derivative(polynomial[column], h)
 
 
 @inlined
@@ -79,11 +79,11 @@ def _write_pairs(rows, model, pair):
                 slope += rows[n_rows + j, i] * rows[column, j]
             pair[column, value_at], pair[column, slope_at] = value, slope
         # of a harmonic the pair (sine, cosine), of a ramp (G, G')
-        own = model.forcing[i] + model.ground[i]
+        total = model.forcing[i] + model.ground[i]
         for h in range((loads - 2 * n_rows) // 2):
             at = 2 * n_rows + 2 * h
             rate = 1.0
             if h < model.harmonics.shape[0]:
                 rate = model.harmonics[h, 0] * model.omega
-            pair[at, value_at] += own
-            pair[at + 1, slope_at] += own * rate
+            pair[at, value_at] += total
+            pair[at + 1, slope_at] += total * rate

@@ -155,8 +155,8 @@ def value_and_slope(rows, row, h, s):
 @inlined
 def fourth_derivative(rows, h):
     """Bound |d^4/ds^4| of polynomial 0 on the step by the moduli of its coefficients."""
-    own = modulus(load(rows, 0)) * load(FOURTH, 0)
+    bound = modulus(load(rows, 0)) * load(FOURTH, 0)
     for p in range(LANES, N_COEFFICIENTS, LANES):
-        own = fma(modulus(load(rows, p)), load(FOURTH, p), own)
+        bound = fma(modulus(load(rows, p)), load(FOURTH, p), bound)
     rate = 2.0 / h
-    return total(own) * ((rate * rate) * (rate * rate))
+    return total(bound) * ((rate * rate) * (rate * rate))

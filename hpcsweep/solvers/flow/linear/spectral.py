@@ -106,12 +106,12 @@ def write_forcing(h, model, work, out):
 
 
 @inlined
-def _add_pushes(key, at, constant, model, spectrum, own, x):
+def _add_pushes(key, at, constant, model, spectrum, modal, x):
     """Add what contacts and sliders do by the terms at a place of all, flat, to those that follow.
 
     `constant` tells whether they have what does not depend on the terms.
     """
-    width, contacts, terms = spectrum.squares.shape[0], model.contacts, own.terms
+    width, contacts, terms = spectrum.squares.shape[0], model.contacts, modal.terms
     m, n_sliders, to = contacts.row.shape[0], model.elements.stiffness.shape[0], at + 3 * width
     for k in range(m):
         if key & contact_bit(k) == np.uint64(0):
@@ -133,13 +133,13 @@ def _add_pushes(key, at, constant, model, spectrum, own, x):
 
 
 @kernel
-def _write_terms(key, place, h, forced, model, spectrum, own, x):
+def _write_terms(key, place, h, forced, model, spectrum, modal, x):
     """Write the terms that follow those of the start, with or without what acts from outside."""
     width = spectrum.squares.shape[0]
-    pairs, terms, half = own.pairs, own.terms, 2 * model.stiffness.shape[0]
+    pairs, terms, half = modal.pairs, modal.terms, 2 * model.stiffness.shape[0]
     for k in range(pairs.shape[0]):
         pairs[k] = x[half + k] if forced else 0.0
-    for term in range(own.count[0] - 1):
+    for term in range(modal.count[0] - 1):
         rate, at = h / (term + 1), (place * terms.shape[1] + term) * 2 * width
         to = at + 2 * width
         ground = _next_forcing(rate, model, pairs)
@@ -151,7 +151,7 @@ def _write_terms(key, place, h, forced, model, spectrum, own, x):
         for j in range(spectrum.damping.shape[0]):
             drag = _dot(spectrum.damping, j * width, terms, at + width, width)
             terms[place, term + 1, width + j] -= drag
-        _add_pushes(key, at, forced and term == 0, model, spectrum, own, x)
+        _add_pushes(key, at, forced and term == 0, model, spectrum, modal, x)
         for p in range(0, width, LANES):
             store(terms, to + width + p, load(terms, to + width + p) * rate)
 
@@ -164,93 +164,95 @@ def _add(out, o, factor, table, t, size):
 
 
 @kernel
-def write_modal_row(row, half, spectrum, own, rows):
+def write_modal_row(row, half, spectrum, modal, rows):
     """Write the polynomial of a row, of `half` rows of displacements and as many of speeds."""
-    width, count = spectrum.squares.shape[0], own.count[0]
+    width, count = spectrum.squares.shape[0], modal.count[0]
     first, i = (width, row - half) if row >= half else (0, row)
     for k in range(count):
-        own.values[k] = _dot(spectrum.shapes, i * width, own.terms, 2 * k * width + first, width)
-    _write_polynomial(row, own, rows)
+        modal.values[k] = _dot(
+            spectrum.shapes, i * width, modal.terms, 2 * k * width + first, width
+        )
+    _write_polynomial(row, modal, rows)
 
 
 @inlined
-def _write_polynomial(row, own, rows):
-    """Write that whose terms are ``own.values``."""
+def _write_polynomial(row, modal, rows):
+    """Write that whose terms are ``modal.values``."""
     for p in range(0, N_COEFFICIENTS, LANES):
         at, about = row * N_COEFFICIENTS + p, ABOUT_START
-        combine(rows, at, ZERO, 0, 1.0, about, p, N_COEFFICIENTS, own.values, 0, own.count[0])
+        combine(rows, at, ZERO, 0, 1.0, about, p, N_COEFFICIENTS, modal.values, 0, modal.count[0])
 
 
 @kernel
-def write_modes(own, rows):
+def write_modes(modal, rows):
     """Write the polynomials of the modal coordinates along the present step."""
     for j in range(rows.shape[0]):
-        for k in range(own.count[0]):
-            own.values[k] = own.terms[STATE, k, j]
-        _write_polynomial(j, own, rows)
+        for k in range(modal.count[0]):
+            modal.values[k] = modal.terms[STATE, k, j]
+        _write_polynomial(j, modal, rows)
 
 
 @kernel
-def write_accelerations(s, h, count, spectrum, own, out):
+def write_accelerations(s, h, count, spectrum, modal, out):
     """Write y'' of the first `count` rows at time s, and its rate, `LANES` of each in turns."""
     width, ratio, rate = spectrum.squares.shape[0], s / h, 1.0 / h
     for p in range(0, width, LANES):
         rise, bend = load(ZERO, 0), load(ZERO, 0)
-        for k in range(own.count[0] - 1, 0, -1):
-            term = load(own.terms, (2 * k + 1) * width + p) * (k * rate)
+        for k in range(modal.count[0] - 1, 0, -1):
+            term = load(modal.terms, (2 * k + 1) * width + p) * (k * rate)
             bend = fma(bend, ratio, rise)
             rise = fma(rise, ratio, term)
-        store(own.start, p, rise)
-        store(own.start, width + p, bend * rate)
+        store(modal.start, p, rise)
+        store(modal.start, width + p, bend * rate)
     for i in range(count):
         at = i + i // LANES * LANES
-        out[at] = _dot(spectrum.shapes, i * width, own.start, 0, width)
-        out[at + LANES] = _dot(spectrum.shapes, i * width, own.start, width, width)
+        out[at] = _dot(spectrum.shapes, i * width, modal.start, 0, width)
+        out[at + LANES] = _dot(spectrum.shapes, i * width, modal.start, width, width)
 
 
 @kernel
-def bound_by_terms(order, h, count, spectrum, own, out):
+def bound_by_terms(order, h, count, spectrum, modal, out):
     """Bound |d^4/ds^4| of y, `order` 4, or of y'', 5, of the first `count` rows on the step."""
     width = spectrum.squares.shape[0]
     first = (order - 4) * width
     for p in range(0, width, LANES):
         value = load(ZERO, 0)
-        for k in range(order, own.count[0]):
-            term = modulus(load(own.terms, 2 * k * width + first + p))
+        for k in range(order, modal.count[0]):
+            term = modulus(load(modal.terms, 2 * k * width + first + p))
             value = fma(term, FALLING[order - 4, k], value)
-        store(own.bounds, p, value * h**-order)
+        store(modal.bounds, p, value * h**-order)
     for i in range(count):
         value = load(ZERO, 0)
         for p in range(0, width, LANES):
-            value = fma(modulus(load(spectrum.shapes, i * width + p)), load(own.bounds, p), value)
+            value = fma(modulus(load(spectrum.shapes, i * width + p)), load(modal.bounds, p), value)
         out[i] = total(value)
 
 
 @kernel
 def bound_rows(h, tables, work):
     """Write ``work.bounds`` of all rows, if they are not, by the bounds of the modes."""
-    spectrum, own = tables.spectrum, work.spectral
-    if own.count[1] == 0:
-        own.count[1] = 1
-        bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, own, work.bounds)
+    spectrum, modal = tables.spectrum, work.spectral
+    if modal.count[1] == 0:
+        modal.count[1] = 1
+        bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, modal, work.bounds)
 
 
 @kernel
-def _evaluate(place, ratio, own, out):
+def _evaluate(place, ratio, modal, out):
     """Write the modal coordinates and speeds at that part of a step."""
-    size, terms = out.shape[0], own.terms
+    size, terms = out.shape[0], modal.terms
     first = place * terms.shape[1] * size
     for p in range(0, size, LANES):
-        value = load(terms, first + (own.count[0] - 1) * size + p)
-        for k in range(own.count[0] - 2, -1, -1):
+        value = load(terms, first + (modal.count[0] - 1) * size + p)
+        for k in range(modal.count[0] - 2, -1, -1):
             value = fma(value, ratio, load(terms, first + k * size + p))
         store(out, p, value)
 
 
 @kernel
-def write_rows(modes, spectrum, own, out):
-    """Write all rows of a state by its modal coordinates and speeds; `own` is workspace."""
-    (n, rows), (half, width), wide = spectrum.columns.shape, spectrum.shapes.shape, own.wide
+def write_rows(modes, spectrum, modal, out):
+    """Write all rows of a state by its modal coordinates and speeds; `modal` is workspace."""
+    (n, rows), (half, width), wide = spectrum.columns.shape, spectrum.shapes.shape, modal.wide
     for part in range(2):
         for p in range(0, rows, LANES):
             combine(wide, p, ZERO, 0, 1.0, spectrum.columns, p, rows, modes, part * width, n)
@@ -263,33 +265,33 @@ def modal_step(index, tau, end, model, tables, work):
 
     Where a step begins at the end of the last one, in time and set, its modes are those there.
     """
-    spectrum, own, half = tables.spectrum, work.spectral, work.z_end.shape[0] // 2
+    spectrum, modal, half = tables.spectrum, work.spectral, work.z_end.shape[0] // 2
     key, h = tables.keys[index], tables.h[index]
-    if continues(index, tau, own):
-        copy_state(own.end, own.terms[STATE, 0])
+    if continues(index, tau, modal):
+        copy_state(modal.end, modal.terms[STATE, 0])
     else:
-        modes_of(work.x, half, spectrum, own.terms[STATE, 0])
-    own.chain[0], own.chain[1] = end, index
-    own.count[0], own.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
-    _write_terms(key, STATE, h, True, model, spectrum, own, work.x)
-    _evaluate(STATE, 1.0, own, own.end)
+        modes_of(work.x, half, spectrum, modal.terms[STATE, 0])
+    modal.chain[0], modal.chain[1] = end, index
+    modal.count[0], modal.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
+    _write_terms(key, STATE, h, True, model, spectrum, modal, work.x)
+    _evaluate(STATE, 1.0, modal, modal.end)
 
 
 @kernel
 def bound_contacts(index, model, tables, work):
     """Write ``work.bounds`` of the rows of contacts along the present step."""
-    spectrum, own, rows = tables.spectrum, work.spectral, model.contacts.row
-    h, count, m = tables.h[index], own.count[0], rows.shape[0]
+    spectrum, modal, rows = tables.spectrum, work.spectral, model.contacts.row
+    h, count, m = tables.h[index], modal.count[0], rows.shape[0]
     if m <= FEW:
         for k in range(m):
-            write_modal_row(rows[k], work.z_end.shape[0] // 2, spectrum, own, work.rows)
+            write_modal_row(rows[k], work.z_end.shape[0] // 2, spectrum, modal, work.rows)
             work.bounds[rows[k]] = fourth_derivative(work.rows[rows[k] : rows[k] + 1], h)
         return
-    (n, width), sums, step = spectrum.stops.shape, own.sums, own.terms.shape[2]
+    (n, width), sums, step = spectrum.stops.shape, modal.sums, modal.terms.shape[2]
     for first in range(0, width, LANES):
         for k in range(count):
             at, stops = k * LANES, spectrum.stops
-            combine(sums, at, ZERO, 0, 1.0, stops, first, width, own.terms, k * step, n)
+            combine(sums, at, ZERO, 0, 1.0, stops, first, width, modal.terms, k * step, n)
         bound, last = load(ZERO, 0), N_CLOSED * LANES
         for p in range(4, N_COEFFICIENTS):
             combine(sums, last, ZERO, 0, 1.0, sums, 0, LANES, BY_POWER, p * N_CLOSED, count)
@@ -318,51 +320,51 @@ def ends_of_contacts(model, tables, work):
 
 
 @inlined
-def continues(index, tau, own):
-    """Return whether ``own.end`` are the modes at tau, in the set of table `index`."""
-    return tau > 0.0 and own.chain[0] == tau and own.chain[1] == index
+def continues(index, tau, modal):
+    """Return whether ``modal.end`` are the modes at tau, in the set of table `index`."""
+    return tau > 0.0 and modal.chain[0] == tau and modal.chain[1] == index
 
 
 @inlined
 def modal_state(s, h, tables, work, out):
     """Write the state at time s of the present step, of length h."""
-    own = work.spectral
-    _evaluate(STATE, s / h, own, own.start)
-    write_rows(own.start, tables.spectrum, own, out)
+    modal = work.spectral
+    _evaluate(STATE, s / h, modal, modal.start)
+    write_rows(modal.start, tables.spectrum, modal, out)
 
 
 @kernel
 def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
     """Multiply `tangent` by exp(M s) to the power `n_steps` of table `index`, in place."""
-    spectrum, own, half = tables.spectrum, work.spectral, tangent.shape[0] // 2
+    spectrum, modal, half = tables.spectrum, work.spectral, tangent.shape[0] // 2
     key, h = tables.keys[index], tables.h[index]
     exact = key == np.uint64(0) and spectrum.damping.shape[0] == 0
     if exact:
-        _write_exponential(s * n_steps, spectrum, own.exponential)
-    vector, width, kept = work.tangent.column, spectrum.squares.shape[0], own.count[0]
-    own.count[0] = N_FREE if key == np.uint64(0) else N_CLOSED
+        _write_exponential(s * n_steps, spectrum, modal.exponential)
+    vector, width, kept = work.tangent.column, spectrum.squares.shape[0], modal.count[0]
+    modal.count[0] = N_FREE if key == np.uint64(0) else N_CLOSED
     for column in range(tangent.shape[1]):
         for i in range(2 * half):
             vector[i] = tangent[i, column]
         if exact:
-            modes_of(vector, half, spectrum, own.terms[TANGENT, 0])
+            modes_of(vector, half, spectrum, modal.terms[TANGENT, 0])
             for p in range(0, width, LANES):
-                first = own.terms.shape[1] * 2 * width + p
-                q, v = load(own.terms, first), load(own.terms, first + width)
-                e = own.exponential
-                store(own.start, p, fma(load(e, p), q, load(e, width + p) * v))
+                first = modal.terms.shape[1] * 2 * width + p
+                q, v = load(modal.terms, first), load(modal.terms, first + width)
+                e = modal.exponential
+                store(modal.start, p, fma(load(e, p), q, load(e, width + p) * v))
                 more = load(e, 3 * width + p) * v
-                store(own.start, width + p, fma(load(e, 2 * width + p), q, more))
-            write_rows(own.start, spectrum, own, vector)
+                store(modal.start, width + p, fma(load(e, 2 * width + p), q, more))
+            write_rows(modal.start, spectrum, modal, vector)
         else:
             for _ in range(n_steps):
-                modes_of(vector, half, spectrum, own.terms[TANGENT, 0])
-                _write_terms(key, TANGENT, h, False, model, spectrum, own, work.x)
-                _evaluate(TANGENT, s / h, own, own.start)
-                write_rows(own.start, spectrum, own, vector)
+                modes_of(vector, half, spectrum, modal.terms[TANGENT, 0])
+                _write_terms(key, TANGENT, h, False, model, spectrum, modal, work.x)
+                _evaluate(TANGENT, s / h, modal, modal.start)
+                write_rows(modal.start, spectrum, modal, vector)
         for i in range(2 * half):
             tangent[i, column] = vector[i]
-    own.count[0] = kept
+    modal.count[0] = kept
 
 
 @kernel

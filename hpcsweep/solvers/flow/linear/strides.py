@@ -110,38 +110,38 @@ def _double(j, before, turns, out):
 
 
 @kernel
-def have_strides(h, model, spectrum, own):
+def have_strides(h, model, spectrum, strides):
     """Write the tables of all strides, if they are not; return the number of their lengths."""
-    if own.count[0] != 0:
-        return max(own.count[0], 0)
-    n, units = spectrum.to_modes.shape[0], own.bends.shape[1]
-    own.count[0] = own.steps.shape[0] if spectrum.damping.shape[0] == 0 else NONE
+    if strides.count[0] != 0:
+        return max(strides.count[0], 0)
+    n, units = spectrum.to_modes.shape[0], strides.bends.shape[1]
+    strides.count[0] = strides.steps.shape[0] if spectrum.damping.shape[0] == 0 else NONE
     for j in range(n):
         if not (spectrum.squares[j] > 0.0 and spectrum.rates[j] <= 0.0):
-            own.count[0] = NONE
-    if own.count[0] == NONE:
+            strides.count[0] = NONE
+    if strides.count[0] == NONE:
         return 0
-    for level in range(own.steps.shape[0]):
-        _write_turns(h * 2.0**level, model, own.turns[level])
+    for level in range(strides.steps.shape[0]):
+        _write_turns(h * 2.0**level, model, strides.turns[level])
     for j in range(n):
-        own.driven[j] = abs(spectrum.forcing[j]) / math.sqrt(spectrum.squares[j])
+        strides.driven[j] = abs(spectrum.forcing[j]) / math.sqrt(spectrum.squares[j])
         for unit in range(units):
-            _write_step(j, unit, h, model, spectrum, own.steps[0])
-            _write_bends(j, unit, model, spectrum, own.bends)
-        for level in range(1, own.steps.shape[0]):
-            _double(j, own.steps[level - 1], own.turns[level - 1], own.steps[level])
-    own.edges[0], own.edges[1] = 0.0, -1.0
+            _write_step(j, unit, h, model, spectrum, strides.steps[0])
+            _write_bends(j, unit, model, spectrum, strides.bends)
+        for level in range(1, strides.steps.shape[0]):
+            _double(j, strides.steps[level - 1], strides.turns[level - 1], strides.steps[level])
+    strides.edges[0], strides.edges[1] = 0.0, -1.0
     for k in range(model.contacts.row.shape[0]):
-        own.edges[0, k] = model.contacts.edges[k, 0]
-        own.edges[1, k] = -model.contacts.edges[k, 0] * model.contacts.edges[k, 1]
-    return own.count[0]
+        strides.edges[0, k] = model.contacts.edges[k, 0]
+        strides.edges[1, k] = -model.contacts.edges[k, 0] * model.contacts.edges[k, 1]
+    return strides.count[0]
 
 
 @kernel
-def look(modes, spectrum, own, out):
+def look(modes, spectrum, strides, out):
     """Write distances past the edges, then speeds, of contacts in free flight; bounds behind them.
 
-    The bounds are those of the rows by the bounds ``own.bound`` of the modes.
+    The bounds are those of the rows by the bounds ``strides.bound`` of the modes.
     """
     n, width, stops = spectrum.to_modes.shape[0], spectrum.stops.shape[1], spectrum.stops
     half = spectrum.squares.shape[0]
@@ -151,26 +151,26 @@ def look(modes, spectrum, own, out):
             share = load(stops, j * width + first)
             value = fma(share, modes[j], value)
             speed = fma(share, modes[half + j], speed)
-            bound = fma(modulus(share), own.bound[j], bound)
-        sign = load(own.edges, first)
-        store(out, first, fma(sign, value, load(own.edges, width + first)))
+            bound = fma(modulus(share), strides.bound[j], bound)
+        sign = load(strides.edges, first)
+        store(out, first, fma(sign, value, load(strides.edges, width + first)))
         store(out, width + first, sign * speed)
         store(out, 2 * width + first, bound)
 
 
 @kernel
-def stride(level, h, modes, pairs, model, spectrum, own):
-    """Take a stride of that length from `modes` to ``own.after``, and `pairs` to ``own.turned``."""
-    half, units = spectrum.squares.shape[0], own.bends.shape[1]
-    flat, steps, bends = units * half, own.steps, own.bends
+def stride(level, h, modes, pairs, model, spectrum, strides):
+    """Take a stride of that length from `modes`, and `pairs`, to ``after`` and ``turned``."""
+    half, units = spectrum.squares.shape[0], strides.bends.shape[1]
+    flat, steps, bends = units * half, strides.steps, strides.bends
     to, size = 2 * level * flat, 0.0
     for number in range(0, units - 2, 2):
         rise, fall = _rates_of(number // 2, model)
         s, c = pairs[number], pairs[number + 1]
         size += (rise * fall) ** 2 * (abs(s) + abs(c))
         for i in range(number, number + 2):
-            turn = own.turns[level, i]
-            own.turned[i] = fma(turn[0], s, turn[1] * c)
+            turn = strides.turns[level, i]
+            strides.turned[i] = fma(turn[0], s, turn[1] * c)
     for p in range(0, half, LANES):
         q, v = load(modes, p), load(modes, half + p)
         moved = fma(load(steps, to + p), q, load(steps, to + half + p) * v)
@@ -183,16 +183,20 @@ def stride(level, h, modes, pairs, model, spectrum, own):
             pushed = fma(load(steps, to + flat + at), pairs[i], pushed)
             bend = fma(load(bends, at), pairs[i], bend)
             rise = fma(load(bends, flat + at), pairs[i], rise)
-        store(own.after, p, q + moved)
-        store(own.after, half + p, v + pushed)
-        store(own.bound, p, root(fma(bend, bend, rise * rise)) + load(own.driven, p) * (size * h))
+        store(strides.after, p, q + moved)
+        store(strides.after, half + p, v + pushed)
+        store(
+            strides.bound,
+            p,
+            root(fma(bend, bend, rise * rise)) + load(strides.driven, p) * (size * h),
+        )
 
 
 @inlined
-def accept(modes, pairs, first, own):
+def accept(modes, pairs, first, strides):
     """Make the end of a stride the state, and the pairs in pairs[first:]."""
-    copy_state(own.after, modes)
-    for i in range(own.turned.shape[0]):
-        pairs[first + i] = own.turned[i]
-    width = own.edges.shape[1]
-    copy_state(own.ends[: 2 * width], own.starts)
+    copy_state(strides.after, modes)
+    for i in range(strides.turned.shape[0]):
+        pairs[first + i] = strides.turned[i]
+    width = strides.edges.shape[1]
+    copy_state(strides.ends[: 2 * width], strides.starts)

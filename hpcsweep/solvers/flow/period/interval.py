@@ -65,8 +65,10 @@ def _visit(packed, interval, z, amplitude, wanted, elements, tangent, shared):
 
 
 @inlined
-def _step(packed, past, key, interval, wanted, ahead, elements, tangent, shared):
+def _step(packed, past, key, index, interval, wanted, ahead, elements, tangent, shared):
     """Take a step of a set to ``work.z_end``, after those that coasting takes.
+
+    `index` is that of the table of the step before, -1 if it was of another set.
 
     Returns
     -------
@@ -84,7 +86,8 @@ def _step(packed, past, key, interval, wanted, ahead, elements, tangent, shared)
         segment = series_step(key, tau, end, model, work)
         shared.counts[LINEAR_STEPS] += 1
         return segment, segment.h, 1, 0
-    segment = step_of(key, table_of(key, tables, packed), tau, end, tables)
+    index = index if index >= 0 else table_of(key, tables, packed)
+    segment = step_of(key, index, tau, end, tables)
     coasts = wanted == NO_TALLY
     if elements is not None:
         coasts = coasts and model.elements.stiffness.shape[0] == 0 and past == np.uint64(0)
@@ -205,9 +208,11 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
     if not begins:
         begin_at(0.0, z, amplitude, model, work)
     tau, end, steps, ahead, promised, changed = 0.0, length, 0, 0, np.uint64(0), begins
+    index = -1
     while tau < end:
         if begins:
             past, key = begin(tau, z, amplitude, elements, shared)
+            index = -1
         if steps >= shared.max_steps:
             return STEP_LIMIT, UNKNOWN
         interval = Interval(tau, end, shared.max_steps - steps)
@@ -221,9 +226,9 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
                 return outcome, UNKNOWN
             continue
         segment, span, taken, ahead = _step(
-            packed, past, key, interval, wanted, ahead, elements, tangent, shared
+            packed, past, key, index, interval, wanted, ahead, elements, tangent, shared
         )
-        steps, tau = steps + taken, segment.tau
+        steps, tau, index = steps + taken, segment.tau, segment.index
         ending = _ending(segment, span, ahead, promised, z, amplitude, elements, packed, shared)
         if ending.contact == UNDECIDED:
             return SOLVER_FAILED, UNKNOWN
@@ -235,7 +240,7 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
             return NON_FINITE, UNKNOWN
         gather(segment, past, ending.span, span, amplitude, wanted, elements, measures, shared)
         if ending.contact >= 0:
-            before, changed = past, True
+            before, changed, index = past, True, -1
             past, key, begins, passing, outcome = _pass_guard(
                 segment, ending, past, work.z_end, amplitude, elements, tangent, shared
             )

@@ -177,24 +177,24 @@ def _stride_on(segment, steps_left, model, tables, work):
     of contacts on it.
     """
     index, h, tau, end = segment.index, segment.h, segment.tau, segment.end
-    own, spectrum, strides = work.spectral, tables.spectrum, tables.strides
+    modal, spectrum, strides = work.spectral, tables.spectrum, tables.strides
     first = work.z_end.shape[0]
     n_steps, level = 0, 0
     if not (tau + h < end and steps_left > 0):
         return tau, n_steps
-    if not continues(index, tau, own):
-        modes_of(work.x, first // 2, spectrum, own.end)
-    look(own.end, spectrum, strides, strides.ends)
+    if not continues(index, tau, modal):
+        modes_of(work.x, first // 2, spectrum, modal.end)
+    look(modal.end, spectrum, strides, strides.ends)
     copy_state(strides.ends[: strides.starts.shape[0]], strides.starts)
     while tau + h < end and n_steps < steps_left:
         span, taken = h * 2.0**level, 1 << level
         if level > 0 and (tau + span >= end or n_steps + taken > steps_left):
             level -= 1
             continue
-        stride(level, span, own.end, work.x[first:], model, spectrum, strides)
+        stride(level, span, modal.end, work.x[first:], model, spectrum, strides)
         look(strides.after, spectrum, strides, strides.ends)
         if _all_are_clear(span, strides):
-            accept(own.end, work.x, first, strides)
+            accept(modal.end, work.x, first, strides)
             tau, n_steps = tau + span, n_steps + taken
             level = min(level + 1, strides.steps.shape[0] - 1)
         elif level > 0:
@@ -203,7 +203,7 @@ def _stride_on(segment, steps_left, model, tables, work):
             for k in range(model.contacts.row.shape[0]):
                 work.bounds[model.contacts.row[k]] = strides.ends[2 * strides.edges.shape[1] + k]
             break
-    own.chain[0], own.chain[1] = tau, index
+    modal.chain[0], modal.chain[1] = tau, index
     return tau, n_steps
 
 
@@ -234,11 +234,11 @@ def _coast_in_modes(segment, steps_left, model, tables, work):
         turn_forcing(x, 2 * half, tables, index)
         tau += h
         n_steps += 1
-    own, spectrum = work.spectral, tables.spectrum
+    modal, spectrum = work.spectral, tables.spectrum
     if n_steps > 0:
-        write_rows(own.end if clear else own.terms[0, 0], spectrum, own, x)
+        write_rows(modal.end if clear else modal.terms[0, 0], spectrum, modal, x)
     if not clear:
-        write_rows(own.end, spectrum, own, wide)
+        write_rows(modal.end, spectrum, modal, wide)
         if model.elements.first.shape[0] > 0:
             bound_rows(h, tables, work)
     return tau, n_steps, not clear
@@ -288,7 +288,7 @@ def look_ahead(segment, steps_left, model, tables, work):
     known : bool
         See `coast`.
     """
-    own, strides = work.spectral, tables.strides
+    modal, strides = work.spectral, tables.strides
     if not (segment.key == np.uint64(0) and strides.steps.shape[0] > 0):
         return 0, False
     copy_state(work.x, strides.begun)
@@ -296,7 +296,7 @@ def look_ahead(segment, steps_left, model, tables, work):
     if n_steps == 0:
         return 0, known
     copy_state(work.x, strides.reached)
-    copy_state(own.terms[0, 0] if known else own.end, strides.modes)
+    copy_state(modal.terms[0, 0] if known else modal.end, strides.modes)
     copy_state(strides.begun, work.x)
     strides.time[0] = tau
     return n_steps, False
@@ -305,12 +305,12 @@ def look_ahead(segment, steps_left, model, tables, work):
 @inlined
 def go_on(index, z, tables, work):
     """Go to where strides end; return the time."""
-    own, strides = work.spectral, tables.strides
+    modal, strides = work.spectral, tables.strides
     tau = strides.time[0]
     copy_state(strides.reached, work.x)
     copy_state(work.x[: z.shape[0]], z)
-    copy_state(strides.modes, own.end)
-    own.chain[0], own.chain[1] = tau, index
+    copy_state(strides.modes, modal.end)
+    modal.chain[0], modal.chain[1] = tau, index
     return tau
 
 

@@ -1,6 +1,7 @@
 """Finite element models: a clamped beam whose frequencies are known, and 100 random models."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -296,6 +297,29 @@ def test_a_wrong_model_is_refused_in_one_line(make, said):
     with pytest.raises(ValueError, match=said) as caught:
         make()
     assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_a_large_model_is_reduced_without_a_dense_matrix():
+    """A membrane, whose frequencies are known; n x n numbers would take 33 MB."""
+    side, n = 45, 45**2
+    chain = sparse.diags_array(
+        [-np.ones(side - 1), np.full(side, 2.0), -np.ones(side - 1)], offsets=[-1, 0, 1]
+    )
+    eye = sparse.eye_array(side)
+    stiffness = 1e6 * sparse.csr_array(sparse.kron(eye, chain) + sparse.kron(chain, eye))
+    middle = str(n // 2 + 1)
+    tracemalloc.start()
+    stop = Contact(middle, 1e-3, 1e5)
+    found = FiniteElements(np.full(n, 2.0), stiffness).structure(
+        [stop], [Slider("7", 1e3, 1.0)], outputs=[middle], damping_ratio=0.01, reduce={"modes": 3}
+    )
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2e7
+    assert 1e5 < found.reduction.memory < 2e7
+    lowest = 4e6 * np.sin(np.pi / 2 / (side + 1)) ** 2
+    assert found.reduction.frequencies[0] == pytest.approx(math.sqrt(lowest), rel=1e-4)
 
 
 def test_units_that_do_not_fit_are_told():

@@ -19,6 +19,8 @@ MAX_MODES = 12
 """Number of lowest modes that are listed."""
 MAX_WORDS = 6
 """Number of values of a key that are words, names of structures say, that are listed."""
+HEAVIER = 2.0
+"""Damping ratio while all slip, over that while all stick, which is warned of."""
 PULLED = 0.01
 """Part of a gap over which smooth contacts may pull at rest without a warning."""
 SPRINGLESS = 10.0
@@ -228,6 +230,31 @@ def _warnings(structure) -> Iterator[str]:
     elif structure.matrices is not None:
         yield from _soft_contacts(structure)
     yield from _pulling_contacts(structure)
+    yield from _sticking_dashpots(structure)
+
+
+def _sticking_dashpots(structure) -> Iterator[str]:
+    """Yield one line if dashpots by a ratio of what sticks are heavy beside what slips.
+
+    Of sliders that are tables of a job: storeys that yield have the ratio of their first stiffness.
+    """
+    if not structure.sliders or structure.matrices is None or structure.names.storeys:
+        return
+    by_stiffness = structure.rayleigh is None or structure.rayleigh_factors[1] > 0.0
+    if structure.matrices.damping is not None or not by_stiffness:
+        return
+    squares, shapes = eigh(structure.elastic_stiffness, structure.mass_matrix)
+    first = int(np.argmax(squares > ROUNDING * squares[-1]))
+    omega, shape = np.sqrt(abs(squares[first])), shapes[:, first]
+    ratio, meant = shape @ structure.damping_matrix @ shape / (2 * omega), structure.damping_ratios
+    if ratio > HEAVIER * meant[0] > 0.0:
+        own = "" if structure.reduction is not None else ", or structure.matrices.damping,"
+        factor = "alpha" if structure.rayleigh else f"{2 * meant[0] * omega:.4g}"
+        yield (
+            f"the damping ratio {meant[0]:.4g} is that of mode 1 while all sliders stick: its "
+            f"dashpots are {ratio:.3g} of critical while all slip; structure.rayleigh = "
+            f"[{factor}, 0.0]{own} gives the frame its own"
+        )
 
 
 def _pulling_contacts(structure) -> Iterator[str]:

@@ -52,11 +52,19 @@ class LinearDynamics(System):
 
     @cached_property
     def frequency_unit(self) -> float:
-        """Unit of frequency, a power of two, likewise."""
+        """Unit of frequency, a power of two, likewise.
+
+        Of motions that are longer than a slider is before it slips, its stiffness is F over their
+        length.
+        """
         if self.is_uniform:
             return 1.0
-        ratio = np.trace(self.stiffness_matrix) / np.trace(self.mass_matrix)
-        return power_of_two(math.sqrt(ratio))
+        stiffness = float(np.trace(self.stiffness_matrix))
+        if self.motion_length and self.sliders:
+            shares = [min(1.0, one.limit / self.motion_length) for one in self.sliders]
+            springs = [one.spring * float(np.square(one.direction).sum()) for one in self.sliders]
+            stiffness = max(float(np.trace(self.elastic_stiffness)), 0.0) + np.dot(shares, springs)
+        return power_of_two(math.sqrt(stiffness / np.trace(self.mass_matrix)))
 
     @cached_property
     def state_units(self) -> np.ndarray:

@@ -122,6 +122,10 @@ class MeasuredDynamics(LinearDynamics):
         gaps of 0: a bilinear oscillator, whose motions are proportional to A) it is the largest
         L_i. At A = 0 it is that of the structure.
 
+        Once a slider may slip, its elongation A |b . L| above F / k, the structure without any is
+        what limits motions, and L_i the larger of both: of dry friction by a spring 1e6 times as
+        stiff as the one beside it the former alone is the 1e6th part of the motion.
+
         Parameters
         ----------
         omega : float
@@ -132,30 +136,45 @@ class MeasuredDynamics(LinearDynamics):
         ndarray, shape (k,)
         """
         size = np.abs(np.asarray(amplitudes, float))[..., None]
-        response = self._response_bound(omega)
-        reach = REACH * (np.abs(self.directions) @ response)
+        sticking = self._response_bound(omega)
+        limits = np.array([slider.limit for slider in self.sliders])
+        slips = (size * (np.abs(self.slider_directions) @ sticking) > limits).any(axis=-1)
+        response = np.where(slips[..., None], np.maximum(sticking, self._slipping(omega)), sticking)
+        reach = REACH * (response @ np.abs(self.directions).T)
         gaps = np.array([abs(contact.gap) for contact in self.contacts])
         close = np.where(gaps <= reach * size, gaps, 0.0).max(axis=-1, initial=0.0)
-        length = np.where(close > 0, close, response.max() * size[..., 0])
+        length = np.where(close > 0, close, response.max(axis=-1) * size[..., 0])
         known = (length > 0) & (length < LONGEST)
         exponents = np.round(np.log2(np.where(known, length, 1.0)))
         return np.where(known, np.exp2(exponents), self.length_unit)
 
     def units_at(self, omega: float, amplitudes) -> np.ndarray:
         """Return `state_units`, (k, 2n + L), of motions at k amplitudes."""
-        speeds = self.state_units / self.length_unit
-        return self.lengths(omega, amplitudes)[..., None] * speeds
+        lengths = self.lengths(omega, amplitudes)
+        own = {length: self.measured_by(length).state_units for length in np.unique(lengths)}
+        return np.array([own[length] for length in lengths.ravel()]).reshape(*lengths.shape, -1)
 
     def _response_bound(self, omega: float) -> np.ndarray:
-        """Return L_i of `lengths` at A = 1, shape (n,)."""
-        frequencies = self.frequencies
+        """Return L_i of `lengths` at A = 1, shape (n,), of what sticks."""
         ratios = np.maximum(self.damping_ratios, MIN_DAMPING)
-        push = self.modes.T @ self.forcing_vector
-        bound = np.zeros(self.n_floors)
+        return self._bound_of(self.frequencies**2, self.modes, ratios, omega)
+
+    def _slipping(self, omega: float) -> np.ndarray:
+        """Return the same without sliders."""
+        if not self.sliders:
+            return np.zeros(self.n_floors)
+        from scipy.linalg import eigh
+
+        squares, shapes = eigh(self.elastic_stiffness, self.mass_matrix)
+        return self._bound_of(squares, shapes, MIN_DAMPING, omega)
+
+    def _bound_of(self, squares, shapes, ratios, omega: float) -> np.ndarray:
+        """Return L_i at A = 1 of modes, M = 1, by the squares of their frequencies."""
+        push, bound = shapes.T @ self.forcing_vector, np.zeros(self.n_floors)
         for order, size, _ in self.forcing.terms:
             w = order * omega
-            denominator = frequencies**2 - w**2 + 2j * ratios * frequencies * w
-            bound += abs(size) * np.abs(self.modes @ (push / denominator))
+            denominator = squares - w**2 + 2j * ratios * np.sqrt(np.abs(squares)) * w
+            bound += abs(size) * np.abs(shapes @ (push / denominator))
         return bound
 
     def measured_by(self, length: float) -> Self:

@@ -10,10 +10,14 @@ closing in (u, u') and p, relative to what drifts along directions that no sprin
 (`Structure.without_drift`): there a motion that ratchets repeats, each time farther on.
 
 The tangent map is a central difference of the map, which is exact to rounding: its error is some
-1e-9. It is continuous in the state but where a slider comes to its strength and turns: slips to one
-side of such a motion grow in proportion to how far it is passed, and none are on the other. Where
-differences to both sides differ so, or do not add up, of the usual step and of a smaller one, there
-is no tangent map.
+1e-9. A slider forgets what it remembers within its elastic elongation F / k: of 1e6 times the
+stiffness beside it, dry friction but for rounding, that is 3e-7 of the motion. So differences are
+along u with the springs of sliders as they are, p moving with u, and along p by a part (`ELASTIC`)
+of F / k; the tangent map is what both make of the unit vectors. A slider that has not slipped over
+the motion has kept its p: its row is that of the identity. The map is continuous in the state but
+where a slider comes to its strength and turns: slips to one side of such a motion grow in
+proportion to how far it is passed, and none are on the other. Where differences to both sides
+differ so, or do not add up, of the usual step and of a smaller one, there is no tangent map.
 """
 
 from dataclasses import replace
@@ -37,6 +41,8 @@ same where the map bends over lengths of its units."""
 NARROW = 1e-7, 1e-8
 """The same beside a kink, of a slip that is about to end where a period begins, say, and within the
 layer of a smooth contact."""
+ELASTIC = 1e-3
+"""Most by which a difference changes the elastic elongation of a slider, over F / k."""
 SMOOTH = 1e-3
 """Largest difference between differences to both sides, over the size of the tangent map."""
 
@@ -140,14 +146,15 @@ class YieldingMap(FlowMap):
         for k in range(n_periods):
             along = self.structure.without_drift(along)
             along = along / np.linalg.norm(along / units)
-            step = DIFFERENCE * along
+            scale = min(DIFFERENCE, self._within_elastic(along))
+            step = scale * along
             ends = [self.advance(start, amplitude, 1, poll) for start in (z, z + step, z - step)]
             failed = [end.outcome for end in ends if end.outcome is not Outcome.COMPLETE]
             if failed:
                 return Growth(points[:k], failed[0], np.empty(0), along)
             z, above, below = (end.state for end in ends)
             points[k] = z
-            change = self.structure.without_drift(above - below) / (2.0 * DIFFERENCE)
+            change = self.structure.without_drift(above - below) * 0.5 / scale
             size = np.linalg.norm(change / units)
             logarithms[k] = np.log(size) if size > 0.0 else -np.inf
             along = change if size > 0.0 else along
@@ -173,28 +180,49 @@ class YieldingMap(FlowMap):
             raise ArithmeticError(f"flow: {name} in forcing period {period}")
         return reached.state
 
+    def _within_elastic(self, along: np.ndarray) -> float:
+        """Return the factor of a vector by which no slider's elastic elongation changes by much."""
+        n = self.structure.n_floors
+        change = np.abs(self.structure.slider_directions @ along[:n] - along[2 * n :])
+        limits = np.array([one.limit for one in self.structure.sliders])
+        return float((ELASTIC * limits / np.maximum(change, np.finfo(float).tiny)).min())
+
+    def _steps(self) -> np.ndarray:
+        """Return by what differences move a state, in columns; see the module."""
+        units, n = self.structure.state_units, self.structure.n_floors
+        steps = np.diag(units)
+        steps[2 * n :, :n] = self.structure.slider_directions * units[:n]
+        limits = np.array([one.limit for one in self.structure.sliders])
+        own = np.minimum(units[2 * n :], ELASTIC / DIFFERENCE * limits)
+        steps[2 * n :, 2 * n :] = np.diag(own)
+        return steps
+
     def _tangent(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None):
         """Return d z(n_periods T) / d z(0), shape (2n + L, 2n + L)."""
-        units = self.structure.state_units
-        middle = self._end(state, amplitude, n_periods, poll) / units
+        steps, n = self._steps(), 2 * self.structure.n_floors
+        self._path[:] = 0.0
+        middle = self._end(state, amplitude, n_periods, poll) / self.structure.state_units
+        sticks = n + np.flatnonzero(self._path == 0.0)
         for size in (DIFFERENCE, *NARROW):
-            found = self._differences(state, amplitude, n_periods, middle, size, poll)
+            found = self._differences(state, amplitude, n_periods, middle, size * steps, poll)
             if found is not None:
-                return found
+                matrix = np.linalg.solve(size * steps.T, found.T).T
+                matrix[sticks] = np.eye(len(matrix))[sticks]
+                return matrix
         raise ArithmeticError(
             "there is no tangent map: a slider comes to its strength, or a contact closes, and "
             "turns there"
         )
 
-    def _differences(self, state, amplitude: float, n_periods: int, middle, size: float, poll):
-        """Return the tangent map by steps of a size, None where both sides differ."""
+    def _differences(self, state, amplitude: float, n_periods: int, middle, steps, poll):
+        """Return by how much steps, in columns, move the end; None where both sides differ."""
         units = self.structure.state_units
 
         def end(moved: np.ndarray) -> np.ndarray:
             return self._end(moved, amplitude, n_periods, poll) / units
 
         ends = []
-        for step in size * np.diag(units):
+        for step in steps.T:
             inward = -1.0 if self._is_beyond(state + step) else 1.0
             near = end(state + inward * step)
             if self._is_beyond(state - inward * step):  # a parabola through what can be
@@ -205,14 +233,14 @@ class YieldingMap(FlowMap):
         above, below = np.swapaxes(ends, 0, 1)
         # a direction that no structure prefers: kinks that are alike on both sides do not add up
         along = np.cos(np.arange(units.size))
-        if self._is_beyond(state + size * along * units):
+        if self._is_beyond(state + steps @ along):
             along = -along
         added = middle + 0.5 * along @ (above - below)
-        wrong = end(state + size * along * units) - added, above + below - 2.0 * middle
-        largest = SMOOTH * (size + np.abs(above - below).max())
+        wrong = end(state + steps @ along) - added, above + below - 2.0 * middle
+        largest = SMOOTH * (float((steps / units[:, None]).max()) + np.abs(above - below).max())
         if not max(np.abs(one).max() for one in wrong) <= largest:
             return None
-        return (above - below).T * units[:, None] / (2.0 * size * units)
+        return 0.5 * (above - below).T * units[:, None]
 
     def _is_beyond(self, state: np.ndarray) -> bool:
         """Return whether no motion comes to a state: a slider beyond its strength, on the way back.

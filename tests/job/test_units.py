@@ -7,7 +7,7 @@ import pytest
 from together import together
 from tools import SMALL
 
-from hpcsweep import Building, adjacent, load_job
+from hpcsweep import Building, adjacent, load_job, response, synthetic_records
 from hpcsweep.campaign.describe import describe, warnings
 from hpcsweep.commands.cli import main
 from hpcsweep.job import JobError, parse_job
@@ -236,6 +236,43 @@ def test_what_looks_like_a_mistake_is_a_line(old, new, words):
 def test_a_stiffness_of_pounding_with_too_few_digits_is_a_line():
     (found,) = warnings(parse(TWO.replace("stiffness = 2e9", "stiffness = 2e7")))
     assert found == "contact A1-B1, A2-B2: softer than the structure along it, stiffness 2e+07"
+
+
+BRACED = """
+[study]
+kind = "records"
+[structure]
+damping_ratio = 0.05
+matrices = {mass = [1e5], stiffness = [[4e6]]}
+[[structure.slider]]
+direction = [1.0]
+stiffness = 4e8
+strength = 9.81e4
+[records]
+synthetic = {count = 1, seed = 3, duration = 12.0, rms = 1.5}
+scale = {values = [1.0]}
+"""
+
+
+def test_a_damping_ratio_of_what_sticks_is_a_line_with_the_frames_own():
+    drifts = {}
+    for own, said in (
+        ("damping_ratio = 0.05", "are 0.502 of critical while all slip; structure.rayleigh = ["),
+        (
+            "rayleigh = [0.0, 0.0158]",
+            "[alpha, 0.0], or structure.matrices.damping, gives the frame",
+        ),
+        ("rayleigh = [0.6325, 0.0]", ""),
+    ):
+        job = parse(BRACED.replace("damping_ratio = 0.05", own))
+        found = [one for one in warnings(job) if "sliders stick" in one]
+        assert len(found) == bool(said)
+        assert not said or said in found[0]
+        record = synthetic_records(1, seed=3, duration=12.0, rms=1.5)[0]
+        drifts[own] = float(response(job.study.part(()).structure, record).drift[0])
+    assert "[0.6325, 0.0]" in warnings(parse(BRACED))[0]
+    # by an integration of its own with C = 63.2 kN s/m: 24.8 mm
+    assert list(drifts.values()) == pytest.approx([0.01346, 0.0044, 0.0248], rel=5e-3)
 
 
 def test_smooth_contacts_that_pull_at_rest_are_a_line():

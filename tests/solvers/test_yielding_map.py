@@ -256,3 +256,30 @@ def test_modal_norms_of_sliders_that_slip_are_means_over_the_motion():
     found = solver.observe(start, 0.5, 1, modal_norm=True)
     assert found.slid["slider_energy"].min() > 0.0
     np.testing.assert_allclose(found.modal_norm, expected, rtol=0, atol=2e-3)
+
+
+RIGID = [
+    *((0.7, 0.3), (0.8, 0.3), (1.2, 0.3), (1.5, 0.2), (2.0, 0.1)),
+    *((0.9, 0.4), (1.1, 0.7), (0.6, 0.1), (0.55, 0.1), (1.8, 0.3)),
+]
+STIFF = [(omega, ratio, 10.0 ** (5 + k % 4)) for k, (omega, ratio) in enumerate(RIGID)]
+
+
+@pytest.mark.parametrize("points", [STIFF[4:6], pytest.param(STIFF, marks=pytest.mark.slow)])
+def test_dry_friction_by_a_stiff_slider_has_the_orbits_of_its_closed_form(points):
+    """Den Hartog's (1931), of rigid friction; the spring that stands for it vibrates by F/k^1/2."""
+    for omega, ratio, stiffness in points:
+        friction = hpcsweep.Slider((1.0,), stiffness, ratio)
+        structure = hpcsweep.Structure.from_matrices(
+            [1.0], [[1.0]], [], forcing=[1.0], sliders=[friction]
+        )
+        end = hpcsweep.stroboscopic_points(structure, 1.0, omega, [0.0] * 3, 120)[-1]
+        found = hpcsweep.orbit(structure, 1.0, omega, end, period=1)
+        assert found.residual < 1e-10
+        solver = make_solver("flow", structure.measured_at(omega, 1.0), omega, 1e-9, yields=True)
+        largest = solver.observe(found.points[0], 1.0, 1).peak_drift
+        turn = math.sin(math.pi / omega) / (omega * (1.0 + math.cos(math.pi / omega)))
+        exact = math.sqrt((1.0 - omega**2) ** -2 - (ratio * turn) ** 2)
+        assert largest == pytest.approx(exact, abs=7.0 * ratio / math.sqrt(stiffness))
+        assert abs(found.multipliers[0]) < 0.9
+        np.testing.assert_array_less(abs(found.multipliers[2:]), 1e-6)

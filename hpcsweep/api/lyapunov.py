@@ -4,7 +4,15 @@ from typing import Any
 
 from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.lyapunov import LyapunovSpectrum, spectrum_of_motion, spectrum_of_orbit
-from hpcsweep.model.arguments import choice, count, finite, finite_vector, instance, positive
+from hpcsweep.model.arguments import (
+    choice,
+    count,
+    finite,
+    finite_vector,
+    forcing_frequency,
+    instance,
+    positive,
+)
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, loaded, make_solver
@@ -81,7 +89,7 @@ def lyapunov_spectrum(
     if structure.sliders:
         raise ValueError("structure must be without sliders: their tangent maps are differences")
     z = finite_vector("state", state, structure.state_units.size)
-    amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
+    amplitude, omega = finite("amplitude", amplitude), forcing_frequency("omega", omega)
     error, name = positive("error", error), choice("solver", solver, SOLVERS)
     max_cycles = count("max_cycles", max_cycles, SPECTRUM_CYCLES.limits[0], MAX_CYCLES)
     classify_cycles = count("classify_cycles", classify_cycles, 0, MAX_CYCLES)

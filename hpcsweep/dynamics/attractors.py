@@ -22,6 +22,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from hpcsweep.dynamics.classify_motion import NEAR, SETTLED, classify_motion
 from hpcsweep.dynamics.known import KnownMotions
 from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
 from hpcsweep.dynamics.neighbourhood import WINDOW, Approached, approach, neighbourhood
+from hpcsweep.dynamics.stability import aligned, growth_interval
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation
 
@@ -43,6 +45,8 @@ RECORD = 2000
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
 again, and finally classified: it may approach one of them slowly."""
+MEASURED = 8
+"""Share of the periods at risk over which the exponent of chaos is measured: 1/8."""
 SAMPLE = {MotionClass.CHAOTIC: 12, MotionClass.QUASI_PERIODIC: 2, MotionClass.UNDECIDED: 2}
 """Starts of a motion that are tested. Chaos ends at random, so that many starts tell as much as a
 long one; the approach to an orbit that is taken for a torus takes its time."""
@@ -162,19 +166,39 @@ class AttractorSearch:
             one, own = self.attractors[place], np.flatnonzero(labels == place)
             decided = one.kind is not MotionClass.UNDECIDED
             if not one.orbit_period:
+                lasts = one.points[-1]
                 if self._ends(one, last[own]):
                     # its record is one of its motions, too, and may be on what is left
                     states = np.concatenate((last[own], one.points[-1:]))
                     ends = self._to_their_ends(states, place if decided else UNDECIDED)
                     labels[own] = ends[:-1]
-                    if not np.any(ends == place):
+                    if np.any(ends == place):
+                        lasts = states[ends == place][0]
+                    else:
                         replaced[place] = TRANSIENT
                 elif not decided:
                     labels[own], replaced[place] = UNDECIDED, UNDECIDED
+                if one.kind is MotionClass.CHAOTIC and place not in replaced:
+                    self._measure_growth(place, lasts)
             place += 1
         labels = self._known.without(replaced, labels)
         self._n_tested = len(self.attractors)
         return labels
+
+    def _measure_growth(self, place: int, state: np.ndarray) -> None:
+        """Measure the exponent of chaos that lasts anew, from a state on it.
+
+        That of its window is of few periods, and of such as were taken for chaos by their growth.
+        """
+        n_periods = self._at_risk // MEASURED
+        seen = self._solver.grow(state, self._amplitude, n_periods, self._poll)
+        self.cycles += len(seen.points)
+        growth = growth_interval(aligned(seen.logarithms))
+        if seen.outcome is Outcome.COMPLETE and not math.isnan(growth.mean):
+            rate = 1.0 / self._solver.structure.forcing.period(self._solver.omega)
+            mean, low, high = growth.times(rate)
+            one, own = self.attractors[place], self._known.attractors
+            own[place] = replace(one, lyapunov=mean, lyapunov_low=low, lyapunov_high=high)
 
     def _ends(self, one: Attractor, states: np.ndarray) -> bool:
         """Return whether any motion of a sample ends: of its starts, else from its record."""

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from hpcsweep.model.arguments import refused
+from hpcsweep.model.arguments import array, refused
 
 
 def usual_reach(structure) -> np.ndarray:
@@ -42,10 +42,7 @@ def box_of(value: object, reach: np.ndarray) -> np.ndarray:
     """
     if value is None:
         return np.stack((-reach, reach), axis=1)
-    try:
-        box = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise refused("box", "pairs of numbers", value) from None
+    box = array("box", value)
     if box.shape != (reach.size, 2):
         raise ValueError(f"box must have shape ({reach.size}, 2), has shape {box.shape}")
     if not (np.all(np.isfinite(box)) and np.all(box[:, 0] < box[:, 1])):

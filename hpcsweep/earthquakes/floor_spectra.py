@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, LONGEST, Spectrum, periods_of
-from hpcsweep.model.arguments import finite, number, refused
+from hpcsweep.model.arguments import callback, finite, items, number, refused
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, refined
@@ -104,14 +104,15 @@ def floor_spectra(
     array([[10.69, 81.43]])
     """
     structure, record, tail = arguments(structure, record, tail)
-    scale = finite("scale", scale)
+    scale, poll = finite("scale", scale), callback("poll", poll)
     wanted = periods_of(periods, record.dt, (SHORTEST * record.dt, LONGEST * record.dt))
     ratio = number("damping_ratio", damping_ratio, "from 0 to below 1", 0.0, math.nextafter(1, 0))
     names = [str(name) for name in structure.floor_names]
-    for place in names if places is None else places:
+    places = names if places is None else items("places", places, "a sequence of floors")
+    for place in places:
         if place not in names:
             raise refused("places", f"floors, of {', '.join(names)}", place)
-    floors = [names.index(place) for place in (names if places is None else places)]
+    floors = [names.index(place) for place in places]
     omegas = 2.0 * math.pi / wanted
     least = min(structure.frequencies[-1] * record.dt / STRUCTURE, MAX_PARTS)
     turns = np.maximum(omegas * record.dt / OSCILLATOR, max(least, 1.0))

@@ -10,6 +10,7 @@ import numpy as np
 
 from hpcsweep.job.formula import formula
 from hpcsweep.job.job import JobError
+from hpcsweep.model.arguments import MAX_OMEGA, MIN_OMEGA
 from hpcsweep.studies.keys import Key
 from hpcsweep.studies.path import Tie
 
@@ -18,7 +19,6 @@ MAX_VALUES = 10_000_000
 """Frames or amplitudes of one job."""
 
 
-MIN_OMEGA, MAX_OMEGA = 1e-4, 1e6
 MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-250, 1e250
 """Beyond these limits a run leaves double precision, or one forcing period takes over a minute; an
 amplitude may be 0."""

@@ -8,7 +8,7 @@ import math
 import os
 import reprlib
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
@@ -19,6 +19,8 @@ Kind = TypeVar("Kind")
 MAX_COUNT = 10**12
 """Forcing periods, samples: a million periods a second fill eleven days."""
 LARGEST = sys.float_info.max
+MIN_OMEGA, MAX_OMEGA = 1e-4, 1e6
+"""Forcing frequencies."""
 MAX_NAME, MAX_PATH = 255, 4095
 """Bytes of a file name, and of one with its folders."""
 LONGEST = 60
@@ -97,6 +99,11 @@ def positive(name: str, value: object) -> float:
     return found
 
 
+def forcing_frequency(name: str, value: object) -> float:
+    """Return a forcing frequency."""
+    return number(name, value, f"from {MIN_OMEGA:g} to {MAX_OMEGA:g}", MIN_OMEGA, MAX_OMEGA)
+
+
 def not_negative(name: str, value: object) -> float:
     """Return a finite real number of at least 0."""
     found = finite(name, value)
@@ -159,9 +166,8 @@ def finite_vector(name: str, value: object, size: int) -> np.ndarray:
 
 def finite_vectors(name: str, value: Any, size: int) -> np.ndarray:
     """Return vectors of `size` finite numbers, shape (m, size)."""
-    if isinstance(value, str | bytes) or not isinstance(value, Sequence | np.ndarray):
-        raise refused(name, f"an array of shape (m, {size})", value)
-    return np.array([finite_vector(name, one, size) for one in value]).reshape(-1, size)
+    listed = items(name, value, f"an array of shape (m, {size})")
+    return np.array([finite_vector(name, one, size) for one in listed]).reshape(-1, size)
 
 
 def array(name: str, value: object) -> np.ndarray:
@@ -171,6 +177,8 @@ def array(name: str, value: object) -> np.ndarray:
     ------
     ValueError
     """
+    if np.ma.is_masked(value):
+        raise refused(name, "without masked numbers", value)
     try:
         found = np.array(value)
     except Exception:  # rows of different lengths, and errors of foreign classes
@@ -195,6 +203,21 @@ def rows(name: str, value: object) -> np.ndarray:
     if found.ndim != 2:
         raise ValueError(f"{name} must have two dimensions, has shape {found.shape}")
     return found
+
+
+def items(name: str, value: Any, limit: str) -> list:
+    """Return the items of a sequence, or of another iterable; a text is none."""
+    text = isinstance(value, str | bytes | Mapping)
+    if text or not isinstance(value, Iterable) or getattr(value, "shape", None) == ():
+        raise refused(name, limit, value)
+    return list(value)
+
+
+def callback(name: str, value: Any) -> Any:
+    """Return a function without arguments, or None."""
+    if value is not None and not callable(value):
+        raise refused(name, "a function without arguments", value)
+    return value
 
 
 def words(name: str, value: object) -> tuple[str, ...]:
@@ -258,4 +281,6 @@ def file_name(name: str, value: object) -> str:
 
 def plain(value: Any) -> Any:
     """Return the value of an array without dimensions; anything else unchanged."""
-    return value.item() if getattr(value, "shape", None) == () else value
+    if getattr(value, "shape", None) != () or np.ma.is_masked(value):
+        return value
+    return value.item()

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import instance, number, plain, refused
+from hpcsweep.model.arguments import instance, items, number, plain, refused
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
@@ -269,6 +269,8 @@ def adjacent(
     >>> pair.names.contacts
     ('A1-B1',)
     """
+    listed = items("building", buildings, "a list of buildings")
+    buildings = [instance("building", one, Building) for one in listed]
     names = _names(buildings)
     alone, first, levels = _side_by_side(buildings, names)
     of = functools.partial(_labels, alone, names)

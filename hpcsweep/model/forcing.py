@@ -5,13 +5,12 @@ Its mean A a_0 is the harmonic of order 0, with phi_0 = pi / 2.
 
 import cmath
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, number, refused, shown
+from hpcsweep.model.arguments import finite, items, number, refused
 from hpcsweep.model.matrices import vector
 
 MAX_HARMONICS = 16
@@ -51,10 +50,7 @@ class Harmonics:
 
 def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
     """Validate the harmonics (order, amplitude, phase) of the forcing, a row each."""
-    if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
-        raise ValueError(
-            f"harmonics must be a list of (order, amplitude, phase), is {shown(given)}"
-        )
+    given = items("harmonics", given, "a list of (order, amplitude, phase)")
     if not 1 <= len(given) <= MAX_HARMONICS:
         raise ValueError(f"harmonics must be 1 to {MAX_HARMONICS}, are {len(given)}")
     found = []

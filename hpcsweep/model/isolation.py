@@ -86,7 +86,7 @@ class Isolation:
 
     def __post_init__(self) -> None:
         for name, limits in LIMITS.items():
-            if (value := getattr(self, name)) is not None:
+            if (value := getattr(self, name)) is not None or name == "gap":
                 object.__setattr__(self, name, number(_key(name), value, *limits))
         for names in (STIFFNESS, STRENGTH):
             self._one_of(names)

@@ -14,7 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, flag, not_negative, number, plain, positive, shown
+from hpcsweep.model.arguments import (
+    finite,
+    flag,
+    items,
+    not_negative,
+    number,
+    plain,
+    positive,
+    shown,
+)
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 
 MAX_FLOORS = 64
@@ -64,7 +73,7 @@ def each(name: str, given: Any, count: int, what: str) -> Vector:
 
 def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matrix:
     """Read a matrix of finite numbers, row by row."""
-    if isinstance(given, np.ndarray) and given.dtype == float and given.size:
+    if isinstance(given, np.ndarray) and given.dtype == float and given.ndim == 2 and given.size:
         sizes = tuple(known or len(given) for known in shape)
         if given.shape == sizes and np.isfinite(given).all():
             return tuple(map(tuple, given.tolist()))
@@ -113,6 +122,8 @@ def is_named(direction: Any) -> bool:
 
 def _listed(given: Any) -> list | None:
     """Return the items of a sequence, or None if it is not one; a set has no order."""
+    if np.ma.is_masked(given):
+        return None
     if isinstance(given, np.ndarray):
         return list(given) if given.ndim else None
     return list(given) if isinstance(given, list | tuple) else None
@@ -377,9 +388,7 @@ def elements_of(name: str, tables: Iterable[Mapping[str, Any]]) -> list:
 def _several(kind: Any, given: Any, n: int) -> tuple:
     """Read contacts or sliders of a structure with n coordinates."""
     name = kind.__name__
-    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
-        raise ValueError(f"{name.lower()}s must be a list of {name}, is {shown(given)}")
-    listed = tuple(given)
+    listed = tuple(items(f"{name.lower()}s", given, f"a list of {name}"))
     if len(listed) > MAX_CONTACTS:
         raise ValueError(f"{name.lower()}s must be at most {MAX_CONTACTS}, are {len(listed)}")
     for place, element in enumerate(listed, 1):

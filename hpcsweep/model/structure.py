@@ -21,6 +21,8 @@ from hpcsweep.model.arguments import (
     LARGEST,
     count,
     flag,
+    instance,
+    items,
     number,
     plain,
     refused,
@@ -32,6 +34,7 @@ from hpcsweep.model.matrices import (
     MAX_CONTACTS,
     MAX_FLOORS,
     MAX_ROWS,
+    Matrices,
     check_definite,
     read_matrices,
     vector,
@@ -45,6 +48,8 @@ FOREIGN = (
     *("stiffness_ratio", "harmonics", "restitution", "yield_force", "yield_drift", "p_delta"),
 )
 """Parameters that the building of the paper leaves at their defaults."""
+MAX_STIFFNESS = 1e12
+"""Of a slider, in what is left of the structure while it slips."""
 AT_LEAST_0 = "finite and at least 0", 0.0, LARGEST
 ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
 
@@ -156,6 +161,10 @@ class Structure(MeasuredDynamics):
     """
 
     def __post_init__(self) -> None:
+        if self.matrices is not None:
+            instance("matrices", self.matrices, Matrices)
+        given = items("unreached", self.unreached, "numbers of contacts")
+        self._set("unreached", tuple(count("unreached", one, 1) for one in given))
         n = count("n_floors", self.n_floors, 1, MAX_ROWS if self.matrices else MAX_FLOORS)
         self._set("n_floors", n)
         self._set(
@@ -195,6 +204,7 @@ class Structure(MeasuredDynamics):
         for name in self.slider_names:
             if self.slider_names.count(name) > 1:
                 raise ValueError(f"slider.name must differ, {name!r} is given twice")
+        self._check_sliders()
         self._check_collapse()
 
     @classmethod
@@ -269,6 +279,18 @@ class Structure(MeasuredDynamics):
             matrices=read,
             collapse_drift=collapse_drift,
         )
+
+    def _check_sliders(self) -> None:
+        """Refuse sliders that are too stiff beside what bears the structure while they slip."""
+        springs = [one.spring * float(np.square(one.direction).sum()) for one in self.sliders]
+        if self.matrices is None or not springs:
+            return
+        own = float(np.trace(self.elastic_stiffness))
+        beside = own if own > 0.0 else min(springs)
+        for name, slider, spring in zip(self.slider_names, self.sliders, springs, strict=True):
+            if spring > MAX_STIFFNESS * beside:
+                most = f"at most {MAX_STIFFNESS:g} times that of what is beside it, {beside:.4g}"
+                raise refused(f"slider.stiffness of {name!r}", most, slider.stiffness)
 
     def _check_collapse(self) -> None:
         """Check `collapse_drift`, which is needed where sliders that slip leave K indefinite."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, number, positive
+from hpcsweep.model.arguments import callback, finite, number, positive
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.response import arguments
@@ -103,7 +103,7 @@ def history(
     ground = refined(record, parts)
     from hpcsweep.solvers.instants import InstantMap, accelerations
 
-    own = dt * samples
+    own, poll = dt * samples, callback("poll", poll)
     first, last = math.ceil(start / own - SAME_STEP), int(longest / own + SAME_STEP)
     seen = InstantMap(structure, dt, rtol).follow(ground, scale, last * samples, poll)
     n, count = structure.n_floors, (len(seen.states) - 1) // samples + 1

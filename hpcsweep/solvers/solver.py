@@ -12,7 +12,7 @@ from typing import Protocol, cast
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, finite, finite_vector, instance, positive
+from hpcsweep.model.arguments import choice, finite, finite_vector, forcing_frequency, instance
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation
@@ -258,7 +258,7 @@ def stroboscopic_points(
     z = finite_vector("state", state, structure.state_units.size)
     amplitude = finite("amplitude", amplitude)
     structure = structure.within_reach(amplitude, z)
-    structure = structure.measured_at(positive("omega", omega), amplitude)
+    structure = structure.measured_at(forcing_frequency("omega", omega), amplitude)
     made = make_solver(solver, structure, omega, rtol, yields=True)
     points, outcome = made.points(z, amplitude, n_periods)
     if outcome is not Outcome.COMPLETE:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
+from hpcsweep.model.arguments import count, finite, finite_vector, forcing_frequency, instance
 from hpcsweep.model.equations import MODEL, derivative
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
@@ -91,7 +91,7 @@ def crossings(
 def _one_period(structure: Structure, amplitude: float, omega: float, state: np.ndarray):
     """Integrate one forcing period; return scipy's solution, its units and the period."""
     instance("structure", structure, Structure)
-    amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
+    amplitude, omega = finite("amplitude", amplitude), forcing_frequency("omega", omega)
     solver_arguments(structure, omega, RTOL)
     z = finite_vector("state", state, 2 * structure.n_floors)
     structure = structure.measured_at(omega, amplitude)

@@ -6,6 +6,7 @@ import numpy as np
 
 from hpcsweep.job import Job
 from hpcsweep.job.paths import path_of
+from hpcsweep.model.arguments import shown
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.contents import CHECKSUM, notes_of, parts_of, scales_of
 from hpcsweep.store.inferred import Inferred
@@ -106,7 +107,9 @@ def meanings(variable):
     >>> sorted(set(hpcsweep.meanings(results.outcome).values.ravel().tolist()))
     ['complete']
     """
-    notes = variable.attrs
+    notes = getattr(variable, "attrs", None)
+    if notes is None:
+        raise ValueError(f"variable must be one of results, is {shown(variable)}")
     if variable.dtype.kind in "UO":
         return variable
     if "flag_meanings" not in notes:

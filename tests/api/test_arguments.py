@@ -275,3 +275,53 @@ def test_numbers_of_numpy_fractions_and_arrays_without_dimensions_are_numbers():
         rtol=np.float64(1e-9),
     )
     assert np.array_equal(plain, other)
+
+
+MASKED = np.ma.masked_array([1.0, 2.0], [False, True])
+FRAME = hpcsweep.Structure(2, 100.0, math.inf, 0.05)
+SINE = hpcsweep.Record(np.sin(0.1 * np.arange(60)), 0.02)
+FRICTION = hpcsweep.Slider((1.0,), 1e16, 0.3)
+
+
+def moved(**given):
+    """One period, with odd arguments."""
+    usual = {"amplitude": 0.01, "omega": 0.5, "state": [0.0] * 4, "n_periods": 1}
+    return hpcsweep.stroboscopic_points(FRAME, **(usual | given))
+
+
+@together(
+    "call, named",
+    [
+        (lambda: hpcsweep.Structure(matrices=3), "matrices"),
+        (lambda: hpcsweep.Structure(unreached=1), "unreached"),
+        (lambda: hpcsweep.Structure(unreached="ab"), "unreached"),
+        (lambda: hpcsweep.Structure(harmonics=np.array(2.0)), "harmonics"),
+        (lambda: hpcsweep.Structure.from_matrices(np.array(2.0), [[1.0]], []), "matrices.mass"),
+        (lambda: hpcsweep.Structure.from_matrices([1.0], [[1.0]], np.array(2.0)), "contacts"),
+        (lambda: hpcsweep.Structure.from_matrices(MASKED, np.eye(2), []), "matrices.mass"),
+        (
+            lambda: hpcsweep.Structure.from_matrices([1.0], [[1.0]], [], sliders=[FRICTION]),
+            "slider.stiffness",
+        ),
+        (lambda: hpcsweep.adjacent(3, 0.1, 1.0), "building"),
+        (lambda: hpcsweep.adjacent(MASKED, 0.1, 1.0), "building"),
+        (lambda: hpcsweep.Record(MASKED, 0.1), "acceleration"),
+        (lambda: hpcsweep.history(FRAME, SINE, poll=3), "poll"),
+        (lambda: hpcsweep.floor_spectra(FRAME, SINE, [1.0], poll=3), "poll"),
+        (lambda: hpcsweep.floor_spectra(FRAME, SINE, [1.0], places=3), "places"),
+        (lambda: hpcsweep.attractors(FRAME, 0.01, 0.5, box=10**400), "box"),
+        (lambda: hpcsweep.attractors(FRAME, 0.01, 0.5, states=np.array(2.0)), "states"),
+        (lambda: hpcsweep.attractors(FRAME, 0.01, 1e300), "omega"),
+        (lambda: hpcsweep.orbit(FRAME, 0.01, 1e300, [0.0] * 4, 1), "omega"),
+        (lambda: hpcsweep.lyapunov_spectrum(FRAME, 0.01, 1e-300, [0.0] * 4), "omega"),
+        (lambda: hpcsweep.trajectory(FRAME, 0.01, 1e-300, [0.0] * 4), "omega"),
+        (lambda: moved(omega=1e300), "omega"),
+        (lambda: moved(state=np.ma.masked_array([0.0] * 4, [0, 0, 0, 1])), "state"),
+        (lambda: moved(amplitude=np.ma.masked), "amplitude"),
+        (lambda: hpcsweep.read_model(3), "path"),
+        (lambda: hpcsweep.meanings(3), "variable"),
+    ],
+)
+def test_an_odd_kind_of_value_is_refused_by_name(call, named):
+    with pytest.raises(ValueError, match=rf"^{named}\b.* must be [^\n]*$|^{named} must be [^\n]*$"):
+        call()

@@ -298,3 +298,15 @@ def test_chaos_that_only_a_seed_reaches_has_no_share():
     given = {"starts": 1, "box": box, "states": chaotic, "max_cycles": 1000}
     found = hpcsweep.attractors(AS_DESCRIBED, 0.128, 0.445, **given)
     assert [(one.kind.name, one.hits) for one in found] == [("PERIODIC", 1), ("CHAOTIC", 0)]
+
+
+def test_the_exponent_of_chaos_is_that_of_its_spectrum():
+    """It was that of the window that is taken for chaos, of some hundred periods."""
+    structure = Structure(1, 163.0, math.inf, 0.049, gap=0.5, gap_left=0.5)
+    (chaos,) = hpcsweep.attractors(structure, 3.96, 1.03, starts=4, max_cycles=1000)
+    assert chaos.kind is MotionClass.CHAOTIC
+    point = 3.96, 1.03, chaos.points[-1]
+    exact = hpcsweep.lyapunov_spectrum(structure, *point, error=1e-9, max_cycles=4000)
+    off, half = abs(exact.exponents[0] - chaos.lyapunov), chaos.lyapunov_high - chaos.lyapunov
+    assert off < half + exact.errors[0]
+    assert half < 0.03 * chaos.lyapunov

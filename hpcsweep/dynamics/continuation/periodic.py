@@ -9,7 +9,7 @@ import numpy as np
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.dynamics.verification import REACH, Verdict, VerifiedOrbit, verify_orbit
-from hpcsweep.model.arguments import count, finite, finite_vector, instance, positive
+from hpcsweep.model.arguments import count, finite, finite_vector, forcing_frequency, instance
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import loaded
@@ -138,7 +138,7 @@ def find(
 ) -> tuple[ForcedMap, VerifiedOrbit]:
     """Find the orbit near a state, on the map of a parameter."""
     instance("structure", structure, Structure)
-    amplitude, omega = finite("amplitude", amplitude), positive("omega", omega)
+    amplitude, omega = finite("amplitude", amplitude), forcing_frequency("omega", omega)
     z = finite_vector("state", state, structure.state_units.size)
     period = count("period", period, 1, MAX_PERIOD)
     forced = ForcedMap(structure, amplitude, omega, parameter)

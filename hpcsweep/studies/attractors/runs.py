@@ -264,7 +264,7 @@ def attractors(
     amplitude = arguments.finite("amplitude", amplitude)
     reach = np.vstack((structure.slipped(np.abs(np.array(limits.box)).max(axis=1)), seeds))
     moving = loaded(structure.within_reach(amplitude, reach), name)
-    runs = AttractorRuns(moving, arguments.positive("omega", omega), settings, limits)
+    runs = AttractorRuns(moving, arguments.forcing_frequency("omega", omega), settings, limits)
     found = runs.at(amplitude, seeds)
     if found.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{name}: {found.outcome.name} from every start")

@@ -27,6 +27,7 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
+from hpcsweep.solvers.offers import BDF
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
@@ -190,10 +191,8 @@ def read_values(values: Values):
     # lengths are in gaps, say, only where they are all along
     structure = min(each, key=lambda one: (one.is_uniform, is_in_gaps(one)))
     settings = _settings(values, study.skip_rules)
-    damped = any(one.contact_damping.any() for one in each)
-    if settings.solver == "bdf" and (damped or structure.sliders):
-        limit = "must be 'flow' where contacts have dashpots, or springs yield"
-        raise values.error("solver.method", settings.solver, limit)
+    if settings.solver == "bdf" and not all(map(BDF.of, each)):
+        raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")
     if structure.sliders and "lyapunov_spectrum" in settings.metrics:
         limit = "must be false where springs yield: only their orbits have a tangent map"
         raise values.error("output.lyapunov_spectrum", True, limit)

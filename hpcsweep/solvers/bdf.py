@@ -6,7 +6,8 @@ state alone (a sweep can be cut and resumed anywhere with the same result) and t
 forcing never loses digits. Keeping one object over all periods is no more accurate; the start at
 order 1 costs some 20 steps a period, 3 to 8 per cent once there is contact.
 
-`bdf_steps` integrates a period. Contacts with dashpots are left to `flow`.
+`bdf_steps` integrates a period. It is for the systems of that study (`offers.BDF`); all others are
+left to `flow`.
 """
 
 import math
@@ -20,6 +21,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import motion, points_array, solver_arguments, tangent_column
 from hpcsweep.solvers.bdf_steps import BdfSteps
+from hpcsweep.solvers.offers import BDF
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, window_growth
 from hpcsweep.solvers.step_tally import StepTally
@@ -41,9 +43,9 @@ class BdfMap:
     """
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-6):
-        self.structure, self.omega, rtol = solver_arguments(structure, omega, rtol)
-        if structure.contact_damping.any():
-            raise refused("solver", "flow where contacts have dashpots", "bdf")
+        self.structure, self.omega, rtol = solver_arguments(structure, omega, rtol, yields=True)
+        if not BDF.of(structure):
+            raise refused("solver", f"flow {BDF.lacks}", "bdf")
         self._model = kernel_model(structure, self.omega)
         self._steps = BdfSteps(self._model, rtol)
         self.rtol, self.period = self._steps.rtol, self._model.period

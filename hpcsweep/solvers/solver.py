@@ -14,6 +14,7 @@ import numpy as np
 
 from hpcsweep.model.arguments import choice, finite, finite_vector, forcing_frequency, instance
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import BDF
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation
 
@@ -70,11 +71,9 @@ SOLVERS = {
 def witness_of(name: str, structure: Structure) -> str:
     """Return the solver that recomputes the runs of another one: the other one if it can.
 
-    ``bdf`` knows no dashpots and no sliders, and takes minutes for a run with the fast modes of a
-    reduced model: there `flow` computes again, at a tight tolerance.
+    Else `flow` computes again, at a tighter tolerance.
     """
-    special = structure.contact_damping.any() or structure.sliders or structure.reduction
-    return name if name == "flow" and special else next(one for one in SOLVERS if one != name)
+    return "bdf" if name == "flow" and BDF.of(structure) else "flow"
 
 
 class Solver(Protocol):

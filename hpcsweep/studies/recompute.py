@@ -1,7 +1,6 @@
 """Recompute a stored run, with the other solver and as it was.
 
-With the other solver, at a tight tolerance (`flow` itself where contacts have dashpots,
-springs yield, or a model is reduced):
+With the other solver, at a tight tolerance (`flow` itself of systems that `bdf` is not for):
 
 periodic run (period p)
     From the stored last point, p forcing periods: every point on the way must equal the stored one,

@@ -14,8 +14,9 @@ from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
 from hpcsweep.dynamics.continuation.locus import Locus
 from hpcsweep.dynamics.continuation.meetings import step_of_locus
 from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
-from hpcsweep.model.arguments import choice, count, finite, finite_vector, instance, positive
+from hpcsweep.model.arguments import choice, count, finite, finite_vector, positive
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import CURVES
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.store import meanings
 from hpcsweep.studies.settings import SweepSettings
@@ -89,9 +90,7 @@ def curve(
     >>> bool(np.allclose(amplitude, np.hypot(1.0 - omega**2, 0.1 * omega), rtol=1e-12))
     True
     """
-    instance("structure", structure, Structure)
-    if structure.sliders:
-        raise ValueError("structure must be without sliders: curves of theirs are not followed")
+    CURVES.demand(structure)
     kind = None if measure is not None else _kind(special)
     period = int(special.attrs["period"])
     along = ForcedMap(structure, *map(special.attrs.get, ("amplitude", "omega", "parameter")))

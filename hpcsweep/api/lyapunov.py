@@ -10,10 +10,10 @@ from hpcsweep.model.arguments import (
     finite,
     finite_vector,
     forcing_frequency,
-    instance,
     positive,
 )
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, loaded, make_solver
 from hpcsweep.studies.settings import MAX_CYCLES, SPECTRUM_CYCLES, SPECTRUM_ERROR, SweepSettings
@@ -85,9 +85,7 @@ def lyapunov_spectrum(
     >>> found.dimension.mean
     0.0
     """
-    instance("structure", structure, Structure)
-    if structure.sliders:
-        raise ValueError("structure must be without sliders: their tangent maps are differences")
+    TANGENTS.demand(structure)
     z = finite_vector("state", state, structure.state_units.size)
     amplitude, omega = finite("amplitude", amplitude), forcing_frequency("omega", omega)
     error, name = positive("error", error), choice("solver", solver, SOLVERS)

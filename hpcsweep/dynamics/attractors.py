@@ -33,6 +33,7 @@ from hpcsweep.dynamics.known import KnownMotions
 from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
 from hpcsweep.dynamics.neighbourhood import WINDOW, Approached, approach, neighbourhood
 from hpcsweep.dynamics.stability import aligned, growth_interval
+from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation
 
@@ -244,7 +245,7 @@ class AttractorSearch:
         if there is None and end.period:
             before = self.cycles
             there, state = self._orbit_of(state)
-            if there is None and self._solver.structure.sliders:
+            if there is None and not TANGENTS.of(self._solver.structure):
                 n_periods += self.cycles - before  # at a kink it closes again at once
         return state, n_periods, there
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from hpcsweep.dynamics.orbit import orbit_period
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 
 CHAOS_GROWTH = 5.0
@@ -111,7 +112,7 @@ CLASS_NAMES = {kind: kind.word for kind in MotionClass}
 
 def class_names(structure: Structure) -> dict[MotionClass, str]:
     """Return `CLASS_NAMES`; where springs yield, contact alone does not tell the first class."""
-    free = {MotionClass.NO_CONTACT: "nothing closes or slips"} if structure.sliders else {}
+    free = {} if LINEAR.of(structure) else {MotionClass.NO_CONTACT: "nothing closes or slips"}
     return CLASS_NAMES | free
 
 

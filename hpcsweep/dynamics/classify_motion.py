@@ -38,6 +38,7 @@ from hpcsweep.dynamics.families import moved_inward
 from hpcsweep.dynamics.lifetime import outlive
 from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count
+from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Growth, Observation
 from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
@@ -333,7 +334,7 @@ class _Classifier:
         """Return the orbit near a state, if there is one."""
         found = verify_orbit(self._solver, z, self._amplitude, period, reach, self._poll)
         self.cycles += found.cycles
-        if found.orbit is None and self._solver.structure.sliders:
+        if found.orbit is None and not TANGENTS.of(self._solver.structure):
             inner = moved_inward(self._solver, z, self._amplitude, period)
             found = verify_orbit(self._solver, inner, self._amplitude, period, reach, self._poll)
             self.cycles += found.cycles

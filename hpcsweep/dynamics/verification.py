@@ -41,6 +41,7 @@ import numpy as np
 from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers, without_families
+from hpcsweep.solvers.offers import ISOLATED
 
 STEPS = 40
 NEAR, PATIENCE = 1e-3, 6
@@ -172,7 +173,7 @@ def verify_orbit(
             away = min(away, float(np.abs(found.points[0] - given[0]).max()))
             if away <= reach:
                 orbit = found._replace(points=found.points * search.units)
-                if solver.structure.sliders:
+                if not ISOLATED.of(solver.structure):
                     left = without_families(solver.structure, found.maps.product)
                     orbit = orbit._replace(transverse=left)
                 return Verdict(orbit, found.residual, away, search.cycles)
@@ -185,15 +186,15 @@ class _Search:
     def __init__(self, solver, amplitude: float, poll):
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self.units = solver.structure.state_units
-        self._factored = self._nearest if solver.structure.sliders else _factored
+        self._factored = _factored if ISOLATED.of(solver.structure) else self._nearest
         self.least, self.cycles = math.inf, 0
 
     def closed(self, apart: np.ndarray) -> np.ndarray:
         """Return differences of states, (..., N), relative to what drifts."""
         structure = self._solver.structure
-        return (
-            structure.without_drift(apart * self.units) / self.units if structure.sliders else apart
-        )
+        if ISOLATED.of(structure):
+            return apart
+        return structure.without_drift(apart * self.units) / self.units
 
     def _nearest(self, matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return the same as `_factored` of sliders: the shortest d."""

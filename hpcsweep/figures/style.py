@@ -12,6 +12,7 @@ from hpcsweep.figures.fitting import broken, fitter, legend_below
 from hpcsweep.job import Job, parse_job, part_of
 from hpcsweep.model.arguments import real
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import LINEAR, Capability
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.points import START
 from hpcsweep.studies.study import Kind, Study, as_kind
@@ -33,15 +34,16 @@ class PlotError(ValueError):
     """Raised where a request cannot be drawn; the message is one line for the user."""
 
 
-def refuse_sliders(what: str, structure, why="follows no motion", instead="orbit") -> None:
-    """Refuse what does not hold of a structure that yields, and name a figure that does."""
-    if structure.sliders:
-        raise PlotError(f"{what}: {why} of springs that yield; --kind {instead} draws them")
+def demand(capability: Capability, structure, what: str, instead: str) -> None:
+    """Refuse a figure that needs what is not known of a structure, and name one that does not."""
+    if not capability.of(structure):
+        why = f"{capability.why} of springs that yield"
+        raise PlotError(f"{what}: {why}; --kind {instead} draws them")
 
 
 def grazing_amplitude(structure, omega: float) -> float:
     """Return the amplitude of first contact in closed form; infinite where springs may yield."""
-    return np.inf if structure.sliders else structure.grazing_amplitude(omega)
+    return structure.grazing_amplitude(omega) if LINEAR.of(structure) else np.inf
 
 
 def set_name(contact: int, labels: int | Sequence[str], room: int | None = LEGEND_ROOM) -> str:

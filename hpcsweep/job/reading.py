@@ -27,7 +27,7 @@ from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
-from hpcsweep.solvers.offers import BDF
+from hpcsweep.solvers.offers import BDF, TANGENTS
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
@@ -193,9 +193,8 @@ def read_values(values: Values):
     settings = _settings(values, study.skip_rules)
     if settings.solver == "bdf" and not all(map(BDF.of, each)):
         raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")
-    if structure.sliders and "lyapunov_spectrum" in settings.metrics:
-        limit = "must be false where springs yield: only their orbits have a tangent map"
-        raise values.error("output.lyapunov_spectrum", True, limit)
+    if "lyapunov_spectrum" in settings.metrics and not TANGENTS.of(structure):
+        raise values.error("output.lyapunov_spectrum", True, f"must be false {TANGENTS.lacks}")
     block = values.get("output.block", _default_block(values, study))
     whole = study.read(
         values,

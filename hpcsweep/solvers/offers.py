@@ -7,7 +7,10 @@ told where that is refused stands beside it.
 from collections.abc import Callable
 from typing import NamedTuple
 
+from hpcsweep.model.arguments import instance
 from hpcsweep.model.structure import Structure
+
+YIELDS = "where springs yield"
 
 
 class Capability(NamedTuple):
@@ -15,8 +18,25 @@ class Capability(NamedTuple):
 
     of: Callable[[Structure], bool]
     """Whether it is known of a structure."""
-    lacks: str
-    """Where it is not, in words: "where springs yield"."""
+    lacks: str = YIELDS
+    """Where it is not, in words."""
+    why: str = ""
+    """What is told of structures of which it is not known."""
+
+    def demand(self, structure: Structure) -> None:
+        """Refuse a structure, as an argument, of which it is not known.
+
+        Raises
+        ------
+        ValueError
+        """
+        instance("structure", structure, Structure)
+        if not self.of(structure):
+            raise ValueError(f"structure must be without sliders: {self.why}")
+
+
+def _never_yields(structure: Structure) -> bool:
+    return not structure.sliders
 
 
 BDF = Capability(
@@ -25,3 +45,19 @@ BDF = Capability(
 )
 """Motions by the solver `bdf`, that of the published study. With the fast modes of a reduced model
 it takes minutes for a run."""
+TANGENTS = Capability(
+    _never_yields,
+    f"{YIELDS}: only their orbits have a tangent map",
+    "their tangent maps are differences",
+)
+"""Exact tangent maps of every motion; else differences of smooth ones, which have kinks."""
+BATCHES = Capability(_never_yields)
+"""Many runs, or points of a branch, by one call of a kernel; else one after the other."""
+ISOLATED = Capability(_never_yields)
+"""Orbits that are isolated and close; else they come in families, and may ratchet."""
+LINEAR = Capability(_never_yields, why="knows no free drift")
+"""The motion without contacts in closed form, in proportion to A; else only while nothing slips."""
+CURVES = Capability(_never_yields, why="curves of theirs are not followed")
+"""Curves of special points and of limits over two parameters."""
+PAGES = Capability(_never_yields, why="follows no motion")
+"""Motions that the page of the explorer follows itself."""

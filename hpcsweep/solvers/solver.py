@@ -14,7 +14,7 @@ import numpy as np
 
 from hpcsweep.model.arguments import choice, finite, finite_vector, forcing_frequency, instance
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.offers import BDF
+from hpcsweep.solvers.offers import BATCHES, BDF, ISOLATED
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation
 
@@ -48,6 +48,10 @@ class SolverKind:
     period_error: float
     follows_orbits: bool = False
     classify_cycles: int = 0
+
+    def batches(self, structure: Structure) -> bool:
+        """Return whether it computes batches of runs of a structure."""
+        return self.follows_orbits and BATCHES.of(structure)
 
     def load(self) -> Callable[[Structure, float, float], "Solver"]:
         """Import the solver, which takes longer than most commands that compute nothing."""
@@ -180,7 +184,7 @@ def make_solver(
         If there is no solver of that name, or another argument is outside its range.
     """
     kind = SOLVERS[choice("solver", name, SOLVERS)]
-    if yields and kind.follows_orbits and structure.sliders:
+    if yields and kind.follows_orbits and not ISOLATED.of(structure):
         from hpcsweep.solvers.yielding_map import YieldingMap
 
         return cast("Solver", YieldingMap(structure, omega, rtol))

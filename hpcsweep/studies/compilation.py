@@ -76,7 +76,7 @@ def warm_up(
     solver = make_solver(settings.solver, example, 1.0, settings.rtol, yields=True)
     z = np.zeros(example.state_units.size)
     amplitude = 0.0 if specialised else 1.0
-    if settings.solver == "flow" and not example.sliders:
+    if SOLVERS[settings.solver].batches(example):
         from hpcsweep.solvers.flow import FlowMap
         from hpcsweep.solvers.flow.orbit.batch import Rules
 

@@ -24,6 +24,7 @@ from typing import Any, cast
 import numpy as np
 
 from hpcsweep.dynamics.classify import Shakedown
+from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -147,7 +148,7 @@ def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -
         if seen.outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"{again.solver}: {seen.outcome.name}")
         growth, product = 1.0, np.eye(z.size)
-        for _ in range(0 if study.structure.sliders else period or 1):
+        for _ in range((period or 1) * TANGENTS.of(study.structure)):
             z, step = tangent.monodromy(z, again.amplitude, 1)
             product = step @ product
             growth = max(growth, _norm(product, units))

@@ -10,6 +10,7 @@ from hpcsweep.model.description import few
 from hpcsweep.model.plausibility import implausible
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import known_unit, unit_of
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.study import Lines, Study
 
 
@@ -74,7 +75,7 @@ def ranges(
         return
     least, most = int(grazes.argmin()), int(np.where(np.isfinite(grazes), grazes, 0).argmax())
     text = " to ".join(f"{grazes[k]:.6g}{unit} ({places[k]})" for k in dict.fromkeys((least, most)))
-    motion = "motion without slip" if structure.sliders else "free motion"
+    motion = "free motion" if LINEAR.of(structure) else "motion without slip"
     text = f"the {motion} first touches at A = {text}"
     if path:
         there = [one.value for one, own in zip(path, grazes, strict=True) if one.amplitude >= own]

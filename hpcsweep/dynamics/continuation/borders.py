@@ -38,6 +38,7 @@ from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solut
 from hpcsweep.dynamics.continuation.events import Kind, Special
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import ISOLATED
 
 NEAR = 1e-4
 """Step, in units of y, from which on a border is sought within it."""
@@ -55,7 +56,7 @@ def check_hardening(structure: Structure) -> None:
     ------
     ValueError
     """
-    if structure.sliders and structure.mechanisms.size:
+    if not ISOLATED.of(structure) and structure.mechanisms.size:
         raise ValueError(
             "structure must have hardening for branches: no spring keeps its place while sliders "
             "slip"
@@ -64,7 +65,7 @@ def check_hardening(structure: Structure) -> None:
 
 def catalogue_of(forced: ForcedMap, *given) -> Catalogue:
     """Return an empty catalogue of branches of a structure; `given` as for `Catalogue`."""
-    kind: Any = YieldingCatalogue if forced.structure.sliders else Catalogue
+    kind: Any = Catalogue if ISOLATED.of(forced.structure) else YieldingCatalogue
     return kind(forced, *given, costly=forced.is_costly)
 
 

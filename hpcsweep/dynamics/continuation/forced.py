@@ -27,6 +27,7 @@ from hpcsweep.model.arguments import choice, shown
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.branch_rule import DIFFERENCE
 from hpcsweep.solvers.measures import IMPACT_FLAG
+from hpcsweep.solvers.offers import BATCHES
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.solvers.solver import make_solver
@@ -101,7 +102,7 @@ class ForcedMap:
 
     def tracer(self, period: int, scale: float, made: Callable) -> Any:
         """Return what finds points of branches by compiled kernels, None unless along A."""
-        if self.is_costly or self.structure.sliders:
+        if self.is_costly or not BATCHES.of(self.structure):
             return None
         own = self.structure.length_unit, made, self._poll, self._count
         return self.solver(self.amplitude)[0].tracer(period, scale, *own)

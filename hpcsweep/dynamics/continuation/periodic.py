@@ -12,6 +12,7 @@ from hpcsweep.dynamics.verification import REACH, Verdict, VerifiedOrbit, verify
 from hpcsweep.model.arguments import count, finite, finite_vector, forcing_frequency, instance
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import MAX_PERIOD
+from hpcsweep.solvers.offers import BATCHES
 from hpcsweep.solvers.solver import loaded
 from hpcsweep.solvers.trajectory import Crossing, crossings
 
@@ -76,7 +77,7 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
 
     By Newton's method, to rounding (`hpcsweep.dynamics.verification`): past a fold, where a motion
     nearly closes, there is none. Orbits of sliders come in families: it is the nearest one. The
-    contacts are from an integration of each forcing period by scipy's DOP853.
+    contacts are from the exact flow of each forcing period, to 1e-14 of it.
 
     Parameters
     ----------
@@ -102,8 +103,7 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
 
     References
     ----------
-    Kuznetsov, *Elements of Applied Bifurcation Theory*, 10.1; Hairer, Norsett and Wanner, *Solving
-    Ordinary Differential Equations I*, II.5.
+    Kuznetsov, *Elements of Applied Bifurcation Theory*, 10.1.
 
     Examples
     --------
@@ -143,7 +143,7 @@ def find(
     period = count("period", period, 1, MAX_PERIOD)
     forced = ForcedMap(structure, amplitude, omega, parameter)
     solver, amplitude = forced.solver(forced.value)
-    if not structure.sliders:
+    if BATCHES.of(structure):
         loaded(structure, branches=True)
     found = verify_orbit(solver, z, amplitude, period)
     if found.orbit is None:

@@ -8,6 +8,7 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import stripes_of
 
@@ -26,7 +27,7 @@ def draw(results, response: str = "drift"):
     structure = style.structure_of(results)
     if not structure.contacts:
         raise style.PlotError("--kind pounding: the structure has no contacts")
-    if structure.sliders:
+    if not LINEAR.of(structure):
         raise style.PlotError(
             "--kind pounding: without contacts the file knows the elastic motion alone, no measure "
             "of what yields: vary pounding.gap up to one that is never reached, and compare both"

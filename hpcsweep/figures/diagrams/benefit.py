@@ -7,6 +7,7 @@ from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.fitting import area
 from hpcsweep.figures.options import DIRECTION
+from hpcsweep.solvers.offers import LINEAR
 
 NAME = "benefit"
 DRAWS = "motions"
@@ -37,7 +38,7 @@ def draw(results, direction: str | None = None):
         If the file does not hold the variables to draw.
     """
     structure = style.structure_of(results)
-    style.refuse_sliders(f"--kind {NAME}", structure, "knows no free drift", "map")
+    style.demand(LINEAR, structure, f"--kind {NAME}", "map")
     style.need(results, "drift", "contact")
     if not tells_chaos(results):
         style.need(results, "lyapunov")

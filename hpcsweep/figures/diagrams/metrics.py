@@ -10,6 +10,7 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.benefit import free_drift
 from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
 from hpcsweep.figures.options import AMPLITUDES, OMEGA
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "metrics"
@@ -71,7 +72,7 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
 
 
 def _without(one: Frame) -> str:
-    return "elastic, " * bool(one.structure.sliders) + "without stop"
+    return "elastic, " * (not LINEAR.of(one.structure)) + "without stop"
 
 
 def _drift(axis, one: Frame, free: np.ndarray) -> None:

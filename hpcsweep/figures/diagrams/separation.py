@@ -6,6 +6,7 @@ from hpcsweep.earthquakes.separation import Separation, separation
 from hpcsweep.earthquakes.stripes import fractiles
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import responses
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "separation"
@@ -39,9 +40,9 @@ def draw(results, place: str | None = None):
             pairs[name] = k, floors
     if not pairs:
         raise style.PlotError(f"--kind {NAME}: no contact is between two floors")
-    if structure.sliders:
+    if not LINEAR.of(structure):
         raise style.PlotError(
-            f"--kind {NAME}: the gap that is needed is not known where springs yield: vary "
+            f"--kind {NAME}: the gap that is needed is not known {LINEAR.lacks}: vary "
             "pounding.gap, and look where impacts end"
         )
     if "gap_needed" not in results:

@@ -15,6 +15,7 @@ from hpcsweep.figures.measures import held_measures, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
+from hpcsweep.solvers.offers import PAGES
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.path import FORCING
@@ -118,7 +119,7 @@ def gather(
 
     reader = Frames(path, ("motions", "attractors"), at)
     study, grid = as_kind(reader.study, RunGrid), Grid(reader)
-    style.refuse_sliders(f"{path}: explore", study.structure)
+    style.demand(PAGES, study.structure, f"{path}: explore", "orbit")
     rows = range(0, grid.rows.size, frame_step)
     if len(rows) * grid.along.size > MAX_CELLS:
         size = f"{grid.rows.size} frequencies and {grid.along.size} amplitudes"

@@ -13,6 +13,7 @@ from hpcsweep.figures import labels, palette
 from hpcsweep.figures.diagrams.responses import heights
 from hpcsweep.figures.explorer import encode
 from hpcsweep.model.reduction import physical
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import (
@@ -73,7 +74,7 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
             {
                 "at": [axis.values.index(keys[axis.name]) for axis in axes],
                 "note": elastic_words(elastic_drift(results, structure)),
-                "exact": not (structure.contacts or structure.sliders),
+                "exact": not structure.contacts and LINEAR.of(structure),
                 "measure": intensity_label(study),
                 "alone": alone_words(structure),
             }

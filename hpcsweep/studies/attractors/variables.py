@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import ISOLATED
 from hpcsweep.studies.settings import MEASURES, SweepSettings
 from hpcsweep.studies.variable import ANY, FINITE, VALID, Variable, code, contacts, count, real
 from hpcsweep.studies.variables import (
@@ -82,6 +83,6 @@ def attractor_variables(
     out = set(OPTIONAL) - set(settings.metrics)
     if "lyapunov_spectrum" in settings.metrics:
         out -= set(OF_SPECTRUM)
-    if not structure.sliders:
+    if ISOLATED.of(structure):
         out |= {*OF_SLIDERS, "families"}
     return [variable for variable in variables if variable.name not in out]

@@ -15,6 +15,7 @@ from hpcsweep.dynamics.continuation.forced import (
 )
 from hpcsweep.dynamics.continuation.plane import KINDS
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import CURVES
 from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import Key
@@ -151,8 +152,8 @@ def _read_curves(values, structure: Structure, parameter: str, omega: np.ndarray
     if given and (parameter != "amplitude" or omega.size == 0):
         limit = 'must be "amplitude", without formulas, where branches.curves are followed'
         raise values.error("branches.parameter", parameter, limit)
-    if given and structure.sliders:
-        raise values.error("branches.curves", given, "must be [] where springs yield")
+    if given and not CURVES.of(structure):
+        raise values.error("branches.curves", given, f"must be [] {CURVES.lacks}")
     whole = [float(omega.min()), float(omega.max())] if omega.size else [1.0, 1.0]
     span, low, high = _pair_of(values, "branches.curve_span", whole)
     values.check_range("branches.curve_span", omega=(low, high))

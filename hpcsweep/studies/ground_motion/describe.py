@@ -13,6 +13,7 @@ from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.plausibility import implausible
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import known_unit, unit_of
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion.keys import RecordGrid, longest_period
 from hpcsweep.studies.ground_motion.variables import PEAKS
@@ -127,7 +128,7 @@ def elastic_words(drift: float) -> str:
 
 def alone_words(structure: Structure) -> str:
     """Return the words for the motion without contacts, in which no slider slips."""
-    if not structure.sliders:
+    if LINEAR.of(structure):
         return "no contact" * bool(structure.contacts)
     return "elastic motion" + " without contact" * bool(structure.contacts)
 

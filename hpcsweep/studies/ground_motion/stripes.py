@@ -12,6 +12,7 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import Capacity, capacity, linear_capacity
 from hpcsweep.model.reduction import physical
 from hpcsweep.model.unit_names import unit_of
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.variables import percent_of_height
@@ -112,7 +113,7 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
     if "collapsed" in results:
         values[results["collapsed"].values > 0] = np.inf
     alone = f"{name}_alone"
-    free = None if structure.contacts or structure.sliders else values
+    free = values if LINEAR.of(structure) and not structure.contacts else None
     if free is None and alone in results:
         free = results[alone].values * factor
     names = tuple(str(one) for one in array[dim].values)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.record_response import Energy, Response
 from hpcsweep.studies import variables
 from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, RUN
@@ -147,7 +148,7 @@ def _absent(structure: Structure) -> set[str]:
     absent = set() if structure.contacts else {"stop"}
     if structure.collapse_drift is None:
         absent |= {"collapsed", "collapse_time"}
-    return absent | ({"gap_needed"} if structure.sliders else {"slider", "residual_drift"})
+    return absent | ({"slider", "residual_drift"} if LINEAR.of(structure) else {"gap_needed"})
 
 
 def peaks_of(structure: Structure, settings: SweepSettings) -> tuple[list[Peak], list[Peak]]:

@@ -38,6 +38,7 @@ from hpcsweep.dynamics.classify_motion import SETTLED
 from hpcsweep.dynamics.families import told_of_sliders
 from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import BATCHES, ISOLATED, TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -101,8 +102,7 @@ class FrameRuns:
                 settings.period_tolerance,
             )
         self._batch = None
-        closes = "converged" in settings.skip and not structure.sliders
-        if closes and SOLVERS[settings.solver].follows_orbits:
+        if "converged" in settings.skip and SOLVERS[settings.solver].batches(structure):
             from hpcsweep.studies.sweep.batch import Batch
 
             self._batch = Batch(cast("FlowMap", self.solver), settings, self._free)
@@ -182,7 +182,8 @@ class FrameRuns:
     def _transient(self, result, index, amplitude: float, z, poll: Poll) -> Approach | None:
         """Integrate the transient of a run; return None if it is proved linear, and stored."""
         closed = self._free.window(z, amplitude) if self._free is not None else None
-        if closed is None and self.structure.sliders and "converged" in self.settings.skip:
+        single = "converged" in self.settings.skip and not BATCHES.of(self.structure)
+        if closed is None and single:
             return self._settled(z, amplitude, poll)
         if self._free is None or closed is None:
             done = self.solver.advance(z, amplitude, self.settings.transient_cycles, poll=poll)
@@ -240,7 +241,7 @@ class FrameRuns:
             amplitude,
             end.period or settings.sampling_cycles,
             "modal_norm" in settings.metrics,
-            bool("lyapunov" in row or settings.classify_cycles) and not self.structure.sliders,
+            bool("lyapunov" in row or settings.classify_cycles) and TANGENTS.of(self.structure),
             poll,
             settings.measures,
         )
@@ -248,7 +249,7 @@ class FrameRuns:
         if seen.outcome is not Outcome.COMPLETE:
             store_failure(row, seen.points[-1] if len(seen.points) else z, cycles, seen.outcome)
             return
-        if end.period and self.structure.sliders:
+        if end.period and not ISOLATED.of(self.structure):
             kind = MotionClass.NO_CONTACT if seen.is_free else MotionClass.PERIODIC
             exponent = interval_of_orbit(
                 self.solver, seen.points[-1], amplitude, end.period, settings

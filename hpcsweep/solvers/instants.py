@@ -80,7 +80,7 @@ class InstantMap(RecordMap):
         """
         self._samples, self._amplitude = samples, scale / self._units.amplitude_unit
         least = missed * abs(scale) * float(np.abs(samples).max())
-        held, peaks, starts = self._march(count, poll, least > 0.0)
+        held, peaks, starts = self._through(count, poll, least > 0.0)
         place = np.arange(float(len(peaks)))
         if starts:
             more = self._inside(starts, held, least)
@@ -94,7 +94,7 @@ class InstantMap(RecordMap):
         states = self._units.out_of(held[0])
         return Motion(place, states, self._sliders.force(*held), force)
 
-    def _march(self, count: int, poll, keeps: bool):
+    def _through(self, count: int, poll, keeps: bool):
         """Return states of the kernels with modes, peaks, and starts of intervals with changes."""
         shared, modes, z = self._shared, self._shared.modes, self._at_rest()
         held = [np.empty((count + 1, one.size), one.dtype) for one in (z, *modes[:2])]

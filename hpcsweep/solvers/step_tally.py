@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -67,7 +68,7 @@ class StepTally:
         self._wants_any, self._wants_impacts = bool(measures), bool(measures & IMPACT_FLAG)
         self.peaks = np.zeros(len(flags))
         self.impacts = np.zeros((N_IMPACTS, model.contacts.gap.size))
-        self._closed: np.ndarray | None = None
+        self._closed = np.empty(0, bool)  # of no contact before the first step
         self._beside = np.zeros(model.contacts.gap.size, bool)
         """Contacts that have not come apart since they have last been closed, see `ROUNDING`."""
         self._size = 0.0
@@ -87,7 +88,8 @@ class StepTally:
         contacts = self._contacts
         self.peaks[self._places] = np.maximum(self.peaks[self._places], own)
         if self._accelerate is not None:
-            self._add_accelerations(interpolant, tau, z, field)
+            accelerate = partial(self._accelerate, field)
+            self._add_accelerations(interpolant, tau, z, accelerate)
         signs = contacts.sign[:, None]
         past = signs * z[contacts.row] - contacts.gap[:, None]
         speed = z[n + contacts.row]
@@ -101,7 +103,7 @@ class StepTally:
         for k in np.flatnonzero(highest >= 0.0):
             self.contact |= 1 << int(k)
         if self._wants_impacts:
-            if self._closed is None:
+            if not self._closed.size:
                 self._closed = past[:, 0] >= 0.0
             self._note_apart(past[:, 0])
             for k in np.flatnonzero(highest >= -FAR / max(self._model.rho, 1e-300)):
@@ -129,16 +131,16 @@ class StepTally:
             highest[i] = max(highest[i], abs(top) if both[i] else top)
         return highest
 
-    def _add_accelerations(self, interpolant, tau, z, field) -> None:
+    def _add_accelerations(self, interpolant, tau, z, accelerate) -> None:
         """Raise the peaks of absolute accelerations, at the nodes and beside the largest."""
-        values = np.abs([self._accelerate(field, *at) for at in zip(tau, z.T, strict=True)]).T
+        values = np.abs([accelerate(*at) for at in zip(tau, z.T, strict=True)]).T
         for i, place in enumerate(self._accelerated):
             top = values[i].max()
             k = int(values[i].argmax())
             left, right = max(k - 1, 0), min(k + 1, len(tau) - 1)
             if 2 * top - min(values[i, left], values[i, right]) > self.peaks[place]:
                 found = minimize_scalar(
-                    lambda t, i=i: -abs(self._accelerate(field, t, interpolant(t))[i]),
+                    lambda t, i=i: -abs(accelerate(t, interpolant(t))[i]),
                     bounds=(tau[left], tau[right]),
                     method="bounded",
                     options={"xatol": 1e-7 * (tau[-1] - tau[0])},

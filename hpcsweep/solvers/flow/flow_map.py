@@ -180,7 +180,7 @@ class FlowMap:
             As in `observe` and `settle`.
         """
         closing = closing_arguments(rules.max_period, rules.settled, rules.same, rules.near)
-        rules = batch.Rules(*closing, *rules[len(closing) :])
+        rules = batch.Rules(*closing, *rules[len(closing) :])  # type: ignore[arg-type]
         start = motion(self, state, 0.0, rules.transient)[0]
         self._watch_for(closing[0])
         units, wanted = np.array(self.structure.state_units), self._wanted(modal_norm, measures)

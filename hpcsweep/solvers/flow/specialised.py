@@ -161,7 +161,7 @@ def _kernels_for(words: Words, elements: tuple[EntryPoint, ...]) -> MotionKernel
         if not missing(own):
             load_all(own)
             called = (kernels[one] for one in FOR_ANY if isinstance(one, EntryPoint))
-            return MotionKernels(*called, kernels.of(FOR_ANY.measures))
+            return MotionKernels(*called, kernels.of(FOR_ANY.measures))  # type: ignore[call-arg,arg-type]
     if elements:
         load_all(needed)
     return FOR_ANY

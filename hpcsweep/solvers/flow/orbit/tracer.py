@@ -83,7 +83,7 @@ class Tracer:
         found : Solution or None
             The point to which that leads, if anything happens on the way.
         """
-        trace, points, why = self._trace, [], walk.MORE
+        trace, points, why = self._trace, [], walk.MORE  # type: ignore[var-annotated]
         self._begin(start, last)
         trace.bend[:] = bend
         begins, known = 1, int(last.inverse is not None)

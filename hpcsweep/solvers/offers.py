@@ -60,4 +60,4 @@ LINEAR = Capability(_never_yields, why="knows no free drift")
 CURVES = Capability(_never_yields, why="curves of theirs are not followed")
 """Curves of special points and of limits over two parameters."""
 PAGES = Capability(_never_yields, why="follows no motion")
-"""Motions that the page of the explorer follows itself."""
+"""Motions that pages and portraits follow."""

@@ -92,7 +92,7 @@ def draw_suite(plot: Callable[..., Any], curves: np.ndarray, counted=fractiles) 
     Parameters
     ----------
     plot : callable
-        Draw one curve, from its values and the arguments of `Axes.plot`.
+        Draw one curve, from its values and the arguments of ``Axes.plot``.
     curves : ndarray, shape (n_records, k)
     counted : callable
         Return the fractiles.

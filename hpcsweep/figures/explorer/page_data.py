@@ -48,8 +48,8 @@ class PageData:
         The directions in words.
     runs : dict of str to ndarray, shape (n_frames, n_directions, n_amplitudes)
         Unsigned codes `motion`, `period`, `outcome`, `cycles`, and `contact` where the file has it;
-        float32 `drift`, `lyapunov`, `modal_norm_1`, ... of the lowest `MAX_MODES` modes,
-        `storey_drift_1`, ... and all other measures of the first `MAX_PLACES`, as far as the file
+        float32 `drift`, `lyapunov`, ``modal_norm_1``, ... of the lowest `MAX_MODES` modes,
+        ``storey_drift_1``, ... and all other measures of the first `MAX_PLACES`, as far as the file
         has them; `counts`, the stroboscopic points kept of each run, 0 everywhere if the file has
         none; `speed`, with a further axis of the floors, their velocities at the first point, NaN
         where there is none.

@@ -1,7 +1,7 @@
 """Compile the numerical kernels with numba, cached on disk.
 
 A kernel calls another one inlined (`inline`), or through its address (`entry_points`). Both are
-compiled as `numba.njit` does, with a cache of their own (`cache`).
+compiled as ``numba.njit`` does, with a cache of their own (`cache`).
 """
 
 import functools
@@ -56,7 +56,7 @@ def _type_of(called: Kernel, _context) -> types.Dispatcher:
 
 
 def _compile(function=None, **options):
-    """Compile like `numba.njit`, and keep the result in the cache of this package.
+    """Compile like ``numba.njit``, and keep the result in the cache of this package.
 
     With NUMBA_DISABLE_JIT=1 the kernel stays Python: `fallback.plain`.
     """

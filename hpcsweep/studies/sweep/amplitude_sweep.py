@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.grid import DOWN, UP
 from hpcsweep.studies.keys import OMEGA, Key, Tables
@@ -57,7 +58,7 @@ class AmplitudeSweep(PathGrid):
         """Tell the path, and which rules hold along it."""
         yield from super().lines()
         if self.steps:
-            mapped = SKIP_RULES[: 2 if self.structure.sliders else 3]  # newton needs a tangent map
+            mapped = SKIP_RULES[: 3 if TANGENTS.of(self.structure) else 2]  # newton needs them
             rules = [name for name in mapped if name in self.settings.skip]
             yield "skip rules", ", ".join(rules or ["none"]) + ": all hold along any path"
 

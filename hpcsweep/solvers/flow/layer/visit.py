@@ -237,7 +237,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     z : ndarray, shape (2R,)
     amplitude : float
     wanted, tangent
-        See `period.march_period`.
+        See `period.march`.
 
     Returns
     -------

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Path, Poll, Rows, Say, Timed
@@ -65,7 +66,7 @@ class Records(RecordGrid):
             raise values.error("solver.method", settings.solver, "must be 'flow' for records")
         groups = [key for key in keys.OUTPUT if key.name in GROUPS]
         default = {key.name: key.default for key in groups}
-        default["base_shear"] = bool(structure.sliders)
+        default["base_shear"] = not LINEAR.of(structure)
         given = {name: values.get(f"output.{name}", own) for name, own in default.items()}
         wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
         common["settings"] = replace(settings, metrics=wanted)

@@ -4,16 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import count, finite_vector
-from hpcsweep.model.equations import MODEL, derivative
-from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.model.arguments import count
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.model.units import Units
-from hpcsweep.solvers.arguments import without_sliders
-from hpcsweep.solvers.solver import stroboscopic_points
-from hpcsweep.solvers.trajectory import MAX_SAMPLES
-from hpcsweep.solvers.trajectory import trajectory as one_period
+from hpcsweep.solvers.instants import accelerations
+from hpcsweep.solvers.trajectory import MAX_SAMPLES, PeriodMap
 
 
 def trajectory(
@@ -26,17 +21,15 @@ def trajectory(
 ):
     """Follow a motion and sample it evenly in time.
 
-    Each forcing period starts from the exact stroboscopic point, so that errors do not accumulate,
-    and is integrated by scipy's DOP853 to 1e-9: for inspection and pictures, not for sweeps.
+    By the exact flow, so that all samples are as exact as `stroboscopic_points`.
 
     Parameters
     ----------
     structure : Structure
-        Without sliders.
     amplitude, omega : float
         A and Omega of the forcing.
     state : array_like, shape (2 n_floors,)
-        (u, v) at time 0.
+        (u, v) at time 0; of L sliders the lasting elongations p behind.
     n_periods : int
         Forcing periods.
     samples : int
@@ -46,8 +39,9 @@ def trajectory(
     -------
     xarray.Dataset
         ``displacement``, ``velocity`` and ``acceleration`` (floor, time), relative to the ground;
-        ``contact_force`` (contact, time), positive where a contact pushes. The unit of each is in
-        its attribute ``units``.
+        ``contact_force`` (contact, time), positive where a contact pushes; of sliders
+        ``slider_force`` and ``lasting_elongation`` (slider, time). The unit of each is in its
+        attribute ``units``.
 
     Raises
     ------
@@ -55,10 +49,6 @@ def trajectory(
         If an argument is of the wrong kind or outside its range; one line names it.
     ArithmeticError
         If a solver fails.
-
-    References
-    ----------
-    Hairer, Norsett and Wanner, *Solving Ordinary Differential Equations I*, II.5.
 
     Examples
     --------
@@ -69,36 +59,32 @@ def trajectory(
     """
     import xarray
 
-    without_sliders(structure)
     n_periods = count("n_periods", n_periods, 1)
     samples = count("samples", samples, 2, MAX_SAMPLES)
-    n = structure.n_floors
-    start = finite_vector("state", state, 2 * n)
-    points = [start]
-    if n_periods > 1:
-        points += [*stroboscopic_points(structure, amplitude, omega, start, n_periods - 1)]
-    parts = [one_period(structure, amplitude, omega, z, samples + 1) for z in points]
-    states = np.concatenate([*(part[:-1] for part in parts), parts[-1][-1:]])
-    period = structure.forcing.period(omega)
-    time = np.arange(len(states)) * (period / samples)
-    within = np.arange(len(states)) % samples * (period / samples)
+    path = PeriodMap(structure, amplitude, omega, state, samples).follow(n_periods)
+    n, period = structure.n_floors, structure.forcing.period(omega)
+    moving, plastic = np.split(path.states, [2 * n], axis=1)
+    time = np.arange(len(moving)) * (period / samples)
+    phase = np.arange(len(moving)) % samples * (2.0 * np.pi / samples)
+    order, size, start = np.array(structure.forcing.terms).T
+    ground = amplitude * np.sin(np.outer(phase, order) + start) @ size
+    force = structure.contact_forces(moving)
+    rate = accelerations(structure, moving, (force, path.slider_force), ground)
 
     def quantity(dims, values, kind: str, name: str):
         return dims, values, {"units": unit_of(structure, kind), "long_name": name}
 
-    return xarray.Dataset(
+    def along(dim: str, values, kind: str, name: str):
+        return quantity((dim, "time"), values.T, kind, name)
+
+    found = xarray.Dataset(
         {
-            "displacement": quantity(("floor", "time"), states[:, :n].T, "length", "displacement"),
-            "velocity": quantity(("floor", "time"), states[:, n:].T, "velocity", "velocity"),
-            "acceleration": quantity(
-                ("floor", "time"),
-                _accelerations(structure, amplitude, omega, within, states),
-                "acceleration",
-                "acceleration relative to the ground",
+            "displacement": along("floor", moving[:, :n], "length", "displacement"),
+            "velocity": along("floor", moving[:, n:], "velocity", "velocity"),
+            "acceleration": along(
+                "floor", rate, "acceleration", "acceleration relative to the ground"
             ),
-            "contact_force": quantity(
-                ("contact", "time"), structure.contact_forces(states).T, "force", "contact force"
-            ),
+            "contact_force": along("contact", force, "force", "contact force"),
         },
         coords={
             "time": quantity("time", time, "time", "time"),
@@ -107,17 +93,9 @@ def trajectory(
         },
         attrs={"amplitude": float(amplitude), "omega": float(omega)},
     )
-
-
-def _accelerations(structure: Structure, amplitude, omega, times, states) -> np.ndarray:
-    """Evaluate u'' at states, shape (n, k)."""
-    model = kernel_model(structure, omega)
-    packed, units = MODEL.pack(model), Units(structure, model)
-    rate, n = structure.frequency_unit, structure.n_floors
-    size = amplitude / units.amplitude_unit
-    found = np.empty((n, len(states)))
-    for k, (time, z) in enumerate(zip(times, states, strict=True)):
-        rates = derivative(time * rate, units.into(z), size, packed)
-        half = rates.size // 2
-        found[:, k] = rates[half : half + n] * units.amplitude_unit
-    return found
+    if not plastic.size:
+        return found
+    return found.assign_coords(slider=list(structure.slider_names)).assign(
+        slider_force=along("slider", path.slider_force, "force", "slider force"),
+        lasting_elongation=along("slider", plastic, "length", "lasting elongation"),
+    )

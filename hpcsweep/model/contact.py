@@ -93,18 +93,6 @@ def contact_stiffness(x, beta, rho):
     return beta * s * (1.0 + rho * x * (1.0 - s))
 
 
-@jit
-def dashpot_force(x, w, beta, drag, lets_go):
-    """Evaluate beta x + drag x' of a sharp contact at distance x, with the speed w.
-
-    `lets_go` is 1 if it never pulls, else 0.
-    """
-    if not (x > 0.0 or (x == 0.0 and w > 0.0)):
-        return 0.0
-    force = beta * x + drag * w
-    return max(force, 0.0) if lets_go > 0.0 else force
-
-
 @inlined
 def contact_forces(x, beta, rho):
     """Evaluate `contact_force` of `Lanes`, rho finite."""

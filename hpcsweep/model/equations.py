@@ -1,4 +1,4 @@
-"""Compiled equations of motion (19) of any structure, and their Jacobian.
+"""Compiled equations of motion (19) of a structure with elastic contacts, and their Jacobian.
 
 State z = (y_1..y_R, y_1'..y_R'), shape (2R,); rows and units as in `hpcsweep.model.kernel_model`.
 """
@@ -10,8 +10,7 @@ import numpy as np
 
 from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import jit
-from hpcsweep.model.contact import contact_force, contact_stiffness, dashpot_force
-from hpcsweep.model.kernel_contacts import DRAG, LETS_GO
+from hpcsweep.model.contact import contact_force, contact_stiffness
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 
@@ -43,18 +42,12 @@ def right_hand_side(tau, z, amplitude, packed, out):
     for h in range(model.harmonics.shape[0]):
         order, size, phase = model.harmonics[h]
         ground += amplitude * size * math.sin(order * model.omega * tau + phase)
-    for p in range(model.ramp.shape[0]):
-        ground += amplitude * (model.ramp[p, 0] + model.ramp[p, 1] * tau)
     for i in range(n):
         out[i] = z[n + i]
         out[n + i] = model.forcing[i] * ground
     for k in range(contacts.row.shape[0]):
         x = contacts.sign[k] * z[contacts.row[k]] - contacts.gap[k]
         force = contact_force(x, contacts.beta[k], model.rho)
-        drag, lets_go = contacts.edges[k, DRAG], contacts.edges[k, LETS_GO]
-        if drag > 0.0:
-            w = contacts.sign[k] * z[n + contacts.row[k]]
-            force = dashpot_force(x, w, contacts.beta[k], drag, lets_go)
         for p in range(contacts.first[k], contacts.first[k + 1]):
             out[n + contacts.push_row[p]] -= contacts.push[p] * force
     for i in range(n):
@@ -81,16 +74,8 @@ def jacobian(z, packed, out):
         row = contacts.row[k]
         x = contacts.sign[k] * z[row] - contacts.gap[k]
         stiff = contacts.sign[k] * contact_stiffness(x, contacts.beta[k], model.rho)
-        drag, lets_go = contacts.edges[k, DRAG], contacts.edges[k, LETS_GO]
-        if drag > 0.0:
-            # no more than the derivative where the force does not jump
-            w = contacts.sign[k] * z[n + row]
-            pushes = dashpot_force(x, w, contacts.beta[k], drag, lets_go) != 0.0
-            stiff = contacts.sign[k] * contacts.beta[k] * pushes
-            drag *= contacts.sign[k] * pushes
         for p in range(contacts.first[k], contacts.first[k + 1]):
             out[n + contacts.push_row[p], row] -= contacts.push[p] * stiff
-            out[n + contacts.push_row[p], n + row] -= contacts.push[p] * drag
 
 
 def derivative(tau: float, z: np.ndarray, amplitude: float, packed: Any) -> np.ndarray:

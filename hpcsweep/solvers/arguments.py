@@ -25,7 +25,7 @@ def without_sliders(structure: Structure) -> None:
     if structure.sliders:
         raise ValueError(
             "a structure with sliders moves under ground-motion records, and under a harmonic "
-            "forcing in jobs and in hpcsweep.stroboscopic_points, orbit and branch"
+            "forcing in jobs and in hpcsweep.stroboscopic_points, trajectory, orbit and branch"
         )
 
 

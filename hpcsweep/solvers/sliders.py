@@ -58,8 +58,8 @@ class Sliders:
 
     def plastic(self, z: np.ndarray, modes) -> tuple[np.ndarray, np.ndarray]:
         """Return p of each in a state, and by how much it has changed since it last stuck."""
-        state, load = modes.state[self.own], self.load(modes.mode, modes.state)
-        takes = self._takes[modes.mode[self.own]]
+        state, load = modes.state[..., self.own], self.load(modes.mode, modes.state)
+        takes = self._takes[modes.mode[..., self.own]]
         found = np.where(takes, load + self.elongation(z), state)
         return found, np.abs(found - state)
 
@@ -98,7 +98,8 @@ class SliderUnits(Units):
 
     def into(self, states: np.ndarray) -> np.ndarray:
         """Return states of the kernels, a new array (..., 2R + L)."""
-        first, p = np.split(np.asarray(states, float), [-len(self._unit)], -1)
+        states = np.asarray(states, float)
+        first, p = np.split(states, [states.shape[-1] - len(self._unit)], -1)
         return np.concatenate((self._state.into(first), p / self._unit), -1)
 
     def out_of(self, z: np.ndarray) -> np.ndarray:

@@ -1,7 +1,11 @@
 """A motion in continuous time: against the stroboscopic points, the equation, the contact law."""
 
+import math
+
 import numpy as np
 import pytest
+from reference import reference_steps, system
+from together import together
 
 from hpcsweep import Building, Structure, adjacent, stroboscopic_points, trajectory
 
@@ -28,6 +32,28 @@ def test_it_passes_the_points_and_obeys_the_equation(sharpness):
     left += structure.directions.T @ force
     right = np.outer(structure.forcing_vector, amplitude * np.sin(omega * motion.time.values))
     assert np.abs(left - right).max() < 1e-9 * np.abs(structure.stiffness_matrix @ u).max() + 1e-3
+
+
+@together(
+    "given",
+    [
+        {"sharpness": math.inf},
+        {"sharpness": 1e3},
+        {"sharpness": math.inf, "restitution": 0.5},
+    ],
+)
+def test_its_samples_are_on_the_path_of_the_reference(given):
+    structure, z = Structure(2, 40.0, damping_ratio=0.05, gap=0.5, **given), np.zeros(4)
+    motion = trajectory(structure, 0.6, 0.7, z, n_periods=3, samples=37)
+    assert motion.contact_force.values.max() > 1.0
+    begin, found, offset = 0.0, [], system(structure, 0.6, 0.7)[2].offset
+    for h, c in reference_steps(structure, 0.6, 0.7, z, 3):
+        own = motion.displacement.sel(time=slice(begin, begin + h))
+        path = [np.polyval(row[::-1], own.time.values - begin) for row in c[:2]]
+        found.append(np.abs(np.array(path) + offset[:2, None] - own.values).max(initial=0.0))
+        begin += h
+    assert begin == pytest.approx(motion.time.values[-1], rel=1e-12)
+    assert max(found) < 1e-11
 
 
 def test_its_units_are_those_of_the_structure():

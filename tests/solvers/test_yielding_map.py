@@ -21,15 +21,15 @@ def oscillator(hardening=0.0, damping=0.05, **given):
     )
 
 
-def reference(structure, amplitude, omega, state, n_periods, track=None):
-    """Return the states (u, u', p) at the end of each period, by DOP853 from event to event."""
+def reference(structure, amplitude, omega, state, n_periods, track=None, parts=1):
+    """Return the states (u, u', p) at the ends of periods or parts, by DOP853 between events."""
     n, sliders = structure.n_floors, structure.sliders
     inverse = np.linalg.inv(structure.mass_matrix)
     elastic, damping = structure.elastic_stiffness, structure.damping_matrix
     rows, push = structure.slider_directions, structure.forcing_vector
     spring = np.array([one.stiffness for one in sliders])
     strength = np.array([one.strength for one in sliders])
-    terms, period = structure.forcing.terms, 2 * math.pi / omega
+    terms, period = structure.forcing.terms, 2 * math.pi / omega / parts
     z, plastic, slip = np.array(state[: 2 * n]), np.array(state[2 * n :]), np.zeros(len(rows), int)
     found, t = [], 0.0
 
@@ -50,7 +50,7 @@ def reference(structure, amplitude, omega, state, n_periods, track=None):
         guard.terminal, guard.direction = True, 1.0
         return guard
 
-    for number in range(n_periods):
+    for number in range(n_periods * parts):
         while t < (number + 1) * period:
             guards = [(j, way) for j in range(len(rows)) for way in ((1,) if slip[j] else (1, -1))]
             done = solve_ivp(
@@ -58,7 +58,7 @@ def reference(structure, amplitude, omega, state, n_periods, track=None):
                 method="DOP853",
                 rtol=1e-13,
                 atol=1e-14,
-                max_step=period / 200,
+                max_step=period * parts / 200,
                 events=[event(j, way) for j, way in guards],
             )
             if track is not None:
@@ -103,9 +103,23 @@ def test_two_storeys_and_a_damper_move_as_the_reference():
         harmonics=((1, 1.0, 0.0), (2, 0.6, 1.0)),
     )
     points = hpcsweep.stroboscopic_points(structure, 4.0, 11.0, np.zeros(7), 3)
-    expected = reference(structure, 4.0, 11.0, np.zeros(7), 3)
-    assert abs(expected[:, 4:]).max(axis=0).min() > 0.01
-    np.testing.assert_allclose(points, expected, rtol=0, atol=1e-10)
+    expected = reference(structure, 4.0, 11.0, np.zeros(7), 3, parts=8)
+    assert abs(expected[7::8, 4:]).max(axis=0).min() > 0.01
+    np.testing.assert_allclose(points, expected[7::8], rtol=0, atol=1e-10)
+    motion = hpcsweep.trajectory(structure, 4.0, 11.0, np.zeros(7), 3, samples=8)
+    moved = motion.displacement, motion.velocity, motion.lasting_elongation
+    np.testing.assert_allclose(np.vstack(moved).T[1:], expected, rtol=0, atol=1e-10)
+    spring = np.array([one.stiffness for one in sliders])[:, None]
+    stretched = structure.slider_directions @ motion.displacement.values
+    force = spring * (stretched - motion.lasting_elongation.values)
+    np.testing.assert_allclose(motion.slider_force, force, rtol=0, atol=1e-6)
+    left = structure.mass_matrix @ motion.acceleration.values
+    left += structure.damping_matrix @ motion.velocity.values
+    left += structure.elastic_stiffness @ motion.displacement.values
+    left += structure.slider_directions.T @ force
+    t = motion.time.values
+    ground = 4.0 * (np.sin(11.0 * t) + 0.6 * np.sin(22.0 * t + 1.0))
+    np.testing.assert_allclose(left, np.outer(structure.forcing_vector, ground), atol=1e-6)
 
 
 def test_storeys_that_yield_beside_the_default_stops_move_as_the_reference():

@@ -11,7 +11,6 @@ from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
 from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import AMPLITUDES, DIRECTION, FLOORS, OMEGA, Option, whole_number
 from hpcsweep.model.description import stops
-from hpcsweep.solvers.offers import PAGES
 from hpcsweep.studies.run_names import SYMBOLS
 
 NAME = "phase"
@@ -97,7 +96,6 @@ def draw(
     own = () if of_amplitude else amplitudes
     one = open_frame(results, omega, "poincare", amplitudes=own)
     frame, classes, structure = one.runs, one.classes, one.structure
-    style.demand(PAGES, structure, "--kind phase", "orbit")
     index = palette.motion_index(classes, frame["orbit_period"].values)
     motions = [_at(one, value, direction, given) for value in chosen]
     motions += [find_period(frame, classes, period, direction) for period in periods]

@@ -162,7 +162,7 @@ def _half_step(generator, n, h, half, term, spare):
 def write_length(radius, key, model, tables, index):
     """Write the length of a step, by a bound of |lambda(M)|, and the rotations; return it."""
     h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
-    if model.ramp.shape[0] > 0:
+    if model.ramp.shape[0] > 0 or h > model.period:
         h = model.period / math.ceil(model.period / h)
     tables.h[index] = h
     for k in range(model.harmonics.shape[0]):

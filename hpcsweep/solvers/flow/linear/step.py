@@ -133,7 +133,7 @@ def is_series(key, tau, end, model, tables):
     step in modes, which is cheaper.
     """
     m, n_sliders = model.contacts.row.shape[0], model.elements.stiffness.shape[0]
-    if n_sliders == 0:
+    if n_sliders == 0 or model.ramp.shape[0] == 0:  # the series are those of a ramp
         return False
     slips = key >> np.uint64(m) != np.uint64(0)
     if slips and m + n_sliders > LARGEST_STORE and not in_modes(tables):

@@ -1,4 +1,4 @@
-"""Sample intervals of a record in a row.
+"""Sample intervals of a record, or parts of a forcing period, in a row.
 
 An interval between two samples, on which G is linear, is to the motion what a forcing period is to
 one that harmonics drive: it begins at tau = 0 with the pair (G, G') of its first sample, and the
@@ -58,10 +58,11 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
     Parameters
     ----------
     shared : ndarray of bytes
-        A packed `Shared`, of a `record_model`.
+        A packed `Shared`, of a `record_model` or of a part of a forcing period.
     z : ndarray, shape (2R,)
     samples : ndarray, shape (m,)
-        Of the ground; from the last one on there is none.
+        Of the ground; from the last one on there is none. Or the phases of the harmonics where the
+        parts of a forcing period begin, those of each part together.
     amplitude : float
         By which they are multiplied.
     intervals : tuple of int, int and float
@@ -91,7 +92,7 @@ def _march(packed, shared, z, samples, amplitude, intervals, wanted, points, ele
     model, sets, flags = shared.model, UNKNOWN, _gathered(wanted)
     first, last, length = intervals
     for j in range(first, last):
-        _set_ramp(j, samples, model)
+        _begin_interval(j, samples, model)
         if model.rows.shape[0] > 0:
             # at every one, so that nothing depends on where a call begins
             renew_rows(z, shared.no_tangent, model)
@@ -115,8 +116,13 @@ def _gathered(wanted):
 
 
 @inlined
-def _set_ramp(j, samples, model):
-    """Let the ground go from sample j to the next one."""
+def _begin_interval(j, samples, model):
+    """Let the ground go from sample j to the next one, or harmonics from their phases."""
+    n_harmonics = model.harmonics.shape[0]
+    for h in range(n_harmonics):
+        model.harmonics[h, 2] = samples[j * n_harmonics + h]
+    if n_harmonics > 0:
+        return
     model.ramp[0, 0] = model.ramp[0, 1] = 0.0
     model.ramp[0, 2] = j * model.period
     if j + 1 < samples.shape[0]:

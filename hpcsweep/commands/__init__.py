@@ -9,7 +9,6 @@ import argparse
 import contextlib
 import traceback
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 
 from hpcsweep.figures.options import file_name
 
@@ -67,7 +66,7 @@ class AtAction(argparse.Action):
 
 def add_file(parser: argparse.ArgumentParser, output: str = "", told: str = "") -> None:
     """Add the results file of a command, and ``-o`` where it writes an `output`, `told` in help."""
-    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument("file", type=file_name, metavar="FILE")
     if output:
         parser.add_argument("-o", "--output", type=file_name, metavar=output, help=told)
 

@@ -81,6 +81,10 @@ class _Parser(argparse.ArgumentParser):
             complete(self)
         return super().parse_known_args(args, namespace)
 
+    def _print_message(self, message: str, file=None):
+        # argparse drops errors of the stream
+        print(message, end="", file=file, flush=True)
+
     def error(self, message: str):
         complain(f"{message} (see {self.prog} --help)")
         raise SystemExit(USER_ERROR)
@@ -110,13 +114,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit code."""
-    environment.prepare()
-    parser = build_parser()
-    options = parser.parse_args(arguments)
-    if options.command is None and not options.version:
-        parser.error("a command is needed")
     try:
-        code = _version() if options.version else _call(options)
+        code = _call(arguments)
         sys.stdout.flush()
     except BrokenPipeError:
         # the reader has gone (``| head``); print nothing more, not even at exit
@@ -131,10 +130,18 @@ def main(arguments: list[str] | None = None) -> int:
     return code
 
 
-def _call(options) -> int:
+def _call(arguments: list[str] | None) -> int:
     """Run a command; print an error for users on one line."""
     try:
-        return options.function(options)
+        environment.prepare()
+        parser = build_parser()
+        options = parser.parse_args(arguments)
+        if options.command is None and not options.version:
+            parser.error("a command is needed")
+        return _version() if options.version else options.function(options)
+    except MemoryError:
+        complain("there is not enough memory for this")
+        return FAILURE
     except (ValueError, RuntimeError) as error:
         if not isinstance(error, _for_users()):
             raise

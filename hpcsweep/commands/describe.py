@@ -1,8 +1,7 @@
 """`hpcsweep describe`: describe what a job computes, before it is run."""
 
-from pathlib import Path
-
 from hpcsweep.commands import add_settings, listing
+from hpcsweep.figures.options import file_name
 
 SUMMARY = "describe a job: modes, units, grazing amplitude, runs"
 HELP = """\
@@ -13,7 +12,7 @@ mistake. It takes a second."""
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("job", type=Path, metavar="JOB.toml")
+    parser.add_argument("job", type=file_name, metavar="JOB.toml")
     add_settings(parser)
 
 

@@ -9,13 +9,26 @@ import os
 import sys
 
 from hpcsweep.campaign.progress import note
+from hpcsweep.commands import CommandError
 from hpcsweep.kernels import folders
 from hpcsweep.parallel.mpi import launched_rank
 
+LONGEST_DATE = 12
+
 
 def prepare() -> None:
-    """Make the standard streams usable, and check the cache of compiled kernels."""
+    """Make the standard streams usable, and check variables and the cache of compiled kernels.
+
+    Raises
+    ------
+    CommandError
+        If SOURCE_DATE_EPOCH, which numpy and matplotlib read, is no time.
+    """
     _open_streams()
+    date = os.environ.get("SOURCE_DATE_EPOCH", "0")
+    if not (date.isascii() and date.isdigit() and len(date) < LONGEST_DATE):
+        limit = f"must be seconds since 1970, a whole number of fewer than {LONGEST_DATE} digits"
+        raise CommandError(f"environment variable SOURCE_DATE_EPOCH = {date!r}: {limit}")
     _look_at_cache()
 
 

@@ -1,7 +1,5 @@
 """`hpcsweep merge`: make the results file of a job of those of its parts."""
 
-from pathlib import Path
-
 from hpcsweep.figures.options import file_name
 
 SUMMARY = "make the results file of a job of those of its parts"
@@ -12,7 +10,7 @@ parts. It equals that of a run of the whole job, to the last bit."""
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="of all parts")
+    parser.add_argument("files", type=file_name, nargs="+", metavar="FILE", help="of all parts")
     parser.add_argument(
         "-o", "--output", type=file_name, required=True, metavar="WHOLE", help="must not exist"
     )

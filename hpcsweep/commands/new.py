@@ -1,8 +1,7 @@
 """`hpcsweep new`: write a job to start from."""
 
-from pathlib import Path
-
 from hpcsweep.commands.outputs import write_job
+from hpcsweep.figures.options import file_name
 from hpcsweep.studies.kinds import DEFAULT_KIND, STUDIES
 
 SUMMARY = "write a job to start from"
@@ -21,7 +20,7 @@ example:
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("file", type=Path, metavar="FILE.toml", help="must not exist")
+    parser.add_argument("file", type=file_name, metavar="FILE.toml", help="must not exist")
     parser.add_argument(
         "--kind",
         choices=tuple(STUDIES),

@@ -12,11 +12,12 @@ HELP = """\
 Run one job or several. If the results file exists, the run resumes where it stopped, on any number
 of ranks, and the results equal those of an uninterrupted run bit for bit.
 
-SIGTERM, SIGINT (Ctrl-C) and SIGUSR1, sent to mpirun or to any rank, stop the run in good order
-within seconds, with exit code 75. MPICH's mpirun passes all three on and returns the exit code of
-the ranks. Open MPI's does so with SIGUSR1; after SIGINT it returns 1, but the ranks stop in good
-order. After SIGKILL of a rank mpirun says BAD TERMINATION and returns 9. After any kill at most the
-last seconds are computed again. Do not press Ctrl-C twice: mpirun then kills the ranks.
+SIGTERM, SIGINT (Ctrl-C), SIGUSR1 and SIGHUP (unless nohup ignores it), sent to any rank, stop the
+run in good order within seconds, with exit code 75. MPICH's mpirun passes the first three on and
+returns the exit code of the ranks. Open MPI's does so with SIGUSR1; after SIGINT it returns 1, but
+the ranks stop in good order. After SIGKILL of a rank mpirun says BAD TERMINATION and returns 9.
+After any kill at most the last seconds are computed again. Do not press Ctrl-C twice:
+mpirun then kills the ranks.
 
 Only one run may write FILE at a time: FILE.lock says which host and process it is.
 
@@ -39,7 +40,7 @@ Give such a variant its own file with -o: the file of another job is refused."""
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("jobs", type=Path, nargs="+", metavar="JOB.toml", help="the job file")
+    parser.add_argument("jobs", type=file_name, nargs="+", metavar="JOB.toml", help="the job file")
     parser.add_argument(
         "-o",
         "--output",

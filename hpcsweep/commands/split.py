@@ -1,9 +1,8 @@
 """`hpcsweep split`: write jobs that have a part of a job's runs each."""
 
-from pathlib import Path
-
 from hpcsweep.commands import CommandError, add_settings
 from hpcsweep.commands.outputs import write_job
+from hpcsweep.figures.options import file_name
 
 SUMMARY = "write jobs of a part of a job's runs each, for several allocations"
 HELP = """\
@@ -17,7 +16,7 @@ like any other; hpcsweep merge makes the file of the whole of their files:
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("job", type=Path, metavar="JOB.toml", help="the job file")
+    parser.add_argument("job", type=file_name, metavar="JOB.toml", help="the job file")
     parser.add_argument("-n", type=int, required=True, metavar="K", help="number of parts")
     add_settings(parser)
 

@@ -19,7 +19,7 @@ take one line each, and their checksums are not verified."""
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    parser.add_argument("files", type=file_name, nargs="+", metavar="FILE")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
     form.add_argument(

@@ -3,12 +3,11 @@
 import json
 import math
 from collections import Counter
-from pathlib import Path
 from typing import Any
 
 from hpcsweep.commands import Rows, listing
 from hpcsweep.commands.rows import by_clock, inferred_text, percent, rows_of, share
-from hpcsweep.figures.options import whole_number
+from hpcsweep.figures.options import file_name, whole_number
 from hpcsweep.studies.run_names import count, plural, written
 
 SUMMARY = "summarise studies: cost, kinds of motion"
@@ -22,7 +21,7 @@ MAX_ROWS = 16
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    parser.add_argument("files", type=file_name, nargs="+", metavar="FILE")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
     form.add_argument(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from hpcsweep.commands import CommandError
 from hpcsweep.commands.outputs import write_job
+from hpcsweep.figures.options import file_name
 
 SUMMARY = "write a job with a finer grid over part of a results file"
 HELP = """\
@@ -19,7 +20,7 @@ taken over. Refine the frequencies of sweeps, and either axis of points."""
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument("file", type=file_name, metavar="FILE")
     for name, what in (("omega", "frequencies, as the job gives them"), ("amplitude", "A")):
         parser.add_argument(
             f"--{name}",

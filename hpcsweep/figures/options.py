@@ -99,6 +99,8 @@ def file_name(text: str) -> Path:
     """Convert an argument to the name of a file."""
     if not text:
         raise argparse.ArgumentTypeError("must not be empty")
+    if any(char < " " for char in text):
+        raise argparse.ArgumentTypeError(f"must be a name on one line, is {text!r}")
     return Path(text)
 
 

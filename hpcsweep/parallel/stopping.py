@@ -8,7 +8,7 @@ from typing import Any
 
 LOST_GRACE = 5.0
 """Seconds within which ranks whose launcher is gone must stop in good order."""
-STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1, signal.SIGHUP)
 
 
 class Stop(Exception):
@@ -51,6 +51,8 @@ class StopFlag:
     def listen(self) -> None:
         """Listen to the signals, permanently if the flag is not used in a ``with`` statement."""
         for number in STOP_SIGNALS:
+            if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
+                continue  # nohup
             self._previous[number] = signal.signal(number, self._on_signal)
 
     def ignore(self) -> None:

@@ -36,6 +36,7 @@ def wait_for_start(process: faults.Processes, path: Path) -> None:
         (2, "SIGTERM", "launcher"),
         (2, "SIGINT", "launcher"),
         (3, "SIGUSR1", "rank"),
+        (0, "SIGHUP", "launcher"),
     ],
 )
 def test_a_long_bdf_sweep_stops_within_seconds(tmp_path, ranks, name, victim):

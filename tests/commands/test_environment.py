@@ -1,14 +1,18 @@
 """Streams that are closed or full, folders that cannot be written, names that are no text."""
 
 import os
+import signal
 import subprocess
+import sys
 
 import numpy as np
 import pytest
 from tools import SMALL, command, datasets, environment, hpcsweep
 
+from hpcsweep.commands import cli, describe
 from hpcsweep.commands import environment as environment_of_commands
 from hpcsweep.kernels import folders
+from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store.offsets import open_above
 
 
@@ -120,3 +124,48 @@ def test_a_cache_that_is_only_read_is_read_all_the_same(tmp_path, monkeypatch, c
     assert len(capsys.readouterr().err.splitlines()) == 1
     folders.say_unwritable("said once already")
     assert capsys.readouterr().err == ""
+
+
+def no_memory(options):
+    raise MemoryError
+
+
+@pytest.mark.parametrize(
+    ("arguments", "date", "code", "told"),
+    [
+        (["describe", "a\nb.toml"], "0", 2, "must be a name on one line, is 'a\\nb.toml'"),
+        (["status", "a\nb.h5"], "0", 2, "must be a name on one line, is 'a\\nb.h5'"),
+        (["run", "a.toml", "-o", "a\nb.h5"], "0", 2, "must be a name on one line"),
+        (["status", "a.h5"], "abc", 2, "SOURCE_DATE_EPOCH = 'abc': must be seconds since 1970"),
+        (["describe", "a.toml"], "0", 1, "not enough memory"),
+        (["--help"], "0", 1, "standard output: cannot be written: No space left on device"),
+        (["status", "--help"], "0", 1, "standard output: cannot be written: No space left"),
+    ],
+)
+def test_what_a_command_cannot_do_is_told_on_one_line(
+    monkeypatch, capsys, arguments, date, code, told
+):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", date)
+    monkeypatch.setattr(environment_of_commands, "_look_at_cache", lambda: None)
+    monkeypatch.setattr(describe, "run", no_memory)
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        monkeypatch.setattr(sys, "stdout", full)
+        try:
+            given = cli.main(arguments)
+        except SystemExit as end:
+            given = end.code
+    error = capsys.readouterr().err
+    assert (given, len(error.splitlines())) == (code, 1), error
+    assert told in error
+
+
+@pytest.mark.parametrize(("before", "reason"), [("SIG_DFL", "SIGHUP"), ("SIG_IGN", None)])
+def test_a_terminal_that_goes_stops_a_run_unless_nohup_ignores_it(before, reason):
+    kept = signal.signal(signal.SIGHUP, getattr(signal, before))
+    try:
+        with StopFlag() as flag:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert flag.is_set() == (reason is not None)
+        assert flag.reason == reason
+    finally:
+        signal.signal(signal.SIGHUP, kept)

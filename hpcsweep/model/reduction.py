@@ -40,7 +40,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.model.arguments import count, number, positive, shown
-from hpcsweep.model.sparse_matrices import factors
 
 KINDS = ("modes", "error", "up_to")
 """Of reductions: what says how many modes are kept."""
@@ -145,6 +144,8 @@ def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -
     """
     from scipy.linalg import eigh
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+
+    from hpcsweep.model.sparse_matrices import factors
 
     n = len(push)
     is_whole = n <= SMALL or 2 * most >= n
@@ -352,6 +353,8 @@ def condensed(mass, stiffness, damping, push, rows, drift, named) -> Coordinates
     follow = np.zeros((len(push), int(has.sum())))
     follow[has] = np.eye(int(has.sum()))
     if not has.all():
+        from hpcsweep.model.sparse_matrices import factors
+
         below = stiffness[~has]
         follow[~has] = -factors(below[:, ~has]).solve(below[:, has].toarray())
     own = _symmetric(follow.T @ (mass @ follow))

@@ -11,9 +11,9 @@ import bench
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from speed import figure, peers, profile, ratios, scaling, skips, startup, work_precision
+from speed import figure, passages, peers, profile, ratios, scaling, skips, startup, work_precision
 from together import together
-from tools import JOBS, kernels_but
+from tools import JOBS, datasets, kernels_but
 
 from hpcsweep.job import load_job, parse_job
 from hpcsweep.model.structure import Structure
@@ -291,3 +291,30 @@ def test_parts_by_name_as_json(monkeypatch, capsys):
     assert list(found) == ["floors", "skips"]
     assert found["skips"]["points"] == 10
     assert [row["n_floors"] for row in found["floors"]] == [3, 10, 20, 20]
+
+
+@pytest.mark.slow
+def test_passages_take_strategies_in_and_out(monkeypatch, capsys):
+    """By plain Python, which shows as well as compiled kernels do which ones are used."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    changes = ("structure.n_floors=1", "structure.sharpness=300.0", "output.lyapunov=false")
+    changes += ("structure.stiffness_ratio=30.0", "sweep.omega=0.9")
+    changes += ("sweep.amplitude={from=0.3,to=0.4,count=2}",)
+    changes += ("sweep.transient_cycles=1", "sweep.sampling_cycles=1", "sweep.max_orbit_period=1")
+    job = ("figure3.toml", *(word for one in changes for word in ("--set", one)))
+    monkeypatch.setitem(passages.CASES, "figure 3", job)
+    points, measured = {}, passages.processor_time
+
+    def keep(gone, cache, job, out):
+        seconds = measured(gone, cache, job, out)
+        points[gone] = datasets(out)["poincare"].view(float)
+        return seconds
+
+    monkeypatch.setattr(passages, "processor_time", keep)
+    passages.main(["--case", "figure 3", "--repeat", "0", "--without", "solitary"])
+    table = capsys.readouterr().out.splitlines()
+    assert table[0].split()[-3:] == ["all", "without", "solitary"]
+    assert len(table[1].split()) == 2 + 4
+    # the same motion, by other arithmetic
+    np.testing.assert_allclose(points[()], points["solitary",], rtol=1e-12, atol=1e-12)
+    assert (points[()] != points["solitary",]).any()

@@ -94,14 +94,14 @@ def test_a_kernel_on_demand_is_loaded_by_who_needs_it():
 import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.specialised import FOR_ANY, march_periods, needed_kernels
+from hpcsweep.solvers.flow.specialised import FOR_ANY, march_elements, needed_kernels
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE
 measure = FOR_ANY.measures[-1]
 for restitution in (None, 0.6):
     structure = Structure(2, 100.0, np.inf, restitution=restitution)
     solver = FlowMap(structure, 0.5)
     solver.advance(np.zeros(4), 2.0, 3)
-    print(march_periods.is_loaded, march_periods in needed_kernels(structure))
+    print(march_elements.is_loaded, march_elements in needed_kernels(structure))
     solver.observe(np.zeros(4), 2.0, 3)
     print(measure.is_loaded, measure in needed_kernels(structure, measures=True))
     solver.observe(np.zeros(4), 2.0, 3, measures=ANY_MEASURE)

@@ -344,7 +344,7 @@ def test_unknown_solver():
         ({"state": np.zeros(5)}, r"state must have shape \(6,\), has shape \(5,\)"),
         ({"state": np.full(6, math.nan)}, "state must be finite"),
         ({"amplitude": math.inf}, "amplitude must be finite, is inf"),
-        ({"omega": 0.0}, "omega must be finite and positive, is 0.0"),
+        ({"omega": 0.0}, r"omega must be from 0.0001 to 1e\+06, is 0.0"),
         ({"n_periods": -1}, "n_periods must be a whole number from 0 to 1000000000000, is -1"),
         ({"rtol": 0.0}, "rtol must be between 0 and 1, is 0.0"),
         ({"solver": "x"}, "solver must be one of flow, bdf, is 'x'"),

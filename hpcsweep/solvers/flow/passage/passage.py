@@ -38,6 +38,7 @@ from hpcsweep.solvers.flow.passage.slow_passage import (
     half_is_smooth,
     passage_is_smooth,
 )
+from hpcsweep.solvers.flow.rules import strategies
 from hpcsweep.solvers.flow.search.search import LAST_STEP
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import (
@@ -282,10 +283,13 @@ def accelerations_at_stop(arrival, z, model, a):
 def closed_form(arrival, v, pushed, bend, model):
     """Return how a contact may pass, by its speed, acceleration and jerk towards the stop there."""
     contact = arrival.contact
+    used = strategies.USED
     if not model.contacts.is_elastic:
         return INTEGRATED
-    if passage_is_fast(v, pushed, bend, contact, model):
+    if used.fast and passage_is_fast(v, pushed, bend, contact, model):
         return FAST
+    if not used.slow:
+        return INTEGRATED
     if passage_is_smooth(v, pushed, bend, contact, model):
         return SLOW
     free = arrival.key & contact_bit(contact) == np.uint64(0)

@@ -30,6 +30,7 @@ from hpcsweep.solvers.flow.layer.scheme import stiffness_up_to
 from hpcsweep.solvers.flow.layer.solitary.plan import AT_EDGE, SURE, level_of, until_poles
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, total_forcing
 from hpcsweep.solvers.flow.linear.spectral import modes_of, write_rows
+from hpcsweep.solvers.flow.rules import strategies
 from hpcsweep.solvers.flow.state.coupled import MOST
 from hpcsweep.solvers.flow.state.shared import NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state
@@ -44,7 +45,8 @@ CONTRACTION = 3.0
 @inlined
 def steps_in_modes(shared):
     """Return whether steps inside layers are those of this module."""
-    return shared.coupled.built.shape[0] > 0 and shared.tables.spectrum.damping.shape[0] == 0
+    there = strategies.USED.coupled and shared.coupled.built.shape[0] > 0
+    return there and shared.tables.spectrum.damping.shape[0] == 0
 
 
 @kernel

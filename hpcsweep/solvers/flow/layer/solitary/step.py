@@ -38,6 +38,7 @@ from hpcsweep.solvers.flow.layer.solitary.plan import (
 from hpcsweep.solvers.flow.linear.forcing import forcing_at
 from hpcsweep.solvers.flow.linear.polynomials import evaluate, expand_row
 from hpcsweep.solvers.flow.linear.step import in_modes
+from hpcsweep.solvers.flow.rules import strategies
 from hpcsweep.solvers.flow.rules.solitary_rule import (
     HALF_NODES,
     HALF_RESPONSES,
@@ -226,7 +227,8 @@ def solitary_step(left, z, wanted, tangent, packed):
     tangent = as_long_as(tangent, shared.previous)
     model, tables, work, responses = shared.model, shared.tables, shared.work, shared.responses
     contact = solitary_contact(z, model)
-    if contact < 0 or in_modes(tables) or not (model.rho > 0.0 and model.contacts.is_elastic):
+    tabled = strategies.USED.solitary and not in_modes(tables)
+    if contact < 0 or not (tabled and model.rho > 0.0 and model.contacts.is_elastic):
         return 0.0
     h, stiffness = plan_step(contact, z, work.a, left, model)
     if not h > 0.0:

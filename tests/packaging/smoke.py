@@ -28,7 +28,6 @@ VARY_PLOTS = {"vary": (), "measures": ()}
 RECORD_PLOTS = {
     "ida": (),
     "fragility": ("--threshold", "0.02"),
-    "pounding": (),
     "profile": (),
     "spectra": (),
     "floor-spectra": (),
@@ -37,7 +36,7 @@ RECORD_PLOTS = {
     "energy": (),
 }
 """Those of a study of records."""
-ELASTIC_PLOTS = {"separation": ()}
+ELASTIC_PLOTS = {"pounding": (), "separation": ()}
 """Those of one in which nothing yields."""
 PORTFOLIO_PLOTS = {"portfolio": ("--against", "building[0].storey_stiffness")}
 """Those of a study of records that varies a key."""

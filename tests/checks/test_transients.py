@@ -41,7 +41,7 @@ def test_what_ends_repeats_and_what_outlives_does_not(chaos):
     found = outliving(chaos, 1000, PERIODS)
     assert found["chaotic"] == found["samples"] == len(runs)
     # one that ends while it is classified may count as either, and of weak chaos 2,000 periods may
-    # look like a torus (on one processor of three: A = 0.1004, down)
+    # look like a torus (seen on a Zen 3: A = 0.1004, down)
     assert 0 < early <= found["ended"] <= late + 1
     assert found["outlive"] == len(runs) - found["ended"] > 0
     assert found["undecided"] == 0

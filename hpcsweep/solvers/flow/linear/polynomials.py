@@ -13,24 +13,6 @@ FOURTH = np.array([math.perm(p, 4) for p in range(N_COEFFICIENTS)], float)
 
 
 @kernel
-def expand_rows(poly, index, x, rows, expanded, count):
-    """Write the polynomials of the first `count` components along a step from x into `rows`.
-
-    Parameters
-    ----------
-    poly : ndarray
-        Of `Tables`.
-    rows : ndarray, shape (2R, N_COEFFICIENTS)
-    expanded : ndarray of bool, shape (2R,)
-        Which rows are valid already.
-    """
-    for row in range(count):
-        if not expanded[row]:
-            expand_row(poly, index, row, x, rows)
-            expanded[row] = True
-
-
-@kernel
 def expand_row(poly, index, row, x, rows):
     """Write the polynomial of one component along a step from x into its row."""
     start = (index * poly.shape[1] + row) * poly.shape[2] * N_COEFFICIENTS

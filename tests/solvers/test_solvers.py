@@ -315,6 +315,15 @@ def test_step_limit_is_an_outcome(name, monkeypatch):
     assert points.shape == (0, 6)
 
 
+@pytest.mark.parametrize("limit", [5, 60, 200])
+def test_no_period_takes_more_steps_than_the_limit(monkeypatch, limit):
+    """Those that no contact can end are taken in one go, after those before them."""
+    monkeypatch.setattr("hpcsweep.solvers.flow.flow_map.MAX_STEPS", limit)
+    solver = make_solver("flow", Structure(3, 1e4, math.inf, 0.05), 0.01, 1e-10)
+    solver.points(np.full(6, 2.0), 1.0, 1)
+    assert limit - 3 <= solver.counts[0] + solver.counts[2] <= limit
+
+
 @pytest.mark.slow
 def test_a_tangent_vector_goes_on_from_stretch_to_stretch(name):
     solver = solver_for(name, IMPACTING)

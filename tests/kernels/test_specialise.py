@@ -163,12 +163,12 @@ from hpcsweep.kernels.compile import warm
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow import specialised
-from hpcsweep.solvers.flow.passage.slow_passage import half_tangent
+from hpcsweep.solvers.flow.passage.passage import pass_layer
 
 n = int(sys.argv[1])
 solver = FlowMap(Structure(n, 1000.0), 0.5)
 needed = specialised.needed_kernels(solver.structure, specialised=True)
-needed = [one for one in needed if one.__name__ == half_tangent.__name__]
+needed = [one for one in needed if one.__name__ == pass_layer.__name__]
 lost = len(warm.missing(needed))
 warm.load_all(needed, lambda done, total: print(done, file=sys.stderr), 2)
 print(lost, len(warm.missing(needed)), solver.is_specialised)
@@ -184,5 +184,5 @@ def test_what_another_process_has_fitted_is_kept(tmp_path):
     assert reported(2) == (["1", "0", "False"], ["0", "1"])
     assert reported(2) == (["0", "0", "False"], [])
     assert reported(1) == (["1", "0", "False"], ["0", "1"])
-    names = [path.name for path in tmp_path.rglob("half_tangent*.kernel")]
+    names = [path.name for path in tmp_path.rglob("pass_layer*.kernel")]
     assert len(names) == 2

@@ -37,7 +37,7 @@ BRACES = [Slider((-1, 1, 0), 10.0, 0.2), Slider((0, -1, 1), 10.0, 0.1)]
 COUPLED = np.diag([0.3, 0.1, 0.7])
 START = np.array([0.1, 0.2, 0.25, 0.3, 0.5, 0.9])
 FAST = np.array([0.5, 0.99, 0.985, 0.0, 0.0, 0.4])
-SLOW, SOLITARY = np.array([[0.5, 0.9, 0.9922, 0.05, -0.1, v] for v in (0.13, 0.04)])
+SLOW = np.array([0.5, 0.9, 0.9922, 0.05, -0.1, 0.13])
 YIELDING = {"yield_drift": 0.01, "hardening": 0.05}
 EIGHT = np.eye(8) - np.eye(8, k=-1)
 
@@ -122,11 +122,6 @@ WAYS = {
     "fast passages": Way(
         "crossing.add_kick tangent.passage_tangent gather._integrate_again",
         lambda: motion(Structure(3, 1000.0, 1e4, 0.0), 2 * math.pi, 0.02, FAST),
-        IN_LAYER,
-    ),
-    "slow passages": Way(
-        "slow_passage.cross_half slow_passage.half_tangent",
-        lambda: motion(Structure(3, 1000.0, 1e4, 0.05), 2 * math.pi, 0.02, SLOW),
         IN_LAYER,
     ),
     "solitary layers": Way(

@@ -1,13 +1,12 @@
 """Build the table of a contact set: the propagators of `tables`, from its generator M.
 
-Taylor series about any state
------------------------------
+Effect of an impulse
+--------------------
 
-With x' = M x of `tables` and e the unit impulse of a contact (it moves velocities, d . e = 1)::
+With x' = M x of `tables` and e the unit impulse of a contact at time 0 (it moves velocities,
+d . e = 1)::
 
-    d . u(s) = sum_k s^k (d M^k / k!) x,        exp(M s) e = sum_k s^k M^k e / k!
-
-The first is the distance of a contact, the second the effect at time s of an impulse at time 0.
+    exp(M s) e = sum_k s^k M^k e / k!
 
 Loops
 -----
@@ -54,8 +53,8 @@ def place_of(k, n, n_rows):
 
 
 @kernel
-def build_series(generator, vectors, model, series, impulses):
-    """Fill both series of all contacts for one contact set.
+def _impulse_series(contact, generator, vectors, model, impulses):
+    """Fill M^k e / k! of a contact.
 
     Parameters
     ----------
@@ -64,39 +63,8 @@ def build_series(generator, vectors, model, series, impulses):
     vectors : ndarray, shape (3, 2n + 2H + 1)
         The units of the balanced state; the others are workspace.
     model : Model
-    series : ndarray, shape (m, N, LANES)
-        Receives d M^k / k!.
-    impulses : ndarray, shape (m, LANES, padded 2R)
-        Receives M^k e / k!.
+    impulses : ndarray, shape (LANES, padded 2R)
     """
-    for contact in range(model.contacts.row.shape[0]):
-        _distance_series(contact, generator, vectors, model, series[contact])
-        _impulse_series(contact, generator, vectors, model, impulses[contact])
-
-
-@kernel
-def _distance_series(contact, generator, vectors, model, series):
-    """Fill d M^k / k! of a contact; arguments of `build_series`."""
-    n, n_rows, size = model.modal_transform.shape[0], model.stiffness.shape[0], generator.shape[0]
-    unit, vector, spare = vectors[0], vectors[1], vectors[2]
-    for i in range(size):
-        vector[i] = model.contacts.reach[contact, i] * unit[i] if i < n else 0.0
-    for k in range(LANES):
-        if k > 0:
-            for j in range(size):
-                spare[j] = 0.0
-            for i in range(size):
-                for j in range(size):
-                    spare[j] += vector[i] * generator[i, j]
-            for j in range(size):
-                vector[j] = spare[j] / k
-        for j in range(size):
-            series[place_of(j, n, n_rows), k] = vector[j] / unit[j]
-
-
-@kernel
-def _impulse_series(contact, generator, vectors, model, impulses):
-    """Fill M^k e / k! of a contact; arguments of `build_series`."""
     n, n_rows, size = model.modal_transform.shape[0], model.stiffness.shape[0], generator.shape[0]
     unit, vector, spare = vectors[0], vectors[1], vectors[2]
     for i in range(size):
@@ -190,7 +158,9 @@ def build_table(key, model, tables, index):
         unit[n + i] = model.balance[i] * scale
     for k in range(2 * n, size):
         unit[k] = scale if k < size - 1 - model.elements.stiffness.shape[0] else 1.0
-    build_series(generator, tables.vectors, model, tables.series[index], tables.impulses[index])
+    for contact in range(model.contacts.row.shape[0]):
+        impulses = tables.impulses[index, contact]
+        _impulse_series(contact, generator, tables.vectors, model, impulses)
     _half_step(generator, n, h, half, term, full)
     _square(half, full)
     for k in range(size):

@@ -77,15 +77,6 @@ def table_of(key, tables, packed):
     return index if index >= 0 else lookup(key, packed)
 
 
-@inlined
-def table_at_hand(key, tables, packed):
-    """Find or build the table of a contact set; -1 where that would empty the store of tables."""
-    index = find_table(key, tables)
-    if index < 0 and tables.count[0] < tables.keys.shape[0]:
-        return lookup(key, packed)
-    return index
-
-
 @entry_point(INT, KEY, BYTES)
 def lookup(key, packed):
     """Return the index of the table of contact set `key`, building it on first use.

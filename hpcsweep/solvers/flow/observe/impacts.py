@@ -18,8 +18,7 @@ where
 
     p(d) = m_1 + c m_2 / 2 + b m_3 / 6,    with the speed    p'(d) + m_0 + c m_1 + b m_2 / 2,
 
-with beta less in b if that side is the one beyond; on a slow passage by the remaining distance
-after the force of the arriving side has acted.
+with beta less in b if that side is the one beyond.
 
 Energy
 ------
@@ -39,7 +38,6 @@ from hpcsweep.model.kernel_model import FLOOR
 from hpcsweep.solvers.flow.linear.polynomials import evaluate, integral, value_and_slope
 from hpcsweep.solvers.flow.linear.step import expand
 from hpcsweep.solvers.flow.passage.crossing import at_stop, half_passage, since_linear, sums
-from hpcsweep.solvers.flow.passage.passage import FAST, SLOW
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
 from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, ROUNDING, SPEED, TIME
@@ -171,39 +169,18 @@ def passage_at_end(segment, ending, model, tally, work):
     a = sign * work.a[row]
     inner = sign * contacts.damped[k, row]
     bend = sign * contacts.bent[k, row] - beta
-    if ending.how == FAST:
-        stop = at_stop(v, a, sign * ending.jerk, beta, model.rho)
-        free, _, _ = half_passage(-1.0, stop)
-        contact, _, _ = half_passage(1.0, stop)
-        m0, _, _, m2, _, m3, m4 = since_linear(sums(free, contact), stop)
-        m = free if closing else contact
-        own = bend + beta if closing else bend
-        gone = total(m[1]) + 0.5 * inner * total(m[2]) + own * total(m[3]) / 6.0
-        d = gone / v
-        d = gone / (v + 0.5 * a * d)
-        speed = abs(v + a * d + total(m[0]) + inner * total(m[1]) + 0.5 * own * total(m[2]))
-        early = abs(d)
-        kick = m0 - beta * (0.5 * m2 + inner * m3 / 6.0 + bend * m4 / 24.0)
-    else:
-        n = model.stiffness.shape[0]
-        arriving = work.arriving
-        kick = arriving.moments[0]
-        if not closing:
-            kick -= _beyond(arriving.moments, beta, inner, bend)
-        if ending.how == SLOW:
-            kick += work.departing.moments[0]
-            if closing:
-                kick -= _beyond(work.departing.moments, beta, inner, bend)
-        x, v = sign * arriving.kicked[row], v + sign * arriving.kicked[n + row]
-        speed = math.sqrt(max(v * v - 2.0 * a * x, 0.0))
-        early = 2.0 * abs(x) / (abs(v) + speed)
+    stop = at_stop(v, a, sign * ending.jerk, beta, model.rho)
+    free, _, _ = half_passage(-1.0, stop)
+    contact, _, _ = half_passage(1.0, stop)
+    m0, _, _, m2, _, m3, m4 = since_linear(sums(free, contact), stop)
+    m = free if closing else contact
+    own = bend + beta if closing else bend
+    gone = total(m[1]) + 0.5 * inner * total(m[2]) + own * total(m[3]) / 6.0
+    d = gone / v
+    d = gone / (v + 0.5 * a * d)
+    speed = abs(v + a * d + total(m[0]) + inner * total(m[1]) + 0.5 * own * total(m[2]))
+    early = abs(d)
+    kick = m0 - beta * (0.5 * m2 + inner * m3 / 6.0 + bend * m4 / 24.0)
     tally.impacts[FORCE, k] -= kick / beta
     tally.impacts[TIME, k] += early
     record(k, closing, speed, work.z_end, model, tally)
-
-
-@inlined
-def _beyond(moments, beta, inner, bend):
-    """Return the effect of a slow passage on the spring's impulse beyond the stop."""
-    later = -inner * moments[3] / 6.0 + bend * moments[4] / 24.0
-    return beta * (0.5 * moments[2] + later)

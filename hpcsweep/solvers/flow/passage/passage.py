@@ -31,13 +31,7 @@ from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, KEY, VECTOR
 from hpcsweep.model.contact import FULL_POTENTIAL
 from hpcsweep.solvers.flow.linear.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.linear.polynomials import value_and_slope, value_slope_bend
-from hpcsweep.solvers.flow.linear.step import in_modes, table_at_hand
 from hpcsweep.solvers.flow.passage.crossing import NEGLECTED, add_kick, moments, passage_is_fast
-from hpcsweep.solvers.flow.passage.slow_passage import (
-    cross_half,
-    half_is_smooth,
-    passage_is_smooth,
-)
 from hpcsweep.solvers.flow.rules import strategies
 from hpcsweep.solvers.flow.search.search import LAST_STEP
 from hpcsweep.solvers.flow.state.shared import read_shared
@@ -45,7 +39,6 @@ from hpcsweep.solvers.flow.state.state import (
     SEGMENT,
     approach_speed,
     contact_bit,
-    copy_state,
     distance,
     less_linear,
 )
@@ -55,9 +48,6 @@ MEAN_WAY = 3.0
 LATEST = 1.6
 """Longest time of a fast passage from the stop to the edge of the layer, at the speed at the stop.
 Where its square falls evenly by `crossing.FAST` of itself it is 1.52."""
-SLOWED = 0.6
-"""Least mean speed of a slow passage, in units of that at the stop. Where the square of the speed
-falls evenly by `slow_passage.FALL` of itself it is 0.66."""
 
 
 class Arrival(NamedTuple):
@@ -154,49 +144,12 @@ def passes_apart(arrival, z, a, amplitude, model):
     return True, promised
 
 
-@kernel
-def is_alone(arrival, z, a, amplitude, model):
-    """Return whether no other contact comes near its layer while one passes slowly, or arrives.
-
-    In a time t a row moves by no more than (w + |a| t / 2) t + J t^3 / 6, with its speed w, J the
-    largest jerk of any row and the norm |K| + |C| / t of all rows: the rows add less than J again
-    while they move as long as |K| t^2 + |C| t <= 1, hence J t^3. A closed contact pulls its row
-    back, which only reduces that.
-    """
-    contacts, stiffness, damping = model.contacts, model.stiffness, model.damping
-    n = stiffness.shape[0]
-    speed = SLOWED * abs(z[n + contacts.row[arrival.contact]])
-    span = model.layer / speed
-    if arrival.tau - span < 0.0 or arrival.tau + span > model.period:
-        return False
-    steepest = steepest_forcing(amplitude, model)
-    jerk = 0.0
-    rigid = 0.0
-    for i in range(n):
-        driven = steepest * abs(model.forcing[i])
-        norm = 0.0
-        for j in range(n):
-            driven += abs(stiffness[i, j] * z[n + j]) + abs(damping[i, j] * a[j])
-            norm += (abs(stiffness[i, j]) * span + abs(damping[i, j])) * span
-        jerk = max(jerk, driven)
-        rigid = max(rigid, norm)
-    if not rigid <= 1.0:
-        return False
-    for k in range(contacts.row.shape[0]):
-        i = contacts.row[k]
-        way = (abs(z[n + i]) + (abs(a[i]) + jerk * span) * span) * span
-        if k != arrival.contact and not abs(distance(k, z, contacts)) - way > model.layer:
-            return False
-    return True
-
-
 EXTRAPOLATION = 1.005
 """Extent, in steps, to which a polynomial is used: its error grows less than fivefold."""
 
 
-INTEGRATED, FAST, SLOW, ARRIVED = range(4)
-"""How a passage is taken: integrated; by `crossing`; by `slow_passage`, on both sides or to where
-the contact is at its stop."""
+INTEGRATED, FAST = range(2)
+"""How a passage is taken: integrated, or by `crossing`."""
 
 
 @kernel
@@ -279,25 +232,6 @@ def accelerations_at_stop(arrival, z, model, a):
                 a[contacts.push_row[p]] -= contacts.push[p] * force
 
 
-@inlined
-def closed_form(arrival, v, pushed, bend, model):
-    """Return how a contact may pass, by its speed, acceleration and jerk towards the stop there."""
-    contact = arrival.contact
-    used = strategies.USED
-    if not model.contacts.is_elastic:
-        return INTEGRATED
-    if used.fast and passage_is_fast(v, pushed, bend, contact, model):
-        return FAST
-    if not used.slow:
-        return INTEGRATED
-    if passage_is_smooth(v, pushed, bend, contact, model):
-        return SLOW
-    free = arrival.key & contact_bit(contact) == np.uint64(0)
-    if free and half_is_smooth(v, pushed, bend, False, contact, model):
-        return ARRIVED
-    return INTEGRATED
-
-
 @entry_point(
     (INT, FLOAT, KEY), INT, SEGMENT, FLOAT, VECTOR, KEY, FLOAT, BYTES, inner=True, specialises=True
 )
@@ -340,41 +274,14 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     accelerations_at_stop(arrival, z, model, a)
     jerk = jerk_at_stop(arrival, z, a, model)
     v, pushed, bend = sign * z[a.shape[0] + row], sign * a[row], sign * jerk
-    how = closed_form(arrival, v, pushed, bend, model)
-    if how == INTEGRATED:
-        return how, jerk, promised
-    if how != FAST:
-        by_tables = promised == np.uint64(0) and not in_modes(shared.tables)
-        if not (by_tables and is_alone(arrival, z, a, amplitude, model)):
-            return INTEGRATED, jerk, promised
-    elif promised & contact_bit(contact) == np.uint64(0):
+    fast = strategies.USED.fast and contacts.is_elastic
+    if not (fast and passage_is_fast(v, pushed, bend, contact, model)):
+        return INTEGRATED, jerk, promised
+    if promised & contact_bit(contact) == np.uint64(0):
         apart, more = passes_apart(arrival, z, a, amplitude, model)
         if not apart:
             return INTEGRATED, jerk, promised
         promised |= more
-    if how == FAST:
-        found = moments(v, pushed, bend, contacts.beta[contact], rho)
-        add_kick(found, contact, arrival.key, model, z)
-    else:
-        how = _pass_slowly(how, arrival, z, before.index, packed, shared)
-    if how == INTEGRATED:
-        return how, jerk, promised
-    return how, jerk, promised & ~contact_bit(contact)
-
-
-@inlined
-def _pass_slowly(how, arrival, z, index, packed, shared):
-    """Take the contact at its stop by `slow_passage`; return how it was taken."""
-    contact, moved = arrival.contact, shared.work.moved
-    after = index
-    if how == SLOW:
-        after = table_at_hand(arrival.key ^ contact_bit(contact), shared.tables, packed)
-        if after < 0:
-            return INTEGRATED
-    copy_state(z, moved)
-    if cross_half(-1.0, index, contact, moved, packed) == 0:
-        return INTEGRATED
-    if how == SLOW and cross_half(1.0, after, contact, moved, packed) == 0:
-        return INTEGRATED
-    copy_state(moved, z)
-    return how
+    found = moments(v, pushed, bend, contacts.beta[contact], rho)
+    add_kick(found, contact, arrival.key, model, z)
+    return FAST, jerk, promised & ~contact_bit(contact)

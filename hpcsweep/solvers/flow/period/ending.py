@@ -18,7 +18,6 @@ from hpcsweep.solvers.flow.passage.passage import (
     EXTRAPOLATION,
     FAST,
     INTEGRATED,
-    SLOW,
     first_at_stop,
     pass_layer,
     time_at_stop,
@@ -99,7 +98,7 @@ def passing_contacts(segment, ending, z, model):
     order of 10 that is 1e-23 |w|.
     """
     contacts, contact = model.contacts, ending.contact
-    if contact < 0 or ending.beyond or not (ending.how in (FAST, SLOW) or ending.rounded):
+    if contact < 0 or ending.beyond or not (ending.how == FAST or ending.rounded):
         return np.uint64(0)
     passing = contact_bit(contact)
     if model.rho != math.inf:

@@ -21,7 +21,7 @@ from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
 from hpcsweep.solvers.flow.elements.guards import drifts_stay
 from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
 from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
-from hpcsweep.solvers.flow.linear.step import state_at, step_tangent, table_of
+from hpcsweep.solvers.flow.linear.step import state_at, step_tangent
 from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, drift_on_segment
 from hpcsweep.solvers.flow.observe.energies import energies_on_segment
 from hpcsweep.solvers.flow.observe.impacts import (
@@ -31,8 +31,7 @@ from hpcsweep.solvers.flow.observe.impacts import (
 )
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
-from hpcsweep.solvers.flow.passage.passage import FAST, INTEGRATED, SLOW, Arrival
-from hpcsweep.solvers.flow.passage.slow_passage import half_tangent
+from hpcsweep.solvers.flow.passage.passage import FAST, INTEGRATED, Arrival
 from hpcsweep.solvers.flow.passage.tangent import passage_tangent
 from hpcsweep.solvers.flow.state.shared import ENERGY, IMPACTS, NO_TALLY, PEAKS, wants_norms
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, distance
@@ -115,11 +114,11 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
 
 
 @inlined
-def segment_tangent(segment, ending, packed, shared, tangent):
+def segment_tangent(segment, ending, shared, tangent):
     """Multiply `tangent` by the tangent map of a segment and of the passage at its end."""
     if tangent is None or tangent.shape[1] == 0:
         return
-    model, tables, work = shared.model, shared.tables, shared.work
+    model, work = shared.model, shared.work
     step_tangent(segment, ending.span, 1, tangent, shared)
     contact = ending.contact
     if ending.how == FAST:
@@ -128,11 +127,6 @@ def segment_tangent(segment, ending, packed, shared, tangent):
         after, tau = segment.key ^ contact_bit(contact), segment.tau + ending.span
         arrival = Arrival(contact, after, tau, work.forcing)
         passage_tangent(arrival, z, work.a, ending.jerk, model, work.tangent, tangent)
-    elif ending.how != INTEGRATED:
-        half_tangent(-1.0, segment.index, contact, tangent, packed)
-        if ending.how == SLOW:
-            after = table_of(segment.key ^ contact_bit(contact), tables, packed)
-            half_tangent(1.0, after, contact, tangent, packed)
 
 
 @inlined

@@ -233,7 +233,7 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
         if ending.contact == UNDECIDED:
             return SOLVER_FAILED, UNKNOWN
         promised = ending.promised
-        segment_tangent(segment, ending, packed, shared, tangent)
+        segment_tangent(segment, ending, shared, tangent)
         if ending.how != INTEGRATED:
             copy_state(z, work.z_end)
         if not is_ordinary(work.z_end):

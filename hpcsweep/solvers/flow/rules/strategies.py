@@ -13,8 +13,6 @@ class Strategies(NamedTuple):
 
     fast: bool = True
     """A closed form (`passage.crossing`)."""
-    slow: bool = True
-    """The exact linear motions of both sides (`passage.slow_passage`)."""
     solitary: bool = True
     """An integral equation for one contact, by tables (`layer.solitary`)."""
     coupled: bool = True

@@ -72,8 +72,8 @@ MAX_TABLES = 64
 LARGE, LARGE_COUPLED, LARGE_SPARED = 20, 32, 65
 """Rows from which on there are no propagators: steps are taken in modes (`linear.spectral`). The
 second is for a damping that couples modes, whose steps take n times as long, the third for smooth
-contacts beside it, which pass their layers alone by tables (`solitary`, `slow_passage`) that spare
-most steps, and for sliders, most sets of which have no table anyway (`series`)."""
+contacts beside it, which pass their layers alone by tables (`solitary`) that spare most steps, and
+for sliders, most sets of which have no table anyway (`series`)."""
 N_POWERS = 4
 """Powers of the propagator of a step that are kept: exp(M h 2^k), k = 1, .., `N_POWERS`."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
@@ -289,10 +289,8 @@ class Tables(NamedTuple):
     """Column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray = zeros("T", "harmonics")
     """cos and sin of h Omega times the step, for each harmonic."""
-    series: np.ndarray = zeros("T", "m", "tabled N", LANES)
-    """Taylor series of the distance of each contact, see `propagators` ..."""
     impulses: np.ndarray = zeros("T", "tabled m", LANES, "padded 2R")
-    """... and of the effect of its unit impulse."""
+    """Taylor series of the effect of a unit impulse of each contact, see `propagators`."""
     work: np.ndarray = zeros(4, "tabled B", "padded B")
     """Workspace for building a table: matrices ..."""
     vectors: np.ndarray = zeros(3, "B")

@@ -6,33 +6,9 @@ import numpy as np
 
 from hpcsweep.kernels.compile.places import part, zeros
 from hpcsweep.kernels.simd.vectors import LANES
-from hpcsweep.solvers.flow.rules.gauss import N_PASSAGE
 from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, N_MODAL
-
-
-class HalfPassage(NamedTuple):
-    """Workspace of half a passage, also used by its tangent map."""
-
-    x: np.ndarray = zeros("N")
-    """Augmented state at the stop."""
-    kicked: np.ndarray = zeros("padded 2R")
-    """Effect of the force of this side on it."""
-    series: np.ndarray = zeros(LANES)
-    """Of the distance."""
-    moments: np.ndarray = zeros(LANES)
-    """Of the force."""
-    times: np.ndarray = zeros(N_PASSAGE)
-    """At the nodes: times from the stop, ..."""
-    forces: np.ndarray = zeros(N_PASSAGE)
-    slopes: np.ndarray = zeros(N_PASSAGE)
-    """... forces and their derivatives by the distance, as smooth factors of the weight; ..."""
-    shares: np.ndarray = zeros(N_PASSAGE)
-    moved: np.ndarray = zeros(N_PASSAGE)
-    """... workspace."""
-    response: np.ndarray = zeros(N_PASSAGE, N_PASSAGE)
-    """Row j: displacement at all nodes per unit force at node j."""
 
 
 class LayerWorkspace(NamedTuple):
@@ -197,8 +173,6 @@ class Workspace(NamedTuple):
     stack: np.ndarray = zeros(MAX_DEPTH + 2, 3)
     a: np.ndarray = zeros("R")
     a_end: np.ndarray = zeros("R")
-    arriving: HalfPassage = part(HalfPassage)
-    departing: HalfPassage = part(HalfPassage)
     tangent: TangentWorkspace = part(TangentWorkspace)
     layer: LayerWorkspace = part(LayerWorkspace)
     solitary: SolitaryWorkspace = part(SolitaryWorkspace)

@@ -16,13 +16,15 @@ memoryless, so that each stretch is a test of its own, and a motion that is left
 ones are gone counts as an attractor once it has outlived the periods at risk. Otherwise it is
 transient chaos, of which the search keeps the survival, and its starts are those of the orbits in
 which they end. An undecided motion is remembered and followed likewise.
+
+Chaos is followed with a tangent vector: the growth over all periods of a sample that outlives them
+is the exponent of the attractor.
 """
 
 import math
 from collections import Counter
 from collections.abc import Callable
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 
@@ -32,7 +34,8 @@ from hpcsweep.dynamics.classify_motion import NEAR, SETTLED, classify_motion
 from hpcsweep.dynamics.known import KnownMotions
 from hpcsweep.dynamics.lifetime import Survival, follow_to_ends, outlive, periods_at_risk
 from hpcsweep.dynamics.neighbourhood import WINDOW, Approached, approach, neighbourhood
-from hpcsweep.dynamics.stability import aligned, growth_interval
+from hpcsweep.dynamics.orbit import returns_near
+from hpcsweep.dynamics.stability import MeanInterval, aligned, growth_interval
 from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Observation
@@ -46,8 +49,6 @@ RECORD = 2000
 LADDER = 4, 16
 """Transients for which a start that resembles no known motion is followed, before it is compared
 again, and finally classified: it may approach one of them slowly."""
-MEASURED = 8
-"""Share of the periods at risk over which the exponent of chaos is measured: 1/8."""
 SAMPLE = {MotionClass.CHAOTIC: 12, MotionClass.QUASI_PERIODIC: 2, MotionClass.UNDECIDED: 2}
 """Starts of a motion that are tested. Chaos ends at random, so that many starts tell as much as a
 long one; the approach to an orbit that is taken for a torus takes its time."""
@@ -55,6 +56,12 @@ TRANSIENT = -4
 """Label of starts of a motion that is known to end."""
 MAX_WATCHED = 100
 """Longest orbit period for which a motion is watched to converge."""
+TURNS = 4
+"""Turns of the longest orbit for which chaos is watched that is again where it was."""
+
+Stretch = Callable[[np.ndarray, int], tuple[np.ndarray, int, int | None]]
+"""Follows a state for so many forcing periods: the state it comes to, how many it took, and the
+label of the orbit that it has ended in."""
 
 
 class AttractorSearch:
@@ -167,49 +174,68 @@ class AttractorSearch:
             one, own = self.attractors[place], np.flatnonzero(labels == place)
             decided = one.kind is not MotionClass.UNDECIDED
             if not one.orbit_period:
-                lasts = one.points[-1]
-                if self._ends(one, last[own]):
+                growth = self._outlived(one, last[own])
+                if growth is None:
                     # its record is one of its motions, too, and may be on what is left
                     states = np.concatenate((last[own], one.points[-1:]))
                     ends = self._to_their_ends(states, place if decided else UNDECIDED)
                     labels[own] = ends[:-1]
                     if np.any(ends == place):
-                        lasts = states[ends == place][0]
+                        growth = self._outlived(one, states[ends == place])
                     else:
                         replaced[place] = TRANSIENT
                 elif not decided:
                     labels[own], replaced[place] = UNDECIDED, UNDECIDED
-                if one.kind is MotionClass.CHAOTIC and place not in replaced:
-                    self._measure_growth(place, lasts)
+                if growth is not None and not math.isnan(growth.mean):
+                    self._known.measured(place, growth)
             place += 1
         labels = self._known.without(replaced, labels)
         self._n_tested = len(self.attractors)
         return labels
 
-    def _measure_growth(self, place: int, state: np.ndarray) -> None:
-        """Measure the exponent of chaos that lasts anew, from a state on it.
+    def _outlived(self, one: Attractor, states: np.ndarray) -> MeanInterval | None:
+        """Follow a sample of motions: of its starts, else from its record; None if any ends.
 
-        That of its window is of few periods, and of such as were taken for chaos by their growth.
+        Otherwise the growth a period, NaN but of chaos, whose record is one motion: its points tell
+        the same until rounding has grown, for 10,000 periods where chaos is weak.
         """
-        n_periods = self._at_risk // MEASURED
-        seen = self._solver.grow(state, self._amplitude, n_periods, self._poll)
-        self.cycles += len(seen.points)
-        growth = growth_interval(aligned(seen.logarithms))
-        if seen.outcome is Outcome.COMPLETE and not math.isnan(growth.mean):
-            rate = 1.0 / self._solver.structure.forcing.period(self._solver.omega)
-            mean, low, high = growth.times(rate)
-            one, own = self.attractors[place], self._known.attractors
-            own[place] = replace(one, lyapunov=mean, lyapunov_low=low, lyapunov_high=high)
-
-    def _ends(self, one: Attractor, states: np.ndarray) -> bool:
-        """Return whether any motion of a sample ends: of its starts, else from its record."""
-        size = SAMPLE[one.kind]
+        size, chaotic = SAMPLE[one.kind], one.kind is MotionClass.CHAOTIC
         evenly = np.unique(np.linspace(0, len(states), size, endpoint=False).astype(int))
         drawn = states[evenly[: len(states)]]  # none where only a seed came to it
-        later = np.linspace(len(one.points) // 2, len(one.points) - 1, size - len(drawn))
-        length = math.ceil(self._at_risk / size)
+        more = int(not len(drawn)) if chaotic else size - len(drawn)
+        later = np.linspace(len(one.points) // 2, len(one.points) - 1, more)
         sample = np.concatenate((drawn, one.points[later.astype(int)]))
-        return any(self._outlive(state, length)[2] is not None for state in sample)
+        length, grown = math.ceil(self._at_risk / len(sample)), [np.empty(0)]
+        for state in sample:
+            own: list[np.ndarray] = []
+            stretch = self._growing(own) if chaotic else self._stretch
+            if self._outlive(state, length, stretch)[2] is not None:
+                return None
+            grown.append(aligned(np.concatenate(own or grown[:1])))
+        return growth_interval(np.concatenate(grown))
+
+    def _growing(self, grown: list[np.ndarray]) -> Stretch:
+        """Return what follows a motion for stretches of `outlive`, with a tangent vector.
+
+        It is watched where it returns to the end of a stretch: to it, it has ended.
+        """
+        structure, direction = self._solver.structure, None
+
+        def stretch(state: np.ndarray, cycles: int) -> tuple[np.ndarray, int, int | None]:
+            nonlocal direction
+            seen = self._solver.grow(state, self._amplitude, cycles, self._poll, direction)
+            points, direction = seen.points, seen.direction
+            self.cycles += len(points)
+            if seen.outcome is not Outcome.COMPLETE:
+                return state, len(points), self._failed(seen.outcome)
+            grown.append(seen.logarithms)
+            there, last = self._known.near(points[-1]), points[-1 - self._longest :]
+            near = structure.without_drift(last) / structure.state_units
+            if there is None and returns_near(near, NEAR):
+                there = self._stretch(points[-1], TURNS * self._longest)[2]
+            return points[-1], cycles, there
+
+        return stretch
 
     def _to_their_ends(self, states: np.ndarray, survivor: int) -> np.ndarray:
         """Follow motions that look alike to their ends; return their labels.
@@ -227,9 +253,11 @@ class AttractorSearch:
         self.transient = self.transient.followed_by(survival)
         return labels
 
-    def _outlive(self, state: np.ndarray, cycles: int) -> tuple[np.ndarray, int, int | None]:
+    def _outlive(
+        self, state: np.ndarray, cycles: int, stretch: Stretch | None = None
+    ) -> tuple[np.ndarray, int, int | None]:
         """Follow a motion until it ends in an orbit: where it is, how long it took, the label."""
-        state, done, there = outlive(self._stretch, state, cycles)
+        state, done, there = outlive(stretch or self._stretch, state, cycles)
         if there is None:
             # it may approach an orbit of a period that is too long to be watched for
             there, _ = self._orbit_of(state)

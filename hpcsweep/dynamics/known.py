@@ -22,6 +22,7 @@ agree within `SAFE_MEANS` times their difference between the halves of either re
 """
 
 from copy import copy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from hpcsweep.dynamics.birkhoff import weighted_means
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.families import are_joined, separation, slipping, told_of_sliders
 from hpcsweep.dynamics.neighbourhood import WINDOW, Neighbourhood, inside
+from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.solvers.records import Observation, normalised_drift
 
 UNCERTAIN = 1e-6
@@ -298,6 +300,13 @@ class KnownMotions:
         self._members.append([points])
         self.neighbourhoods.append(near)
         return len(self.attractors) - 1
+
+    def measured(self, place: int, growth: MeanInterval) -> None:
+        """Replace the exponent of a motion by its growth a period, measured for longer."""
+        time = self._structure.forcing.period(self._solver.omega)
+        mean, low, high = growth.times(1.0 / time)
+        one = self.attractors[place]
+        self.attractors[place] = replace(one, lyapunov=mean, lyapunov_low=low, lyapunov_high=high)
 
     def without(self, replaced: dict[int, int], labels: np.ndarray) -> np.ndarray:
         """Remove motions that are no attractors; return the labels by the indices of the others.

@@ -309,4 +309,4 @@ def test_the_exponent_of_chaos_is_that_of_its_spectrum():
     exact = hpcsweep.lyapunov_spectrum(structure, *point, error=1e-9, max_cycles=4000)
     off, half = abs(exact.exponents[0] - chaos.lyapunov), chaos.lyapunov_high - chaos.lyapunov
     assert off < half + exact.errors[0]
-    assert half < 0.03 * chaos.lyapunov
+    assert half < 0.015 * chaos.lyapunov

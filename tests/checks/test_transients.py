@@ -23,7 +23,8 @@ def chaos(tmp_path_factory):
 
 
 def repeats(points: np.ndarray) -> bool:
-    return any(np.abs(points[-1] - points[-1 - p]).max() < 1e-6 for p in range(1, 65))
+    """Return whether the last point is met again: weak chaos may end in a P1400."""
+    return bool((np.abs(points[-1501:-1] - points[-1]).max(axis=1) < 1e-6).any())
 
 
 @pytest.mark.slow
@@ -36,13 +37,12 @@ def test_what_ends_repeats_and_what_outlives_does_not(chaos):
     for direction, at in runs:
         state = results["final_state"].values[direction, at]
         amplitude = float(results["amplitude"][at])
-        points = stroboscopic_points(structure, amplitude, 0.445, state, PERIODS + 3000)
+        points = stroboscopic_points(structure, amplitude, 0.445, state, PERIODS + 20_000)
         early, late = early + repeats(points[:PERIODS]), late + repeats(points)
     found = outliving(chaos, 1000, PERIODS)
     assert found["chaotic"] == found["samples"] == len(runs)
-    # one that ends while it is classified may count as either, and of weak chaos 2,000 periods may
-    # look like a torus (seen on a Zen 3: A = 0.1004, down)
-    assert 0 < early <= found["ended"] <= late + 1
+    # one that ends while it is classified may count as either
+    assert 0 < early <= found["ended"] <= late
     assert found["outlive"] == len(runs) - found["ended"] > 0
     assert found["undecided"] == 0
     assert found["low"] < found["share"] < found["high"]

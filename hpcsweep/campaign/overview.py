@@ -4,7 +4,6 @@ Only the data of a row are read: a few attributes, which blocks have a checksum,
 the journal. Checksums are not verified; `hpcsweep.campaign.status` reports more of one file.
 """
 
-import html
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,8 +20,6 @@ from hpcsweep.store.opening import read_progress
 SILENT = 120.0
 """Seconds without a record after which a session may not run any more: one comes every 30."""
 HEADS = ("file", "state", "runs", "%", "failed", "core s", "left", "heard")
-REFRESH = 10.0
-"""Seconds after which a page of unfinished campaigns is reloaded."""
 
 
 def overview(path: str | Path) -> dict:
@@ -81,12 +78,7 @@ def _runs_done(path: Path, attributes: dict, committed: np.ndarray, outcome: np.
     return int((committed * np.minimum(left, study.block_size)).sum())
 
 
-def finished(rows: Sequence[dict]) -> bool:
-    """Return whether no row will change any more by itself."""
-    return not any(row["state"] in ("running", "not begun") for row in rows)
-
-
-def cells(rows: Sequence[dict]) -> list[tuple[str, ...]]:
+def _lines(rows: Sequence[dict]) -> list[tuple[str, ...]]:
     """Format rows, and their sums as the last, in the columns `HEADS`."""
     known = [row for row in rows if row["state"] != "unreadable"]
     counts = ("runs_done", "runs_total", "n_failed", "core_seconds")
@@ -120,41 +112,9 @@ def _cells(row: dict) -> tuple[str, ...]:
 
 def as_table(rows: Sequence[dict]) -> str:
     """Format rows as lines for a terminal."""
-    table = [HEADS, *cells(rows)]
+    table = [HEADS, *_lines(rows)]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     form = "  ".join(f"{{:{'<' if k < 2 else '>'}{width}}}" for k, width in enumerate(widths))
     lines = [form.format(*line).rstrip() for line in table]
-    return "\n".join([*lines, *_reasons(rows)])
-
-
-def _reasons(rows: Sequence[dict]) -> list[str]:
-    """Return why files are unreadable."""
-    return [row["why"] for row in rows if row["state"] == "unreadable"]
-
-
-STYLE = (
-    "body{font:15px system-ui,sans-serif;margin:2em;color:#111}"
-    "table{border-collapse:collapse}th,td{padding:.25em .8em;text-align:right}"
-    "th{border-bottom:1px solid #111}tr:last-child td{border-top:1px solid #111}"
-    "th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}"
-    "td.bar{background:linear-gradient(#6ac6f2,#6ac6f2) no-repeat}"
-)
-
-
-def as_page(rows: Sequence[dict]) -> str:
-    """Format rows as a page, which browsers reload until all campaigns are finished."""
-    again = "" if finished(rows) else f'<meta http-equiv="refresh" content="{REFRESH:g}">'
-    lines = []
-    for line in cells(rows):
-        columns = [f"<td>{html.escape(word)}</td>" for word in line]
-        columns[3] = f'<td class="bar" style="background-size:{line[3] or 0}% 100%">{line[3]}</td>'
-        lines.append(f"<tr>{''.join(columns)}</tr>")
-    heads = "".join(f"<th>{name}</th>" for name in HEADS)
-    why = "".join(f"<p>{html.escape(reason)}</p>" for reason in _reasons(rows))
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">{again}'
-        f"<title>campaigns</title><style>{STYLE}</style></head><body>\n"
-        f"<table><thead><tr>{heads}</tr></thead><tbody>\n" + "\n".join(lines) + "\n</tbody></table>"
-        f"{why}<p>As of {time.strftime('%Y-%m-%d %H:%M:%S')}; <b>left</b>: core seconds, as the "
-        "blocks so far.</p></body></html>\n"
-    )
+    reasons = [row["why"] for row in rows if row["state"] == "unreadable"]
+    return "\n".join([*lines, *reasons])

@@ -3,10 +3,8 @@
 import json
 import sys
 import time
-from pathlib import Path
 
 from hpcsweep.commands import USER_ERROR, CommandError, Rows, listing
-from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.commands.rows import by_clock, inferred_text, rows_of
 from hpcsweep.figures.options import file_name
 from hpcsweep.studies.run_names import amount, count, run_name
@@ -23,13 +21,6 @@ def configure(parser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
     form.add_argument(
-        "--html",
-        type=file_name,
-        metavar="PAGE",
-        help="write the lines as a page, and keep writing it until nothing runs; a browser that "
-        "shows the page reloads it",
-    )
-    form.add_argument(
         "--job",
         action="store_true",
         help="print the job of the file as TOML; running it gives equal data",
@@ -41,8 +32,6 @@ def run(options) -> int:
     from hpcsweep.campaign.status import status
     from hpcsweep.store import job_of
 
-    if options.html:
-        return _keep_page(options.files, options.html)
     if options.job:
         if len(options.files) > 1:
             raise CommandError("--job: goes with one file")
@@ -64,21 +53,6 @@ def _overview(options) -> int:
     rows = [overview(path) for path in options.files]
     print(json.dumps(rows, indent=1) if options.json else as_table(rows))
     return USER_ERROR if any(row["state"] == "unreadable" for row in rows) else 0
-
-
-def _keep_page(files: list[Path], page: Path) -> int:
-    """Rewrite the page of several files as long as anything is running."""
-    from hpcsweep.campaign.overview import REFRESH, as_page, finished, overview
-    from hpcsweep.figures.explorer.page import write_page
-
-    check_overwriting(page, PAGE)
-    while True:
-        rows = [overview(path) for path in files]
-        with writing(page):
-            write_page(as_page(rows), page)
-        if finished(rows):
-            return USER_ERROR if any(row["state"] == "unreadable" for row in rows) else 0
-        time.sleep(REFRESH)
 
 
 ROWS = """\

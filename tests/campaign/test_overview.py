@@ -1,4 +1,4 @@
-"""The state of many files: as lines, as JSON, as a page."""
+"""The state of many files: as lines, as JSON."""
 
 import json
 import shutil
@@ -6,7 +6,7 @@ import shutil
 import pytest
 from tools import SMALL, hpcsweep
 
-from hpcsweep.campaign.overview import as_page, finished, overview
+from hpcsweep.campaign.overview import overview
 from hpcsweep.campaign.progress import Silent
 from hpcsweep.campaign.run import COMPLETE, STOPPED, run
 from hpcsweep.campaign.status import status
@@ -57,28 +57,11 @@ def test_one_that_cannot_be_read_hides_no_other(folder):
     assert [row["state"] for row in rows] == ["complete", "stopped", "unreadable"]
 
 
-def test_a_page_refreshes_itself_as_long_as_something_runs(folder, tmp_path):
-    running = tmp_path / "running.h5"
-    shutil.copyfile(folder / "half.h5", running)
+def test_one_whose_session_has_not_ended_is_running(folder, tmp_path):
+    running = shutil.copyfile(folder / "half.h5", tmp_path / "running.h5")
     journal = (folder / "half.h5.journal").read_text().splitlines(keepends=True)
     (tmp_path / "running.h5.journal").write_text("".join(journal[:-1]))
-    rows = [overview(running)]
-    assert rows[0]["state"] == "running"
-    assert not finished(rows)
-    assert 'http-equiv="refresh"' in as_page(rows)
-    page = tmp_path / "page.html"
-    assert hpcsweep(0, "status", folder / "half.h5", "--html", page).returncode == 0
-    assert "half.h5" in page.read_text()
-    assert "refresh" not in page.read_text()
-    refused = hpcsweep(0, "status", running, "--html", folder / "half.h5")
-    assert refused.returncode == 2
-    assert "is a results file" in refused.stderr
-
-
-def test_a_file_of_many_names_is_escaped(folder, tmp_path):
-    odd = tmp_path / "<i>.h5"
-    shutil.copyfile(folder / "whole.h5", odd)
-    assert "<i>" not in as_page([overview(odd)])
+    assert overview(running)["state"] == "running"
 
 
 def test_a_journal_with_a_line_cut_in_two_is_read_around_it(folder, tmp_path):
@@ -93,35 +76,3 @@ def test_a_journal_with_a_line_cut_in_two_is_read_around_it(folder, tmp_path):
     n_records = len(whole.costs) + len(whole.samples)
     assert len(cut.costs) + len(cut.samples) == n_records - 1
     assert cut.sessions[-1].ended == whole.sessions[-1].ended == "complete"
-
-
-@pytest.mark.browser
-def test_the_page_in_a_browser(browser, folder, tmp_path, monkeypatch):
-    """A row a file, none wider than the window, the share as a bar; it comes again by itself."""
-    monkeypatch.setattr("hpcsweep.campaign.overview.REFRESH", 1.0)
-    rows = [overview(folder / name) for name in ("whole.h5", "half.h5", "text.h5")]
-    path = tmp_path / "page.html"
-    path.write_text(as_page([*rows, {**rows[1], "state": "running"}]))
-    page = browser.new_page(viewport={"width": 1366, "height": 768})
-    errors: list[object] = []
-    page.on("pageerror", lambda error: errors.append(error))
-    page.on("console", lambda message: errors.append(message.text))
-    page.goto(path.as_uri())
-    states = page.locator("tbody tr td:nth-child(2)")
-    assert states.all_inner_texts() == [
-        "complete",
-        "stopped",
-        "unreadable",
-        "running",
-        "1 complete",
-    ]
-    wide = page.evaluate("[document.body.scrollWidth, document.body.clientWidth]")
-    assert wide[0] <= wide[1]
-    half = page.locator("tbody tr:nth-child(2) td.bar")
-    shown = half.evaluate("one => getComputedStyle(one).backgroundSize")
-    assert float(shown.split("%")[0]) == float(half.inner_text()) < 100
-    path.write_text(as_page(rows))
-    page.wait_for_function("document.querySelectorAll('tbody tr').length === 4")
-    assert page.locator("meta[http-equiv]").count() == 0
-    assert not errors
-    page.close()

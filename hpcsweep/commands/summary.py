@@ -1,13 +1,12 @@
 """`hpcsweep summary`: the numbers of a whole study."""
 
 import json
-import math
 from collections import Counter
 from typing import Any
 
 from hpcsweep.commands import Rows, listing
 from hpcsweep.commands.rows import by_clock, inferred_text, percent, rows_of, share
-from hpcsweep.figures.options import file_name, whole_number
+from hpcsweep.figures.options import file_name
 from hpcsweep.studies.run_names import count, plural, written
 
 SUMMARY = "summarise studies: cost, kinds of motion"
@@ -27,13 +26,6 @@ def configure(parser) -> None:
     form.add_argument(
         "--markdown", action="store_true", help="a Markdown table with a column for each file"
     )
-    parser.add_argument(
-        "--transients",
-        type=whole_number(1),
-        metavar="N",
-        help="continue N chaotic runs of each file, drawn at random, by 10,000 forcing periods, "
-        "and say what share of chaos outlives them",
-    )
 
 
 def run(options) -> int:
@@ -41,11 +33,6 @@ def run(options) -> int:
     from hpcsweep.campaign.summary import summarize
 
     found = [summarize(path) for path in options.files]
-    if options.transients:
-        from hpcsweep.checks.transients import outliving
-
-        for summary in found:
-            summary["transients"] = outliving(summary["file"], options.transients)
     if options.json:
         print(json.dumps(found, indent=1))
     elif options.markdown:
@@ -103,10 +90,6 @@ file | {file_bytes:size}, {disk_bytes:size} on disk
 kinds: {key} | {value}
 shakedown: shakedown {key} | {value:share}
 chaotic | {untold}
-chaos that lasts | {transients[share]:percent} of chaotic runs outlive {transients[periods]} more \
-periods ({transients[outlive]} of {transients[samples]} drawn, {transients[undecided]} undecided; \
-95 %: {transients[low]:percent} to {transients[high]:percent})
-lifetime of chaos | {lifetime[0]:.4g} periods (95 %: {lifetime[1]:.4g} to {lifetime[2]:.4g})
 window test | of {tested[runs]} windows it claims {tested[wrong]} wrong periods and misses \
 {tested[missed]}
 listed_periods: P{key} | {value}
@@ -170,8 +153,6 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         ranks, sessions = cost["ranks"], cost["sessions"]
         values["ranks"] = f"{' or '.join(map(str, ranks))} {plural('rank', sum(ranks))}"
         values["sessions"] = f" in {sessions} sessions" if sessions > 1 else ""
-    if later := summary.get("transients"):
-        values["lifetime"] = [math.inf if x is None else x for x in later["lifetime"]]
     for key in ("periods", "contact_sets"):
         own = summary.get(key, {})
         listed = {name: share(own[name]) if name in own else "0" for name in _listed(key, together)}

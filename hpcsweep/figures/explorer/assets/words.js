@@ -47,8 +47,7 @@ function notes(study) {
          "followed; new ones are numbered by falling share of the starts."] : []),
     ...(study.motions.some(({ name }, code) => name === "chaotic" && study.data.motion.includes(code))
       ? ["Chaotic means: as long as the run was followed (periods integrated). It may be a long " +
-         "transient, which ends on another motion, and then it is no attractor; hpcsweep summary " +
-         "FILE --transients K measures what share of such runs lasts."] : []),
+         "transient, which ends on another motion, and then it is no attractor."] : []),
     (study.unitNames.length === "gaps"
       ? "Lengths are in gaps (the stop is at 1), time in 1/ω₀ of one storey. "
       : "Lengths and times are in the units in which the structure was given. ") +

@@ -12,7 +12,7 @@ from hpcsweep.commands import FAILURE, USER_ERROR, CommandError, complain, envir
 from hpcsweep.commands import one_thread as one_thread  # before numpy is loaded
 
 NAMES = (
-    "new describe run status summary fragility table zoom split merge validate pack plot animate "
+    "new describe run status summary fragility table split merge validate pack plot animate "
     "explore warmup"
 )
 COMMANDS = {name: import_module(f"hpcsweep.commands.{name}") for name in NAMES.split()}

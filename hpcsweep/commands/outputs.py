@@ -75,15 +75,13 @@ def check_overwriting(path: Path, kind: str) -> None:
         )
 
 
-def write_job(path: Path, text: str, *options: str) -> int:
+def write_job(path: Path, text: str) -> int:
     """Write a new job file, print how to run it, and return the exit code.
 
     Parameters
     ----------
     path : Path
     text : str
-    *options : str
-        Options of ``hpcsweep run`` for it.
     """
     from hpcsweep.parallel.mpi import launched_rank
 
@@ -99,5 +97,5 @@ def write_job(path: Path, text: str, *options: str) -> int:
             raise CommandError(f"{path}: exists already, and is not overwritten") from None
     # quoted for the shell: a name may have spaces, or begin with a dash
     named = f"./{path}" if str(path).startswith("-") else str(path)
-    print(f"{path}: written; run it with: {shlex.join(['hpcsweep', 'run', named, *options])}")
+    print(f"{path}: written; run it with: {shlex.join(['hpcsweep', 'run', named])}")
     return 0

@@ -3,13 +3,11 @@
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
 from tools import ALONG, ATTRACTORS, BASINS, GRID, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep.campaign.run import COMPLETE, run_all
-from hpcsweep.job import JobError, parse_job
-from hpcsweep.job.zoom import zoom
+from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import StoreError
 from hpcsweep.store.reuse import OTHER_STATE, Reuse
@@ -174,57 +172,6 @@ def test_rows_of_basins_are_not_taken_even_of_the_same_job(tmp_path):
     with pytest.raises(StoreError, match="runs of basins depend on the whole job"):
         run_all([(parse_job(BASINS, "job", "job"), tmp_path / "n.h5")], Serial(), reuse=[earlier])
     assert not [*tmp_path.glob("n.h5*")]
-
-
-@pytest.mark.slow
-def test_zoom_writes_a_job_that_takes_over_what_it_can(tmp_path):
-    earlier = made(SMALL, tmp_path / "old.h5")
-    finer = tmp_path / "finer.toml"
-    asked = ("--omega", 0.6, 0.75, "--factor", 3)
-    assert hpcsweep(0, "zoom", earlier, *asked, "-o", finer).returncode == 0
-    job = parse_job(finer.read_text(), "finer", "finer")
-    old = parse_job(SMALL, "old", "old").study.omega
-    assert np.isin(old[1:], job.study.omega).all()
-    assert job.study.omega.size == 7
-    done = hpcsweep(0, "run", finer, "-o", tmp_path / "new.h5", "--reuse", earlier)
-    assert done.returncode == 0, done.stderr
-    assert "reused 66 of 154 runs; computed: 88 not in its grid" in done.stderr
-    whole = made(finer.read_text(), tmp_path / "anew.h5")
-    assert_same_datasets(whole, tmp_path / "new.h5")
-    again = hpcsweep(0, "zoom", earlier, *asked, "-o", finer)
-    assert again.returncode == 2
-    assert "exists already" in again.stderr
-    for options, said in (
-        ((), "needs --omega"),
-        (("--omega", 2, 3), "must hold more than one value"),
-        (("--omega", 0.6, 0.7, "--factor", 0), "--factor 0"),
-    ):
-        refused = hpcsweep(0, "zoom", earlier, *options, "-o", tmp_path / "none.toml")
-        assert refused.returncode == 2
-        assert said in refused.stderr
-    assert not (tmp_path / "none.toml").exists()
-
-
-def test_a_formula_has_no_grid_that_could_be_finer():
-    text = SMALL.replace("[sweep]", '[sweep]\nalong = "omega"')
-    start = text.index("amplitude =")
-    text = text[:start] + 'amplitude = "0.1 * omega"' + text[text.index("\n", start) :]
-    with pytest.raises(JobError, match=r"^--amplitude: sweep.amplitude = '0.1 \* omega' is a form"):
-        zoom(parse_job(text, "job", "job"), 2, amplitude=(0.4, 0.5))
-
-
-@pytest.mark.parametrize("factor", [2, 3, 4, 7, 10])
-def test_a_finer_grid_holds_the_old_one_to_the_last_bit(factor):
-    text = SMALL.replace("from = 0.5, to = 0.8, count = 4", "from = 0.3, to = 0.9, count = 61")
-    old = parse_job(text, "old", "old")
-    new = parse_job(zoom(old, factor, (0.4, 0.6), (0.1, 0.2)), "new", "new")
-    for name, low, high in (("omega", 0.4, 0.6), ("amplitude", 0.1, 0.2)):
-        there, here = getattr(old.study, name), getattr(new.study, name)
-        kept = there[(there >= low) & (there <= high)]
-        assert kept.size
-        assert np.isin(kept, here).all()
-        assert here[0] <= low
-        assert here[-1] >= high
 
 
 def test_reuse_closes_its_files(tmp_path):

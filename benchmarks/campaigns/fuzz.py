@@ -59,7 +59,6 @@ ALLOWED = (
     "result equal",
     "result equal, damaged blocks missing",
     "refused in one line",
-    "refused in one line, repaired by run",
     "accepted, every solver starts",
     "ended in one line",
 )
@@ -224,9 +223,8 @@ class Patient:
         found = self._read(self.results[kind], kind == "packed" or kind in fuzz_kinds.STUDIES)
         if kind != "metadata" or rng.random() > SHARE_RUN:
             return found
-        said: list[str] = []
         try:
-            code = campaign.run(self.job, self.path, Serial(), say=said.append)
+            code = campaign.run(self.job, self.path, Serial())
         except StoreError as error:
             one_line(error, self.path)
             return found
@@ -234,7 +232,7 @@ class Patient:
             raise Unexpected(f"run gave {code}, and other results")
         if self._read(self.results[kind]) != "result equal":
             raise Unexpected("run says complete on a file that cannot be opened")
-        return f"{found}, repaired by run" if said and "refused" in found else found
+        return found
 
     def _read(self, expected, holes: bool = False) -> str:
         """Ask every reader; they must agree."""
@@ -451,12 +449,12 @@ def _quoted(text: str) -> str:
 
 def _outside(path: Path) -> list[int]:
     """Return the bytes of a file that belong to no variable of its runs."""
-    offsets = Offsets(path)
-    with h5py.File(path, "r") as file:
-        names = [name for name, data in file.items() if data.ndim > 2]
     inside = np.zeros(path.stat().st_size, bool)
-    for first, last in offsets.extents(names):
-        inside[first:last] = True
+    with h5py.File(path, "r") as file:
+        for data in file.values():
+            if data.ndim > 2:
+                first = data.id.get_offset()
+                inside[first : first + data.id.get_storage_size()] = True
     return np.flatnonzero(~inside).tolist()
 
 

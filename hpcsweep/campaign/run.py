@@ -34,7 +34,6 @@ from hpcsweep.store import (
 )
 from hpcsweep.store.commit import check_writable
 from hpcsweep.store.inputs import Inputs
-from hpcsweep.store.repair import repair
 from hpcsweep.store.transport import check_transport
 from hpcsweep.studies.study import Study
 
@@ -200,7 +199,7 @@ def _release(opened: list[tuple[Layout, Path, Lock]], comm) -> None:
 
 
 def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, reuse) -> None:
-    """Check, repair or create the file, under the lock."""
+    """Check or create the file, under the lock."""
     opening.check_place(output)
     check_transport()
     existing = output.exists()
@@ -208,22 +207,15 @@ def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, re
     inputs = Inputs(layout)
     inputs.need()
     if existing:
-        with contextlib.suppress(DamagedError):
-            _check_same_job(layout, output, inputs)  # before the lock: it leaves nothing behind
+        _check_same_job(layout, output, inputs)  # before the lock: it leaves nothing behind
     lock.acquire(comm.size)
     try:
         if not (existing or output.exists()):
             create(output, layout, provenance.collect(comm.library, hosts) | inputs.attributes)
             Journal(output).begin()
             return
-        try:
-            # again, or for the first time: another campaign may just have created it
-            _check_same_job(layout, output, inputs)
-        except DamagedError as error:
-            if not error.repairable:
-                raise
-            facts = provenance.collect(comm.library, hosts) | inputs.attributes
-            say(repair(output, layout, facts))
+        # again, or for the first time: another campaign may just have created it
+        _check_same_job(layout, output, inputs)
         with contextlib.suppress(OSError), output.open("r+b"):
             return
         raise StoreError(f"{output}: cannot be written")

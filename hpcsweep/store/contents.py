@@ -1,7 +1,7 @@
 """Contents of an open campaign file besides its results."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import h5py
 import numpy as np
@@ -31,22 +31,20 @@ def scales_of(data: h5py.Dataset) -> list[list[str]]:
     return [list(axis.keys()) for axis in data.dims]
 
 
-def metadata_checksum(file: h5py.File, attributes: Mapping[str, object] | None = None) -> str:
+def metadata_checksum(file: h5py.File) -> str:
     """Hash everything in a campaign file but its results.
 
     Parameters
     ----------
     file : h5py.File
         The datasets must have the sizes of the job: coordinates are read whole.
-    attributes : mapping, optional
-        Replace those of the file.
     """
     digest = hashlib.blake2b(digest_size=16)
 
     def add(*values: object) -> None:
         digest.update((repr(values) + "\n").encode(errors="surrogateescape"))
 
-    attributes = dict(file.attrs) if attributes is None else attributes
+    attributes = dict(file.attrs)
     for key in sorted(attributes):
         if key != CHECKSUM:
             add(key, _plain(attributes[key]))

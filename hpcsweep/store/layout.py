@@ -52,18 +52,7 @@ class StoreError(ValueError):
 
 
 class DamagedError(StoreError):
-    """Raised for a damaged campaign file: truncated or inconsistent.
-
-    Parameters
-    ----------
-    message : str
-    repairable : bool
-        Whether `run` may repair the file; it may not where the checksums are lost.
-    """
-
-    def __init__(self, message: str, repairable: bool = True):
-        super().__init__(message)
-        self.repairable = repairable
+    """Raised for a damaged campaign file: truncated or inconsistent."""
 
 
 class WriteError(RuntimeError):

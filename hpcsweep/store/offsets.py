@@ -3,7 +3,6 @@
 import fcntl
 import math
 import os
-from collections.abc import Iterable
 from pathlib import Path
 
 import h5py
@@ -61,13 +60,6 @@ class Offsets:
             for name, (_, shape, dtype) in self._of.items()
         }
 
-    def extents(self, names: Iterable[str]) -> list[tuple[int, int]]:
-        """Return the first byte of each variable and the one past its last."""
-        return [
-            (first, first + math.prod(shape) * dtype.itemsize)
-            for first, shape, dtype in map(self._of.__getitem__, names)
-        ]
-
     def at(self, variable: str, start: tuple[int, ...]) -> int:
         """Return the byte offset of index `start`, with later axes at 0."""
         offset, shape, _ = self._of[variable]
@@ -90,9 +82,9 @@ class Offsets:
 class ContiguousRows:
     """Rows of a plain file, read without HDF5, so that what others write is seen at once."""
 
-    def __init__(self, path: Path, offsets: Offsets | None = None):
+    def __init__(self, path: Path):
         self._path = path
-        self.offsets = Offsets(path) if offsets is None else offsets
+        self.offsets = Offsets(path)
         self._descriptor = open_above(path, os.O_RDONLY)
         self._size = os.fstat(self._descriptor).st_size
 
@@ -109,9 +101,7 @@ class ContiguousRows:
         while len(data) < size:
             piece = os.pread(self._descriptor, size - len(data), offset + len(data))
             if not piece:
-                raise DamagedError(
-                    f"{self._path}: the file ends inside variable {variable}", repairable=False
-                )
+                raise DamagedError(f"{self._path}: the file ends inside variable {variable}")
             data += piece
         return np.frombuffer(bytes(data), dtype).reshape(shape)
 
@@ -166,8 +156,7 @@ class PackedRows:
         except Exception:  # HDF5 raises errors of any kind on damaged bytes
             raise DamagedError(
                 f"{self._path}: variable {variable} cannot be unpacked; put a whole copy in its "
-                "place",
-                repairable=False,
+                "place"
             ) from None
 
     def close(self) -> None:

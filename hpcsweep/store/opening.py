@@ -1,8 +1,7 @@
 """Open campaign files: metadata are checked before anything is believed.
 
 All readers use `open_layout`. HDF5 reacts to a damaged byte with errors of any kind, or with a size
-beyond any memory; here each becomes one line that says what is wrong and whether `run` can repair
-it (`hpcsweep.store.repair`).
+beyond any memory; here each becomes one line that says what is wrong and what to do.
 """
 
 import contextlib
@@ -32,7 +31,7 @@ ENDS = 2**18
 """Bytes at either end of a file, within which all its heaps lie."""
 LONGEST_SUFFIX = ".journal"
 """Endings of the files beside a results file."""
-REPAIR = "run its job again to repair it"
+REMEDY = "put a whole copy in its place, or move it away and run its job again"
 
 
 @contextlib.contextmanager
@@ -55,11 +54,10 @@ def reading(path: Path) -> Iterator[h5py.File]:
         if cut and int(cut[2]) < 2**60 and int(cut[1]) == path.stat().st_size:
             raise DamagedError(
                 f"{path}: cut short, {cut[1]} of {cut[2]} bytes are left, without their checksums; "
-                "put a whole copy in its place, or move it away and run the job again",
-                repairable=False,
+                f"{REMEDY}"
             ) from None
         what = " ".join(str(error).split()) or type(error).__name__
-        raise DamagedError(f"{path}: damaged ({what[:120]}); {REPAIR}") from None
+        raise DamagedError(f"{path}: damaged ({what[:120]}); {REMEDY}") from None
 
 
 def _check_kind(path: Path) -> None:
@@ -85,9 +83,9 @@ def _check_kind(path: Path) -> None:
     for part in (begin, end):
         for heap in HEAP.finditer(part):
             if int.from_bytes(heap[1], "little") > MAX_HEAP:
-                raise DamagedError(f"{path}: damaged (a heap of strings has no size); {REPAIR}")
+                raise DamagedError(f"{path}: damaged (a heap of strings has no size); {REMEDY}")
             if _is_endless(part[heap.start() :]):
-                raise DamagedError(f"{path}: damaged (a heap of strings has no end); {REPAIR}")
+                raise DamagedError(f"{path}: damaged (a heap of strings has no end); {REMEDY}")
 
 
 def _is_endless(heap: bytes) -> bool:
@@ -177,7 +175,7 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray 
     """
     attributes = check_file(path)
     if not {"job", "name"} <= attributes.keys():
-        raise DamagedError(f"{path}: damaged (attributes are missing); {REPAIR}")
+        raise DamagedError(f"{path}: damaged (attributes are missing); {REMEDY}")
     with reading(path) as file:
         inferred = file[INFERRED][...] != 0 if INFERRED in file else None
         return attributes, file["commit"][...] != 0, file["outcome"][...], inferred
@@ -204,7 +202,7 @@ def read_layout(path: str | Path) -> Layout:
         what = "it is missing" if isinstance(error, KeyError | TypeError) else error
         raise DamagedError(f"{path}: its job cannot be read: {what}") from None
     if job.fingerprint != attributes.get("fingerprint"):
-        raise DamagedError(f"{path}: its job and its fingerprint do not agree; {REPAIR}")
+        raise DamagedError(f"{path}: its job and its fingerprint do not agree; {REMEDY}")
     return Layout(job)
 
 
@@ -243,4 +241,4 @@ def refuse_problems(path: Path, problems: list[str]) -> None:
     """Raise a `DamagedError` if there are any."""
     if problems:
         more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
-        raise DamagedError(f"{path}: damaged ({problems[0]}{more}); {REPAIR}")
+        raise DamagedError(f"{path}: damaged ({problems[0]}{more}); {REMEDY}")

@@ -23,6 +23,7 @@ times: they cut the step into pieces in which u' is monotone and has at most one
 """
 
 import math
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +37,8 @@ TERMS = 15
 """Of that sum: 0.5^15 / 17! is below 1e-19."""
 ITERATIONS = 60
 """Of a bracketed Newton iteration; it is at its root to rounding after six or so."""
+BATCH = 2**16
+"""Samples, or pieces of steps, of all oscillators at a time: a megabyte each array."""
 DAMPING_RATIO = 0.05
 """Of the spectra of codes and of published records."""
 SHORTEST, LONGEST = 0.01, 1e6
@@ -100,11 +103,13 @@ def spectrum(
     wanted = periods_of(periods, record.dt, (SHORTEST * record.dt, LONGEST * record.dt))
     ratio = number("damping_ratio", damping_ratio, "from 0 to below 1", 0.0, math.nextafter(1, 0))
     omegas = 2.0 * math.pi / wanted
-    peaks = [
-        Oscillator(record.acceleration, record.dt, omega, ratio).peak(bool(at_samples))
-        for omega in omegas.tolist()
-    ]
-    displacement = np.array(peaks, dtype=float)
+    displacement = np.empty_like(omegas)
+    n_pieces = math.ceil(record.dt * omegas.max(initial=0.0) / math.pi)
+    size = max(BATCH // (record.n_samples * max(n_pieces, 1)), 1)
+    for first in range(0, omegas.size, size):
+        own = slice(first, first + size)
+        found = Oscillators(record.acceleration, record.dt, omegas[own], ratio)
+        displacement[own] = found.peaks(bool(at_samples))
     return Spectrum(displacement, omegas * displacement, omegas**2 * displacement)
 
 
@@ -139,96 +144,136 @@ def phi_2(x: np.ndarray) -> np.ndarray:
     return np.where(small, total, (np.expm1(far) - far) / far**2)
 
 
-class Oscillator:
-    """One oscillator under a record, from rest.
+class Oscillators:
+    """Oscillators of one damping ratio under a record, from rest.
 
     Parameters
     ----------
     acceleration : ndarray, shape (m,)
     dt : float
-    omega : float
+    omegas : ndarray, shape (p,)
         w > 0, radians per time.
     damping_ratio : float
         z, at least 0 and below 1.
     """
 
-    def __init__(self, acceleration: np.ndarray, dt: float, omega: float, damping_ratio: float):
+    def __init__(
+        self, acceleration: np.ndarray, dt: float, omegas: np.ndarray, damping_ratio: float
+    ):
         self.acceleration, self.dt = acceleration, dt
-        self.root = omega * complex(-damping_ratio, math.sqrt(1.0 - damping_ratio**2))
-        from scipy.signal import lfilter  # imported here: reading results needs no scipy
-
+        self.roots = omegas * complex(-damping_ratio, math.sqrt(1.0 - damping_ratio**2))
         self.slopes = np.diff(acceleration) / dt
-        steps = np.zeros(len(acceleration), complex)
-        steps[1:] = self._after(np.zeros(1), self.acceleration[:-1], self.slopes, np.array(dt))
-        self.q = lfilter([1.0], [1.0, -np.exp(self.root * dt)], steps)
+        self.q = self._filtered()
 
-    def _after(self, q: np.ndarray, a: np.ndarray, b: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Evaluate q a time t after samples with given q, a and b."""
-        x = self.root * t
-        return np.exp(x) * q - t * phi_1(x) * a - t * t * phi_2(x) * b
+    def _filtered(self) -> np.ndarray:
+        """Return q at the samples, shape (m, p).
+
+        Blocks of some sqrt(m) samples are filtered side by side, each from rest; then what the
+        block before ends with is added.
+        """
+        x, n = self.roots * self.dt, self.slopes.size
+        length = math.isqrt(n) + 1
+        n_blocks = -(-n // length)
+        forces = np.zeros((2, n_blocks * length))
+        forces[:, :n] = self.acceleration[:-1], self.slopes
+        a, b = forces.reshape(2, n_blocks, length, 1)
+        q = a * (-self.dt * phi_1(x))
+        q += b * (-(self.dt**2) * phi_2(x))
+        turn = np.exp(x)
+        for k in range(1, length):
+            q[:, k] += turn * q[:, k - 1]
+        free = np.exp(np.arange(1, length + 1)[:, None] * x)
+        for before, block in pairwise(q):
+            block += free * before[-1]
+        return np.concatenate((np.zeros((1, x.size)), q.reshape(-1, x.size)[:n]))
 
     @property
     def displacement(self) -> np.ndarray:
-        """Displacement u at the samples, shape (m,)."""
-        return self.q.imag / self.root.imag
+        """Displacement u at the samples, shape (m, p)."""
+        return self.q.imag / self.roots.imag
 
     @property
     def velocity(self) -> np.ndarray:
-        """Velocity u' at the samples, shape (m,)."""
-        return (self.root * self.q).imag / self.root.imag
+        """Velocity u' at the samples, shape (m, p)."""
+        return (self.roots * self.q).imag / self.roots.imag
 
-    def peak(self, at_samples: bool = False) -> float:
-        """Return the largest |u|, over continuous time or at the samples."""
+    def peaks(self, at_samples: bool = False) -> np.ndarray:
+        """Return the largest |u| of each, over continuous time or at the samples, shape (p,)."""
         u = np.abs(self.displacement)
-        largest = float(u.max())
+        largest = u.max(axis=0)
         if at_samples:
             return largest
-        s, w = self.root, abs(self.root)
-        q, a, b = self.q[:-1], self.acceleration[:-1], self.slopes
-        c = q - a / s - b / s**2
-        bulge = w * w / s.imag * np.abs(c) * (self.dt**2 / 8.0)
-        chosen = np.flatnonzero(np.maximum(u[:-1], u[1:]) + bulge > largest)
-        if chosen.size == 0:
-            return largest
-        times, step = _monotone_pieces(s, c[chosen], self.dt)
-        at = chosen[step]
-        return max(largest, self._between(q[at], a[at], b[at], times))
+        a, b, s, w = self.acceleration, self.slopes, self.roots, np.abs(self.roots)
+        curve = w * w / s.imag * (self.dt**2 / 8.0)
+        most = np.abs(self.q.real).max(axis=0) + s.imag * largest
+        most += np.abs(a).max() / w + np.abs(b).max(initial=0.0) / w**2
+        high = u > largest - curve * most  # a first choice, without c of each step
+        at, k = np.nonzero(high[:-1] | high[1:])
+        motion = Motions(s[k], self.q[at, k], a[at], b[at])
+        bulge = curve[k] * np.abs(motion.free)
+        chosen = np.maximum(u[at, k], u[at + 1, k]) + bulge > largest[k]
+        motion, k = motion.of(chosen), k[chosen]
+        if k.size:
+            ends, step = _monotone_pieces(motion.s, motion.free, self.dt)
+            turns, found = motion.of(step).extrema(ends, self.dt)
+            np.maximum.at(largest, k[step][turns], found)
+        return largest
 
-    def _between(self, q: np.ndarray, a: np.ndarray, b: np.ndarray, ends: np.ndarray) -> float:
-        """Return the largest |u| at roots of u' in pieces `ends`, shape (pieces, 2)."""
-        s = self.root
 
-        def velocity(t: np.ndarray, of=slice(None)) -> np.ndarray:
-            return (s * self._after(q[of], a[of], b[of], t)).imag / s.imag
+class Motions(NamedTuple):
+    """Motions within steps: their roots s, and q, a and b at the beginnings, shape (k,) each."""
 
-        low, high = ends.T.copy()
-        first = velocity(low)
-        turns = first * velocity(high) < 0
-        if not turns.any():
-            return 0.0
-        q, a, b, low, high, first = (x[turns] for x in (q, a, b, low, high, first))
+    s: np.ndarray
+    q: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+
+    def of(self, chosen: np.ndarray) -> "Motions":
+        """Return some of them."""
+        return Motions(*(one[chosen] for one in self))
+
+    @property
+    def free(self) -> np.ndarray:
+        """The c of the free motion c exp(s t)."""
+        return self.q - self.a / self.s - self.b / self.s**2
+
+    def after(self, t: np.ndarray) -> np.ndarray:
+        """Evaluate q a time t after the beginnings."""
+        x = self.s * t
+        return np.exp(x) * self.q - t * phi_1(x) * self.a - t * t * phi_2(x) * self.b
+
+    def velocity(self, t: np.ndarray) -> np.ndarray:
+        """Evaluate u'."""
+        return (self.s * self.after(t)).imag / self.s.imag
+
+    def extrema(self, ends: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return which have a root of u' between ends, shape (k, 2), and their |u| at it."""
+        first = self.velocity(ends[:, 0])
+        turns = first * self.velocity(ends[:, 1]) < 0
+        own, (low, high), first = self.of(turns), ends[turns].T, first[turns]
+        s, _, a, b = own
         t = 0.5 * (low + high)
         for _ in range(ITERATIONS):
-            state = self._after(q, a, b, t)
+            state = own.after(t)
             v = (s * state).imag / s.imag
             before = (v < 0) == (first < 0)
             low, high = np.where(before, t, low), np.where(before, high, t)
-            rate = 2.0 * s.real * v - abs(s) ** 2 * state.imag / s.imag - a - b * t
+            rate = 2.0 * s.real * v - np.abs(s) ** 2 * state.imag / s.imag - a - b * t
             newton = t - np.divide(v, rate, out=np.full_like(v, np.inf), where=rate != 0)
-            inside = (newton > low) & (newton < high)
-            following = np.where(inside, newton, 0.5 * (low + high))
-            if np.all(np.abs(following - t) <= 1e-10 * self.dt):
+            found = np.abs(newton - t) <= 1e-10 * dt
+            inside = found | ((newton > low) & (newton < high))
+            t = np.where(inside, newton, 0.5 * (low + high))
+            if found.all():
                 break
-            t = following
-        return float(np.abs(self._after(q, a, b, t).imag).max() / s.imag)
+        return turns, np.abs(own.after(t).imag) / s.imag
 
 
-def _monotone_pieces(s: complex, c: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def _monotone_pieces(s: np.ndarray, c: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Cut steps where u'' = 0; return ends of the pieces, shape (pieces, 2), and their steps."""
     apart = math.pi / s.imag
     first = np.mod(-np.angle(s**2 * c) / s.imag, apart)
-    n_cuts = math.ceil(dt / apart)
-    cuts = first[:, None] + apart * np.arange(n_cuts)
+    n_cuts = math.ceil(dt / apart.min())
+    cuts = first[:, None] + apart[:, None] * np.arange(n_cuts)
     edges = np.hstack([np.zeros((len(c), 1)), np.minimum(cuts, dt), np.full((len(c), 1), dt)])
     pieces = np.stack([edges[:, :-1], edges[:, 1:]], axis=-1).reshape(-1, 2)
     return pieces, np.repeat(np.arange(len(c)), n_cuts + 1)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from together import together
 
 from hpcsweep import Record, intensity, read_record, spectrum
-from hpcsweep.earthquakes.spectrum import Oscillator, phi_1, phi_2
+from hpcsweep.earthquakes.spectrum import Oscillators, phi_1, phi_2
 
 
 @pytest.fixture(scope="module")
@@ -59,17 +59,18 @@ def test_el_centro_has_its_published_spectrum(recorded):
 )
 def test_oscillators_agree_with_an_explicit_integrator(noise, period, ratio):
     displacement, largest = integrated(noise, period, ratio)
-    found = Oscillator(noise.acceleration, noise.dt, 2 * math.pi / period, ratio)
-    np.testing.assert_allclose(found.displacement, displacement, rtol=0, atol=1e-10 * largest)
+    omegas = np.array([2 * math.pi / period])
+    found = Oscillators(noise.acceleration, noise.dt, omegas, ratio)
+    np.testing.assert_allclose(found.displacement[:, 0], displacement, rtol=0, atol=1e-10 * largest)
     assert spectrum(noise, [period], ratio).displacement[0] == pytest.approx(largest, rel=1e-10)
 
 
 def test_velocities_are_the_derivatives_of_displacements():
     # a constant push: u = -(1 - cos w t) / w^2
-    found = Oscillator(np.ones(50), 0.1, 2.0, 0.0)
+    found = Oscillators(np.ones(50), 0.1, np.array([2.0]), 0.0)
     times = 0.1 * np.arange(50)
-    np.testing.assert_allclose(found.displacement, (np.cos(2 * times) - 1) / 4, atol=1e-14)
-    np.testing.assert_allclose(found.velocity, -np.sin(2 * times) / 2, atol=1e-14)
+    np.testing.assert_allclose(found.displacement[:, 0], (np.cos(2 * times) - 1) / 4, atol=1e-14)
+    np.testing.assert_allclose(found.velocity[:, 0], -np.sin(2 * times) / 2, atol=1e-14)
 
 
 def test_peaks_over_continuous_time_lie_between_samples():

@@ -70,7 +70,7 @@ def overview(path: str | Path) -> dict:
 
 def _runs_done(path: Path, attributes: dict, committed: np.ndarray, outcome: np.ndarray) -> int:
     """Count the runs of the blocks that have a checksum."""
-    study = parse_job(attributes["job"], str(path), attributes["name"]).study
+    study = parse_job(attributes["job"], str(path), attributes["name"], is_stored=True).study
     shape = tuple(study.dimensions[dim] for dim in study.commit.dims)
     if committed.shape != shape or outcome.size != study.n_runs:
         raise StoreError(f"{path}: damaged; see hpcsweep status {path}")

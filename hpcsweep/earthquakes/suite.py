@@ -10,6 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hpcsweep.earthquakes.intensity import average_spectral_acceleration, intensity
 from hpcsweep.earthquakes.reading import read_record
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
@@ -23,6 +25,8 @@ OWN_PERIOD = "T1"
 """In place of a period: the longest natural one of each structure."""
 DIGITS = 12
 """Of measures: the last ones depend on the libraries, and a job must mean the same everywhere."""
+SAME = 1e-9
+"""Relative difference of a period that is known again."""
 KEPT = 16
 """Records that a process keeps, of those that are read from files."""
 
@@ -102,6 +106,22 @@ def facts_of(record: Record, measure: Measure, gravity: float) -> Facts:
     """Return what is known of a record."""
     numbers = (*intensity(record, gravity), measure.of(record))
     return Facts(record.name, record.digest, record.n_samples, record.dt, *map(rounded, numbers))
+
+
+def nearest(periods: list[float], own: Any) -> Any:
+    """Return the places of periods among known ones, which ascend.
+
+    Raises
+    ------
+    ValueError
+        If one is not known.
+    """
+    known = np.asarray(periods, float)
+    after = np.minimum(np.searchsorted(known, own), known.size - 1)
+    at = np.where(abs(known[after - 1] - own) <= abs(known[after] - own), after - 1, after)
+    if not np.all(abs(known[at] - own) <= SAME * own):
+        raise ValueError
+    return at
 
 
 def rounded(number: float) -> float:

@@ -228,7 +228,7 @@ def choose_direction(there: Sequence[str], direction: str | None) -> int:
 
 def job_of(results) -> Job:
     """Return the job of results; where it varies keys, the job of their part."""
-    job = parse_job(results.attrs["job"], "job", str(results.attrs["name"]))
+    job = parse_job(results.attrs["job"], "job", str(results.attrs["name"]), is_stored=True)
     place = []
     for axis in job.study.axes:
         if axis.name in results.dims:

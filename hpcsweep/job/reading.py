@@ -122,11 +122,14 @@ def _drop_inherited(whole: dict, own: set[str]) -> list[str]:
     return notes
 
 
-def parse_job(text: str, source: str, default_name: str, folder: Path | None = None) -> Job:
+def parse_job(
+    text: str, source: str, default_name: str, folder: Path | None = None, is_stored: bool = False
+) -> Job:
     """Validate the text of a job; `source` is named in errors.
 
     Records, and the files of a model, are looked for in the folder, if one is given, or if the job
-    does not say what they are: then it says so afterwards (`hpcsweep.job.suites`, `models`).
+    does not say what they are: then it says so afterwards (`hpcsweep.job.suites`, `models`). Of a
+    stored job the first part is validated, as all were before it was stored.
 
     Raises
     ------
@@ -154,7 +157,7 @@ def parse_job(text: str, source: str, default_name: str, folder: Path | None = N
     if whole is not tree:
         tree, text = whole, write(whole, every_key())
     values = Values(source, tree)
-    study = read_varied(values, tree, read_study, file)
+    study = read_varied(values, tree, read_study, file, is_stored)
     _check_extent(values, study)
     job = Job(
         name=_name(values, default_name),

@@ -10,6 +10,7 @@ from hpcsweep.job.forcing import HARMONIC
 from hpcsweep.job.job import Job
 from hpcsweep.job.keys import STRUCTURE, keys_of
 from hpcsweep.job.reading import read_values
+from hpcsweep.job.table import Table
 from hpcsweep.job.tree import parse_toml, with_value, write
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts
@@ -27,8 +28,10 @@ def resolved(job: Job) -> str:
     tree, study = parse_toml(job.text, job.name), job.study
     firsts: list[dict] = [tree]
     if isinstance(study, Varied):
-        firsts = [as_kind(study.make, Parts).tree_at(place) for place in _along(study)]
-        study = study.base
+        parts, study = as_kind(study.make, Parts), study.base
+        first = (0,) * len(parts.axes)
+        telling = Table(parts.tree_at(first), parts.axes).telling(study)
+        firsts = [parts.tree_at(place) for place in telling or _along(parts)]
     defaults, *others = map(_defaults, firsts)
     for other in others:
         defaults = {key: value for key, value in defaults.items() if other.get(key) == value}
@@ -49,11 +52,11 @@ def resolved(job: Job) -> str:
     return write(whole, known)
 
 
-def _along(study: Varied) -> Iterator[tuple[int, ...]]:
+def _along(parts: Parts) -> Iterator[tuple[int, ...]]:
     """Iterate over the first part, and those in which one key has another value."""
-    first = (0,) * len(study.axes)
+    first = (0,) * len(parts.axes)
     yield first
-    for i, axis in enumerate(study.axes):
+    for i, axis in enumerate(parts.axes):
         for at in range(1, len(axis.values)):
             yield (*first[:i], at, *first[i + 1 :])
 

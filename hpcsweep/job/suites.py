@@ -16,6 +16,7 @@ from hpcsweep.earthquakes.suite import Facts, Files, Measure, facts_of, rounded
 from hpcsweep.job.job import JobError
 from hpcsweep.job.keys import keys_of
 from hpcsweep.job.structures import read_structure
+from hpcsweep.job.table import Table
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import parts_of
 from hpcsweep.parallel.counted import counted
@@ -57,7 +58,7 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
     periods: list[float] = []
     n_records = len(paths) if isinstance(source, Files) else source.count
     if keys.OWN_PERIOD in measure.periods:
-        periods = _periods(values, tree, file)
+        periods = _periods(values, tree, file, gravity)
         if len(periods) * n_records > keys.MAX_MEASURES:
             limit = (
                 f"needs {len(periods)} periods of {n_records} records, {keys.MAX_MEASURES} at most"
@@ -97,13 +98,19 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
     return {**tree, "records": {**own, "files": list(paths)} if paths else own}
 
 
-def _periods(values: Values, tree: dict, file: str) -> list[float]:
+def _periods(values: Values, tree: dict, file: str, gravity: float) -> list[float]:
     """Return the longest natural periods of all structures of a job, each once, ascending."""
     parts = parts_of(values, tree, _period, file)
-    periods: set[float] = set()
-    parts.visit(lambda place: periods.add(rounded(parts(place))))
+    first, periods = (0,) * len(parts.axes), list[float]()
+    parts.visit(lambda place: periods.append(parts(place)), [first])
+    told = Table(parts.tree_at(first), parts.axes).longest_periods(gravity)
+    if told is None:
+        parts.visit(lambda place: periods.append(parts(place)))
+    else:
+        periods += told.tolist()
     # what is given beside the table vary is read, too
-    return sorted({*periods, rounded(_period(values.source, parts.tree_as_given()))})
+    periods.append(_period(values.source, parts.tree_as_given()))
+    return sorted(set(map(rounded, periods)))
 
 
 def with_own_period(tree: dict, study: Study) -> dict:

@@ -6,7 +6,7 @@ its own: it is validated like any other, and has a text from which it can be run
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from hpcsweep.job.job import JobError
 from hpcsweep.job.keys import UNITS
 from hpcsweep.job.rows import FIRST_LINE, NAME
+from hpcsweep.job.table import Table, difference, shape_of
 from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_value, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.model.structure import Structure
@@ -88,8 +89,8 @@ class Parts:
         except JobError as error:
             raise self.error(place, str(error)) from None
 
-    def visit(self, function: Callable[[Place], None]) -> None:
-        """Call a function for each part in order.
+    def visit(self, function: Callable[[Place], None], places: Sequence[Place] = ()) -> None:
+        """Call a function for each part in order, or for some that tell of all (`Table`).
 
         Raises
         ------
@@ -98,13 +99,16 @@ class Parts:
         """
         wrong: dict[str, str] = {}
         shape = [len(axis.values) for axis in self.axes]
-        tell, total = counted("reading structure"), math.prod(shape)
-        for done, place in enumerate(np.ndindex(*shape), 1):
+        each = places or np.ndindex(*shape)
+        tell, total = counted("reading structure"), len(places) or math.prod(shape)
+        for done, place in enumerate(each, 1):
             try:
                 function(place)
             except JobError as error:
                 line = re.search(r"line \d+", str(error)) if self.file else None
                 wrong.setdefault(line[0] if line else "", str(error))
+                if places:
+                    self.visit(function)
                 if line is None or len(wrong) == MAX_WRONG:
                     break
             tell(done, total)
@@ -188,9 +192,15 @@ def varied_values(values: Values, tree: Mapping) -> dict[str, tuple[Any, ...]]:
 
 
 def read_varied(
-    values: Values, tree: Mapping, read: Callable[[str, Mapping], RunGrid], file: str = ""
+    values: Values,
+    tree: Mapping,
+    read: Callable[[str, Mapping], RunGrid],
+    file: str = "",
+    is_stored: bool = False,
 ) -> RunGrid | Varied:
     """Read the study of a job at all values of its varied keys; `file` is that of their rows.
+
+    Parts of a stored job were validated before it was stored.
 
     Raises
     ------
@@ -217,11 +227,11 @@ def read_varied(
             raise values.error(f"vary.{one.key}", [*one.given], limit)
     study = Varied(base, parts.axes, parts)
     by_part: dict[str, tuple[Variable, np.ndarray]] = {}
-    known = _shape(base)
+    known = shape_of(base)
 
     def compare(place: Place) -> None:
-        part = _shape(study.part(place))
-        if other := _difference(known, part):
+        part = shape_of(study.part(place))
+        if other := difference(known, part):
             pairs = list(zip(study.axes, place, strict=True))
             where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
             said = f"{values.source}: {where}: all parts must be of one shape, it {other}"
@@ -232,8 +242,11 @@ def read_varied(
                 along = variable.along(study.names)
                 by_part.setdefault(variable.name, (along, whole.copy()))[1][place] = own
 
-    parts.visit(compare)
-    return replace(study, by_part=by_part)
+    table = Table(parts.tree_at((0,) * len(parts.axes)), parts.axes)
+    told = table.by_part(base)
+    if told is None or not is_stored:
+        parts.visit(compare, () if told is None else table.telling(base))
+    return replace(study, by_part=by_part if told is None else told)
 
 
 def read_followed(
@@ -375,30 +388,3 @@ def _labels(listed: tuple[Any, ...]) -> tuple[Any, ...]:
     if {type(value) for value in listed} <= {int, float}:
         return listed
     return tuple(value if isinstance(value, str) else write_value(value) for value in listed)
-
-
-def _shape(part: RunGrid) -> tuple:
-    """Return what parts that share a file have in common, and what is known of each beforehand."""
-    return part.structure.contact_labels, part.variables, part.coordinates, part.given
-
-
-def _difference(base: tuple, part: tuple) -> str:
-    """Return why two parts, by `_shape`, cannot share a file; '' where they can."""
-    (labels, variables, known, first), (own_labels, own_variables, own, given) = base, part
-    if own_labels != labels:
-        return "has other contacts than the first"
-    sizes = ({name: one.values.size for name, one in each.items()} for each in (known, own))
-    if own_variables != variables or next(sizes) != next(sizes):
-        return "has not the dimensions of the first"
-    for name, coordinate in known.items():
-        if not _equal(own[name].values, coordinate.values):
-            return f"has another {name} than the first"
-    for (variable, before), (_, values) in zip(first, given, strict=True):
-        if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
-            return f"has another {variable.name} than the first"
-    return ""
-
-
-def _equal(first: np.ndarray, second: np.ndarray) -> bool:
-    """Return whether values of a dimension are the same; NaN, of none, equals NaN."""
-    return np.array_equal(first, second, equal_nan=first.dtype.kind == "f")

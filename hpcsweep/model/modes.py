@@ -7,6 +7,9 @@ import numpy as np
 SAMPLES = 64
 """Of a period of the highest harmonic, before an extremum is polished."""
 
+CHAINS = 2**20
+"""Entries of the matrices of chains that are solved at a time."""
+
 
 def power_of_two(value: float) -> float:
     """Round to a power of two: a unit that scales numbers without rounding."""
@@ -39,6 +42,28 @@ def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, 
         if shape[first] < 0:
             shape *= -1.0
     return np.sqrt(squares), shapes
+
+
+def chain_periods(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Return the longest natural periods of chains of storeys on the ground, shape (k,).
+
+    A force on floor i moves floor j by the sum of 1 / k_e over the storeys e below both. That
+    matrix F has the largest eigenvalue 1 / omega_1^2 of F M to full precision.
+
+    Parameters
+    ----------
+    mass, stiffness : ndarray, shape (k, n)
+        Of each floor and each storey, from the lowest on.
+    """
+    below = np.minimum(*np.indices((mass.shape[1],) * 2))
+    found = np.empty(len(mass))
+    step = max(CHAINS // below.size, 1)
+    for at in range(0, len(mass), step):
+        own = slice(at, at + step)
+        root = np.sqrt(mass[own])
+        soft = np.cumsum(1.0 / stiffness[own], axis=1)[:, below]
+        found[own] = np.linalg.eigvalsh(root[:, :, None] * soft * root[:, None, :])[:, -1]
+    return 2.0 * math.pi * np.sqrt(found)
 
 
 def damped_response(mass, damping, stiffness, forcing, w: float) -> np.ndarray:

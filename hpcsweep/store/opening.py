@@ -197,7 +197,8 @@ def read_layout(path: str | Path) -> Layout:
     path = path_of("path", path)
     attributes = check_file(path)
     try:
-        job = parse_job(attributes["job"], f"{path} (job)", attributes["name"])
+        text, name = attributes["job"], attributes["name"]
+        job = parse_job(text, f"{path} (job)", name, is_stored=True)
     except (KeyError, TypeError, JobError) as error:
         what = "it is missing" if isinstance(error, KeyError | TypeError) else error
         raise DamagedError(f"{path}: its job cannot be read: {what}") from None

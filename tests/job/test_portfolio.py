@@ -1,6 +1,7 @@
 """Portfolios: keys that vary together, a row a structure, from a CSV file or the job itself."""
 
 import os
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from tools import RECORDS, hpcsweep
 from hpcsweep import open_results, spectrum, synthetic_records
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.describe import describe
+from hpcsweep.earthquakes.spectrum import Oscillators
 from hpcsweep.job import JobError, load_job, parse_job, part_of, vary
 from hpcsweep.job.vary import Parts
+from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Layout, with_inputs
 from hpcsweep.store.create import create
@@ -216,6 +219,90 @@ def test_all_wrong_lines_are_told(job):
         load_job(job)
     with pytest.raises(JobError, match=r"vary\.rows = 'none.csv': cannot be read: No such"):
         load_job(job, ['vary.rows="none.csv"'])
+
+
+MANY = """
+[[building]]
+mass = [1e5, 1e5]
+storey_stiffness = [5e7, 5e7]
+storey_height = 3.0
+yield_drift = 0.02
+isolation = {slab_mass = 1e5, radius = 2.0, friction = 0.05}
+[[building]]
+mass = [1e5, 2e5]
+storey_stiffness = [5e7, 5e7]
+storey_height = 3.0
+[units]
+length = "m"
+[pounding]
+"""
+COLUMNS = (
+    *("building[0].mass", "building[0].period", "building[0].isolation.radius"),
+    *("building[1].storey_stiffness[0]", "building[1].damping_ratio", "pounding.gap"),
+)
+
+
+@pytest.fixture
+def many(job):
+    """A job of rows that `table_of` makes."""
+    head, _, tail = job.read_text().partition("[[building]]")
+    job.write_text(head + MANY + tail.partition("[pounding]\n")[2])
+    return job
+
+
+def table_of(job, n: int, wrong: Mapping[tuple[int, int], str]) -> None:
+    """Write n rows for a job, with other cells at some lines and columns."""
+    sizes = [1e5, 1e5, 0.2, 1.5, 5e7, 0.03, 0.02]
+    rows = np.random.default_rng(1).uniform(1.0, 2.0, (n, 7)) * sizes
+    cells = [[str(row[:2]), *map(str, row[2:])] for row in rows.tolist()]
+    for (line, column), cell in wrong.items():
+        cells[line - 2][column] = cell
+    text = "\n".join(map(";".join, [COLUMNS, *cells]))
+    job.with_name("portfolio.csv").write_text(text)
+
+
+def test_a_long_table_needs_few_structures_and_a_stored_one_but_the_first(many, monkeypatch):
+    table_of(many, 200, {})
+    made, filtered = [], []
+    plain, filters = Structure.__post_init__, Oscillators._filtered
+    monkeypatch.setattr(Structure, "__post_init__", lambda own: [made.append(1), plain(own)][1])
+    monkeypatch.setattr(Oscillators, "_filtered", lambda own: [filtered.append(1), filters(own)][1])
+    loaded = load_job(many)
+    assert len(made) < 200
+    assert len(filtered) == 2  # of a record, all periods together
+    made.clear()
+    stored = parse_job(loaded.text, "job.h5", "job", is_stored=True)
+    assert len(made) < 12
+    assert len(filtered) == 2
+    for (_, values), (_, again) in zip(loaded.study.given, stored.study.given, strict=True):
+        np.testing.assert_array_equal(values, again)
+    factor = {one.name: values for one, values in loaded.study.given}["factor"]
+    for at in (0, 77, 199):
+        part = loaded.study.part((at,))
+        np.testing.assert_allclose(factor[at], part.factor, rtol=1e-12)
+        sa = spectrum(part.record(1), [2 * np.pi / part.structure.frequencies[0]]).acceleration
+        np.testing.assert_allclose(part.factor[1] * sa, [2.0, 4.0], rtol=1e-9)
+
+
+@together(
+    "column, cell, said",
+    [
+        (0, "[1e5, -1e5]", ", column C: C must be finite and above 0, is -100000.0"),
+        (0, "[1e5]", ": building[0].storey_stiffness must have 1 numbers, one per mass, has 2"),
+        (1, "1e-40", ", column C: C must be finite and positive, from 1e-12 to 1e+12, is 1e-40"),
+        (2, "0.0", ", column C: C must be finite and positive, from 1e-12 to 1e+12, is 0.0"),
+        (3, "5e29", ", column C: building[1].storey_stiffness has eigenvalues from 5e+07 to 5e+29"),
+        (4, "2e6", ": building.damping_ratio or rayleigh = 2000000.0"),
+        (5, "1e31", ", column C: C = 1e+31: must be 0 or of a size from 1e-30 to 1e+30"),
+    ],
+)
+def test_a_wrong_cell_of_a_long_table_is_told_with_its_line(many, column, cell, said):
+    table_of(many, 19, {(10, column): cell, (15, column): cell})
+    with pytest.raises(JobError) as refused:
+        load_job(many)
+    told = str(refused.value)
+    assert f"portfolio.csv: line 10{said.replace('C', COLUMNS[column])}" in told
+    assert told.endswith(" (and line 15)")
 
 
 def test_each_structure_is_made_once_until_the_runs_begin(job, tmp_path, monkeypatch):

@@ -5,7 +5,6 @@ kept in it as ``records.found``: so a results file is read without the records t
 """
 
 import math
-from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,6 +20,7 @@ from hpcsweep.earthquakes.suite import (
     Measure,
     Synthetic,
     checked_record,
+    nearest,
 )
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.earthquakes.units import (
@@ -112,8 +112,6 @@ SCALES = 1e-250, 1e250
 """Smallest and largest scale."""
 MAX_MEASURES = 500_000
 """Measures of records by the longest periods of structures."""
-SAME = 1e-9
-"""Relative difference of a period that is known again."""
 MAX_INSTANTS = 10 * MAX_SAMPLES
 """Of the histories."""
 SCALED_BY = {"sa": ("period",), "avgsa": ("periods",)}
@@ -371,10 +369,7 @@ def read_found(
         if isinstance(found, dict):
             periods = found["periods"]
             own = longest_period(structure) if structure else periods[0]
-            near = min(bisect_left(periods, own), len(periods) - 1)
-            at = min((near - 1, near), key=lambda i: abs(periods[i] - own))
-            if not abs(periods[at] - own) <= SAME * own:
-                raise TypeError
+            at = nearest(periods, own)
             records = [{**one, "measure": one["measure"][at]} for one in records]
         facts = tuple(Facts(**one) for one in records)
         if not all(one.is_sound for one in facts):

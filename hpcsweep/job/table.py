@@ -1,0 +1,259 @@
+r"""What is known of all parts of a job without a structure of each: tables of thousands of rows.
+
+A limit of one key is an interval. Where keys have no limits in common, the parts with the least and
+the largest value of each tell of all whether they are valid. Two limits are common to all keys of
+masses and stiffnesses: the ratios of eigenvalues, and of springs. A key that varies by the factor
+r changes M or K by r^2 at most, so a structure is far enough from these limits if it keeps them by
+the product of all r^2.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hpcsweep.job.structures import MAX_DAMPING
+from hpcsweep.model.isolation import Isolation
+from hpcsweep.model.modes import chain_periods
+from hpcsweep.model.structure import MAX_STIFFNESS
+from hpcsweep.studies.blocks import Place
+from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.study import Axis, as_kind
+from hpcsweep.studies.variable import Variable
+
+BEARINGS = "slab_mass|period|stiffness|radius|strength|yield_drift|friction|damping_ratio"
+SEPARATE = re.compile(
+    r"building\[\d+\]\.("
+    r"(mass|storey_stiffness|period|damping_ratio|yield_force|yield_drift)(\[\d+\])?|"
+    rf"isolation\.({BEARINGS}))|pounding\.(gap|stiffness|restitution|damping)(\[\d+\])?|"
+    r"structure\.(damping_ratio|stiffness_ratio)(\[\d+\])?"
+)
+"""Keys whose limits, for numbers above 0, depend on no other key."""
+COMMON = {
+    *("p_delta", "collapse_drift", "storey_damping", "column", "initial_stiffness"),
+    *("along", "points", "model", "matrices"),
+}
+"""Keys whose limits depend on others."""
+OTHERS = {"column", "model", "matrices"}
+"""Keys of structures that are not storeys alone, on the ground or on bearings."""
+TABLES = ("study", "structure", "building", "pounding", "sweep")
+KINDS = ("records", "points", "amplitude_sweep")
+"""Kinds of study that ask nothing further of the numbers of a structure."""
+EXTENT = 1e6
+"""Largest ratio of masses, and of stiffnesses, whose periods are known to nine digits."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """The parts of a job as columns: the values of each varied key.
+
+    Attributes
+    ----------
+    tree : mapping
+        The job of the first part.
+    axes : tuple of Axis
+    """
+
+    tree: Mapping
+    axes: tuple[Axis, ...]
+
+    @cached_property
+    def _names(self) -> set[str]:
+        """Names of all keys but those of records."""
+        return {*_names({key: self.tree.get(key) for key in TABLES})}
+
+    @cached_property
+    def _numbers(self) -> list[dict[str, np.ndarray]]:
+        """Values of the keys of each axis that are numbers above 0, or lists of them: (n, any)."""
+        return [
+            {one.key: found for one in axis.keys if (found := _positive(one.given)) is not None}
+            for axis in self.axes
+        ]
+
+    def telling(self, base: RunGrid) -> list[Place]:
+        """Return the places whose parts tell of all whether they are valid; none: all have to.
+
+        Base is the first part.
+        """
+        columns = {key: values for axis in self._numbers for key, values in axis.items()}
+        is_separate = all(
+            one.key in columns and SEPARATE.fullmatch(one.key)
+            for axis in self.axes
+            for one in axis.keys
+        )
+        if base.kind not in KINDS or not is_separate or COMMON & self._names:
+            return []
+        if not _keeps_far(base, columns):
+            return []
+        first = (0,) * len(self.axes)
+        found = {first}
+        for i, axis in enumerate(self._numbers):
+            for values in axis.values():
+                ends = {*values.argmin(axis=0).tolist(), *values.argmax(axis=0).tolist()}
+                found |= {(*first[:i], at, *first[i + 1 :]) for at in ends}
+        return sorted(found)
+
+    def by_part(self, base: RunGrid) -> dict[str, tuple[Variable, np.ndarray]] | None:
+        """Return the variables known beforehand in which parts differ; None: parts must be made."""
+        if any("storey_height" in one.key for axis in self.axes for one in axis.keys):
+            return None
+        if base.kind != "records":
+            return {}
+        from hpcsweep.studies.ground_motion.keys import OWN_PERIOD, RecordGrid, nearest
+        from hpcsweep.studies.ground_motion.variables import FACTOR
+
+        study = as_kind(base, RecordGrid)
+        found = self.tree["records"]["found"]
+        if OWN_PERIOD not in study.measure.periods or not isinstance(found, Mapping):
+            return {}
+        if (periods := self.longest_periods(study.gravity)) is None:
+            return None
+        try:
+            at = nearest(found["periods"], periods)
+            measures = {
+                one["name"]: np.array(one["measure"], float)[at] for one in found["records"]
+            }
+        except (TypeError, ValueError, IndexError):
+            return None
+        own = np.stack([measures[one.name] for one in study.suite], axis=-1)
+        shape = [len(axis.values) for axis in self.axes]
+        factors = (study.scale / own[..., None]).reshape(*shape, *study.factor.shape)
+        differ = not np.array_equal(factors, np.broadcast_to(study.factor, factors.shape))
+        along = FACTOR.along(tuple(axis.name for axis in self.axes))
+        return {FACTOR.name: (along, factors)} if differ else {}
+
+    def longest_periods(self, gravity: float) -> np.ndarray | None:
+        """Return the longest natural period of each part, flat.
+
+        Masses, stiffnesses and periods tell it of storeys on the ground or on bearings; else, or
+        where there may be a mistake, it is None: structures have to be made.
+        """
+        varied = {one.key for axis in self.axes for one in axis.keys}
+        if OTHERS & self._names or "structure.n_floors" in varied:
+            return None
+        tables = {f"building[{k}]": one for k, one in enumerate(self.tree.get("building", []))}
+        tables = tables or {"structure": self.tree.get("structure", {})}
+        try:
+            return np.max([self._periods_of(*one, gravity) for one in tables.items()], axis=0)
+        except (KeyError, ValueError):
+            return None
+
+    def _periods_of(self, name: str, table: Mapping, gravity: float) -> np.ndarray:
+        """Return the longest period of a building in each part.
+
+        Raises
+        ------
+        KeyError, ValueError
+            If it is not known of numbers of ordinary sizes.
+        """
+        bearings = table.get("isolation")
+        if "period" in table:
+            period = self._values(f"{name}.period", table["period"], 1)
+            if bearings is None:
+                return period[:, 0]
+        n = table.get("n_floors", np.size(table.get("mass", 1.0)))
+        mass, stiffness = (
+            self._values(f"{name}.{key}", table.get(key, 1.0), n)
+            for key in ("mass", "storey_stiffness")
+        )
+        if "period" in table:
+            stiffness *= (chain_periods(mass, stiffness)[:, None] / period) ** 2
+        if bearings is not None:
+            own = [
+                self._values(f"{name}.isolation.{k}", one, 1)[:, 0] for k, one in bearings.items()
+            ]
+            each = [
+                Isolation(**dict(zip(bearings, row, strict=True)), gravity=gravity)
+                for row in zip(*own, strict=True)
+            ]
+            mass = np.column_stack(([one.slab_mass for one in each], mass))
+            stuck = [one.bearings(m)[1] for one, m in zip(each, mass.sum(axis=1), strict=True)]
+            stiffness = np.column_stack((stuck, stiffness))
+        return chain_periods(mass, stiffness)
+
+    def _values(self, key: str, given: Any, n: int) -> np.ndarray:
+        """Return the n values of a key in each part, shape (parts, n); given is that of the first.
+
+        Raises
+        ------
+        KeyError, ValueError
+        """
+        shape = [len(axis.values) for axis in self.axes]
+        found = np.empty((math.prod(shape), n))
+        found[:] = given
+        for axis, numbers, at in zip(
+            self.axes, self._numbers, np.indices(shape).reshape(len(shape), -1), strict=True
+        ):
+            for one in axis.keys:
+                owner, _, place = one.key.rstrip("]").partition(f"{key}[")
+                if one.key == key:
+                    found[:] = numbers[key][at]
+                elif not owner and place:
+                    found[:, int(place)] = numbers[one.key][at, 0]
+        if not found.max() <= EXTENT * found.min():
+            raise ValueError
+        return found
+
+
+def _keeps_far(base: RunGrid, columns: Mapping[str, np.ndarray]) -> bool:
+    """Return whether no part comes near a limit that several keys have in common."""
+    structure = base.structure
+    if structure.sliders and not base.starts_at_rest:
+        return False  # whose initial states are limited by strengths over stiffnesses
+    ratios = [(one.max(axis=0) / one.min(axis=0)).max() for one in columns.values()]
+    room = float(np.prod(ratios)) ** 2
+    springs = [one.spring * float(np.square(one.direction).sum()) for one in structure.sliders]
+    own = float(np.trace(structure.elastic_stiffness))
+    stiffer = max(springs, default=0.0) / (own if own > 0.0 else min(springs, default=1.0))
+    spread = max(map(np.linalg.cond, (structure.mass_matrix, structure.stiffness_matrix)))
+    damping = float(structure.damping_ratios.max())
+    return room * max(spread, stiffer) <= MAX_STIFFNESS and room * damping <= MAX_DAMPING
+
+
+def _names(table: Any) -> Iterator[str]:
+    """Iterate over the names of all keys in tables."""
+    for key, value in table.items() if isinstance(table, Mapping) else ():
+        yield key
+        for one in value if isinstance(value, list) else (value,):
+            yield from _names(one)
+
+
+def _positive(given: tuple[Any, ...]) -> np.ndarray | None:
+    """Return values as numbers, shape (n, any), if all are numbers above 0, or lists of as many."""
+    lists = [one if isinstance(one, list) else [one] for one in given]
+    forms = {(type(one) is list, len(own)) for one, own in zip(given, lists, strict=True)}
+    if len(forms) > 1 or not {type(one) for own in lists for one in own} <= {int, float}:
+        return None
+    found = np.array(lists, float)
+    return found if found.size and np.all((found > 0.0) & np.isfinite(found)) else None
+
+
+def shape_of(part: RunGrid) -> tuple:
+    """Return what parts that share a file have in common, and what is known of each beforehand."""
+    return part.structure.contact_labels, part.variables, part.coordinates, part.given
+
+
+def difference(base: tuple, part: tuple) -> str:
+    """Return why two parts, by `shape_of`, cannot share a file; '' where they can."""
+    (labels, variables, known, first), (own_labels, own_variables, own, given) = base, part
+    if own_labels != labels:
+        return "has other contacts than the first"
+    sizes = ({name: one.values.size for name, one in each.items()} for each in (known, own))
+    if own_variables != variables or next(sizes) != next(sizes):
+        return "has not the dimensions of the first"
+    for name, coordinate in known.items():
+        if not _equal(own[name].values, coordinate.values):
+            return f"has another {name} than the first"
+    for (variable, before), (_, values) in zip(first, given, strict=True):
+        if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
+            return f"has another {variable.name} than the first"
+    return ""
+
+
+def _equal(first: np.ndarray, second: np.ndarray) -> bool:
+    """Return whether values of a dimension are the same; NaN, of none, equals NaN."""
+    return np.array_equal(first, second, equal_nan=first.dtype.kind == "f")

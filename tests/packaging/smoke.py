@@ -165,7 +165,7 @@ def check(hpcsweep: Installed) -> None:
     hpcsweep("run", "records.toml", *storeys, "-o", "storeys.h5", makes="storeys.h5")
     assert "median" in hpcsweep("fragility", "records.h5", "--threshold", "0.02")
     hpcsweep("table", "records.h5", "-o", "records.csv", makes="records.csv")
-    finer = ("--set", "sweep.omega=[0.44, 0.445, 0.45]", "--reuse", "study.h5")
+    finer = ("--set", "sweep.omega=[0.44, 0.4425, 0.445, 0.4475, 0.45]", "--reuse", "study.h5")
     hpcsweep("run", "study.toml", *given, *finer, "-o", "finer.h5", makes="finer.h5")
     hpcsweep("split", "study.toml", *given, "-n", "2", makes="study-2of2.toml")
     parts = [f"study-{k}of2.h5" for k in (1, 2)]

@@ -25,7 +25,7 @@ OFF = 1e-6
 """Of the state: rounding would follow the same motion for thousands of periods."""
 LONGEST, SAME = 200, 1e-6
 """Longest orbit in which chaos is seen to end, and the distance at which points are one."""
-TOLD = 25
+TOLD = 10
 
 Point = tuple[hpcsweep.Structure, float, float]
 """Structure, amplitude, frequency."""

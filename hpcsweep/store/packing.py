@@ -129,12 +129,16 @@ def _copy(path: Path, temporary: Path, layout: Layout) -> None:
 
 
 class _Written(io.FileIO):
-    """A file that keeps the first error of writing, and takes what follows as written.
+    """A file that keeps the first error of writing, and what comes after it in memory.
 
-    HDF5 may end the process where it cannot write what it still has when it closes a file.
+    HDF5 may end the process where it cannot write what it still has when it closes a file, or
+    reads something else than it wrote.
     """
 
-    error: OSError | None = None
+    def __init__(self, path: Path, mode: str) -> None:
+        super().__init__(path, mode)
+        self.error: OSError | None = None
+        self._beside: list[tuple[int, bytes]] = []
 
     def write(self, data) -> int:
         """Write bytes."""
@@ -145,7 +149,22 @@ class _Written(io.FileIO):
                 rest = rest[super().write(rest) :]
         except OSError as error:
             self.error = error
+        if rest.nbytes:
+            self._beside.append((self.tell(), bytes(rest)))
+            self.seek(rest.nbytes, os.SEEK_CUR)
         return size
+
+    def readinto(self, buffer) -> int:
+        """Read bytes, 0 where nothing was written."""
+        view, first = memoryview(buffer).cast("B"), self.tell()
+        n_read = super().readinto(view) or 0
+        view[n_read:] = bytes(view.nbytes - n_read)
+        for at, data in self._beside:
+            begin, end = max(at, first), min(at + len(data), first + view.nbytes)
+            if begin < end:
+                view[begin - first : end - first] = data[begin - at : end - at]
+        self.seek(first + view.nbytes)
+        return view.nbytes
 
     def truncate(self, size=None) -> int:
         """Set the size."""

@@ -155,3 +155,24 @@ def test_where_the_copy_does_not_fit_the_sound_source_is_not_blamed(copy, tmp_pa
     assert str(caught.value) == f"{target}: cannot be written: File too large"
     assert copy.read_bytes() == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.h5", "copy.h5.journal"]
+
+
+def test_what_cannot_be_written_any_more_is_read_back_as_if_it_were(tmp_path):
+    """HDF5 reads parts that it has written, and a page of something else may end the process."""
+    rng, expected = np.random.default_rng(0), bytearray(10_000)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3_000, limit[1]))
+    try:
+        with packing._Written(tmp_path / "file", "w+") as stream:
+            for written, read in rng.integers(0, 9_000, (200, 2)).tolist():
+                data, found = rng.bytes(int(rng.integers(1, 900))), bytearray(700)
+                stream.seek(written)
+                assert stream.write(data) == len(data)
+                expected[written : written + len(data)] = data
+                stream.seek(read)
+                assert stream.readinto(found) == len(found)
+                assert found == expected[read : read + len(found)]
+            with pytest.raises(OSError, match="File too large"):
+                stream.check()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)

@@ -27,6 +27,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import ClassVar
 
+import fuzz_files
 import fuzz_kinds
 import h5py
 import numpy as np
@@ -92,6 +93,11 @@ WEIGHTS = {
     "session": 3,
     "range": 6,
     "yield": 6,
+    "model": 8,
+    "rows": 6,
+    "portfolio": 8,
+    "table": 4,
+    "plot": 3,
 }
 """Kinds of cases, and how often each is chosen."""
 
@@ -404,6 +410,11 @@ class Patient:
         "session": lambda self, rng: fuzz_kinds.session(self.folder, rng),
         "range": lambda self, rng: fuzz_kinds.ranges(rng),
         "yield": lambda self, rng: fuzz_kinds.yielding(self.folder, rng),
+        "model": lambda self, rng: fuzz_files.models(self.folder, rng),
+        "rows": lambda self, rng: fuzz_files.rows(self.folder, rng),
+        "portfolio": lambda self, rng: fuzz_files.portfolios(self.folder, rng),
+        "table": lambda self, rng: fuzz_files.of_options("table", self.folder, rng),
+        "plot": lambda self, rng: fuzz_files.of_options("plot", self.folder, rng),
     }
 
     def case(self, kind: str, seed: int) -> str:

@@ -418,7 +418,8 @@ def session(folder: Path, rng: random.Random) -> str:
         hours = rng.uniform(0.0, 0.3) / 3600 if how == "limit" else None
         number = rng.choice(STOP_SIGNALS)
         timer = threading.Timer(rng.uniform(0.0, 0.3), os.kill, (os.getpid(), number))
-        before = {stop: signal.signal(stop, signal.SIG_IGN) for stop in STOP_SIGNALS}
+        # a signal before or after the flag listens does nothing, but SIGHUP ignored stays so
+        before = {stop: signal.signal(stop, lambda *_: None) for stop in STOP_SIGNALS}
         try:
             with flag:
                 if how == "signal":

@@ -15,6 +15,7 @@ from hpcsweep.figures.options import file_name
 USER_ERROR, FAILURE = 2, 1
 Rows = Iterator[tuple[str, str]]
 """Names and texts of a table."""
+NO_MEMORY = "there is not enough memory for this"
 WIDEST = 34
 """Letters of the longest name beside its text; a longer one has a line of its own."""
 
@@ -32,18 +33,29 @@ def listing(title: str, rows: Iterable[tuple[str, str]]) -> str:
 
 
 def complain(message: str, rank: int | None = None) -> None:
-    """Print an error on one line, from one rank."""
+    """Print an error on one line, whatever names are in it, from one rank."""
     from hpcsweep.campaign.progress import say_line
     from hpcsweep.parallel.mpi import launched_rank
 
     if (launched_rank() if rank is None else rank) == 0:
-        say_line(f"hpcsweep: error: {message}")
+        shown = (one if one.isprintable() else repr(one)[1:-1] for one in message)
+        say_line(f"hpcsweep: error: {''.join(shown)}")
 
 
-def abort(comm) -> int:
-    """Print the traceback of the error that is handled, and end all ranks."""
+def lacks_memory(error: BaseException) -> bool:
+    """Return whether an error is that memory is not enough, for data or for a library."""
+    words = "failed to map segment", "cannot allocate memory"
+    return isinstance(error, MemoryError) or any(word in str(error).lower() for word in words)
+
+
+def abort(comm, error: Exception) -> int:
+    """Print the traceback of an error, or the line of one of memory, and end all ranks."""
     from hpcsweep.campaign.progress import say_line
 
+    if lacks_memory(error):
+        complain(NO_MEMORY, 0)
+        comm.abort(FAILURE)
+        return FAILURE
     where = f" on rank {comm.rank}" if comm.size > 1 else ""
     say_line(f"hpcsweep: failed{where}:\n{traceback.format_exc()}")
     comm.abort(FAILURE)

@@ -84,8 +84,8 @@ def run(options) -> int:
         n_frames = make(request, comm, processes, functools.partial(make_progress, unit="frame"))
     except (PlotError, CommandError):
         raise
-    except Exception:
-        return abort(comm)
+    except Exception as error:
+        return abort(comm, error)
     if n_frames is None:
         complain("stopped by a signal; no film was written", comm.rank)
         return FAILURE

@@ -8,7 +8,15 @@ from collections.abc import Callable
 from importlib import import_module
 
 from hpcsweep.campaign.progress import silence
-from hpcsweep.commands import FAILURE, USER_ERROR, CommandError, complain, environment
+from hpcsweep.commands import (
+    FAILURE,
+    NO_MEMORY,
+    USER_ERROR,
+    CommandError,
+    complain,
+    environment,
+    lacks_memory,
+)
 from hpcsweep.commands import one_thread as one_thread  # before numpy is loaded
 
 NAMES = (
@@ -39,7 +47,7 @@ exit codes:
   0   complete
   75  stopped in good order before the end (time limit or signal): run again to resume
   2   a mistake in what was asked: one line says which; nothing was written
-  1   anything else, with a traceback
+  1   memory or disk are not enough, told on one line; anything else, with a traceback
   141 standard output was closed"""
 
 
@@ -139,10 +147,10 @@ def _call(arguments: list[str] | None) -> int:
         if options.command is None and not options.version:
             parser.error("a command is needed")
         return _version() if options.version else options.function(options)
-    except MemoryError:
-        complain("there is not enough memory for this")
-        return FAILURE
-    except (ValueError, RuntimeError) as error:
+    except (ImportError, OSError, MemoryError, ValueError, RuntimeError) as error:
+        if lacks_memory(error):
+            complain(NO_MEMORY)
+            return FAILURE
         if not isinstance(error, _for_users()):
             raise
         complain(str(error))

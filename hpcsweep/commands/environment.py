@@ -6,6 +6,7 @@ printed text would then be written into the results.
 
 import contextlib
 import os
+import resource
 import sys
 
 from hpcsweep.campaign.progress import note
@@ -14,6 +15,8 @@ from hpcsweep.kernels import folders
 from hpcsweep.parallel.mpi import launched_rank
 
 LONGEST_DATE = 12
+LEAST_SPACE = 500e6
+"""Of addresses (bytes) for a small run with its libraries: with less some never end loading."""
 
 
 def prepare() -> None:
@@ -22,9 +25,14 @@ def prepare() -> None:
     Raises
     ------
     CommandError
-        If SOURCE_DATE_EPOCH, which numpy and matplotlib read, is no time.
+        If SOURCE_DATE_EPOCH, which numpy and matplotlib read, is no time, or memory is limited to
+        less than `LEAST_SPACE`.
     """
     _open_streams()
+    space = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if space != resource.RLIM_INFINITY and space < LEAST_SPACE:
+        limit = f"must be {LEAST_SPACE / 1024:.0f} kB at least, is {space // 1024}"
+        raise CommandError(f"the limit of memory (ulimit -v) {limit}")
     date = os.environ.get("SOURCE_DATE_EPOCH", "0")
     if not (date.isascii() and date.isdigit() and len(date) < LONGEST_DATE):
         limit = f"must be seconds since 1970, a whole number of fewer than {LONGEST_DATE} digits"

@@ -23,7 +23,8 @@ KINDS = {
     PAGE: rb"(?i)\s*<!doctype html",
     FILM: rb"GIF8|....ftyp",
     DEMANDS: rb"[^\n]*,\d+-P[FI][AD]-",
-    TABLE: rb"PAR1|([^\n]+,)?(record,scale|direction,\w+[^\n,]*,amplitude)( \[[^\n,]*\])?,",
+    TABLE: rb"PAR1|PK\x03\x04.{26}(docProps|xl|_rels|\[Content)"
+    rb"|([^\n]+,)?(record,scale|direction,[^\n]+,amplitude)( \[[^\n,]*\])?,",
 }
 """Patterns of the first bytes, by kind."""
 
@@ -57,6 +58,9 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise CommandError(f"{path}: cannot be written: {error.strerror or error}") from error
+    except UnicodeEncodeError:
+        limit = f"must be text where it ends in {path.suffix}"
+        raise CommandError(f"{path}: cannot be written: the name {limit}") from None
 
 
 def check_overwriting(path: Path, kind: str) -> None:

@@ -131,8 +131,8 @@ def run(options) -> int:
         complain(str(error), 0)
         comm.abort(FAILURE)
         return FAILURE
-    except Exception:
-        return abort(comm)
+    except Exception as error:
+        return abort(comm, error)
 
 
 def _read(options) -> list:

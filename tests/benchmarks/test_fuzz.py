@@ -8,8 +8,9 @@ SHARE = {
     **{"study": 8},
     **{"kernel": 10, "output": 5, "link": 3, "threads": 4},
     **{"session": 4, "range": 200, "yield": 60},
+    **{"model": 12, "rows": 8, "portfolio": 12, "table": 8, "plot": 6},
 }
-SECONDS = ("job", "session")
+SECONDS = ("job", "session", "table", "plot")
 """Kinds of which a share takes seconds."""
 
 

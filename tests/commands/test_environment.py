@@ -1,17 +1,20 @@
 """Streams that are closed or full, folders that cannot be written, names that are no text."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from together import together
 from tools import SMALL, command, datasets, environment, hpcsweep
 
-from hpcsweep.commands import cli, describe
+from hpcsweep.commands import abort, cli, describe, lacks_memory
 from hpcsweep.commands import environment as environment_of_commands
 from hpcsweep.kernels import folders
+from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store.offsets import open_above
 
@@ -127,13 +130,14 @@ def test_a_cache_that_is_only_read_is_read_all_the_same(tmp_path, monkeypatch, c
 
 
 def no_memory(options):
-    raise MemoryError
+    raise ImportError("a.so: failed to map segment from shared object")
 
 
 @pytest.mark.parametrize(
     ("arguments", "date", "code", "told"),
     [
         (["describe", "a\nb.toml"], "0", 2, "must be a name on one line, is 'a\\nb.toml'"),
+        (["plot", "a.h5", "--at", "\n"], "0", 2, "error: --at \\n: must be KEY=VALUE"),
         (["status", "a\nb.h5"], "0", 2, "must be a name on one line, is 'a\\nb.h5'"),
         (["run", "a.toml", "-o", "a\nb.h5"], "0", 2, "must be a name on one line"),
         (["status", "a.h5"], "abc", 2, "SOURCE_DATE_EPOCH = 'abc': must be seconds since 1970"),
@@ -157,6 +161,33 @@ def test_what_a_command_cannot_do_is_told_on_one_line(
     error = capsys.readouterr().err
     assert (given, len(error.splitlines())) == (code, 1), error
     assert told in error
+
+
+@together(
+    "error, told",
+    [
+        (MemoryError(), "hpcsweep: error: there is not enough memory for this\n"),
+        (OSError(12, "Cannot allocate memory"), "hpcsweep: error: there is not enough memory"),
+        (ImportError("x.so: failed to map segment from shared object"), "hpcsweep: error: there"),
+        (KeyError("x"), "hpcsweep: failed:\nNoneType: None"),
+    ],
+)
+def test_a_run_that_lacks_memory_says_so_on_one_line(capsys, error, told):
+    with pytest.raises(SystemExit) as end:
+        abort(Serial(), error)
+    shown = capsys.readouterr().err
+    assert end.value.code == 1
+    assert shown.startswith(told)
+    assert lacks_memory(error) == (shown.count("\n") == 1)
+
+
+def test_a_limit_of_memory_with_which_libraries_never_load_is_told(monkeypatch, capsys):
+    for kilobytes, code in ((200_000, 2), (400_000, 2), (600_000, 0), (-1, 0)):
+        limit = 1024 * kilobytes if kilobytes > 0 else resource.RLIM_INFINITY
+        monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: (limit, limit))
+        assert cli.main(["--version"]) == code
+        told = f"(ulimit -v) must be 488281 kB at least, is {kilobytes}\n" if code else ""
+        assert capsys.readouterr().err.endswith(told)
 
 
 @pytest.mark.parametrize(("before", "reason"), [("SIG_DFL", "SIGHUP"), ("SIG_IGN", None)])

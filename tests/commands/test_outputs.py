@@ -13,7 +13,7 @@ import pytest
 from tools import environment, hpcsweep
 
 from hpcsweep.commands import CommandError
-from hpcsweep.commands.outputs import FILM, PAGE, PICTURE, check_overwriting, kind_of
+from hpcsweep.commands.outputs import FILM, PAGE, PICTURE, TABLE, check_overwriting, kind_of
 
 LIST = """
 [structure]
@@ -102,6 +102,10 @@ def test_kinds_are_told_by_the_first_bytes(tmp_path):
         b"GIF89a": FILM,
         b"%PDF-1.7": PICTURE,
         b"<?xml version": PICTURE,
+        b"PAR1": TABLE,
+        b"PK\3\4" + bytes(26) + b"docProps/app.xml": TABLE,
+        b"PK\3\4" + bytes(26) + b"M.npy": "file",
+        b"direction,omega [omega_0],gap [length],amplitude [length],n_points\n": TABLE,
         b"words": "file",
         b"": "",
     }

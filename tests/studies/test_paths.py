@@ -425,6 +425,7 @@ def test_branches_along_a_formula_go_through_all_motions_and_lie_beneath_them(tm
         ),
         ("* omega", "* gap", "sweep.amplitude = '0.1 * gap': knows no 'gap', only omega"),
         ("* omega", "- omega", "must be 0, or from 1e-250 to 1e+250, is -0.8 at omega = 0.9"),
+        ("0.1 * omega", "1e-3 / (omega - 0.91234)**2", "must have no pole, has one at 0.9123"),
         ('parameter = "omega"', 'parameter = "omega"\ncurves = ["fold"]', "without formulas"),
         ("[study]", "[output]\nlyapunov = true\n[study]", "unknown key 'output.lyapunov'"),
     ],

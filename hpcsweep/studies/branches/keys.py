@@ -36,6 +36,10 @@ _NUMBERS = (
 )
 CHECKED = 101
 """Values of the span at which formulas are checked."""
+ZOOMS = 25
+"""Steps to an extreme between them, to a quarter each: to the last digit."""
+POLE = 1e6
+"""Times as large as at these values a formula has a pole between them."""
 NUMBERS = {key.name: key for key in _NUMBERS}
 KEYS = (
     Key(
@@ -146,6 +150,22 @@ class BranchGrid(RunGrid):
         return known["omega"], known["amplitude"]
 
 
+def _tied(values: Any, key: str, text: str, parameter: str, along: np.ndarray) -> np.ndarray:
+    """Return what a formula gives at `CHECKED` values; look for poles between them."""
+    tied = values.tied(key, text, {parameter: along})
+    for turn in np.flatnonzero(np.diff(np.sign(np.diff(tied)))) + 1:
+        low, high, top = along[turn - 1], along[turn + 1], tied[turn]
+        side = np.sign(top - tied[turn - 1]) or np.sign(top - tied[turn + 1])
+        for _ in range(ZOOMS):
+            near = np.linspace(low, high, 9)
+            found = values.tied(key, text, {parameter: near})
+            k = min(max(int(np.argmax(side * found)), 1), near.size - 2)
+            if not abs(found[k]) <= POLE * np.abs(tied).max():
+                raise values.error(key, text, f"must have no pole, has one at {near[k]:.4g}")
+            low, high = near[k - 1], near[k + 1]
+    return tied
+
+
 def _read_curves(values, structure: Structure, parameter: str, omega: np.ndarray) -> dict:
     """Read which curves are followed, and over which frequencies."""
     given = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
@@ -201,7 +221,7 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
     formulas, n_lines = [], next(iter(given.values())).size
     for name, text in texts.items():
         formulas.append(values.tie(f"sweep.{name}", text, (parameter,)))
-        tied = values.tied(f"sweep.{name}", text, {parameter: np.linspace(*span, CHECKED)})
+        tied = _tied(values, f"sweep.{name}", text, parameter, np.linspace(*span, CHECKED))
         given[name] = np.full(n_lines, tied[-1])
     lines = [given[name] for name in FORCING]
     seeds = values.get("branches.seeds")

@@ -69,7 +69,7 @@ def _table(text: str, separator: str, path: str) -> list[dict]:
     except csv.Error:
         limit = f"every cell must have {csv.field_size_limit()} characters at most"
         raise JobError(f"{path}: {limit}, one has more") from None
-    if len(cells) < FIRST_LINE or len(cells) != len(lines):
+    if len(cells) < FIRST_LINE or len(cells) != len(lines) or not cells[0]:
         raise JobError(f"{path}: must have a line of keys and a line for each row below it")
     cells = [[cell.strip() for cell in own] for own in cells]
     if not cells[0][-1] and not any(own[-1] for own in cells if len(own) == len(cells[0])):

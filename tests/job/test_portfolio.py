@@ -146,6 +146,7 @@ def test_rows_may_be_tables_of_the_job():
         ("mass;", "mass[3];", "building[0].mass[3]: building[0].mass must be a list with that"),
         ("tension", "gap", "line 1: 'pounding.gap' must be the key of one column"),
         ("Town hall", "School", "vary.rows.name"),
+        ("\ufeff", "\ufeff\n", "must have a line of keys and a line for each row below it"),
         (CSV.partition("\n")[2], "", "must have a line of keys and a line for each row below it"),
     ],
 )

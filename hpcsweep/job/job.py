@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from hpcsweep.job.fingerprint import fingerprint
+from hpcsweep.model.arguments import InputError
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.settings import SweepSettings
@@ -14,7 +15,7 @@ ABOUT = ("title", "institution", "license")
 """Keys of a job that only tell about its results, and attributes of the file."""
 
 
-class JobError(ValueError):
+class JobError(InputError):
     """Raised for a job that cannot be run; the message is one line for the user."""
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hpcsweep.job.matrix_files import ENDINGS, NAMES, TEXTS, Found, read_file
-from hpcsweep.model.arguments import file_name
+from hpcsweep.model.arguments import InputError, file_name
 from hpcsweep.model.finite_elements import FiniteElements
 
 ROLES = {
@@ -106,9 +106,9 @@ def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
     own = found.pop(NAMES, None)
     try:
         return FiniteElements(**found, names=own if names is None else names, unused=unused)
-    except ValueError as error:
-        said = str(error)
-        raise ValueError(f"{read_from.get(said.split()[0], whole)}: {said}") from None
+    except InputError as error:
+        error.place = f"{read_from.get(error.key, whole)}"
+        raise
 
 
 def _files(paths: Sequence[Path]) -> Sequence[Path]:

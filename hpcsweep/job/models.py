@@ -15,6 +15,7 @@ from hpcsweep.job.job import JobError
 from hpcsweep.job.structures import MODEL, element_tables, model_settings
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import varied_values
+from hpcsweep.model.arguments import InputError
 
 LISTS = ("names", "outputs", "fixed")
 ARGUMENTS = ("influence", "outputs", "reduce", "fixed")
@@ -93,9 +94,10 @@ def with_model(
         arguments = influence, outputs or (), wanted, fixed or (), more
         try:
             made = model.reduced(contacts, sliders, *arguments)
-        except (ValueError, TypeError) as error:
-            own = not str(error).startswith(("contact", "slider"))
-            raise JobError(f"{values.source}: structure.{'model.' * own}{error}") from None
+        except InputError as error:
+            of_model = error.table not in ("contact", "slider")
+            error.within("structure.model" if of_model else "structure")
+            raise JobError(error.limit, error.key, values.source) from None
         told = {key: value for key, value in made._asdict().items() if value is not None}
         return {"origin": origin, "settings": settings, **told}
 

@@ -17,6 +17,7 @@ import numpy as np
 from hpcsweep.job.forcing import read_forcing
 from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
+from hpcsweep.model.arguments import InputError
 from hpcsweep.model.buildings import Building, Column, adjacent
 from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import MAX_LABEL, elements_of
@@ -31,6 +32,11 @@ CONTACT = ("direction", "gap", "stiffness", "damping", "tension")
 SLIDER = ("direction", "stiffness", "strength", "name")
 BUILDING = tuple(field.name for field in fields(Building))
 ISOLATION = tuple(field.name for field in fields(Isolation) if field.name != "gravity")
+MATRICES_BESIDE = {
+    "matrices.mass": "building.mass",
+    "matrices.stiffness": "building.storey_stiffness or period",
+}
+"""Keys of buildings side by side that give the matrices."""
 WITH_MATRICES = (
     *("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh"),
     "collapse_drift",
@@ -78,10 +84,11 @@ def read_structure(values: Values) -> Structure:
             structure = _of_matrices(values, given, by_matrices, harmonics)
         if structure.sliders:
             _ = structure.rest
-    except (ValueError, OverflowError) as error:
+    except InputError as error:
         if isinstance(error, JobError):
             raise
-        raise JobError(f"{values.source}: {_keyed(str(error), side_by_side)}") from None
+        _place(error, side_by_side)
+        raise JobError(error.limit, error.key, values.source) from None
     if structure.rayleigh is not None and "damping_ratio" in given:
         shown = values.get("structure.rayleigh")
         raise values.error("structure.rayleigh", shown, "is given beside damping_ratio")
@@ -89,18 +96,16 @@ def read_structure(values: Values) -> Structure:
     return structure.labelled(unit_names=_unit_names(values, structure))
 
 
-def _keyed(said: str, side_by_side: bool) -> str:
-    """Return what a structure says of one of its parameters, with the key of the job."""
-    if said.startswith(("building", "pounding")):
-        return said
-    if said.startswith("harmonics"):
-        return f"forcing.{said}"
-    if not side_by_side:
-        return f"structure.{said}"
-    for matrix, keys in (("mass", "mass"), ("stiffness", "storey_stiffness or period")):
-        if said.startswith(f"matrices.{matrix} "):
-            return f"building.{keys}{said.removeprefix(f'matrices.{matrix}')}"
-    return f"pounding.{said.removeprefix('contact.')}"
+def _place(error: InputError, side_by_side: bool) -> None:
+    """Give the error of a structure the key that the job has for its parameter."""
+    if error.key in MATRICES_BESIDE and side_by_side:
+        error.key = MATRICES_BESIDE[error.key]
+    elif error.table == "harmonics":
+        error.within("forcing")
+    elif not side_by_side:
+        error.within("structure")
+    elif error.table not in ("building", "pounding"):
+        error.key = f"pounding.{error.key.removeprefix('contact.')}"
 
 
 def _unit_names(values: Values, structure: Structure) -> UnitNames:
@@ -195,13 +200,11 @@ def _weighed(values: Values, place: str, table: dict) -> dict:
 
 def _building(name: str, table: Mapping) -> Building:
     """Make one of several buildings; an error names its table."""
+    given = {key: _tuples(value) for key, value in table.items()}
     try:
-        given = {key: _tuples(value) for key, value in table.items()}
         return _made(_Table(repr(given), given))
-    except ValueError as error:
-        text = str(error).removeprefix("building.")
-        place = "" if text.startswith("matrices.") else f"{name}."
-        raise ValueError(f"{place}{text}") from None
+    except InputError as error:
+        raise error if error.table == "matrices" else error.within(name) from None
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,17 @@
 """Check arguments: return the value in the form that the callee needs, or raise one line.
 
-A `ValueError` states the argument's name, its limit and its shortened value. Numbers from files and
-arrays are accepted: those of numpy, and arrays without dimensions.
+An `InputError` states the argument's name, its limit and its shortened value. Numbers from files
+and arrays are accepted: those of numpy, and arrays without dimensions.
 """
 
 import math
 import os
+import re
 import reprlib
 import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from numbers import Integral, Real
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -27,9 +28,51 @@ LONGEST = 60
 """Characters of a value in a message."""
 
 
-def refused(name: str, limit: str, value: object) -> ValueError:
+class InputError(ValueError):
+    """A value that is refused; the message is one line: ``place: key limit``.
+
+    Parameters
+    ----------
+    limit : str
+        What is said of the value.
+    key : str
+        What has the value, by its name or names; "" if nothing has.
+    place : str
+        Where that is, a file or a line of one; "" if it is an argument.
+    value : str
+        As it is shown between the key and the limit; "" if the limit says it.
+    """
+
+    def __init__(self, limit: str, key: str = "", place: str = "", value: str = ""):
+        super().__init__(limit, key, place, value)
+        self.limit, self.key, self.place, self.value = limit, key, place, value
+
+    def __str__(self) -> str:
+        """Return the message."""
+        key = f"{self.key} = {self.value}:" if self.value else self.key
+        space = " " if key and self.limit[0] not in ":;," else ""
+        return f"{self.place}{': ' if self.place else ''}{key}{space}{self.limit}"
+
+    @property
+    def table(self) -> str:
+        """First part of the key, without its place in a list."""
+        return re.split(r"\W", self.key, maxsplit=1)[0]
+
+    def within(self, table: str) -> Self:
+        """Name the table of the key: ``gap``, or ``contact.gap``, becomes ``contact[1].gap``."""
+        own = self.key.removeprefix(f"{table.partition('[')[0]}.")
+        self.key = f"{table}.{own}"
+        return self
+
+
+def wrong(name: str, limit: str) -> InputError:
+    """Return the error for an argument of which a limit is said."""
+    return InputError(limit, name)
+
+
+def refused(name: str, limit: str, value: object) -> InputError:
     """Return the error for an argument: what it must be, and what it is."""
-    return ValueError(f"{name} must be {limit}, is {shown(value)}")
+    return wrong(name, f"must be {limit}, is {shown(value)}")
 
 
 def shown(value: object) -> str:
@@ -147,7 +190,7 @@ def vector(name: str, value: object, size: int) -> np.ndarray:
     found = array(name, value)
     if found.shape != (size,):
         shape = found.shape if found.ndim else shown(value)
-        raise ValueError(f"{name} must have shape ({size},), has shape {shape}")
+        raise wrong(name, f"must have shape ({size},), has shape {shape}")
     return found
 
 
@@ -201,7 +244,7 @@ def rows(name: str, value: object) -> np.ndarray:
         return value
     found = array(name, value)
     if found.ndim != 2:
-        raise ValueError(f"{name} must have two dimensions, has shape {found.shape}")
+        raise wrong(name, f"must have two dimensions, has shape {found.shape}")
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import instance, items, number, plain, refused
+from hpcsweep.model.arguments import instance, items, number, plain, refused, wrong
 from hpcsweep.model.dashpot import read_restitution, refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
@@ -119,14 +119,14 @@ class Building:
         given = plain(self.mass)
         masses = vector("building.mass", given if hasattr(given, "__len__") else [given], None)
         if not masses:
-            raise ValueError("building.mass must not be empty")
+            raise wrong("building.mass", "must not be empty")
         object.__setattr__(self, "mass", masses)
         rayleigh = read_rayleigh("building.rayleigh", self.rayleigh, self.n_floors)
         object.__setattr__(self, "rayleigh", rayleigh)
         if self.storey_height is not None:
             heights = each("building.storey_height", self.storey_height, self.n_floors, "mass")
             if min(heights) <= 0:
-                raise ValueError(f"building.storey_height must be above 0, is {min(heights)!r}")
+                raise wrong("building.storey_height", f"must be above 0, is {min(heights)!r}")
             object.__setattr__(self, "storey_height", heights)
         stiffness = each("building.storey_stiffness", self.storey_stiffness, self.n_floors, "mass")
         if self.period is not None:
@@ -140,7 +140,7 @@ class Building:
         bearings: Any = self.isolation
         if isinstance(bearings, Mapping):
             for key in set(bearings) - {field.name for field in fields(Isolation)}:
-                raise ValueError(f"building.isolation must not have {key!r}")
+                raise wrong("building.isolation", f"must not have {key!r}")
             object.__setattr__(self, "isolation", Isolation(**bearings))
         elif bearings is not None:
             instance("building.isolation", bearings, Isolation)
@@ -277,7 +277,7 @@ def adjacent(
     floors = of("floor_names")
     unit = np.eye(first[-1])
     if restitution is not None and damping is not None:
-        raise ValueError("pounding.restitution and pounding.damping must not be given both")
+        raise wrong("pounding.restitution and pounding.damping", "must not be given both")
     masses = np.concatenate([np.diag(one.mass_matrix) for one in alone])
     of_levels = (
         ("pounding.gap", gap),
@@ -351,10 +351,10 @@ def _beside(elements: Sequence[Sequence[Any]], first: Sequence[int]) -> list[Any
 def _names(buildings: Sequence[Building]) -> list[str]:
     """Return the names of two or more buildings, by default letters."""
     if len(buildings) < 2:
-        raise ValueError(f"building must be given twice or more, is given {len(buildings)} times")
+        raise wrong("building", f"must be given twice or more, is given {len(buildings)} times")
     names = [one.name or chr(ord("A") + k) for k, one in enumerate(buildings)]
     if len(set(names)) < len(names):
-        raise ValueError(f"building.name must be of one building each, are {names}")
+        raise wrong("building.name", f"must be of one building each, are {names}")
     return names
 
 
@@ -362,7 +362,7 @@ def _facing(one: tuple[Building, str], other: tuple[Building, str]) -> list[list
     """Return what meets of two buildings, upwards: floors, and heights of points of columns."""
     (left, _), (right, _) = one, other
     if (left.storey_height is None) != (right.storey_height is None):
-        raise ValueError("building.storey_height must be given of all buildings or of none")
+        raise wrong("building.storey_height", "must be given of all buildings or of none")
     found: list[tuple[float, list[Any]]] = [
         (height, [i, j])
         for i, height in enumerate(left.heights)
@@ -378,10 +378,11 @@ def _facing(one: tuple[Building, str], other: tuple[Building, str]) -> list[list
             if i in met or height > lower * (1.0 + SAME_HEIGHT):
                 continue
             if hit.column is None:
-                raise ValueError(
-                    f"building.storey_height: floor {i + 1} of {name} at height {height:g} faces a "
+                raise wrong(
+                    "building.storey_height",
+                    f": floor {i + 1} of {name} at height {height:g} faces a "
                     f"column of {hit_name}: "
-                    + (apart or f"give {hit_name} column = {{share, mass}}, {SHARE_AND_MASS}")
+                    + (apart or f"give {hit_name} column = {{share, mass}}, {SHARE_AND_MASS}"),
                 )
             found.append((height, [height, i] if side else [i, height]))
     return [ends for _, ends in sorted(found, key=lambda level: level[0])]

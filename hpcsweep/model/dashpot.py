@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import number
+from hpcsweep.model.arguments import number, wrong
 from hpcsweep.model.modes import per_mass
 
 MIN_RESTITUTION = 1e-6
@@ -52,9 +52,10 @@ def refuse_smooth(contacts: Sequence, sharpness: float, told: tuple[str, Any] | 
     damping = max((contact.damping for contact in contacts), default=0.0)
     if damping and sharpness != math.inf:
         name, given = told or ("contact.damping", damping)
-        raise ValueError(
-            f"{name} = {given!r} needs sharpness = inf: a dashpot goes with a sharp stop, "
-            f"sharpness is {sharpness:g}"
+        raise wrong(
+            name,
+            f"= {given!r} needs sharpness = inf: a dashpot goes with a sharp stop, "
+            f"sharpness is {sharpness:g}",
         )
 
 

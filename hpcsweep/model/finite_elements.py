@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import shown
+from hpcsweep.model.arguments import refused, wrong
 from hpcsweep.model.matrices import MAX_ROWS, Slider, elements_of, is_named, vector
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.reduction import (
@@ -72,32 +72,32 @@ class FiniteElements:
         n = self.stiffness.shape[0]
         for name, one in (("mass", self.mass), ("damping", self.damping)):
             if one is not None and one.shape[0] != n:
-                raise ValueError(f"{name} has {one.shape[0]} rows, stiffness has {n}")
+                raise wrong(name, f"has {one.shape[0]} rows, stiffness has {n}")
         self.names = tuple(str(k) for k in (range(1, n + 1) if names is None else names))
         if len(self.names) != n:
-            raise ValueError(f"names must be {n}, one per coordinate, are {len(self.names)}")
+            raise wrong("names", f"must be {n}, one per coordinate, are {len(self.names)}")
         if len(set(self.names)) < n:
             twice = Counter(self.names).most_common(1)[0][0]
-            raise ValueError(f"names must differ, {twice!r} is given twice")
+            raise wrong("names", f"must differ, {twice!r} is given twice")
         self._numbers = {name: i for i, name in enumerate(self.names)}
         diagonal = self.mass.diagonal()
         self._has_mass = np.abs(self.mass).sum(axis=1) > 0
         if np.any(diagonal[self._has_mass] <= 0) or not self._has_mass.any():
             i = int(np.argmax(self._has_mass & (diagonal <= 0)))
             at = f"{diagonal[i]:g} at coordinate {self.names[i]}"
-            raise ValueError(f"mass must be positive definite, its diagonal is {at}")
+            raise wrong("mass", f"must be positive definite, its diagonal is {at}")
         self.is_empty = ~self._has_mass & (np.abs(self.stiffness).sum(axis=1) == 0)
         used = ~self.is_empty
         if negative(_part(self.mass, self._has_mass)):
-            raise ValueError("mass must be positive definite, it has an eigenvalue of 0 or less")
+            raise wrong("mass", "must be positive definite, it has an eigenvalue of 0 or less")
         ties = np.flatnonzero(used & ~self._has_mass & (self.stiffness.diagonal() == 0))
         if ties.size:
             limit = "must have numbers above 0 on its diagonal, where there is no mass"
             where = f"{self._listed(ties)}: Lagrange multipliers, whose constraints are to be"
-            raise ValueError(f"stiffness {limit}, has {ties.size} of 0 at {where} eliminated")
+            raise wrong("stiffness", f"{limit}, has {ties.size} of 0 at {where} eliminated")
         if count := motions_below(_part(self.stiffness, used), -1.0):
             many = f"{count} negative eigenvalue{'s' * (count > 1)}"
-            raise ValueError(f"stiffness must not be negative, it has {many}")
+            raise wrong("stiffness", f"must not be negative, it has {many}")
 
     @property
     def problems(self) -> Iterator[str]:
@@ -179,7 +179,7 @@ class FiniteElements:
             return int(key) - 1
         known = ", ".join(self.names[:4])
         limit = f"one of the {len(self.names)} coordinates ({known}, ...), or its number"
-        raise ValueError(f"{name} must be {limit}, is {shown(key)}")
+        raise refused(name, limit, key)
 
     def label(self, row: np.ndarray) -> str:
         """Return a name of a row."""
@@ -198,13 +198,13 @@ class FiniteElements:
             if not np.any(ends == given):
                 known = ", ".join(sorted(set(ends) - {""})) or "none"
                 limit = f"the end of names of coordinates after a dot (here {known})"
-                raise ValueError(f"influence must be {limit}, or numbers, is {given!r}")
+                raise wrong("influence", f"must be {limit}, or numbers, is {given!r}")
             return (ends == given).astype(float)
         if given is not None:
             return self.row("influence", given)
         if len(set(ends)) > 1:
             known = ", ".join(sorted(set(ends)))
-            raise ValueError(f"influence is missing: the direction of the base, one of {known}")
+            raise wrong("influence", f"is missing: the direction of the base, one of {known}")
         return np.ones(len(self.names))
 
     def structure(
@@ -278,12 +278,12 @@ class FiniteElements:
         used &= ~grounded
         drifts = pairs or alone or [*hits, *slides]
         if not drifts:
-            raise ValueError("outputs are missing: where there is no contact, name some")
+            raise wrong("outputs", "are missing: where there is no contact, name some")
         r = self._influence(influence)
         push, r = (self.mass @ r)[used], r[used]
         moved = float(r @ push)
         if not moved > 0:
-            raise ValueError("influence must not be 0 of all coordinates with mass")
+            raise wrong("influence", "must not be 0 of all coordinates with mass")
         mass, stiffness = _part(self.mass, used), _part(self.stiffness, used)
         held = sticking(stiffness, _array(slides, used), sliders)
         drag = None if self.damping is None else _part(self.damping, used)
@@ -309,7 +309,7 @@ class FiniteElements:
             x = coordinates(modes, basis, _array(rows, used), drift, missing, drag)
             if sum(0 <= j < len(alone) for j in x.names) < len(alone):
                 limit = f"fewer, or modes more: they are not told apart by {k} modes"
-                raise ValueError(f"outputs must be {limit}, are {len(alone)}")
+                raise wrong("outputs", f"must be {limit}, are {len(alone)}")
             size = basis.squares.size
             names = [
                 self.label(rows[j]) if j >= 0 else modal_name(-1 - j, k, size) for j in x.names
@@ -346,7 +346,7 @@ class FiniteElements:
         told = [self._moving("outputs", one, used) for one in _listed("outputs", outputs)]
         for k, row in enumerate(told):
             if any(np.array_equal(abs(row), abs(other)) for other in told[:k]):
-                raise ValueError(f"outputs must not hold a coordinate twice, as {outputs[k]!r}")
+                raise wrong("outputs", f"must not hold a coordinate twice, as {outputs[k]!r}")
         return told
 
     def _directions(self, name: str, elements: Sequence, used: np.ndarray) -> list[np.ndarray]:
@@ -359,21 +359,21 @@ class FiniteElements:
         row = self.row(name, given)
         if np.any(row[~used]):
             key = self.names[int(np.flatnonzero(row * ~used)[0])]
-            raise ValueError(f"{name} names {key!r}, which is fixed, or has no mass and stiffness")
+            raise wrong(name, f"names {key!r}, which is fixed, or has no mass and stiffness")
         if not row.any():
-            raise ValueError(f"{name} must not be 0")
+            raise wrong(name, "must not be 0")
         return row
 
 
 def _refuse_rows(reduce: Any, n_mass: int) -> None:
     if reduce is None and n_mass > MAX_ROWS:
         limit = f"at most {MAX_ROWS} coordinates with mass, has {n_mass}"
-        raise ValueError(f'reduce is missing: without, as {{"modes": 12}}, there are {limit}')
+        raise wrong("reduce", f'is missing: without, as {{"modes": 12}}, there are {limit}')
 
 
 def _listed(name: str, given: Sequence[Any]) -> Sequence[Any]:
     if isinstance(given, str):
-        raise ValueError(f"{name} must be a list of coordinates, is {given!r}")
+        raise wrong(name, f"must be a list of coordinates, is {given!r}")
     return given
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import finite, items, number, refused
+from hpcsweep.model.arguments import finite, items, number, refused, wrong
 from hpcsweep.model.matrices import vector
 
 MAX_HARMONICS = 16
@@ -52,7 +52,7 @@ def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
     """Validate the harmonics (order, amplitude, phase) of the forcing, a row each."""
     given = items("harmonics", given, "a list of (order, amplitude, phase)")
     if not 1 <= len(given) <= MAX_HARMONICS:
-        raise ValueError(f"harmonics must be 1 to {MAX_HARMONICS}, are {len(given)}")
+        raise wrong("harmonics", f"must be 1 to {MAX_HARMONICS}, are {len(given)}")
     found = []
     for entry in given:
         order, amplitude, phase = vector("harmonics", entry, 3, "numbers each", TERM)
@@ -67,9 +67,9 @@ def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
         found.append((int(order), finite("harmonics.amplitude", amplitude), phase))
     orders = [order for order, _, _ in found]
     if len(set(orders)) < len(orders):
-        raise ValueError(f"harmonics.order must not hold a value twice, is {orders}")
+        raise wrong("harmonics.order", f"must not hold a value twice, is {orders}")
     if orders == [0]:
-        raise ValueError("harmonics.order must hold one above 0: a mean alone has no period")
+        raise wrong("harmonics.order", "must hold one above 0: a mean alone has no period")
     return tuple(found)
 
 

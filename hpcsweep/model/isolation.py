@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hpcsweep.model.arguments import number
+from hpcsweep.model.arguments import number, wrong
 from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.modes import natural_modes
 from hpcsweep.model.structure import Structure
@@ -91,15 +91,15 @@ class Isolation:
         for names in (STIFFNESS, STRENGTH):
             self._one_of(names)
         if not self.wall_stiffness and self.gap < math.inf:
-            raise ValueError(f"{_key('wall_stiffness')} must be given with gap, and above 0")
+            raise wrong(_key("wall_stiffness"), "must be given with gap, and above 0")
 
     def _one_of(self, names: tuple[str, ...]) -> tuple[str, float]:
         """Return which attribute of several is given, and its value."""
         given = [(name, value) for name in names if (value := getattr(self, name)) is not None]
         if len(given) > 1:
-            raise ValueError(f"{_key(given[0][0])} and {given[1][0]} must not be given both")
+            raise wrong(_key(given[0][0]), f"and {given[1][0]} must not be given both")
         if not given:
-            raise ValueError(f"{_key(names[0])}, {names[1]} or {names[2]} must be given")
+            raise wrong(_key(names[0]), f", {names[1]} or {names[2]} must be given")
         return given[0]
 
     def bearings(self, mass: float) -> tuple[float, float, float]:
@@ -112,7 +112,7 @@ class Isolation:
         initial = self.initial_stiffness or after * (OF_FRICTION if by == "friction" else INITIAL)
         if initial <= after:
             limit = f"above that after yielding, {after:g}, is {initial:g}"
-            raise ValueError(f"{_key('initial_stiffness')} must be {limit}")
+            raise wrong(_key("initial_stiffness"), f"must be {limit}")
         of_drift = value * (initial - after)
         force = {"strength": value, "yield_drift": of_drift, "friction": value * weight}[by]
         return after, initial, force

@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from hpcsweep.model.arguments import number
+from hpcsweep.model.arguments import number, wrong
 from hpcsweep.model.forcing import Harmonics
 from hpcsweep.model.modes import (
     damped_response,
@@ -270,9 +270,10 @@ class LinearDynamics(System):
         for name, one in zip(self.slider_names, self.sliders, strict=True):
             force = abs(one.spring * float(np.dot(one.direction, u)))
             if force > one.strength:
-                raise ValueError(
-                    f"slider {name} would slip at rest: a contact with gap below 0 presses it with "
-                    f"{force:.4g}, its strength is {one.strength:.4g}"
+                raise wrong(
+                    f"slider {name}",
+                    f"would slip at rest: a contact with gap below 0 presses it with "
+                    f"{force:.4g}, its strength is {one.strength:.4g}",
                 )
         return frozen(np.concatenate((u, np.zeros(self.n_floors))))
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import (
+    InputError,
     finite,
     flag,
     items,
@@ -22,7 +23,9 @@ from hpcsweep.model.arguments import (
     number,
     plain,
     positive,
+    refused,
     shown,
+    wrong,
 )
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 
@@ -56,9 +59,9 @@ def vector(
     """Read a sequence of numbers, of a given size if not None; `parts` are names of its entries."""
     listed = _listed(given)
     if listed is None:
-        raise ValueError(f"{name} must be a list of numbers, is {shown(given)}")
+        raise refused(name, "a list of numbers", given)
     if size is not None and len(listed) != size:
-        raise ValueError(f"{name} must have {size} {what}, has {len(listed)}")
+        raise wrong(name, f"must have {size} {what}, has {len(listed)}")
     names = [f"{name}.{part}" for part in parts] or [name] * len(listed)
     return tuple(map(read, names, listed))
 
@@ -79,10 +82,10 @@ def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matri
             return tuple(map(tuple, given.tolist()))
     rows = _listed(given)
     if rows is None or not rows or any(_listed(row) is None for row in rows):
-        raise ValueError(f"{name} must be a list of rows of numbers, is {shown(given)}")
+        raise refused(name, "a list of rows of numbers", given)
     n_rows, n_columns = shape
     if n_rows is not None and len(rows) != n_rows:
-        raise ValueError(f"{name} must have {n_rows} rows, one per mass, has {len(rows)}")
+        raise wrong(name, f"must have {n_rows} rows, one per mass, has {len(rows)}")
     width = len(rows) if n_columns is None else n_columns
     return tuple(vector(name, row, width, "entries in each row", read=finite) for row in rows)
 
@@ -92,9 +95,10 @@ def check_symmetric(name: str, array: np.ndarray) -> None:
     off = np.abs(array - array.T)
     if off.max() > SYMMETRY * np.abs(array).max():
         i, j = np.unravel_index(int(off.argmax()), off.shape)
-        raise ValueError(
-            f"{name} must be symmetric: entry ({i + 1}, {j + 1}) is {array[i, j]:g}, "
-            f"({j + 1}, {i + 1}) is {array[j, i]:g}"
+        raise wrong(
+            name,
+            f"must be symmetric: entry ({i + 1}, {j + 1}) is {array[i, j]:g}, "
+            f"({j + 1}, {i + 1}) is {array[j, i]:g}",
         )
 
 
@@ -111,7 +115,7 @@ def _direction(name: str, given: Any, refusal: str) -> Any:
     else:
         read = sizes = vector(name, given, None, read=finite)
     if not any(sizes):
-        raise ValueError(f"{name} must not be 0: {refusal}")
+        raise wrong(name, f"must not be 0: {refusal}")
     return read
 
 
@@ -261,7 +265,7 @@ class Slider:
         name = self.name if isinstance(self.name, str) else ""
         if self.name is not None and not (name.isprintable() and 0 < len(name) <= MAX_LABEL):
             limit = f"a text of up to {MAX_LABEL} characters that can be printed"
-            raise ValueError(f"slider.name must be {limit}, is {shown(self.name)}")
+            raise refused("slider.name", limit, self.name)
 
     @property
     def limit(self) -> float:
@@ -343,9 +347,9 @@ def read_matrices(
     n = len(checked)
     if n > MAX_ROWS:
         limit = f"at most {MAX_ROWS} rows, has {n}: a larger model is reduced (hpcsweep.read_model)"
-        raise ValueError(f"matrices.mass must have {limit}")
+        raise wrong("matrices.mass", f"must have {limit}")
     if forcing is not None and influence is not None:
-        raise ValueError("matrices.forcing and influence must not be given both")
+        raise wrong("matrices.forcing", "and influence must not be given both")
     found = Matrices(
         checked,
         matrix("matrices.stiffness", stiffness, (n, n)),
@@ -357,9 +361,10 @@ def read_matrices(
         None if influence is None else vector("matrices.influence", influence, n, read=finite),
     )
     if len(found.contacts) + len(found.sliders) > MAX_CONTACTS:
-        raise ValueError(
-            f"contacts and sliders must be at most {MAX_CONTACTS} together, "
-            f"are {len(found.contacts)} and {len(found.sliders)}"
+        raise wrong(
+            "contacts",
+            f"and sliders must be at most {MAX_CONTACTS} together, "
+            f"are {len(found.contacts)} and {len(found.sliders)}",
         )
     if found.damping is not None:
         _check_damping(np.array(found.damping))
@@ -372,38 +377,34 @@ def elements_of(name: str, tables: Iterable[Mapping[str, Any]]) -> list:
     known = {one.name: one.default for one in fields(kind)}
     made = []
     for k, table in enumerate(tables):
-        place = f"{name}[{k}]."
+        place = f"{name}[{k}]"
         if unknown := [key for key in table if key not in known]:
-            raise ValueError(f"{place}{unknown[0]} is unknown, known are {', '.join(known)}")
+            raise wrong(f"{place}.{unknown[0]}", f"is unknown, known are {', '.join(known)}")
         for key, default in known.items():
             if default is MISSING and key not in table:
-                raise ValueError(f"{place}{key} is missing")
+                raise wrong(f"{place}.{key}", "is missing")
         try:
             made.append(kind(**table))
-        except ValueError as error:
-            raise ValueError(str(error).replace(f"{name}.", place, 1)) from None
+        except InputError as error:
+            raise error.within(place) from None
     return made
 
 
 def _several(kind: Any, given: Any, n: int) -> tuple:
     """Read contacts or sliders of a structure with n coordinates."""
-    name = kind.__name__
-    listed = tuple(items(f"{name.lower()}s", given, f"a list of {name}"))
+    name, key = kind.__name__, kind.__name__.lower()
+    listed = tuple(items(f"{key}s", given, f"a list of {name}"))
     if len(listed) > MAX_CONTACTS:
-        raise ValueError(f"{name.lower()}s must be at most {MAX_CONTACTS}, are {len(listed)}")
+        raise wrong(f"{key}s", f"must be at most {MAX_CONTACTS}, are {len(listed)}")
     for place, element in enumerate(listed, 1):
         if not isinstance(element, kind):
-            raise ValueError(f"{name.lower()}s must be a list of {name}, holds {shown(element)}")
+            raise wrong(f"{key}s", f"must be a list of {name}, holds {shown(element)}")
         if is_named(element.direction):
-            raise ValueError(
-                f"{name.lower()}[{place - 1}].direction must be {n} numbers: it names coordinates, "
-                "which goes with a model"
-            )
+            limit = f"must be {n} numbers: it names coordinates, which goes with a model"
+            raise wrong(f"{key}[{place - 1}].direction", limit)
         if len(element.direction) != n:
-            raise ValueError(
-                f"{name.lower()}.direction of {name.lower()} {place} must have {n} entries, "
-                f"has {len(element.direction)}"
-            )
+            limit = f"must have {n} entries, has {len(element.direction)}"
+            raise wrong(f"{key}.direction of {key} {place}", limit)
     return listed
 
 
@@ -412,11 +413,12 @@ def check_definite(name: str, array: np.ndarray) -> None:
     check_symmetric(name, array)
     values = np.linalg.eigvalsh(array)
     if not values[0] > 0:
-        raise ValueError(f"{name} must be positive definite, has the eigenvalue {values[0]:.3g}")
+        raise wrong(name, f"must be positive definite, has the eigenvalue {values[0]:.3g}")
     if values[-1] / MAX_SPREAD > values[0]:
-        raise ValueError(
-            f"{name} has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}: "
-            f"a ratio above {MAX_SPREAD:g} looks like mixed units"
+        raise wrong(
+            name,
+            f"has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}: "
+            f"a ratio above {MAX_SPREAD:g} looks like mixed units",
         )
 
 
@@ -424,6 +426,6 @@ def _check_damping(array: np.ndarray) -> None:
     check_symmetric("matrices.damping", array)
     values = np.linalg.eigvalsh(array)
     if values[0] < -SYMMETRY * max(values[-1], 0.0):
-        raise ValueError(
-            f"matrices.damping must not feed energy in, has the eigenvalue {values[0]:.3g}"
+        raise wrong(
+            "matrices.damping", f"must not feed energy in, has the eigenvalue {values[0]:.3g}"
         )

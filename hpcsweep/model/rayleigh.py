@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import count, not_negative, number, positive, refused
+from hpcsweep.model.arguments import count, not_negative, number, positive, refused, wrong
 from hpcsweep.model.matrices import vector
 
 FORM = "(alpha, beta), or ratio and modes, or ratio and periods"
@@ -51,7 +51,7 @@ def read_rayleigh(name: str, given: Any, n: int) -> tuple[float, float] | Raylei
         return alpha, beta
     for key in given:
         if key not in Rayleigh._fields:
-            raise ValueError(f"{name} must be {FORM}, has {key!r}")
+            raise wrong(name, f"must be {FORM}, has {key!r}")
     if "ratio" not in given or ("modes" in given) == ("periods" in given):
         raise refused(name, FORM, dict(given))
     ratio = number(f"{name}.ratio", given["ratio"], "from 0 to 1, a share of critical", 0.0, 1.0)
@@ -65,5 +65,5 @@ def _two(name: str, given: Any, read: Any) -> Any:
     """Read two different values."""
     found = vector(name, given, 2, "numbers", read=read)
     if found[0] == found[1]:
-        raise ValueError(f"{name} must differ, are both {found[0]:g}")
+        raise wrong(name, f"must differ, are both {found[0]:g}")
     return found

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import array, finite, positive, refused
+from hpcsweep.model.arguments import array, finite, positive, refused, wrong
 from hpcsweep.model.system import frozen
 
 MAX_SAMPLES = 500_000
@@ -56,14 +56,14 @@ class Record:
     def __post_init__(self):
         samples = array("acceleration", self.acceleration)
         if samples.ndim != 1:
-            raise ValueError(f"acceleration must have one dimension, has shape {samples.shape}")
+            raise wrong("acceleration", f"must have one dimension, has shape {samples.shape}")
         if not 2 <= samples.size <= MAX_SAMPLES:
             limit = f"must have from 2 to {MAX_SAMPLES} samples"
-            raise ValueError(f"acceleration {limit}, has {samples.size}")
-        wrong = np.flatnonzero(~np.isfinite(samples))
-        if wrong.size:
-            j = int(wrong[0])
-            raise ValueError(f"acceleration must be finite, is {samples[j]} at sample {j + 1}")
+            raise wrong("acceleration", f"{limit}, has {samples.size}")
+        infinite = np.flatnonzero(~np.isfinite(samples))
+        if infinite.size:
+            j = int(infinite[0])
+            raise wrong("acceleration", f"must be finite, is {samples[j]} at sample {j + 1}")
         if not isinstance(self.name, str):
             raise refused("name", "a text", self.name)
         # adding 0 gives -0 and 0, which are equal, the same bits

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from hpcsweep.model.arguments import wrong
 from hpcsweep.model.matrices import elements_of
 from hpcsweep.model.reduction import Reduction
 from hpcsweep.model.structure import Structure
@@ -39,7 +40,7 @@ class Reduced(NamedTuple):
             n, given = self.facts["modes"], tuple(damping_ratio)
             if len(given) != n:
                 limit = f"one number or one per mode: {n} are needed, {len(given)} are given"
-                raise ValueError(f"damping_ratio must be {limit}")
+                raise wrong("damping_ratio", f"must be {limit}")
             damping_ratio = given + given[-1:] * (len(self.names) - n)
         is_given = damping_ratio is not None or others.get("rayleigh") is not None
 

@@ -39,7 +39,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import count, number, positive, shown
+from hpcsweep.model.arguments import count, number, positive, refused, wrong
 
 KINDS = ("modes", "error", "up_to")
 """Of reductions: what says how many modes are kept."""
@@ -163,7 +163,7 @@ def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -
         try:
             squares, shapes = eigsh(stiffness, most, mass, 0.0, v0=solve(first), OPinv=inverted)
         except ArpackError as error:
-            raise ValueError(f"stiffness and mass: modes are not found ({error})") from None
+            raise wrong("stiffness", f"and mass: modes are not found ({error})") from None
         order = np.argsort(squares)
         squares, shapes = squares[order], shapes[:, order]
     static = solve(np.ascontiguousarray(rows.T)) if len(rows) else np.zeros((n, 0))
@@ -244,7 +244,7 @@ def choose(modes: Modes, wanted: Any, room: int, rows: np.ndarray, kappa: np.nda
         See `error_of`.
     """
     if not isinstance(wanted, Mapping) or len(wanted) != 1 or not set(wanted) <= set(KINDS):
-        raise ValueError(f"reduce must be one of {', '.join(KINDS)}, is {shown(wanted)}")
+        raise refused("reduce", f"one of {', '.join(KINDS)}", wanted)
     ((by, value),) = wanted.items()
     most = min(room, len(modes.squares))
 
@@ -264,7 +264,7 @@ def choose(modes: Modes, wanted: Any, room: int, rows: np.ndarray, kappa: np.nda
         k = next((k for k in range(1, most + 1) if error(k) <= value), 0)
         if not k:
             limit = f"at least {error(most):.2g}, that of {most} modes"
-            raise ValueError(f"reduce.error must be {limit}, is {value:g}")
+            raise wrong("reduce.error", f"must be {limit}, is {value:g}")
     return k, error(k)
 
 
@@ -342,9 +342,10 @@ def condensed(mass, stiffness, damping, push, rows, drift, named) -> Coordinates
     """
     has = np.asarray(abs(mass).sum(axis=1)).ravel() > 0
     if len(rows) and rows[:, ~has].any():
-        raise ValueError(
-            "reduce is missing: a contact or slider acts on coordinates without mass, "
-            "which are condensed without it"
+        raise wrong(
+            "reduce",
+            "is missing: a contact or slider acts on coordinates without mass, "
+            "which are condensed without it",
         )
     diagonal = stiffness.diagonal()
     ratio = np.full(len(push), np.inf)

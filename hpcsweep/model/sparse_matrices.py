@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from hpcsweep.model.arguments import shown
+from hpcsweep.model.arguments import refused, wrong
 
 ASYMMETRY = 1e-6
 """Largest difference of a matrix from its transpose, over its largest entry: files round."""
@@ -39,8 +39,8 @@ def factors(matrix: Any) -> Any:
         return splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=kept)
     except MemoryError:
         n = matrix.shape[0]
-        raise ValueError(
-            f"stiffness of {n} coordinates needs more memory than there is for its factors"
+        raise wrong(
+            "stiffness", f"of {n} coordinates needs more memory than there is for its factors"
         ) from None
 
 
@@ -58,7 +58,7 @@ def sticking(stiffness: Any, slides: np.ndarray, sliders: Sequence[Any]) -> Any:
     found = sparse.csr_array(stiffness + tied.T @ tied)
     if n_free := motions_below(found, 1.0):
         many = f"{n_free} motion{'s' * (n_free > 1)}"
-        raise ValueError(f"stiffness leaves {many} free: fix some coordinates")
+        raise wrong("stiffness", f"leaves {many} free: fix some coordinates")
     return found
 
 
@@ -82,26 +82,26 @@ def symmetric(name: str, given: Any) -> Any:
         if found.dtype.kind not in "iuf":
             raise TypeError
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a matrix of real numbers, is {shown(given)}") from None
+        raise refused(name, "a matrix of real numbers", given) from None
     shape = found.shape
     if max(shape, default=0) > MAX_COORDINATES:
         limit = f"must have {MAX_COORDINATES} rows at most, has {max(shape)}"
-        raise ValueError(f"{name} {limit}: leave out, or condense, what does not move")
+        raise wrong(name, f"{limit}: leave out, or condense, what does not move")
     if len(shape) in (1, 2) and 0 not in shape and math.prod(shape) == max(shape):
         if name != "mass" and max(shape) > 1:
-            raise ValueError(f"{name} must be a square matrix, is a row of {max(shape)} numbers")
+            raise wrong(name, f"must be a square matrix, is a row of {max(shape)} numbers")
         dense = found if isinstance(found, np.ndarray) else found.toarray()
         found = sparse.diags_array(dense.ravel().astype(float))
     if found.ndim != 2 or found.shape[0] != found.shape[1]:
         sizes = " x ".join(map(str, shape)) or "a number"
-        raise ValueError(f"{name} must be a square matrix, is {sizes}")
+        raise wrong(name, f"must be a square matrix, is {sizes}")
     found = sparse.csr_array(found, dtype=float)
     found.sum_duplicates()
     if not np.isfinite(found.data).all():
-        raise ValueError(f"{name} must be finite, holds {found.data[~np.isfinite(found.data)][0]}")
+        raise wrong(name, f"must be finite, holds {found.data[~np.isfinite(found.data)][0]}")
     found.eliminate_zeros()
     if not found.nnz:
-        raise ValueError(f"{name} must not be 0")
+        raise wrong(name, "must not be 0")
     lower, upper = sparse.tril(found, -1), sparse.triu(found, 1)
     if (lower.nnz == 0) != (upper.nnz == 0):
         found = sparse.csr_array(found + lower.T + upper.T)
@@ -109,5 +109,5 @@ def symmetric(name: str, given: Any) -> Any:
     if off.nnz and off.data.max() > ASYMMETRY * abs(found).max():
         i, j = (int(place[off.data.argmax()]) for place in off.coords)
         entries = f"({i + 1}, {j + 1}) is {found[i, j]:g}, ({j + 1}, {i + 1}) is {found[j, i]:g}"
-        raise ValueError(f"{name} must be symmetric: entry {entries}")
+        raise wrong(name, f"must be symmetric: entry {entries}")
     return sparse.csr_array((found + found.T) / 2.0)

@@ -26,6 +26,7 @@ from hpcsweep.model.arguments import (
     number,
     plain,
     refused,
+    wrong,
 )
 from hpcsweep.model.dashpot import refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
@@ -62,7 +63,7 @@ def _gap(name: str, value: Any) -> float:
     """Read the distance of a stop."""
     found = number(name, value)
     if found == -math.inf:
-        raise ValueError(f"{name} must not be -inf: the stop would always push")
+        raise wrong(name, "must not be -inf: the stop would always push")
     return found
 
 
@@ -193,9 +194,10 @@ class Structure(MeasuredDynamics):
             if hasattr(given, "__len__") and not isinstance(given, str | bytes):
                 self._set(name, tuple(given))
         if max(self.contact_numbers, default=0) > MAX_CONTACTS:
-            raise ValueError(
-                f"gap_left: {n} floors have stops on the left numbered up to "
-                f"{max(self.contact_numbers)}, the most are {MAX_CONTACTS}"
+            raise wrong(
+                "gap_left",
+                f": {n} floors have stops on the left numbered up to "
+                f"{max(self.contact_numbers)}, the most are {MAX_CONTACTS}",
             )
         if not self.is_uniform:
             check_definite("mass" if self.matrices is None else "matrices.mass", self.mass_matrix)
@@ -203,7 +205,7 @@ class Structure(MeasuredDynamics):
             check_definite(name, self.stiffness_matrix)
         for name in self.slider_names:
             if self.slider_names.count(name) > 1:
-                raise ValueError(f"slider.name must differ, {name!r} is given twice")
+                raise wrong("slider.name", f"must differ, {name!r} is given twice")
         self._check_sliders()
         self._check_collapse()
 
@@ -266,7 +268,7 @@ class Structure(MeasuredDynamics):
         given = {"damping_ratio": damping_ratio, "damping": damping, "rayleigh": rayleigh}
         used = [name for name, value in given.items() if value is not None]
         if len(used) > 1:
-            raise ValueError(f"{used[0]} and {used[1]} must not be given both")
+            raise wrong(used[0], f"and {used[1]} must not be given both")
         read = read_matrices(mass, stiffness, contacts, damping, forcing, drift, sliders, influence)
         return cls(
             n_floors=len(read.mass),
@@ -297,7 +299,7 @@ class Structure(MeasuredDynamics):
         given = self.collapse_drift
         if given is not None:
             if not self.sliders:
-                raise ValueError("collapse_drift goes with yield_drift, yield_force or a slider")
+                raise wrong("collapse_drift", "goes with yield_drift, yield_force or a slider")
             n = len(self.drift_rows)
             listed = given if hasattr(given, "__len__") else (given,)
             size = n if hasattr(given, "__len__") else 1
@@ -310,9 +312,10 @@ class Structure(MeasuredDynamics):
             along = off <= ROUNDED * np.abs(rows).max(axis=1)
             least = (limits[along] / np.abs(share[along])).min(initial=math.inf)
             if least <= one.limit:
-                raise ValueError(
-                    f"collapse_drift must be above the drift at which the storey yields, "
-                    f"{one.limit:.4g}, is {least:.4g}"
+                raise wrong(
+                    "collapse_drift",
+                    f"must be above the drift at which the storey yields, "
+                    f"{one.limit:.4g}, is {least:.4g}",
                 )
         if self.sliders:
             # motions whose drifts are bounded may leave in directions that none of these has
@@ -321,9 +324,10 @@ class Structure(MeasuredDynamics):
             values = np.linalg.eigvalsh(free @ self.elastic_stiffness @ free.T)
             if values.min(initial=0.0) < -ROUNDED * np.trace(self.stiffness_matrix):
                 what = "is missing" if given is None else "must be finite for each that softens"
-                raise ValueError(
-                    f"collapse_drift {what}: the structure softens once all sliders slip, its "
-                    f"stiffness then has the eigenvalue {values[0]:.4g}"
+                raise wrong(
+                    "collapse_drift",
+                    f"{what}: the structure softens once all sliders slip, its "
+                    f"stiffness then has the eigenvalue {values[0]:.4g}",
                 )
 
     def _set(self, name: str, value: object) -> None:
@@ -335,9 +339,10 @@ class Structure(MeasuredDynamics):
         if isinstance(listed, str | bytes) or not isinstance(listed, Sequence | np.ndarray):
             raise refused("damping_ratio", "a number or one per mode", given)
         if len(listed) != self.n_floors:
-            raise ValueError(
-                f"damping_ratio must be one number or one per mode: {self.n_floors} are needed, "
-                f"{len(listed)} are given"
+            raise wrong(
+                "damping_ratio",
+                f"must be one number or one per mode: {self.n_floors} are needed, "
+                f"{len(listed)} are given",
             )
         return tuple(number("damping_ratio", value, *AT_LEAST_0) for value in listed)
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import number, plain
+from hpcsweep.model.arguments import number, plain, wrong
 from hpcsweep.model.matrices import Slider, vector
 
 YIELDS = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
@@ -47,12 +47,12 @@ def storey_sliders(
     given = {"yield_force": yield_force, "yield_drift": yield_drift}
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
-        raise ValueError("yield_force and yield_drift must not be given both")
+        raise wrong("yield_force", "and yield_drift must not be given both")
     n, found = len(stiffness), []
     shares = _of_storeys("hardening", hardening, n, HARDENS)
     if not named:
         if any(shares):
-            raise ValueError("hardening goes with yield_force or yield_drift")
+            raise wrong("hardening", "goes with yield_force or yield_drift")
         return ()
     at = _of_storeys(named[0], given[named[0]], n, YIELDS)
     steps = np.eye(n) - np.eye(n, k=-1)
@@ -82,13 +82,14 @@ def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np
     n = len(stiffness)
     for name, given in (("weight", weight), ("storey_height", height)):
         if given is None:
-            raise ValueError(f"{name} is missing: p_delta needs it")
+            raise wrong(name, "is missing: p_delta needs it")
     loads = np.broadcast_to(weight, n)[::-1].cumsum()[::-1] / np.broadcast_to(height, n)
     for i, (k, load) in enumerate(zip(stiffness, loads.tolist(), strict=True), 1):
         if load >= k:
-            raise ValueError(
-                f"p_delta: storey {i} does not stand: the weight above it over its height, "
-                f"{load:.4g}, must be below its stiffness, {k:.4g}"
+            raise wrong(
+                "p_delta",
+                f": storey {i} does not stand: the weight above it over its height, "
+                f"{load:.4g}, must be below its stiffness, {k:.4g}",
             )
     return loads
 

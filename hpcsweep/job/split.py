@@ -31,7 +31,10 @@ def split(job: Job, n_parts: int, path: Path) -> dict[Path, str]:
     try:
         parse_job(next(iter(texts.values())), str(path), path.stem, path.parent)
     except JobError as error:
-        raise JobError(str(error).replace(f"part = [1, {n_parts}]: ", f"-n {n_parts}: ")) from None
+        if error.key == "part":
+            error.key, error.value = f"-n {n_parts}", ""
+            error.limit = f": {error.limit}"
+        raise
     return texts
 
 

@@ -170,8 +170,8 @@ def _of_model(values: Values, given: dict, contacts, sliders, others: dict) -> S
     values.check_table("structure.model", table, MODEL, ("file",))
     origin, settings = found.pop("origin", ""), found.pop("settings", "")
     if settings != model_settings(given):
-        said = "structure.model: contacts and sliders must be those that it was reduced with"
-        raise JobError(f"{values.source}: {said}")
+        limit = ": contacts and sliders must be those that it was reduced with"
+        raise JobError(limit, "structure.model", values.source)
     if "damping_ratio" in table:
         if both := {"damping_ratio", "rayleigh"} & set(others):
             value = table["damping_ratio"]
@@ -181,7 +181,7 @@ def _of_model(values: Values, given: dict, contacts, sliders, others: dict) -> S
     try:
         reduced = Reduced(**found)
     except TypeError:
-        raise JobError(f"{values.source}: structure.model.found is not what a run wrote") from None
+        raise JobError("is not what a run wrote", "structure.model.found", values.source) from None
     return reduced.structure(contacts, sliders, origin=origin, **others)
 
 
@@ -257,7 +257,7 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         return replace(buildings[0].structure, harmonics=harmonics)
     for key in ("gap", "stiffness"):
         if key not in pounding:
-            raise JobError(f"{values.source}: pounding.{key} is missing")
+            raise values.missing(f"pounding.{key}")
     sharpness = values.number("pounding.sharpness", pounding.pop("sharpness", math.inf))
     gap, stiffness = pounding.pop("gap"), pounding.pop("stiffness")
     return adjacent(buildings, gap, stiffness, sharpness=sharpness, harmonics=harmonics, **pounding)

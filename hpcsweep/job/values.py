@@ -73,7 +73,11 @@ class Values:
         shown = repr(float(value) if isinstance(value, np.floating) else value)
         if len(shown) > 60:
             shown = shown[:57] + "..."
-        return JobError(f"{self.source}: {key} = {shown}: {limit}")
+        return JobError(limit, key, self.source, shown)
+
+    def missing(self, key: str) -> JobError:
+        """Return the error for a key that is needed."""
+        return JobError("is missing", key, self.source)
 
     def check_tables(
         self, keys: Mapping[str, Sequence[str]], elsewhere: Callable[[], Mapping[str, str]]
@@ -106,7 +110,7 @@ class Values:
                 hint = f"it goes with {others[full]}"
             else:
                 hint = _hint(key, known, keys or {})
-            raise JobError(f"{self.source}: unknown key {full!r}; {hint}")
+            raise JobError(f"; {hint}", f"unknown key {full!r}", self.source)
 
     def check_table(self, key: str, table, known, needed) -> None:
         """Refuse a value that is not a table of known keys, or lacks a required one."""
@@ -115,7 +119,7 @@ class Values:
         self.check_keys(key, table, known)
         for name in needed:
             if name not in table:
-                raise JobError(f"{self.source}: {key}.{name} is missing")
+                raise self.missing(f"{key}.{name}")
 
     def has(self, key: str) -> bool:
         """Return whether a key of a table is given."""
@@ -139,7 +143,7 @@ class Values:
         if name in self.tree.get(table, {}):
             return self.tree[table][name]
         if default is None:
-            raise JobError(f"{self.source}: {key} is missing")
+            raise self.missing(key)
         self.defaults[key] = default
         return default
 
@@ -217,7 +221,7 @@ class Values:
         None: it is missing.
         """
         if given is None:
-            raise JobError(f"{self.source}: {key} is missing")
+            raise self.missing(key)
         if isinstance(given, Mapping):
             return self._range(key, given, most)
         listed = given if isinstance(given, list) else [given]
@@ -315,7 +319,7 @@ class Values:
         ends = []
         for end in ("from", "to"):
             if end not in given:
-                raise JobError(f"{self.source}: {key}.{end} is missing")
+                raise self.missing(f"{key}.{end}")
             value = self.number(f"{key}.{end}", given[end])
             if not math.isfinite(value):
                 raise self.error(f"{key}.{end}", value, "must be finite")
@@ -324,7 +328,7 @@ class Values:
         if not low < high:
             raise self.error(f"{key}.from", low, f"must be less than to = {high!r}")
         if ("count" in given) == ("step" in given):
-            raise JobError(f"{self.source}: {key} needs either count or step beside from and to")
+            raise JobError("needs either count or step beside from and to", key, self.source)
         if "count" in given:
             count = given["count"]
             if isinstance(count, bool) or not isinstance(count, int):

@@ -26,6 +26,7 @@ from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.earthquakes.units import (
     NEAR,
     OWN,
+    UNITS,
     acceleration_unit,
     seconds_in,
     standard_gravity,
@@ -216,8 +217,8 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
         try:
             if unit != OWN:
                 acceleration_unit("unit", unit)
-        except ValueError as error:
-            limit = str(error).partition(", is ")[0].removeprefix("unit ")
+        except ValueError:
+            limit = f"must be one of {', '.join(UNITS)}"
             raise values.error("records.unit", unit, limit) from None
         dt = values.positive("records.dt", given["dt"]) if "dt" in given else None
         channel = given.get("channel")

@@ -19,7 +19,7 @@ import numpy as np
 
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, spectrum
 from hpcsweep.earthquakes.units import STANDARD_GRAVITY
-from hpcsweep.model.arguments import instance, positive
+from hpcsweep.model.arguments import instance, positive, wrong
 from hpcsweep.model.record import Record
 
 START, END = 0.05, 0.95
@@ -126,7 +126,7 @@ def average_spectral_acceleration(
     """
     values = spectrum(record, periods, damping_ratio).acceleration
     if values.size == 0:
-        raise ValueError("periods must have at least 1 entry, has 0")
+        raise wrong("periods", "must have at least 1 entry, has 0")
     if not values.all():
         return 0.0
     return float(np.exp(np.log(values).mean()))

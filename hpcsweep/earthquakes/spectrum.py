@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import array, instance, number, refused
+from hpcsweep.model.arguments import array, instance, number, refused, wrong
 from hpcsweep.model.record import Record
 
 SMALL = 0.5
@@ -117,7 +117,7 @@ def periods_of(given: Any, dt: float, limits: tuple[float, float]) -> np.ndarray
     """Take natural periods within limits, shape (p,)."""
     periods = array("periods", given)
     if periods.ndim != 1:
-        raise ValueError(f"periods must have one dimension, has shape {periods.shape}")
+        raise wrong("periods", f"must have one dimension, has shape {periods.shape}")
     least, most = limits
     for period in periods.tolist():
         if not least <= period <= most:

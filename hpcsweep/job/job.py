@@ -16,7 +16,15 @@ ABOUT = ("title", "institution", "license")
 
 
 class JobError(InputError):
-    """Raised for a job that cannot be run; the message is one line for the user."""
+    """Raised for a job that cannot be run; the message is one line for the user.
+
+    Attributes
+    ----------
+    line : str
+        Of a file of rows, where it is about one: "line 2".
+    """
+
+    line = ""
 
 
 @dataclass(frozen=True, eq=False)

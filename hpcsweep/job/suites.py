@@ -19,6 +19,7 @@ from hpcsweep.job.structures import read_structure
 from hpcsweep.job.table import Table
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import parts_of
+from hpcsweep.model.arguments import InputError
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.ground_motion import keys
 from hpcsweep.studies.ground_motion.records import Records
@@ -80,9 +81,10 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
                 spectral = spectrum(record, periods, measure.damping_ratio).acceleration
                 measures[record.name] = [rounded(one) for one in spectral.tolist()]
             facts = facts_of(record, Measure() if periods else measure, gravity)
-        except ValueError as error:
-            said = str(error).replace("periods", next(iter(keys.SCALED_BY[measure.by]), ""), 1)
-            raise JobError(f"{values.source}: records.scale.{said} ({record.name})") from None
+        except InputError as error:
+            key = next(iter(keys.SCALED_BY[measure.by])) if error.key == "periods" else error.key
+            limit = f"{error.limit} ({record.name})"
+            raise JobError(limit, f"records.scale.{key}", values.source) from None
         if not min(measures.get(record.name, [facts.measure])) > 0:
             shown = f"{values.source}: records: the {measure} of {record.name}"
             raise JobError(f"{shown} is {facts.measure:g}, must be above 0")

@@ -17,6 +17,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hpcsweep.model.arguments import InputError
+
 EXTENDS = "extends"
 UNSET = "unset"
 """Value that takes an inherited key away."""
@@ -45,7 +47,7 @@ Order = Mapping[str, Sequence[str]]
 """Keys in the order in which they are written: of the top (``""``) and of each table."""
 
 
-class TreeError(ValueError):
+class TreeError(InputError):
     """Raised for trees that cannot be merged; the message is one line for the user."""
 
 
@@ -147,16 +149,16 @@ def _replaced(below: Any, steps: list[str], value: object, said: str, owner: str
     step, *rest = steps
     if step[0] != "[":
         if below is not None and not isinstance(below, Mapping):
-            raise TreeError(f"{said}: {owner} must be a table")
+            raise TreeError("must be a table", owner, said)
         table, full = below or {}, f"{owner}.{step}" if owner else step
         return {**table, step: _replaced(table.get(step), rest, value, said, full)}
     place, listed = int(step[1:-1]), below if isinstance(below, list) else []
     count, full = len(listed), owner + step
     if rest and rest[0][0] != "[" and place >= count:
         there = "is 1 table" if count == 1 else f"are {count} tables"
-        raise TreeError(f"{said}: there {there} {owner}, counted from 0")
+        raise TreeError(f"there {there} {owner}, counted from 0", "", said)
     if place > count or (below is not None and not isinstance(below, list)):
-        raise TreeError(f"{said}: {full}: {owner} must be a list with that place, is {below!r:.60}")
+        raise TreeError(f": {owner} must be a list with that place, is {below!r:.60}", full, said)
     inner = _replaced(listed[place] if place < count else None, rest, value, said, full)
     return [*listed[:place], inner, *listed[place + 1 :]]
 
@@ -208,13 +210,13 @@ def _read(path: Path) -> tuple[str, dict]:
     return text, parse_toml(text, str(path))
 
 
-def parse_toml(text: str, source: str) -> dict:
+def parse_toml(text: str, source: str, otherwise: str = "") -> dict:
     """Parse a text within the limits of size, depth and names of a job.
 
     Raises
     ------
     TreeError
-        If it is not TOML or exceeds the limits; `source` is named.
+        If it is not TOML, of which `otherwise` is said, or exceeds the limits.
     """
     if len(text) > MAX_TEXT:
         raise TreeError(f"{source}: has more than {MAX_TEXT} characters, the most a job may have")
@@ -223,9 +225,8 @@ def parse_toml(text: str, source: str) -> dict:
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # RecursionError: brackets nested too deeply
-        raise TreeError(
-            f"{source}: not valid TOML: {_unreadable(text)}{str(error)[:200]}"
-        ) from None
+        told = otherwise or f"not valid TOML: {_unreadable(text)}{str(error)[:200]}"
+        raise TreeError(f"{source}: {told}") from None
     _check_size(tree, source)
     return tree
 
@@ -316,14 +317,9 @@ def _parse_setting(setting: str) -> dict:
     if len(parts) > 2:
         whole = ".".join(parts[:2])
         raise TreeError(f"{option}: must be TABLE.KEY=VALUE; the value of {whole} is set whole")
-    try:
-        return parse_toml(setting, option)
-    except TreeError as error:
-        if "not valid TOML" not in str(error):
-            raise
-        is_word = value[:1].isalpha() and BARE_KEY.fullmatch(value) and len(value) <= MAX_SHOWN
-        hint = f"; a string needs quotes: --set '{key}=\"{value}\"'" if is_word else ""
-        raise TreeError(f"{option}: not a key and a value of TOML{hint}") from None
+    is_word = value[:1].isalpha() and BARE_KEY.fullmatch(value) and len(value) <= MAX_SHOWN
+    hint = f"; a string needs quotes: --set '{key}=\"{value}\"'" if is_word else ""
+    return parse_toml(setting, option, f"not a key and a value of TOML{hint}")
 
 
 def _option(setting: str) -> str:

@@ -41,8 +41,8 @@ NEVER = {
     "sweep.initial_state.": "must be one and the same of all runs",
     "structure.model.": "is not offered: a model is read and reduced once, for all runs",
 }
-OF_ALL = ("records.", "output.", "units.", "part ")
-"""Beginnings of errors that are not about a row."""
+OF_ALL = ("records.", "output.", "units.", "part")
+"""Beginnings of keys whose errors are not about a row."""
 TABLES_WITHIN = ("rayleigh.",)
 """Tables in these whose keys may be varied, too."""
 SHAPE = ("names", "floor_names", "storey_names", "contact_names", "slider_names")
@@ -85,9 +85,10 @@ class Parts:
         try:
             return self.read(self.source, self.tree_at(place))
         except TreeError as error:
-            raise self.error(place, f"{error}, in vary") from None
+            said = JobError(f"{error.limit}, in vary", error.key, error.place)
+            raise self.error(place, said) from None
         except JobError as error:
-            raise self.error(place, str(error)) from None
+            raise self.error(place, error) from None
 
     def visit(self, function: Callable[[Place], None], places: Sequence[Place] = ()) -> None:
         """Call a function for each part in order, or for some that tell of all (`Table`).
@@ -97,7 +98,7 @@ class Parts:
         JobError
             Of the first part that is refused; other wrong lines of the file of rows are told.
         """
-        wrong: dict[str, str] = {}
+        wrong: dict[str, JobError] = {}
         shape = [len(axis.values) for axis in self.axes]
         each = places or np.ndindex(*shape)
         tell, total = counted("reading structure"), len(places) or math.prod(shape)
@@ -105,30 +106,29 @@ class Parts:
             try:
                 function(place)
             except JobError as error:
-                line = re.search(r"line \d+", str(error)) if self.file else None
-                wrong.setdefault(line[0] if line else "", str(error))
+                wrong.setdefault(error.line, error)
                 if places:
                     self.visit(function)
-                if line is None or len(wrong) == MAX_WRONG:
+                if not error.line or len(wrong) == MAX_WRONG:
                     break
             tell(done, total)
         if wrong:
             first, *more = wrong
-            raise JobError(wrong[first] + f" (and {', '.join(more)})" * bool(more))
+            wrong[first].limit += f" (and {', '.join(more)})" * bool(more)
+            raise wrong[first]
 
-    def error(self, place: Place, said: str) -> JobError:
+    def error(self, place: Place, error: JobError) -> JobError:
         """Return the error of a part, with the row that it is about, if any."""
-        own = said.removeprefix(f"{self.source}: ")
-        if own.startswith(OF_ALL):
-            return JobError(said)
+        if error.key.startswith(OF_ALL):
+            return error
         for axis, at in zip(self.axes, place, strict=True):
-            keys = [one.key for one in axis.columns if re.sub(r"\[\d+\]$", "", one.key) in said]
+            keys = [k.key for k in axis.columns if re.sub(r"\[\d+\]$", "", k.key) in error.key]
             if axis.columns:
+                error.line = f"line {at + FIRST_LINE}" if self.file else ""
+                row = error.line or f"vary.{ROWS}[{at}]"
                 column = f", column {max(keys, key=len)}" if keys else ""
-                row = f"{self.source}: vary.{ROWS}[{at}]"
-                row = f"{self.file}: line {at + FIRST_LINE}" if self.file else row
-                said = f"{row}{column}: {own}"
-        return JobError(said)
+                error.place = f"{self.file or self.source}: {row}{column}"
+        return error
 
     def tree_at(self, place: Place) -> dict:
         """Return the job of a part."""
@@ -234,8 +234,8 @@ def read_varied(
         if other := difference(known, part):
             pairs = list(zip(study.axes, place, strict=True))
             where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
-            said = f"{values.source}: {where}: all parts must be of one shape, it {other}"
-            raise parts.error(place, said)
+            limit = f": all parts must be of one shape, it {other}"
+            raise parts.error(place, JobError(limit, where, values.source))
         for (variable, first), (_, own) in zip(known[-1], part[-1], strict=True):
             if not np.array_equal(first, own):
                 whole = np.broadcast_to(first, (*study.shape, *first.shape))

@@ -257,6 +257,8 @@ def _legend(figure, one: Frame, drawn: set[int]) -> None:
     handles = [
         *(Line2D([], [], color=colour, label=name) for name, colour in motions),
         dot("stroboscopic points", "black", face="white"),
-        Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop"),
     ]
+    if one.structure.contacts:
+        beyond = Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop")
+        handles.append(beyond)
     style.foot(figure, handles, one.results, one.classes)

@@ -292,7 +292,7 @@ class _Classifier:
         self._likely_torus = neutral and digits >= HINT_DIGITS
         if size < MIN_TORUS or digits < TORUS_DIGITS:
             return None
-        if not weighted_growth(seen.logarithms).vanishes:
+        if not weighted_growth(seen.logarithms).vanishes(size):
             return None
         growth = stability.growth_interval(seen.logarithms)
         period = orbit.returning_period(points, size // RETURNS, NEAR)

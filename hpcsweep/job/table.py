@@ -204,8 +204,9 @@ def _keeps_far(base: RunGrid, columns: Mapping[str, np.ndarray]) -> bool:
     structure = base.structure
     if structure.sliders and not base.starts_at_rest:
         return False  # whose initial states are limited by strengths over stiffnesses
-    ratios = [(one.max(axis=0) / one.min(axis=0)).max() for one in columns.values()]
-    room = float(np.prod(ratios)) ** 2
+    with np.errstate(all="ignore"):
+        ratios = [(one.max(axis=0) / one.min(axis=0)).max() for one in columns.values()]
+        room = float(np.prod(ratios)) ** 2
     springs = [one.spring * float(np.square(one.direction).sum()) for one in structure.sliders]
     own = float(np.trace(structure.elastic_stiffness))
     stiffer = max(springs, default=0.0) / (own if own > 0.0 else min(springs, default=1.0))

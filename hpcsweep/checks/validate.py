@@ -19,6 +19,7 @@ import numpy as np
 
 from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
+from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout, with_inputs
 from hpcsweep.store.commit import Blocks
@@ -118,12 +119,16 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Findings:
         report.complete = is_complete(blocks)
         for frame, problem in inferred_problems(blocks) if layout.derived else ():
             report.add(f"{_place(layout.study, layout.study.block((*frame, 0)))}: {problem}")
-        for block, row, rows in _choose(blocks, valid, samples, np.random.default_rng(seed)):
+        tell = counted("computing again run")
+        chosen = _choose(blocks, valid, samples, np.random.default_rng(seed))
+        for done, (block, row, rows) in enumerate(chosen):
+            tell(done, samples)
             run = {name: values[row] for name, values in rows.items()}
             again = layout.study.run_again(block, row, run, blocks.start_of(block, row))
             report.sample.append(again)
             if again.problem:
                 report.add(f"{_row(layout.study, block, row)}: {again.problem}")
+        tell(samples, samples)
     return report
 
 

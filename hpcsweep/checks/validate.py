@@ -112,7 +112,7 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Findings:
         report.packed = is_packed(path)
         blocks = Blocks(path, layout)
     except DamagedError as error:
-        report.add(str(error).removeprefix(f"{path}: "))
+        report.add(error.problem)
         return report
     with blocks:
         valid = _Checker(blocks, report).check()

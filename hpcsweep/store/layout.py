@@ -23,6 +23,7 @@ same values, attributes and checksums. It is read like any other, but no longer 
 
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -52,7 +53,15 @@ class StoreError(ValueError):
 
 
 class DamagedError(StoreError):
-    """Raised for a damaged campaign file: truncated or inconsistent."""
+    """Raised for a damaged campaign file, truncated or inconsistent, with what is wrong of it."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        super().__init__(path, problem)
+        self.problem = problem
+
+    def __str__(self) -> str:
+        """Return the line for the user."""
+        return "{}: {}".format(*self.args)
 
 
 class WriteError(RuntimeError):

@@ -101,7 +101,7 @@ class ContiguousRows:
         while len(data) < size:
             piece = os.pread(self._descriptor, size - len(data), offset + len(data))
             if not piece:
-                raise DamagedError(f"{self._path}: the file ends inside variable {variable}")
+                raise DamagedError(self._path, f"the file ends inside variable {variable}")
             data += piece
         return np.frombuffer(bytes(data), dtype).reshape(shape)
 
@@ -155,8 +155,8 @@ class PackedRows:
             return self._file[variable][(*start[:-1], slice(start[-1], start[-1] + n))]
         except Exception:  # HDF5 raises errors of any kind on damaged bytes
             raise DamagedError(
-                f"{self._path}: variable {variable} cannot be unpacked; put a whole copy in its "
-                "place"
+                self._path,
+                f"variable {variable} cannot be unpacked; put a whole copy in its place",
             ) from None
 
     def close(self) -> None:

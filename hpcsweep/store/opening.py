@@ -53,11 +53,12 @@ def reading(path: Path) -> Iterator[h5py.File]:
         cut = re.search(r"truncated file: eof = (\d+),.* stored_eof = (\d+)", str(error))
         if cut and int(cut[2]) < 2**60 and int(cut[1]) == path.stat().st_size:
             raise DamagedError(
-                f"{path}: cut short, {cut[1]} of {cut[2]} bytes are left, without their checksums; "
-                f"{REMEDY}"
+                path,
+                f"cut short, {cut[1]} of {cut[2]} bytes are left, without their checksums; "
+                f"{REMEDY}",
             ) from None
         what = " ".join(str(error).split()) or type(error).__name__
-        raise DamagedError(f"{path}: damaged ({what[:120]}); {REMEDY}") from None
+        raise DamagedError(path, f"damaged ({what[:120]}); {REMEDY}") from None
 
 
 def _check_kind(path: Path) -> None:
@@ -83,9 +84,9 @@ def _check_kind(path: Path) -> None:
     for part in (begin, end):
         for heap in HEAP.finditer(part):
             if int.from_bytes(heap[1], "little") > MAX_HEAP:
-                raise DamagedError(f"{path}: damaged (a heap of strings has no size); {REMEDY}")
+                raise DamagedError(path, f"damaged (a heap of strings has no size); {REMEDY}")
             if _is_endless(part[heap.start() :]):
-                raise DamagedError(f"{path}: damaged (a heap of strings has no end); {REMEDY}")
+                raise DamagedError(path, f"damaged (a heap of strings has no end); {REMEDY}")
 
 
 def _is_endless(heap: bytes) -> bool:
@@ -175,7 +176,7 @@ def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray 
     """
     attributes = check_file(path)
     if not {"job", "name"} <= attributes.keys():
-        raise DamagedError(f"{path}: damaged (attributes are missing); {REMEDY}")
+        raise DamagedError(path, f"damaged (attributes are missing); {REMEDY}")
     with reading(path) as file:
         inferred = file[INFERRED][...] != 0 if INFERRED in file else None
         return attributes, file["commit"][...] != 0, file["outcome"][...], inferred
@@ -201,9 +202,9 @@ def read_layout(path: str | Path) -> Layout:
         job = parse_job(text, f"{path} (job)", name, is_stored=True)
     except (KeyError, TypeError, JobError) as error:
         what = "it is missing" if isinstance(error, KeyError | TypeError) else error
-        raise DamagedError(f"{path}: its job cannot be read: {what}") from None
+        raise DamagedError(path, f"its job cannot be read: {what}") from None
     if job.fingerprint != attributes.get("fingerprint"):
-        raise DamagedError(f"{path}: its job and its fingerprint do not agree; {REMEDY}")
+        raise DamagedError(path, f"its job and its fingerprint do not agree; {REMEDY}")
     return Layout(job)
 
 
@@ -242,4 +243,4 @@ def refuse_problems(path: Path, problems: list[str]) -> None:
     """Raise a `DamagedError` if there are any."""
     if problems:
         more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
-        raise DamagedError(f"{path}: damaged ({problems[0]}{more}); {REMEDY}")
+        raise DamagedError(path, f"damaged ({problems[0]}{more}); {REMEDY}")

@@ -14,7 +14,7 @@ from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
 from hpcsweep.dynamics.continuation.locus import Locus
 from hpcsweep.dynamics.continuation.meetings import step_of_locus
 from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
-from hpcsweep.model.arguments import choice, count, finite, finite_vector, positive
+from hpcsweep.model.arguments import choice, count, finite, finite_vector, items, positive, refused
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import CURVES
 from hpcsweep.solvers.records import normalised_drift
@@ -161,13 +161,16 @@ def _kind(special: Any) -> Kind:
     return KINDS[name]
 
 
+TWO = "two different ones"
+
+
 def _two(structure: Structure, parameters: Any) -> tuple[str, str]:
-    given = tuple(parameters) if not isinstance(parameters, str) else (parameters,)
-    if len(given) != 2 or given[0] == given[1]:
-        raise ValueError(f"parameters must be two different ones, is {parameters!r}")
+    given = items("parameters", parameters, TWO)
     for name in given:
         check_parameter(structure, name)
-    return given
+    if len(given) != 2 or given[0] == given[1]:
+        raise refused("parameters", TWO, parameters)
+    return given[0], given[1]
 
 
 def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -289,6 +289,13 @@ def moved(**given):
     return hpcsweep.stroboscopic_points(FRAME, **(usual | given))
 
 
+def curved(**given):
+    """A curve through a special point, with odd arguments."""
+    stop = hpcsweep.Structure(1, sharpness=math.inf)
+    found = hpcsweep.branch(stop, 0.05, 1.0, [0.5, 0.0], 1, span=(0.02, 0.2))
+    return hpcsweep.curve(stop, found.isel(special=0), **given)
+
+
 @together(
     "call, named",
     [
@@ -318,6 +325,11 @@ def moved(**given):
         (lambda: moved(omega=1e300), "omega"),
         (lambda: moved(state=np.ma.masked_array([0.0] * 4, [0, 0, 0, 1])), "state"),
         (lambda: moved(amplitude=np.ma.masked), "amplitude"),
+        (lambda: hpcsweep.branch(FRAME, 0.01, 0.5, [0.0] * 4, 1, parameter=3), "parameter"),
+        (lambda: hpcsweep.branch(FRAME, 0.01, 0.5, [0.0] * 4, 1, parameter=[]), "parameter"),
+        (lambda: curved(parameters=3), "parameters"),
+        (lambda: curved(parameters=("omega", "omega")), "parameters"),
+        (lambda: curved(parameters=("omega", 1.0)), "parameter"),
         (lambda: hpcsweep.read_model(3), "path"),
         (lambda: hpcsweep.meanings(3), "variable"),
     ],

@@ -202,12 +202,12 @@ class Table:
 def _keeps_far(base: RunGrid, columns: Mapping[str, np.ndarray]) -> bool:
     """Return whether no part comes near a limit that several keys have in common."""
     structure = base.structure
-    if structure.sliders and not base.starts_at_rest:
+    springs = [one.spring * float(np.square(one.direction).sum()) for one in structure.sliders]
+    if springs and not base.starts_at_rest:
         return False  # whose initial states are limited by strengths over stiffnesses
     with np.errstate(all="ignore"):
         ratios = [(one.max(axis=0) / one.min(axis=0)).max() for one in columns.values()]
         room = float(np.prod(ratios)) ** 2
-    springs = [one.spring * float(np.square(one.direction).sum()) for one in structure.sliders]
     own = float(np.trace(structure.elastic_stiffness))
     stiffer = max(springs, default=0.0) / (own if own > 0.0 else min(springs, default=1.0))
     spread = max(map(np.linalg.cond, (structure.mass_matrix, structure.stiffness_matrix)))

@@ -10,7 +10,6 @@ from hpcsweep.job.forcing import HARMONIC
 from hpcsweep.job.job import Job
 from hpcsweep.job.keys import STRUCTURE, keys_of
 from hpcsweep.job.reading import read_values
-from hpcsweep.job.table import Table
 from hpcsweep.job.tree import parse_toml, with_value, write
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts
@@ -29,9 +28,7 @@ def resolved(job: Job) -> str:
     firsts: list[dict] = [tree]
     if isinstance(study, Varied):
         parts, study = as_kind(study.make, Parts), study.base
-        first = (0,) * len(parts.axes)
-        telling = Table(parts.tree_at(first), parts.axes).telling(study)
-        firsts = [parts.tree_at(place) for place in telling or _along(parts)]
+        firsts = [parts.tree_at(place) for place in parts.table.telling(study) or _along(parts)]
     defaults, *others = map(_defaults, firsts)
     for other in others:
         defaults = {key: value for key, value in defaults.items() if other.get(key) == value}

@@ -16,7 +16,6 @@ from hpcsweep.earthquakes.suite import Facts, Files, Measure, facts_of, rounded
 from hpcsweep.job.job import JobError
 from hpcsweep.job.keys import keys_of
 from hpcsweep.job.structures import read_structure
-from hpcsweep.job.table import Table
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import parts_of
 from hpcsweep.model.arguments import InputError
@@ -105,7 +104,7 @@ def _periods(values: Values, tree: dict, file: str, gravity: float) -> list[floa
     parts = parts_of(values, tree, _period, file)
     first, periods = (0,) * len(parts.axes), list[float]()
     parts.visit(lambda place: periods.append(parts(place)), [first])
-    told = Table(parts.tree_at(first), parts.axes).longest_periods(gravity)
+    told = parts.table.longest_periods(gravity)
     if told is None:
         parts.visit(lambda place: periods.append(parts(place)))
     else:

@@ -130,6 +130,11 @@ class Parts:
                 error.place = f"{self.file or self.source}: {row}{column}"
         return error
 
+    @property
+    def table(self) -> Table:
+        """What is known of all parts without a structure of each."""
+        return Table(self.tree_at((0,) * len(self.axes)), self.axes)
+
     def tree_at(self, place: Place) -> dict:
         """Return the job of a part."""
         chosen = zip(self.axes, place, strict=True)
@@ -242,7 +247,7 @@ def read_varied(
                 along = variable.along(study.names)
                 by_part.setdefault(variable.name, (along, whole.copy()))[1][place] = own
 
-    table = Table(parts.tree_at((0,) * len(parts.axes)), parts.axes)
+    table = parts.table
     told = table.by_part(base)
     if told is None or not is_stored:
         parts.visit(compare, () if told is None else table.telling(base))

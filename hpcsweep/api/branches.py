@@ -90,15 +90,15 @@ def branch(
     low, high = finite_vector("span", span, 2).tolist()
     check_hardening(instance("structure", structure, Structure))
     check_parameter(structure, parameter)
-    forced, found = find(structure, amplitude, omega, state, period, parameter)
+    forced, nearby = find(structure, amplitude, omega, state, period, parameter)
     value = forced.value
     if not low < high or not low <= value <= high:
         raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
     scale = high - low
     n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
     limits = Limits(low, high, n_steps, largest)
-    catalogue = catalogue_of(forced, limits, scale, found.period, 1)
-    catalogue.add(found.points / forced.units, value)
+    catalogue = catalogue_of(forced, limits, scale, nearby.period, 1)
+    catalogue.add(nearby.points / forced.units, value)
     catalogue.grow()
     return _of_branch(catalogue, forced)
 
@@ -107,16 +107,21 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
     """Turn the branch of a catalogue into a dataset; see `branch`."""
     arc, structure = catalogue.branches[0].arc, forced.structure
     specials = [special for _, special in arc.specials]
-    own, held = variables_of(structure), (("branch",), ("step",), ("special",))
-    kept = [one for one in own if one.dims[3:4] in held]
+    variables, held = variables_of(structure), (("branch",), ("step",), ("special",))
+    kept = [variable for variable in variables if variable.dims[3:4] in held]
     sizes = {"branch": 1, "step": len(arc.points), "special": len(specials)}
-    every = [*kept, *(one for one in own if one.name == "n_branches")]
+    every = [*kept, *(variable for variable in variables if variable.name == "n_branches")]
     rows = empty_results(every, structure, 1, **sizes, number=forced.size)
     store_branches(rows, forced, catalogue)
-    told = {
-        one.name: (one.dims[3:], rows[one.name][0], attributes_of(one, structure)) for one in kept
+    stored = {
+        variable.name: (
+            variable.dims[3:],
+            rows[variable.name][0],
+            attributes_of(variable, structure),
+        )
+        for variable in kept
     }
-    told["value"][2]["long_name"] = forced.parameter
+    stored["value"][2]["long_name"] = forced.parameter
     leaving = np.full((len(specials), forced.size), np.nan)
     leaving_value = np.full(len(specials), np.nan)
     for k, special in enumerate(specials):
@@ -137,7 +142,7 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
     if structure.sliders:
         more["slip_change"] = ("special", "slider"), slips
         more["slider"] = list(structure.slider_names)
-    return dataset_of(arc, forced, told | more, {"parameter": forced.parameter})
+    return dataset_of(arc, forced, stored | more, {"parameter": forced.parameter})
 
 
 def dataset_of(arc: Arc, forced: ForcedMap, variables: dict, attributes: dict):
@@ -159,8 +164,8 @@ def dataset_of(arc: Arc, forced: ForcedMap, variables: dict, attributes: dict):
     def along(dimension: str, prefix: str, solutions: list[Solution]) -> dict:
         """Return the orbits at the points of the curve."""
         size = len(solutions)
-        points = np.array([curve.split(one.y)[0] * units for one in solutions])
-        multipliers = np.array([one.multipliers for one in solutions], complex)
+        points = np.array([curve.split(solution.y)[0] * units for solution in solutions])
+        multipliers = np.array([solution.multipliers for solution in solutions], complex)
         return {
             f"{prefix}orbit": (
                 (dimension, "turn", "state"),
@@ -177,7 +182,7 @@ def dataset_of(arc: Arc, forced: ForcedMap, variables: dict, attributes: dict):
     return xarray.Dataset(
         {
             **along("step", "", arc.points),
-            **along("special", "special_", [one.at for _, one in arc.specials]),
+            **along("special", "special_", [special.at for _, special in arc.specials]),
             **variables,
         },
         coords={"state": state_names(structure)[: forced.size]},

@@ -123,12 +123,12 @@ def curve(
 
 def _variables(arc: Arc, forced: ForcedMap) -> dict[str, Any]:
     """Return the variables of a curve besides its orbits."""
-    states = [arc.curve.split(one.y) for one in arc.points]
-    there = [arc.curve.split(one.at.y) for _, one in arc.specials]
+    states = [arc.curve.split(solution.y) for solution in arc.points]
+    there = [arc.curve.split(special.at.y) for _, special in arc.specials]
     seen = [forced.observe(*state) for state in states]
     drift = [
-        float(normalised_drift(one.peak_drift, *forced.at(value)[1:]))
-        for one, (_, value) in zip(seen, states, strict=True)
+        float(normalised_drift(observation.peak_drift, *forced.at(value)[1:]))
+        for observation, (_, value) in zip(seen, states, strict=True)
     ]
 
     def first(orbits: list) -> np.ndarray:
@@ -141,19 +141,22 @@ def _variables(arc: Arc, forced: ForcedMap) -> dict[str, Any]:
         "parameter": list(forced.parameters),
         "value": (("step", "parameter"), values(states)),
         "point": (("step", "state"), first(states)),
-        "contact": ("step", np.array([one.contact for one in seen], np.uint64)),
+        "contact": ("step", np.array([observation.contact for observation in seen], np.uint64)),
         "drift": ("step", np.array(drift), {"units": "A / Omega^2"}),
         "special_value": (("special", "parameter"), values(there)),
         "special_point": (("special", "state"), first(there)),
         "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
-        "special_kind": ("special", np.array([one.kind.value for _, one in arc.specials], str)),
+        "special_kind": (
+            "special",
+            np.array([special.kind.value for _, special in arc.specials], str),
+        ),
     }
 
 
 def _kind(special: Any) -> Kind:
     """Return the kind of a special point of a result of `branch`."""
-    given = getattr(special, "data_vars", {})
-    if "special_kind" not in given or special["special_kind"].ndim:
+    variables = getattr(special, "data_vars", {})
+    if "special_kind" not in variables or special["special_kind"].ndim:
         raise ValueError("special must be one special point of a branch: found.isel(special=k)")
     name = meanings(special["special_kind"]).item()
     if name not in KINDS:
@@ -165,19 +168,19 @@ TWO = "two different ones"
 
 
 def _two(structure: Structure, parameters: Any) -> tuple[str, str]:
-    given = items("parameters", parameters, TWO)
-    for name in given:
+    names = items("parameters", parameters, TWO)
+    for name in names:
         check_parameter(structure, name)
-    if len(given) != 2 or given[0] == given[1]:
+    if len(names) != 2 or names[0] == names[1]:
         raise refused("parameters", TWO, parameters)
-    return given[0], given[1]
+    return names[0], names[1]
 
 
 def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[float, float]]:
     """Read the spans of both parameters; they must hold the special point."""
     if np.shape(span) != (2, 2):
         raise ValueError("span must be two pairs, lowest and highest value of each parameter")
-    pairs = [finite_vector("span", one, 2).tolist() for one in span]
+    pairs = [finite_vector("span", pair, 2).tolist() for pair in span]
     for name, (low, high), value in zip(forced.parameters, pairs, forced.value, strict=True):
         if not low < high or not low <= value <= high:
             raise ValueError(f"span must hold {name} = {value:g}, is {low:g} to {high:g}")

@@ -77,7 +77,7 @@ def trajectory(
     def along(dim: str, values, kind: str, name: str):
         return quantity((dim, "time"), values.T, kind, name)
 
-    found = xarray.Dataset(
+    dataset = xarray.Dataset(
         {
             "displacement": along("floor", moving[:, :n], "length", "displacement"),
             "velocity": along("floor", moving[:, n:], "velocity", "velocity"),
@@ -94,8 +94,8 @@ def trajectory(
         attrs={"amplitude": float(amplitude), "omega": float(omega)},
     )
     if not plastic.size:
-        return found
-    return found.assign_coords(slider=list(structure.slider_names)).assign(
+        return dataset
+    return dataset.assign_coords(slider=list(structure.slider_names)).assign(
         slider_force=along("slider", path.slider_force, "force", "slider force"),
         lasting_elongation=along("slider", plastic, "length", "lasting elongation"),
     )

@@ -38,7 +38,7 @@ def complain(message: str, rank: int | None = None) -> None:
     from hpcsweep.parallel.mpi import launched_rank
 
     if (launched_rank() if rank is None else rank) == 0:
-        shown = (one if one.isprintable() else repr(one)[1:-1] for one in message)
+        shown = (letter if letter.isprintable() else repr(letter)[1:-1] for letter in message)
         say_line(f"hpcsweep: error: {''.join(shown)}")
 
 
@@ -76,11 +76,11 @@ class AtAction(argparse.Action):
         getattr(namespace, self.dest)[name.strip()] = value
 
 
-def add_file(parser: argparse.ArgumentParser, output: str = "", told: str = "") -> None:
+def add_file(parser: argparse.ArgumentParser, output: str = "", meaning: str = "") -> None:
     """Add the results file of a command, and ``-o`` where it writes an `output`, `told` in help."""
     parser.add_argument("file", type=file_name, metavar="FILE")
     if output:
-        parser.add_argument("-o", "--output", type=file_name, metavar=output, help=told)
+        parser.add_argument("-o", "--output", type=file_name, metavar=output, help=meaning)
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:

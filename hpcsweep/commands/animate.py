@@ -74,10 +74,10 @@ def run(options) -> int:
     from hpcsweep.parallel.mpi import on_master, world
 
     comm = world()
-    given = {field.name: getattr(options, field.name) for field in fields(Request)}
-    given["output"] = options.output or options.file.with_suffix(".mp4")
-    given["floors"] = tuple(options.floors or ())
-    request = Request(**given)
+    values = {field.name: getattr(options, field.name) for field in fields(Request)}
+    values["output"] = options.output or options.file.with_suffix(".mp4")
+    values["floors"] = tuple(options.floors or ())
+    request = Request(**values)
     try:
         on_master(comm, lambda: _check(request), PlotError, CommandError)
         processes = options.processes or len(os.sched_getaffinity(0))

@@ -76,11 +76,11 @@ def run(options) -> int:
     check_overwriting(output, PAGE)
     with contextlib.closing(Frames(options.file, HELD, options.at)) as frames:
         make = _responses if frames.study.holds == "responses" else _motions
-        page, sizes, told, advice = make(options, frames)
+        page, sizes, contents, advice = make(options, frames)
     check_size(sizes, options.max_mb * 1e6, advice)
     with writing(output):
         write_page(page, output)
-    print(f"{output}: {sum(sizes.values()) / 1e6:.3g} MB, {told}")
+    print(f"{output}: {sum(sizes.values()) / 1e6:.3g} MB, {contents}")
     return 0
 
 
@@ -100,13 +100,13 @@ def _motions(options, _frames):
     )
     kept, stored = study.thinned["points"], study.thinned["of_points"]
     along = count(study.amplitude.size, study.dims[1])
-    told = (
+    contents = (
         f"{count(study.omega.size, 'frame')} x "
         f"{along} x {count(len(study.directions), study.each)}, "
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )
     advice = "fewer --points or --bits, a --frame-step or --amplitude-step"
-    return *build_page(study, options.bits), told, advice
+    return *build_page(study, options.bits), contents, advice
 
 
 def _responses(options, frames):
@@ -118,9 +118,9 @@ def _responses(options, frames):
         if getattr(options, option.keyword) not in (option.arguments.get("default"), False):
             raise CommandError(f"{option.flag}: is for maps; {options.file} holds responses")
     meta, arrays = gather_responses(frames, counted("reading structure"))
-    told = (
+    contents = (
         f"{count(len(meta['records']), 'record')} x {count(len(meta['scales']), 'scale')} x "
         f"{count(len(meta['parts']), 'structure')}, {', '.join(meta['responses'])}"
     )
     page, sizes = fill_page("records", meta["name"], *pack_responses(meta, arrays))
-    return page, sizes, told, "--at KEY=VALUE for one of the structures"
+    return page, sizes, contents, "--at KEY=VALUE for one of the structures"

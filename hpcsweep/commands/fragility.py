@@ -85,7 +85,7 @@ def _threshold(options, results, study: "Records") -> int:
         options.response, options.threshold = COLLAPSE, 1.0
     stripes = stripes_of(results, study, options.response, options.place, options.units)
     reached = capacities(stripes, options.threshold)
-    found = fit(stripes, options.threshold)
+    fitted = fit(stripes, options.threshold)
     sums = {
         "response": stripes.label,
         "measure": stripes.measure,
@@ -94,11 +94,11 @@ def _threshold(options, results, study: "Records") -> int:
         "highest": float(stripes.intensity[-1]),
         **_counted(reached),
         "later_crossings": int((reached.later_crossings > 0).sum()),
-        "median": found.median,
-        "median_interval": list(found.median_interval),
-        "dispersion": found.dispersion,
-        "dispersion_interval": list(found.dispersion_interval),
-        "caution": found.caution,
+        "median": fitted.median,
+        "median_interval": list(fitted.median_interval),
+        "dispersion": fitted.dispersion,
+        "dispersion_interval": list(fitted.dispersion_interval),
+        "caution": fitted.caution,
     }
     if stripes.alone is not None and stripes.alone is not stripes.values:
         sums["alone"] = _counted(capacities(stripes, options.threshold, alone=True))
@@ -107,14 +107,14 @@ def _threshold(options, results, study: "Records") -> int:
         return 0
     threshold = "" if options.collapse else f"threshold {options.threshold:g}, "
     title = f"{stripes.label}: {threshold}{sums['records']} records"
-    told = sums | {
+    shown = sums | {
         "fractiles": _shown(sums),
         "lost": sums["unknown"] or None,
         "free": _shown(sums["alone"]) if "alone" in sums else None,
         "caution": sums["caution"] or None,
         "without": alone_words(study.structure),
     }
-    print(listing(title, rows_of(ROWS, told)))
+    print(listing(title, rows_of(ROWS, shown)))
     return 0
 
 
@@ -151,13 +151,13 @@ def _shown(counted: dict) -> str:
     return ", ".join(f"{100 * float(part):g} % {value:.4g}" for part, value in parts)
 
 
-def _finite(found):
+def _finite(sums):
     """Return what JSON can hold: null for numbers that are not finite."""
-    if isinstance(found, dict):
-        return {key: _finite(value) for key, value in found.items()}
-    if isinstance(found, list):
-        return [_finite(value) for value in found]
-    return None if isinstance(found, float) and not math.isfinite(found) else found
+    if isinstance(sums, dict):
+        return {key: _finite(value) for key, value in sums.items()}
+    if isinstance(sums, list):
+        return [_finite(value) for value in sums]
+    return None if isinstance(sums, float) and not math.isfinite(sums) else sums
 
 
 def _demands(options, results, study: "Records") -> int:
@@ -179,33 +179,33 @@ def _demands(options, results, study: "Records") -> int:
     scales, place = results["scale"].values, options.place
     if options.scale is None and scales.size > 1:
         raise CommandError(f"--scale is missing: one of {scales[0]:g} to {scales[-1]:g}")
-    known = study.structure.building_names
-    if place not in known and (place or len(known) > 1):
-        limit = f"a table is of one building, {', '.join(known)}"
+    buildings = study.structure.building_names
+    if place not in buildings and (place or len(buildings) > 1):
+        limit = f"a table is of one building, {', '.join(buildings)}"
         raise CommandError(f"--place {place or 'is missing'}: {limit}")
     at = int(np.argmin(np.abs(scales - (options.scale or scales[0]))))
-    one = results.isel(scale=at)
+    runs = results.isel(scale=at)
     every = [*map(str, results["floor"].values)]
     storeys, floors = (
         [
             i
-            for i in places_of(names, place if len(known) > 1 else None)
+            for i in places_of(names, place if len(buildings) > 1 else None)
             if not names[i].endswith(SLAB) and COLUMN not in names[i]
         ]
         for names in ([*map(str, results["storey"].values)], every)
     )
     g, where = study.gravity, f"{study.measure} = {scales[at]:.4g}"
-    slab = f"{place if len(known) > 1 else ''} {SLAB}".strip()
-    ground = one["pga"].values * one["factor"].values
+    slab = f"{place if len(buildings) > 1 else ''} {SLAB}".strip()
+    ground = runs["pga"].values * runs["factor"].values
     if slab in every:
-        ground = one["floor_acceleration"].values[:, every.index(slab)]
+        ground = runs["floor_acceleration"].values[:, every.index(slab)]
     names = np.array([record.name for record in study.suite], object)
-    stands = one["collapsed"].values == 0 if "collapsed" in one else np.ones(names.size, bool)
+    stands = runs["collapsed"].values == 0 if "collapsed" in runs else np.ones(names.size, bool)
     if not stands.any():
         raise CommandError(f"{options.file}: all records collapse at {where}: none has demands")
     columns = (
-        one["storey_drift"].values[stands][:, storeys] / results["storey_height"].values[storeys],
-        one["floor_acceleration"].values[stands][:, floors] / g,
+        runs["storey_drift"].values[stands][:, storeys] / results["storey_height"].values[storeys],
+        runs["floor_acceleration"].values[stands][:, floors] / g,
         ground[stands] / g,
     )
     if not all(np.isfinite(column).all() for column in columns):
@@ -220,6 +220,6 @@ def _demands(options, results, study: "Records") -> int:
     )
     note, records = "; ".join(filter(None, notes)), names[stands].tolist()
     write_demands(options.demands, *columns, unit="g", records=records, note=note)
-    told = f": {note}" * bool(note)
-    print(f"{options.demands}: {len(records)} records at {where}{told}")
+    remark = f": {note}" * bool(note)
+    print(f"{options.demands}: {len(records)} records at {where}{remark}")
     return 0

@@ -71,9 +71,9 @@ def check_overwriting(path: Path, kind: str) -> None:
     CommandError
     """
     with writing(path):
-        found = kind_of(path)
-    if found not in ("", kind):
-        what = "is there already" if found == "file" else f"is a {found}"
+        there = kind_of(path)
+    if there not in ("", kind):
+        what = "is there already" if there == "file" else f"is a {there}"
         raise CommandError(
             f"{path}: {what}, and no {kind} is written over it; name another {kind} with -o"
         )

@@ -19,15 +19,15 @@ RESOLUTIONS = 50, 1200
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the description, of all figures, and the options of the command."""
-    known = figures()
-    default = _defaults(known)
+    every = figures()
+    default = _defaults(every)
     parser.description = "\n".join(
-        ["Draw a results file.", "", *(_describe(f, default) for f in known.values())]
+        ["Draw a results file.", "", *(_describe(f, default) for f in every.values())]
     )
     add_file(parser, "PNG", "picture (default: FILE with .png)")
     parser.add_argument(
         "--kind",
-        choices=tuple(known),
+        choices=tuple(every),
         help=f"figure (default: {', '.join(f'{name} of {h}' for h, name in default.items())})",
     )
     parser.add_argument(
@@ -38,20 +38,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="pixels an inch (default: %(default)s)",
     )
     for name, axis in zip("xy", ("horizontal", "vertical"), strict=True):
-        told = f"limits of the {axis} axis of all panels, which must show one quantity there"
-        parser.add_argument(f"--{name}lim", type=float, nargs=2, metavar=("A", "B"), help=told)
+        meaning = f"limits of the {axis} axis of all panels, which must show one quantity there"
+        parser.add_argument(f"--{name}lim", type=float, nargs=2, metavar=("A", "B"), help=meaning)
     add_at(parser)
-    for option, kinds in options_of(known.values()).items():
+    for option, kinds in options_of(every.values()).items():
         option.add(parser, f"; {kinds}")
 
 
-def _defaults(known: dict[str, "Figure"]) -> dict[str, str]:
+def _defaults(every: dict[str, "Figure"]) -> dict[str, str]:
     """Return the default figure for each kind of results: the first that draws it."""
-    drawn = [(what, name) for name, figure in known.items() for what in results_of(figure)]
+    drawn = [(what, name) for name, figure in every.items() for what in results_of(figure)]
     return dict(reversed(drawn))
 
 
-def _default(job, known: dict[str, "Figure"]) -> str:
+def _default(job, every: dict[str, "Figure"]) -> str:
     """Return the default figure of a job: a map where single points are all there is to draw.
 
     Points of a list have no amplitudes in common, those of a refined map are not all computed, and
@@ -68,7 +68,7 @@ def _default(job, known: dict[str, "Figure"]) -> str:
     plane = study.holds == "attractors" and {*frame_and_along} == {"omega", "amplitude"}
     plane &= min(study.dimensions[name] for name in frame_and_along) > 1
     in_map = study.holds in ("motions", "attractors") and (study.is_list or study.refine)
-    return "map" if in_map or pointless or plane else _defaults(known)[study.holds]
+    return "map" if in_map or pointless or plane else _defaults(every)[study.holds]
 
 
 def _describe(figure, default: dict[str, str]) -> str:
@@ -85,17 +85,17 @@ def run(options) -> int:
     from hpcsweep.figures.view import limits, resolution, save
     from hpcsweep.store import Frames, job_of
 
-    known = figures()
-    kind = options.kind or _default(job_of(options.file), known)
-    figure = known[kind]
-    given = {}
-    for option, kinds in options_of(known.values()).items():
+    every = figures()
+    kind = options.kind or _default(job_of(options.file), every)
+    figure = every[kind]
+    chosen = {}
+    for option, kinds in options_of(every.values()).items():
         value = getattr(options, option.keyword)
         if value is None:
             continue
         if option not in figure.OPTIONS:
             raise CommandError(f"{option.flag} does not go with --kind {kind}, only with: {kinds}")
-        given[option.keyword] = value
+        chosen[option.keyword] = value
     output = options.output or options.file.with_suffix(".png")
     if not output.suffix:
         output = output.with_name(f"{output.name}.png")
@@ -104,7 +104,7 @@ def run(options) -> int:
     view = limits(x=options.xlim, y=options.ylim)
     with contextlib.closing(frames), resolution(options.dpi), view, writing(output):
         try:
-            save(figure.draw(figure.load(frames, **given), **given), output)
+            save(figure.draw(figure.load(frames, **chosen), **chosen), output)
         except PlotError as error:
             named = str(options.file) in str(error)
             raise error if named else PlotError(f"{options.file}: {error}") from None

@@ -23,8 +23,8 @@ def rows_of(declared: str, values: Mapping[str, Any]) -> Rows:
         each, _, name = name.rpartition(": ")
         entries = (values.get(each) or {}).items() if each else [(None, None)]
         for key, value in entries:
-            own = {**values, "key": key, "value": value}
-            filled, text, *more = (_filled(template, own) for template in (name, *texts))
+            of_entry = {**values, "key": key, "value": value}
+            filled, text, *more = (_filled(template, of_entry) for template in (name, *texts))
             if filled is not None and text is not None:
                 yield filled, "".join([text, *filter(None, more)])
 
@@ -41,18 +41,18 @@ class _Templates(string.Formatter):
 
     def get_field(self, field_name, args, kwargs):
         try:
-            found = super().get_field(field_name, args, kwargs)
+            field = super().get_field(field_name, args, kwargs)
         except TypeError:  # an entry of None
             raise KeyError(field_name) from None
-        if found[0] is None:
+        if field[0] is None:
             raise KeyError(field_name)
-        return found
+        return field
 
     def format_field(self, value, format_spec):
         if format_spec.startswith("n "):
             return count(value, format_spec[2:])
-        known = FORMATS.get(format_spec)
-        return known(value) if known else super().format_field(value, format_spec)
+        formatter = FORMATS.get(format_spec)
+        return formatter(value) if formatter else super().format_field(value, format_spec)
 
 
 _TEMPLATES = _Templates()

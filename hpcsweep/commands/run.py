@@ -86,12 +86,12 @@ def run(options) -> int:
 
             jobs, sums = _read(options), Counter[str]()
             within = 3600 * options.max_hours if options.max_hours else WANTED_SECONDS
-            told = [
+            listings = [
                 listing(title(job), estimate(job, output, sums, within)) for job, output in jobs
             ]
             if len(jobs) > 1:
-                told.append(listing(f"all {len(jobs)} jobs", sum_lines(sums)))
-            print("\n\n".join(told))
+                listings.append(listing(f"all {len(jobs)} jobs", sum_lines(sums)))
+            print("\n\n".join(listings))
         return 0
     # listens from here to the end of the process: a signal while a library is loading is not lost,
     # and one after the last run does no harm

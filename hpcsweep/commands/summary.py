@@ -32,13 +32,13 @@ def run(options) -> int:
     """Run the command."""
     from hpcsweep.campaign.summary import summarize
 
-    found = [summarize(path) for path in options.files]
+    summaries = [summarize(path) for path in options.files]
     if options.json:
-        print(json.dumps(found, indent=1))
+        print(json.dumps(summaries, indent=1))
     elif options.markdown:
-        print(_markdown(found))
+        print(_markdown(summaries))
     else:
-        print("\n\n".join(_text(summary) for summary in found))
+        print("\n\n".join(_text(summary) for summary in summaries))
     return 0
 
 
@@ -134,11 +134,13 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         "grid": f" ({' x '.join(sizes)})" if len(sizes) > 1 else None,
         "of": "all of these" if "basins" in summary else "runs",
         "no_cost": None if summary["cost"] else "not known: no journal beside the file",
-        "rules": {k: one for k, one in summary.get("skip_rules", {}).items() if k != "none"},
+        "rules": {k: entry for k, entry in summary.get("skip_rules", {}).items() if k != "none"},
         "searched": None if summary["run_noun"] == "start" else summary.get("starts"),
         "missed": dict(enumerate(missed[:MAX_ROWS], 1)),
         "more_missed": len(missed) - MAX_ROWS if len(missed) > MAX_ROWS else None,
-        "kinds": {name: share(one) + _by_direction(summary, name) for name, one in classes.items()},
+        "kinds": {
+            name: share(entry) + _by_direction(summary, name) for name, entry in classes.items()
+        },
         "named": (summary.get("contact_sets") and summary["contacts_named"]) or None,
         "tested": window if window and window["runs"] else None,
         "most": {name: most | _placed(most) for name, most in summary["largest"].items()},
@@ -154,8 +156,10 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         values["ranks"] = f"{' or '.join(map(str, ranks))} {plural('rank', sum(ranks))}"
         values["sessions"] = f" in {sessions} sessions" if sessions > 1 else ""
     for key in ("periods", "contact_sets"):
-        own = summary.get(key, {})
-        listed = {name: share(own[name]) if name in own else "0" for name in _listed(key, together)}
+        shares = summary.get(key, {})
+        listed = {
+            name: share(shares[name]) if name in shares else "0" for name in _listed(key, together)
+        }
         values[f"listed_{key}"] = listed
     return values
 
@@ -164,8 +168,8 @@ def _by_direction(summary: dict, name: str) -> str:
     """Write the shares of a class of motions of each direction, where there are several."""
     directions = summary.get("by_direction", {})
     parts = [f"{d} {percent(kinds[name]['share'])}" for d, kinds in directions.items()]
-    told = len(parts) > 1 and summary["classes"][name]["runs"] > 0
-    return f": {', '.join(parts)}" if told else ""
+    is_shown = len(parts) > 1 and summary["classes"][name]["runs"] > 0
+    return f": {', '.join(parts)}" if is_shown else ""
 
 
 def _placed(most: dict) -> dict[str, str]:
@@ -181,7 +185,7 @@ def _listed(key: str, together: list[dict]) -> list:
     """Return the most frequent names of all summaries: periods in order, sets by frequency."""
     total: Counter = Counter()
     for summary in together:
-        total.update({name: one["runs"] for name, one in summary.get(key, {}).items()})
+        total.update({name: entry["runs"] for name, entry in summary.get(key, {}).items()})
     chosen = [name for name, _ in total.most_common(MAX_ROWS)]
     return sorted(chosen) if key == "periods" else chosen
 

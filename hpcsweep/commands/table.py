@@ -71,9 +71,9 @@ def run(options) -> int:
         with writing(path):
             if form == ".csv":
                 n_rows = 0
-                for one in itertools.chain([first], tables):
-                    one.to_csv(path, index=False, mode="a" if n_rows else "w", header=not n_rows)
-                    n_rows += len(one)
+                for table in itertools.chain([first], tables):
+                    table.to_csv(path, index=False, mode="a" if n_rows else "w", header=not n_rows)
+                    n_rows += len(table)
             else:
                 whole = pandas.concat([first, *tables], ignore_index=True)
                 n_rows = len(whole)
@@ -82,7 +82,7 @@ def run(options) -> int:
                     raise CommandError(f"{path}: {limit}")
                 write = whole.to_excel if form == ".xlsx" else whole.to_parquet
                 write(path, index=False)
-    units = (name if one.unit == "1" else f"{name} in {one.unit}" for name, one in wanted)
+    units = (name if column.unit == "1" else f"{name} in {column.unit}" for name, column in wanted)
     print(f"{path}: {n_rows} rows, {', '.join(units)}")
     return 0
 
@@ -93,7 +93,7 @@ def _tables(frames, what: str | None, place: str | None) -> Iterator:
         study = frames.study
         wanted = _wanted(frames, what)
         units = _units(frames, wanted)
-        held = [one.variable for one in wanted.values()]
+        held = [column.variable for column in wanted.values()]
         each = [[k] for k in range(study.n_frames)] if study.is_list else [None]
         for some in each:
             part = frames.gather([*held, "outcome"], some)
@@ -116,21 +116,26 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
     from hpcsweep.studies.variables import STOREY_HEIGHT
 
     study, is_records = frames.study, frames.study.holds == "responses"
-    held = {one.name: one for one in (*(given for given, _ in study.given), *frames.variables)}
-    fit = [name for name, one in held.items() if len({*one.dims} - {*study.run_dims}) <= 1]
-    known = {key: one[0] for key, one in RESPONSES.items() if is_records and one[0] in fit}
-    known |= {name: name for name in fit if name not in known}
+    held = {
+        variable.name: variable
+        for variable in (*(constant for constant, _ in study.given), *frames.variables)
+    }
+    fit = [
+        name for name, variable in held.items() if len({*variable.dims} - {*study.run_dims}) <= 1
+    ]
+    offered = {key: name for key, (name, *_) in RESPONSES.items() if is_records and name in fit}
+    offered |= {name: name for name in fit if name not in offered}
     if what is None:
-        own = (name for name in fit if name in frames and held[name].dims == study.run_dims)
-        what = "drift,acceleration" if is_records else ",".join(own)
+        names = (name for name in fit if name in frames and held[name].dims == study.run_dims)
+        what = "drift,acceleration" if is_records else ",".join(names)
     wanted: dict[str, Column] = {}
     for column in map(str.strip, what.split(",")):
-        if column not in known:
-            raise CommandError(f"--what {column}: must be of {', '.join(known)}")
-        is_response, one = is_records and column in RESPONSES, held[known[column]]
-        is_ratio = is_response and one.dims[-1] == "storey" and STOREY_HEIGHT.name in held
-        unit = "%" if is_ratio else unit_of(study.structure, one.units)
-        wanted[column] = Column(one.name, is_response, is_ratio, unit)
+        if column not in offered:
+            raise CommandError(f"--what {column}: must be of {', '.join(offered)}")
+        is_response, variable = is_records and column in RESPONSES, held[offered[column]]
+        is_ratio = is_response and variable.dims[-1] == "storey" and STOREY_HEIGHT.name in held
+        unit = "%" if is_ratio else unit_of(study.structure, variable.units)
+        wanted[column] = Column(variable.name, is_response, is_ratio, unit)
     return wanted
 
 
@@ -153,11 +158,11 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
             values = np.abs(values)
         if is_ratio and percent is not None:
             values = values * percent
-        names = [str(one) for one in results[dim[0]].values] if dim else [NOWHERE]
+        names = [str(label) for label in results[dim[0]].values] if dim else [NOWHERE]
         chosen = places_of(names, place if dim else None)
         columns[column] = {names[i]: values[:, i] for i in chosen}
-    every = dict.fromkeys(one for own in columns.values() for one in own)
-    places = [one for one in every if one != NOWHERE] or [NOWHERE]
+    every = dict.fromkeys(label for by_place in columns.values() for label in by_place)
+    places = [label for label in every if label != NOWHERE] or [NOWHERE]
     at = np.unravel_index(done, outcome.shape)
     filled: dict = {name: [value] * (len(done) * len(places)) for name, value in keys.items()}
     for dim, index in zip(runs, at, strict=True):
@@ -168,9 +173,11 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
             filled[name] = np.repeat(of_runs.ravel()[done], len(places))
     if places != [NOWHERE]:
         filled["place"] = np.tile(places, len(done))
-    for column, own in columns.items():
-        elsewhere = own.get(NOWHERE, np.full(len(done), np.nan))
-        filled[column] = np.stack([own.get(one, elsewhere) for one in places], axis=1).ravel()
+    for column, by_place in columns.items():
+        elsewhere = by_place.get(NOWHERE, np.full(len(done), np.nan))
+        filled[column] = np.stack(
+            [by_place.get(label, elsewhere) for label in places], axis=1
+        ).ravel()
     return pandas.DataFrame(filled).rename(columns=lambda name: name + units.get(name, ""))
 
 
@@ -180,11 +187,11 @@ def _units(frames, wanted: dict[str, Column]) -> dict[str, str]:
     from hpcsweep.studies.variables import AMPLITUDE, OMEGA
 
     study = frames.whole.study
-    given = {"omega": OMEGA[0], "amplitude": AMPLITUDE[0]}
-    given |= {name: one.units for name, one in study.coordinates.items()}
-    given |= {one.name: one.units for axis in study.axes for one in axis.keys}
-    units = {name: unit_of(study.structure, unit) for name, unit in given.items()}
-    units |= {name: one.unit for name, one in wanted.items()}
+    kinds = {"omega": OMEGA[0], "amplitude": AMPLITUDE[0]}
+    kinds |= {name: entry.units for name, entry in study.coordinates.items()}
+    kinds |= {entry.name: entry.units for axis in study.axes for entry in axis.keys}
+    units = {name: unit_of(study.structure, unit) for name, unit in kinds.items()}
+    units |= {name: entry.unit for name, entry in wanted.items()}
     return {name: f" [{unit}]" for name, unit in units.items() if unit not in ("1", "")}
 
 

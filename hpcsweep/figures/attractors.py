@@ -41,11 +41,11 @@ def dominant(results):
 
     Where no attractor was found it is undecided.
     """
-    one = results.isel({DIMENSION: 0})
-    kind = attractor_classes(one)
-    none = (kind == MotionClass.NOT_COMPUTED) & (one["outcome"].values == Outcome.COMPLETE)
+    largest = results.isel({DIMENSION: 0})
+    kind = attractor_classes(largest)
+    none = (kind == MotionClass.NOT_COMPUTED) & (largest["outcome"].values == Outcome.COMPLETE)
     kind = np.where(none, np.int8(MotionClass.UNDECIDED), kind)
-    return one.assign({MOTION: (one["outcome"].dims, kind)})
+    return largest.assign({MOTION: (largest["outcome"].dims, kind)})
 
 
 def identities(frames) -> np.ndarray:
@@ -76,7 +76,7 @@ def identities(frames) -> np.ndarray:
     if not study.is_path:
         text = "attractors of points on their own have no identity along a path"
         raise PlotError(f"{frames.path}: --value {IDENTITY}: {text}")
-    found: dict[int, np.ndarray] = {}
+    by_frame: dict[int, np.ndarray] = {}
     last = 0
     before: list[list[tuple[int, np.ndarray]]] = [[] for _ in range(study.n_along)]
     for frame in np.argsort(study.frames, kind="stable").tolist():
@@ -101,15 +101,15 @@ def identities(frames) -> np.ndarray:
             if number not in names:
                 last += 1
                 names[number] = last
-        found[frame] = np.array([0, *(names[k + 1] for k in range(len(names)))])[ids]
+        by_frame[frame] = np.array([0, *(names[k + 1] for k in range(len(names)))])[ids]
         before = [[(names[number], points) for number, points in each] for each in now]
-    return np.array([found[frame] for frame in range(study.n_frames)])
+    return np.array([by_frame[frame] for frame in range(study.n_frames)])
 
 
 def units_along(study: RunGrid, frame: int) -> np.ndarray:
     """Return the units of states at each place of a frame, shape (n_along, 2n)."""
     forcing = zip(study.omegas_of(frame), study.amplitudes_of(frame), strict=True)
-    return np.array([study.units_at(*one, at) for at, one in enumerate(forcing)])
+    return np.array([study.units_at(*driven, at) for at, driven in enumerate(forcing)])
 
 
 def continued(votes: Mapping[tuple[int, int], int]) -> dict[int, int]:

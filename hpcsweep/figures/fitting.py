@@ -33,7 +33,7 @@ def broken(text: str, fits: Callable[[str], bool], between: str = BETWEEN) -> st
     """
     lines: list[str] = []
     for line in text.split("\n"):
-        parts, gaps = re.split(between, line), [found[0] for found in re.finditer(between, line)]
+        parts, gaps = re.split(between, line), [match[0] for match in re.finditer(between, line)]
         lines.append(parts[0])
         for gap, part in zip(gaps, parts[1:], strict=True):
             joined = f"{lines[-1]}{gap}{part}"

@@ -55,9 +55,9 @@ def frequency(structure) -> str:
 def along(study) -> str:
     """Label the axis of the parameter along which the sweeps of a study lead."""
     *_, (name, (_, units, _)) = study.grid.items()
-    known = {"amplitude": amplitude, "omega": frequency}
-    if name in known:
-        return known[name](study.structure)
+    labelled = {"amplitude": amplitude, "omega": frequency}
+    if name in labelled:
+        return labelled[name](study.structure)
     return name.replace("_", " ") + unit(study.structure, units)
 
 
@@ -70,8 +70,8 @@ def path_words(study, runs) -> str:
     """Format what a sweep along another parameter than the amplitude does with that one."""
     amplitude = common(runs["amplitude"].values)
     over = study.run_dims[-2:] == ("omega", "amplitude")
-    own = [] if amplitude is None or over else [f"$A$ = {amplitude:.6g}"]
-    return ",  ".join([*own, *study.ties])
+    words = [] if amplitude is None or over else [f"$A$ = {amplitude:.6g}"]
+    return ",  ".join([*words, *study.ties])
 
 
 def unit(structure, quantity: str) -> str:
@@ -90,7 +90,7 @@ def sized(structure, quantity: str, *numbers) -> tuple[str, float]:
     choices = SIZES.get(unit_of(structure, quantity))
     if choices is None:
         return unit(structure, quantity), 1.0
-    largest = max(float(np.nanmax(np.abs(one), initial=0.0)) for one in numbers)
+    largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in numbers)
     name, size = next((c for c in choices[::-1] if largest >= c[1]), choices[0])
     return f"  [{name}]", size
 
@@ -123,7 +123,7 @@ def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = Non
     PlotError
         If a requested floor does not exist.
     """
-    n, found = len(names), set()
+    n, places = len(names), set()
     if not chosen:
         return list(range(n)) if n <= MAX_FLOORS else [0, (n - 1) // 2, n - 1]
     for floor in map(str, chosen):
@@ -132,5 +132,5 @@ def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = Non
         if floor not in listed:
             named = "" if [*names] == numbers else f", or one of {', '.join(names)}"
             raise PlotError(f"--floor {floor}: must be from 1 to {n}{named}")
-        found.add(listed.index(floor))
-    return sorted(found)
+        places.add(listed.index(floor))
+    return sorted(places)

@@ -56,5 +56,5 @@ def measure_of(results, structure, name: str) -> ShownMeasure:
     percent = percent_of_height(results)
     if name == "storey_drift" and percent is not None:
         return ShownMeasure(DRIFT_RATIO, "  [%]", dim, places, percent)
-    own = labels.unit(structure, quantity)
-    return ShownMeasure(LABELS[name], own, dim, places, np.ones(len(places)))
+    unit = labels.unit(structure, quantity)
+    return ShownMeasure(LABELS[name], unit, dim, places, np.ones(len(places)))

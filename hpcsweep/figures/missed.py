@@ -22,7 +22,7 @@ SAME = 1e-9
 """Relative difference of frequencies and amplitudes that count as equal."""
 
 
-def missed_attractors(found: Frames, sweep: Path) -> np.ndarray:
+def missed_attractors(attractors: Frames, sweep: Path) -> np.ndarray:
     """Count the attractors of each point on which no run of a sweep at this point ends.
 
     Parameters
@@ -42,48 +42,52 @@ def missed_attractors(found: Frames, sweep: Path) -> np.ndarray:
     StoreError
         If the files are of other kinds or of different structures, or the sweep lacks a point.
     """
-    with contextlib.closing(Frames(sweep, at=found.at)) as runs:
-        rows = _common(found, runs, sweep)
-        return np.array([_of_frame(found, runs, k, *rows[k]) for k in range(len(rows))])
+    with contextlib.closing(Frames(sweep, at=attractors.at)) as runs:
+        rows = _common(attractors, runs, sweep)
+        return np.array([_of_frame(attractors, runs, k, *rows[k]) for k in range(len(rows))])
 
 
-def _common(found: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndarray]]:
+def _common(attractors: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np.ndarray]]:
     """Return the sweep's frame, and the places along it, for each frame of the attractors."""
-    if runs.study.structure != found.study.structure:
-        raise StoreError(f"{sweep}: is of another structure than {found.path}")
-    points, swept = as_kind(found.study, RunGrid), as_kind(runs.study, RunGrid)
+    if runs.study.structure != attractors.study.structure:
+        raise StoreError(f"{sweep}: is of another structure than {attractors.path}")
+    points, swept = as_kind(attractors.study, RunGrid), as_kind(runs.study, RunGrid)
     if swept.run_dims != points.run_dims:
-        other = f"not {points.run_dims[-1]} as {found.path}"
+        other = f"not {points.run_dims[-1]} as {attractors.path}"
         raise StoreError(f"{sweep}: is along {swept.run_dims[-1]}, {other}")
 
     def places(there: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
         place = np.abs(there[:, None] - wanted).argmin(axis=0)
         wrong = np.abs(there[place] - wanted) > SAME * np.maximum(wanted, 1e-300)
         if wrong.any():
-            problem = f"holds no {what} {float(wanted[wrong][0]):.12g}, as {found.path} does"
+            problem = f"holds no {what} {float(wanted[wrong][0]):.12g}, as {attractors.path} does"
             raise StoreError(f"{sweep}: {problem}")
         return place
 
     fixed, along = points.run_dims[-2:]
     frames = places(swept.frames, points.frames, f"frame at {SYMBOLS.get(fixed, fixed)} =").tolist()
     rows = []
-    for frame, own in enumerate(frames):
-        place = places(swept.along_of(own), points.along_of(frame), along)
+    for frame, swept_frame in enumerate(frames):
+        place = places(swept.along_of(swept_frame), points.along_of(frame), along)
         for each in ("omegas_of", "amplitudes_of"):
-            there = getattr(swept, each)(own)[place]
+            there = getattr(swept, each)(swept_frame)[place]
             if not np.allclose(there, getattr(points, each)(frame), rtol=SAME, atol=0):
-                raise StoreError(f"{sweep}: its formulas are other ones than those of {found.path}")
-        rows.append((own, place))
+                raise StoreError(
+                    f"{sweep}: its formulas are other ones than those of {attractors.path}"
+                )
+        rows.append((swept_frame, place))
     return rows
 
 
-def _of_frame(found: Frames, runs: Frames, frame: int, own: int, place: np.ndarray) -> np.ndarray:
-    study = as_kind(found.study, RunGrid)
+def _of_frame(
+    attractors: Frames, runs: Frames, frame: int, swept_frame: int, place: np.ndarray
+) -> np.ndarray:
+    study = as_kind(attractors.study, RunGrid)
     units = units_along(study, frame)
     names = ("attractor_id", "n_points", "poincare", "outcome")
-    sets = {name: values[0] for name, values in found.read(frame, names).items()}
+    sets = {name: values[0] for name, values in attractors.read(frame, names).items()}
     wanted = ("final_state", "outcome", *(("poincare", "n_points") if "poincare" in runs else ()))
-    ends = {name: values[:, place] for name, values in runs.read(own, wanted).items()}
+    ends = {name: values[:, place] for name, values in runs.read(swept_frame, wanted).items()}
     missed = np.full(place.size, -1)
     for k in np.flatnonzero(sets["outcome"] == Outcome.COMPLETE).tolist():
         done = ends["outcome"][:, k] == Outcome.COMPLETE

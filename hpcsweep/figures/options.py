@@ -74,11 +74,11 @@ def results_of(figure: Any) -> tuple[str, ...]:
     return (figure.DRAWS,) if isinstance(figure.DRAWS, str) else figure.DRAWS
 
 
-def options_of(known: Iterable[Any]) -> dict[Option, str]:
+def options_of(drawn: Iterable[Any]) -> dict[Option, str]:
     """Return the options of figures, and the names of the figures that know each."""
-    known = list(known)
-    every = dict.fromkeys(option for figure in known for option in figure.OPTIONS)
-    return {o: ", ".join(f.NAME for f in known if o in f.OPTIONS) for o in every}
+    drawn = list(drawn)
+    every = dict.fromkeys(option for figure in drawn for option in figure.OPTIONS)
+    return {o: ", ".join(f.NAME for f in drawn if o in f.OPTIONS) for o in every}
 
 
 def whole_number(least: int, most: int | None = None):

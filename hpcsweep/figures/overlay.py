@@ -106,8 +106,8 @@ def not_beneath(study: Branches, under: RunGrid) -> str:
     along, first = study.parameter, float(under.along_of(0)[0])
     if along != under.run_dims[-1]:
         return f"holds branches along {along}, not {under.run_dims[-1]}"
-    own: dict[str, Any] = {} if along in FORCING else {along: first}
-    if replace(study.structure, **own) != under.structure_at(0):
+    changed: dict[str, Any] = {} if along in FORCING else {along: first}
+    if replace(study.structure, **changed) != under.structure_at(0):
         return "is of another structure"
     return ""
 
@@ -119,18 +119,18 @@ def line_beneath(study: Branches, under: RunGrid, frame: int) -> int | None:
         (under.omegas_of(frame), under.amplitudes_of(frame)),
         strict=True,
     )
-    same = [np.isclose(there, own, rtol=1e-12, atol=0.0).all(axis=1) for there, own in pairs]
+    same = [np.isclose(there, swept, rtol=1e-12, atol=0.0).all(axis=1) for there, swept in pairs]
     lines = np.flatnonzero(same[0] & same[1])
     return int(lines[0]) if lines.size else None
 
 
 def lay(axis, branches: Iterable[Drawn], floor: int, thick: float = 1.0) -> list[Any]:
     """Draw branches beneath points, stable ones on top, so thick; return the lines."""
-    pieces = [(one, *piece) for one in branches for piece in one.pieces()]
+    pieces = [(branch, *piece) for branch in branches for piece in branch.pieces()]
     lines: list[Any] = []
-    for one, piece, steady in sorted(pieces, key=lambda entry: entry[-1]):
+    for branch, piece, steady in sorted(pieces, key=lambda entry: entry[-1]):
         colour, width = STABLE if steady else UNSTABLE
-        drawn = one.value[piece], one.points[piece, :, floor]
+        drawn = branch.value[piece], branch.points[piece, :, floor]
         lines += axis.plot(*drawn, color=colour, lw=thick * width, zorder=1.5)
     return lines
 
@@ -145,7 +145,10 @@ def overlay_keys() -> list[Any]:
 
 def run_of(line) -> dict[str, np.ndarray]:
     """Return the variables of a dataset of one line, with the dimensions of `hpcsweep.branch`."""
-    return {name: one.values for name, one in line.isel(direction=0, line=0, amplitude=0).items()}
+    return {
+        name: variable.values
+        for name, variable in line.isel(direction=0, line=0, amplitude=0).items()
+    }
 
 
 def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Drawn]:
@@ -153,15 +156,17 @@ def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Dra
     forced = study.forced(line)
     numbers, periods = run["branch_id"].tolist(), run["branch_period"].tolist()
     for number, period in zip(numbers, periods, strict=True):
-        own = run["step_branch"] == number
-        if number and own.any():
-            points = np.empty((own.sum(), period, forced.size))
-            for k, (x, value) in enumerate(zip(run["point"][own], run["value"][own], strict=True)):
+        steps = run["step_branch"] == number
+        if number and steps.any():
+            points = np.empty((steps.sum(), period, forced.size))
+            for k, (x, value) in enumerate(
+                zip(run["point"][steps], run["value"][steps], strict=True)
+            ):
                 start = (x / forced.units)[None]
                 points[k] = continued(forced, start, float(value), period) * forced.units
             yield Drawn(
-                *(number, period, run["value"][own], run["stable"][own] > 0, points),
-                np.stack([each[line] for each in study.forcing(run["value"][own])[::-1]]),
-                run["contact"][own],
-                run["multiplier_real"][own] + 1j * run["multiplier_imag"][own],
+                *(number, period, run["value"][steps], run["stable"][steps] > 0, points),
+                np.stack([each[line] for each in study.forcing(run["value"][steps])[::-1]]),
+                run["contact"][steps],
+                run["multiplier_real"][steps] + 1j * run["multiplier_imag"][steps],
             )

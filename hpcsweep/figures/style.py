@@ -278,7 +278,7 @@ def parameters(
     """
     from hpcsweep.model.description import in_words
 
-    words = [one for one in in_words(structure) if other is None or one in in_words(other)]
+    words = [pair for pair in in_words(structure) if other is None or pair in in_words(other)]
     if omega is not None:
         words.append((r"\Omega", frequency_words(structure, omega)))
     lines, length = [""], 0

@@ -97,7 +97,7 @@ def _part(figure) -> None:
     from matplotlib.collections import QuadMesh
 
     for axis in figure.axes:
-        is_map = any(isinstance(one, QuadMesh) for one in axis.collections)
+        is_map = any(isinstance(collection, QuadMesh) for collection in axis.collections)
         if not is_map and axis.get_label() != "<colorbar>" and axis.get_yscale() == "linear":
             axis.set_ylim(*apart(*axis.get_ylim()))
 

@@ -340,7 +340,7 @@ def test_a_portfolio_shows_fractiles_of_every_structure_over_its_keys(tmp_path):
     force = results["contact_force"].isel(scale=-1).max("stop").values.reshape(4, 8)
     low, high = np.sort(force, axis=1).T[[1, 6]]
     np.testing.assert_array_equal(read.found, [low, np.median(force, axis=1), high])
-    drawn = figure.draw(read._replace(found=np.where(read.over[0] == 0.01, np.inf, read.found)))
+    drawn = figure.draw(read._replace(bands=np.where(read.over[0] == 0.01, np.inf, read.bands)))
     offsets = [points.get_offsets().data.tolist() for points in drawn.axes[0].collections[1:]]
     assert [x for x, _ in offsets[1]] == [0.01, 0.01]  # those that collapse, on top
     assert min(y for _, y in offsets[1]) > max(y for _, y in offsets[0])

@@ -42,8 +42,8 @@ def draw(results, response: str = "drift"):
     axis.axhline(1.0, color="0.4", linewidth=0.8)
     ratios = {}
     for building in responses.buildings(results[dim].values):
-        one = stripes_of(results, study, response, building or None)
-        ratios[building] = median_band(one.values / np.asarray(one.alone))
+        stripes = stripes_of(results, study, response, building or None)
+        ratios[building] = median_band(stripes.values / np.asarray(stripes.alone))
     edge = responses.edge_of(*ratios.values())
     for series, (building, (low, median, high)) in enumerate(ratios.items()):
         ends = [np.minimum(part, edge or np.inf) for part in (low, high)]

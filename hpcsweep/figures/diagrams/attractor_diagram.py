@@ -53,15 +53,15 @@ def draw(
     PlotError
         If there is nothing to draw.
     """
-    one, frame, index = opened(results, omega, amplitudes)
-    figure, axes = orbits.floor_panels(one.structure, floors, labels.along(one.study))
-    keys, size = lay_branches(axes, one, branches), orbits.orbit_area(frame)
+    frame, runs, index = opened(results, omega, amplitudes)
+    figure, axes = orbits.floor_panels(frame.structure, floors, labels.along(frame.study))
+    keys, size = lay_branches(axes, frame, branches), orbits.orbit_area(runs)
     for floor, axis in axes.items():
-        orbits.scatter_motions(axis, frame, index, floor, orbits.FINE * size, size)
-        orbits.mark_stops(axis, one.study.structures, floor, one.along)
-    style.limit_amplitudes(axis, one.along)
-    legend(figure, frame, index, starts_text(frame), MAX_COLUMNS, keys)
-    return style.head(figure, one.caption)
+        orbits.scatter_motions(axis, runs, index, floor, orbits.FINE * size, size)
+        orbits.mark_stops(axis, frame.study.structures, floor, frame.along)
+    style.limit_amplitudes(axis, frame.along)
+    legend(figure, runs, index, starts_text(runs), MAX_COLUMNS, keys)
+    return style.head(figure, frame.caption)
 
 
 def opened(results, omega: float | None, amplitudes: Sequence[float] = ()):
@@ -75,9 +75,9 @@ def opened(results, omega: float | None, amplitudes: Sequence[float] = ()):
     index : ndarray of int, shape (n_along, n_attractors)
         In `palette.MOTIONS` of each attractor, -1 where there is none.
     """
-    one: Frame = open_frame(results, omega, amplitudes=amplitudes)
-    runs = one.runs.isel(direction=0)
-    return one, runs, palette.motion_index(one.classes[0], runs["orbit_period"].values)
+    frame: Frame = open_frame(results, omega, amplitudes=amplitudes)
+    runs = frame.runs.isel(direction=0)
+    return frame, runs, palette.motion_index(frame.classes[0], runs["orbit_period"].values)
 
 
 def starts_words(study: AttractorGrid) -> str:
@@ -99,9 +99,9 @@ def starts_text(results) -> str:
     return f"{starts_words(study)}; {', '.join(parts)}"
 
 
-def legend(figure, frame, index: np.ndarray, title: str, columns: int, further=()) -> None:
+def legend(figure, runs, index: np.ndarray, title: str, columns: int, further=()) -> None:
     """Put the motions, further keys, and a title, below the panels."""
-    handles = orbits.motion_keys(style.structure_of(frame), index, "s", 5)
-    if (frame["orbit_period"].values[index >= 0] == 0).any():
+    handles = orbits.motion_keys(style.structure_of(runs), index, "s", 5)
+    if (runs["orbit_period"].values[index >= 0] == 0).any():
         handles.append(dot("no orbit", "0.3", ".", orbits.FINE_KEY))
     legend_below(figure, [*handles, *further], title, columns)

@@ -53,8 +53,8 @@ def draw(results, cells: bool | None = None, **_options):
     """
     results = mesh.by_frequency(results)
     done = results["outcome"].values[0] > 0
-    known = done | inferred(results, "n_attractors")[0]
-    number = np.where(known, filled(results, "n_attractors")[0], -1)
+    counted = done | inferred(results, "n_attractors")[0]
+    number = np.where(counted, filled(results, "n_attractors")[0], -1)
     number = np.where(number == 0, -1, number)
     counts = [("number of attractors", number, 1)]
     if MISSED in results:

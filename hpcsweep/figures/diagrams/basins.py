@@ -95,26 +95,26 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
 
     The first of a motion has the motion's colour, further ones have shades of it.
     """
-    one = results.isel({"direction": 0, "row": row, "amplitude": 0}, missing_dims="ignore")
+    at_row = results.isel({"direction": 0, "row": row, "amplitude": 0}, missing_dims="ignore")
     labels = style.job_of(results).structure.contact_labels
-    found: dict[int, tuple[str, str, np.ndarray]] = {}
+    listed: dict[int, tuple[str, str, np.ndarray]] = {}
     seen: dict[int, int] = {}
-    slots = np.flatnonzero(one["attractor_id"].values).tolist()
-    sets = [int(one["contact"].values[slot]) if "contact" in one else 0 for slot in slots]
+    slots = np.flatnonzero(at_row["attractor_id"].values).tolist()
+    sets = [int(at_row["contact"].values[slot]) if "contact" in at_row else 0 for slot in slots]
     for slot, contact, words in zip(slots, sets, style.set_names(sets, labels), strict=True):
-        kind = MotionClass(int(one["motion"].values[slot]))
-        period = int(one["orbit_period"].values[slot])
+        kind = MotionClass(int(at_row["motion"].values[slot]))
+        period = int(at_row["orbit_period"].values[slot])
         name = f"P{period}" if period else CLASS_NAMES[kind]
         place = palette.motion_place(kind, period)
-        slides = int(one["shakedown"].values[slot]) if "shakedown" in one else 0
-        if "contact" in one:
+        slides = int(at_row["shakedown"].values[slot]) if "shakedown" in at_row else 0
+        if "contact" in at_row:
             name += f" {words}"
             place = place if contact or slides > Shakedown.ELASTIC else 0
         name += shakedown_name(slides)
         colour = palette.shade(palette.MOTION_COLOURS[place], seen.get(place, 0))
         seen[place] = seen.get(place, 0) + 1
-        found[slot + 1] = (name, colour, one["point"].values[slot])
-    return found
+        listed[slot + 1] = (name, colour, at_row["point"].values[slot])
+    return listed
 
 
 def _mark(axis, study: SliceGrid, point: np.ndarray, colour: str) -> None:

@@ -83,13 +83,13 @@ def drift_ratio(results) -> np.ndarray:
 def _panel(axis, results, classes, chosen, ratio, name) -> None:
     index = np.zeros(classes.shape, int)
     index[classes == MotionClass.NO_CONTACT] = 1
-    known = chosen & np.isfinite(ratio)
-    index[known] = 2 + np.searchsorted(LEVELS, ratio[known], side="left")
+    rated = chosen & np.isfinite(ratio)
+    index[rated] = 2 + np.searchsorted(LEVELS, ratio[rated], side="left")
     index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
     mesh.draw_mesh(axis, results, **mesh.of_classes(index, [colour for _, colour in SHADES]))
-    count = int(known.sum())
+    count = int(rated.sum())
     note = "no such run"
     if count:
-        share = style.percent(float((ratio[known] <= 1).mean()))
+        share = style.percent(float((ratio[rated] <= 1).mean()))
         note = f"beneficial: {share} of {count} runs"
     axis.set_title(f"{name}\n{note}", fontsize=9)

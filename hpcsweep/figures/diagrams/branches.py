@@ -72,14 +72,14 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
                 what = f"has no stroboscopic points along {study.describe_task(line)}"
                 raise style.PlotError(f"--sweep {sweep}: {what}")
             runs = held.dataset(lines.index(line))
-    found = frames.dataset(line)
-    return Read(found, list(branches_of(run_of(found), study, line)), runs, study)
+    dataset = frames.dataset(line)
+    return Read(dataset, list(branches_of(run_of(dataset), study, line)), runs, study)
 
 
 def draw(results: Read, floors: Sequence[int | str] = (), **_options):
     """Draw a line, as `load` has read it."""
-    found, branches, runs, study = results
-    run = run_of(found)
+    line, branches, runs, study = results
+    run = run_of(line)
     if not branches:
         raise style.PlotError("no branch of this line is computed")
     structure = study.structure
@@ -93,12 +93,12 @@ def draw(results: Read, floors: Sequence[int | str] = (), **_options):
         _draw_specials(axis, run, floor)
         axis.set_ylim(view.visible("y", *axis.get_ylim()))
     axis.set(xlabel=_label(study, structure), xlim=(low, high))
-    fixed = float(found["omega"].values[0])
+    fixed = float(line["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
     legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
     if marked.size:
         _list(figure, run, marked, MATH.get(study.parameter, study.parameter))
-    amplitude = float(found["forcing_amplitude"].values[0])
+    amplitude = float(line["forcing_amplitude"].values[0])
     fixed_amplitude = [f"$A$ = {amplitude:g}"] if np.isfinite(amplitude) else []
     title = ",  ".join([style.parameters(structure, omega), *fixed_amplitude, *study.ties])
     style.head(figure, title, fontsize=10)
@@ -147,12 +147,16 @@ def _draw_runs(axis, runs, floor: int) -> None:
 
 def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
     """Draw each branch, cut where its stability changes."""
-    for one in branches:
-        unstable = UNSTABLE if one.stable.any() else NOWHERE_STABLE
-        for piece, steady in one.pieces():
-            shown, width = one.points[piece, :, floor], STABLE if steady else unstable
+    for branch in branches:
+        unstable = UNSTABLE if branch.stable.any() else NOWHERE_STABLE
+        for piece, steady in branch.pieces():
+            shown, width = branch.points[piece, :, floor], STABLE if steady else unstable
             axis.plot(
-                one.value[piece], shown, color=palette.period_colour(one.period), lw=width, zorder=2
+                branch.value[piece],
+                shown,
+                color=palette.period_colour(branch.period),
+                lw=width,
+                zorder=2,
             )
 
 
@@ -166,19 +170,21 @@ def _draw_specials(axis, run: dict, floor: int) -> None:
     for kind in MARKS:
         for near, size, edge in ((True, 3.5, 0.9), (False, 1.2, 0.4)):
             if near or kind is not Kind.GRAZING:
-                own = (run["special_kind"] == kind) & (held == near) & partly
+                marked = (run["special_kind"] == kind) & (held == near) & partly
                 looks = {**_looks(kind, size), "markeredgewidth": edge, "zorder": 4 if near else 3}
-                axis.plot(run["special_value"][own], run["special_point"][own, floor], **looks)
+                axis.plot(
+                    run["special_value"][marked], run["special_point"][marked, floor], **looks
+                )
 
 
 def _beside_stable(run: dict) -> np.ndarray:
     """Return of each special point whether a stable point of its branch is next to it."""
     step, stable, branch = run["special_step"], run["stable"] > 0, run["step_branch"]
-    found = np.zeros(step.shape, bool)
+    beside = np.zeros(step.shape, bool)
     for away in (-1, 0, 1):
         at = np.clip(step + away, 0, branch.size - 1)
-        found |= stable[at] & (branch[at] == run["special_branch"])
-    return found
+        beside |= stable[at] & (branch[at] == run["special_branch"])
+    return beside
 
 
 def _looks(kind: Kind, size: float) -> dict[str, Any]:

@@ -30,10 +30,10 @@ def draw(results, record: str | None = None, scale: float | None = None):
         solver = InstantMap(structure, samples.dt, energy=True)
     except ValueError as error:
         raise style.PlotError(f"--kind energy: {error}") from None
-    found = solver.energies(samples.acceleration.copy(), float(study.factor[i, at]), count)
-    energies, time = np.array(found), samples.dt * np.arange(len(found))
+    steps = solver.energies(samples.acceleration.copy(), float(study.factor[i, at]), count)
+    energies, time = np.array(steps), samples.dt * np.arange(len(steps))
     unit, size = labels.sized(structure, "energy", energies)
-    parts = {name: energies[:, own].sum(axis=1) / size for name, own in PARTS.items()}
+    parts = {name: energies[:, fields].sum(axis=1) / size for name, fields in PARTS.items()}
     parts = {name: values for name, values in parts.items() if values.any()}
     figure, (axis,) = style.new_figure(1, 4.2)
     colours = [palette.series_colour(series) for series in range(len(parts))]

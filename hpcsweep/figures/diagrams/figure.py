@@ -148,20 +148,26 @@ def open_frame(
         raise style.PlotError(f"no {study.run_noun} of this frame is complete yet")
     several = "attractor_id" in results
     classes = attractor_classes(runs) if several else style.classes_of(results)[:, 0]
-    own = labels.common(runs["omega"].values)
-    caption = style.caption(results, own, labels.path_words(study, runs))
-    found = study, study.structure, math.nan if own is None else own, runs[along].values, caption
-    return Frame(results, runs, classes, done, *found)
+    common_omega = labels.common(runs["omega"].values)
+    caption = style.caption(results, common_omega, labels.path_words(study, runs))
+    facts = (
+        study,
+        study.structure,
+        math.nan if common_omega is None else common_omega,
+        runs[along].values,
+        caption,
+    )
+    return Frame(results, runs, classes, done, *facts)
 
 
-def lay_branches(axes: Mapping[int, Any], one: Frame, path: Path | None) -> list[Any]:
+def lay_branches(axes: Mapping[int, Any], frame: Frame, path: Path | None) -> list[Any]:
     """Draw the branches of a file beneath the panels of floors, if there is one; return keys."""
     if path is None:
         return []
-    with contextlib.closing(Overlay(path, one.study)) as overlay:
-        found = one.study.frames == one.results[one.study.run_dims[-2]].values
-        overlay.need(np.flatnonzero(found).tolist())
-        branches = overlay.at(int(np.argmax(found)))
+    with contextlib.closing(Overlay(path, frame.study)) as overlay:
+        is_shown = frame.study.frames == frame.results[frame.study.run_dims[-2]].values
+        overlay.need(np.flatnonzero(is_shown).tolist())
+        branches = overlay.at(int(np.argmax(is_shown)))
     for floor, axis in axes.items():
         lay(axis, branches, floor, THIN)
     return overlay_keys()

@@ -29,14 +29,14 @@ def draw(results, scale: float | None = None, place: str | None = None):
     """Draw the spectral acceleration over the period, in g."""
     study, at = style.study_of(results, Records), responses.scale_index(results, scale)
     structure, stored = study.structure, study.floors
-    names = [str(one) for one in structure.floor_names]
+    names = [str(name) for name in structure.floor_names]
     top = names[[k for k in physical(names) if structure.buildings[k] == 0][-1]]
     place = place or (stored.places[0] if stored.places else top)
     responses.check_place(place, names, "a floor, of")
     n, alone = min(results.sizes["record"], responses.MAX_GREY), None
     if place in stored.places:
         periods, ratio = np.array(stored.periods), stored.damping_ratio
-        found = (
+        acceleration = (
             results["floor_spectrum"].isel(scale=at, place=stored.places.index(place))[:n].values
         )
     else:
@@ -45,17 +45,19 @@ def draw(results, scale: float | None = None, place: str | None = None):
 
         def spectra(of) -> np.ndarray:
             made, tell = [], counted("floor spectrum" + " without contacts" * (of is not structure))
-            for i, one in enumerate(samples):
+            for i, sample in enumerate(samples):
                 factor = float(study.factor[i, at])
-                of_one = floor_spectra(of, one, periods, ratio, factor, study.tail, places=[place])
+                of_one = floor_spectra(
+                    of, sample, periods, ratio, factor, study.tail, places=[place]
+                )
                 made.append(of_one.acceleration[0])
                 tell(i + 1, n)
             return np.array(made)
 
-        found = spectra(structure)
+        acceleration = spectra(structure)
         if structure.contacts:
             (alone,) = fractiles(spectra(structure.without_contacts()), (0.5,)) / study.gravity
-    curves = found[np.isfinite(found).all(axis=1)] / study.gravity
+    curves = acceleration[np.isfinite(acceleration).all(axis=1)] / study.gravity
     if not len(curves):
         raise style.PlotError("no run is complete yet")
     figure, (axis,) = style.new_figure(1, 4.4)

@@ -47,32 +47,32 @@ def draw(
         raise style.PlotError("--threshold is missing: the response that is a failure")
     stripes = responses.opened(results, response, place, units)
     try:
-        own, found = capacities(stripes, threshold), fit(stripes, threshold)
+        reached, fitted = capacities(stripes, threshold), fit(stripes, threshold)
     except StripesError as error:
         raise style.PlotError(str(error)) from None
     figure, (axis,) = style.new_figure(1, 4.2)
     touches = responses.touches(stripes)
     colour = palette.series_colour(0)
-    known = (~np.isnan(stripes.values)).sum(axis=0)
-    shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(known, 1)
+    n_runs = (~np.isnan(stripes.values)).sum(axis=0)
+    shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(n_runs, 1)
     axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
     last, exact = stripes.intensity[-1], stripes.alone is stripes.values
-    middles = [found.median]
+    middles = [fitted.median]
     if touches:
         free = capacities(stripes, threshold, alone=True)
         middles.append(fractiles(free.scale, (0.5,)).item())
     farthest = min(BEYOND * max(middles), FARTHEST * last)
     if exact:
-        farthest = BEYOND * own.scale[np.isfinite(own.scale)].max()
+        farthest = BEYOND * reached.scale[np.isfinite(reached.scale)].max()
     edge = max(last, farthest)
     fine = np.linspace(stripes.intensity[0] / 10, edge, POINTS)
-    low, high = found.band(fine)
+    low, high = fitted.band(fine)
     axis.fill_between(fine, low, high, color=colour, alpha=0.2, linewidth=0)
-    label = rf"median {found.median:.4g}, $\beta$ = {found.dispersion:.3f}"
-    curve, inside = found.probability(fine), (fine <= last) | exact
+    label = rf"median {fitted.median:.4g}, $\beta$ = {fitted.dispersion:.3f}"
+    curve, inside = fitted.probability(fine), (fine <= last) | exact
     axis.plot(fine[inside], curve[inside], color=colour, label=label)
     axis.plot(fine[~inside], curve[~inside], "--", color=colour)
-    _count(axis, own, edge if exact else last, color=colour, linewidth=0.6)
+    _count(axis, reached, edge if exact else last, color=colour, linewidth=0.6)
     if touches:
         name = f"{responses.alone(results)}, counted, 50 % at {middles[-1]:.4g}"
         _count(axis, free, edge, color=palette.STOP, label=name)
@@ -80,15 +80,15 @@ def draw(
     reach = "share of records that collapse" if collapse else reach
     axis.set(xlabel=stripes.measure, ylabel=reach)
     axis.set(xlim=(0, edge), ylim=(0, 1.02))
-    never = int(np.isinf(own.scale).sum())
-    told = responses.counted(stripes) + f", {never} above the last stripe" * bool(never)
-    responses.legend(axis, f"{stripes.label}\n{told}")
-    return style.head(figure, responses.title(results), found.caution or "", fontsize=9)
+    never = int(np.isinf(reached.scale).sum())
+    words = responses.counted(stripes) + f", {never} above the last stripe" * bool(never)
+    responses.legend(axis, f"{stripes.label}\n{words}")
+    return style.head(figure, responses.title(results), fitted.caution or "", fontsize=9)
 
 
-def _count(axis, found: Capacity, highest: float, **looks) -> None:
+def _count(axis, capacity: Capacity, highest: float, **looks) -> None:
     """Draw the share of records whose capacity is at most the intensity."""
-    scale = found.scale[~np.isnan(found.scale)]
+    scale = capacity.scale[~np.isnan(capacity.scale)]
     at = np.sort(scale[scale <= highest])
     shares = np.arange(at.size + 1) / scale.size
     axis.step([0.0, *at, highest], [*shares, shares[-1]], where="post", **looks)

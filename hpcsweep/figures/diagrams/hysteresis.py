@@ -33,16 +33,16 @@ def springs(structure: Structure) -> np.ndarray:
     stiffness = structure.elastic_stiffness
     for i, name in enumerate(structure.floor_names):
         if COLUMN in name:
-            own = stiffness[i] / np.sqrt(stiffness[i, i])
-            stiffness = stiffness - np.outer(own, own)
+            column = stiffness[i] / np.sqrt(stiffness[i, i])
+            stiffness = stiffness - np.outer(column, column)
     rows = dict(zip(structure.storey_names, structure.drift_rows.tolist(), strict=True))
-    found = np.zeros(len(structure.sliders))
-    for k, (name, one) in enumerate(zip(structure.slider_names, structure.sliders, strict=True)):
-        ends = np.flatnonzero(one.direction)
-        if rows.get(name) == list(one.direction) or name.endswith(SLAB):
+    elastic = np.zeros(len(structure.sliders))
+    for k, (name, slider) in enumerate(zip(structure.slider_names, structure.sliders, strict=True)):
+        ends = np.flatnonzero(slider.direction)
+        if rows.get(name) == list(slider.direction) or name.endswith(SLAB):
             # two floors, or one and the ground
-            found[k] = -stiffness[ends[0], ends[1]] if ends.size > 1 else stiffness[ends[0]].sum()
-    return found
+            elastic[k] = -stiffness[ends[0], ends[1]] if ends.size > 1 else stiffness[ends[0]].sum()
+    return elastic
 
 
 def draw(

@@ -39,22 +39,22 @@ def draw(
         asked = ", ".join(f"output.{name}" for name in LABELS)
         raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
     swept = [style.direction_index(results, direction)]
-    one = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes)
-    structure, frame, done = one.structure, one.runs.isel(direction=0), one.done[0]
-    over_amplitude = one.study.run_dims[-2:] == ("omega", "amplitude")
-    graze = style.grazing_amplitude(structure, one.omega) if over_amplitude else np.inf
-    grazes = one.along[0] <= graze <= one.along[-1]
+    frame = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes)
+    structure, runs, done = frame.structure, frame.runs.isel(direction=0), frame.done[0]
+    over_amplitude = frame.study.run_dims[-2:] == ("omega", "amplitude")
+    graze = style.grazing_amplitude(structure, frame.omega) if over_amplitude else np.inf
+    grazes = frame.along[0] <= graze <= frame.along[-1]
     figure, axes = style.new_figure(len(shown), 1.2 + 2.3 * len(shown))
     for axis, name in zip(axes, shown, strict=True):
         measure = measure_of(results, structure, name)
         for place in physical(results[measure.dim].values.tolist())[:MAX_LINES]:
-            values = frame[name].isel({measure.dim: place}).where(done) * measure.factor[place]
+            values = runs[name].isel({measure.dim: place}).where(done) * measure.factor[place]
             looks = {"markersize": 3, "linewidth": 0.8, "color": palette.series_colour(place)}
-            axis.plot(one.along, values, ".-", label=measure.places[place], **looks)
+            axis.plot(frame.along, values, ".-", label=measure.places[place], **looks)
         axis.set_ylabel(measure.label + measure.unit)
         axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)
         if grazes:
             axis.axvline(graze, color=palette.STOP, linewidth=0.8, linestyle="--")
-    axes[-1].set_xlabel(labels.along(one.study) + ",  dashed: grazing" * bool(grazes))
-    return style.head(figure, f"{one.caption},  {style.words_of(one.results)}", fontsize=9)
+    axes[-1].set_xlabel(labels.along(frame.study) + ",  dashed: grazing" * bool(grazes))
+    return style.head(figure, f"{frame.caption},  {style.words_of(frame.results)}", fontsize=9)

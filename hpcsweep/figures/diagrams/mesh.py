@@ -102,7 +102,7 @@ def amplitudes(results) -> np.ndarray:
 
 def panels(
     count: int,
-    one: tuple[float, float],
+    single: tuple[float, float],
     each: tuple[float, float],
     more: tuple[float, float] = (0.0, 0.0),
     sharey: bool = True,
@@ -127,7 +127,7 @@ def panels(
     """
     columns = min(count, columns)
     rows = -(-count // columns)
-    size = one if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
+    size = single if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
     figure, axes = style.new_grid(rows, columns, size, sharex=True, sharey=sharey)
     for axis in axes.flat[count:]:
         axis.set_visible(False)
@@ -293,9 +293,9 @@ def legend_of_motions(
     by_period, inferred : bool
         See `drawn_motions`, and `legend_of_shares`.
     """
-    known = max(int((index >= 0).sum()), 1)
+    computed = max(int((index >= 0).sum()), 1)
     names = drawn_motions(by_period, study.structure)
-    keys = share_keys(index, names, "not computed", ("undecided",), known)
+    keys = share_keys(index, names, "not computed", ("undecided",), computed)
     legend_of_shares(figure, [*keys, *more], inferred)
 
 

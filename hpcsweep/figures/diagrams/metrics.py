@@ -29,28 +29,28 @@ def draw(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
     PlotError
         If the file does not hold the variables to draw.
     """
-    one = open_frame(results, omega, "drift", "modal_norm", amplitudes=amplitudes)
-    frame, span = one.runs, one.along
+    frame = open_frame(results, omega, "drift", "modal_norm", amplitudes=amplitudes)
+    runs, span = frame.runs, frame.along
     figure, axes = style.new_figure(2, 6.6)
-    _drift(axes[0], one, _along_path(one, free_drift))
-    _norms(axes[1], one, _along_path(one, free_modal_norms))
-    axes[1].set_xlabel(labels.along(one.study))
+    _drift(axes[0], frame, _along_path(frame, free_drift))
+    _norms(axes[1], frame, _along_path(frame, free_modal_norms))
+    axes[1].set_xlabel(labels.along(frame.study))
     axes[1].set_xlim(span[0], span[-1] if span.size > 1 else span[0] + 1e-9)
     style.letter(axes)
     axes[0].legend(fontsize=8, markerscale=1.5)
     handles = axes[1].get_legend_handles_labels()[0]
     # a column for each direction and one without stop: legends are filled column by column
-    n_columns = frame.sizes["direction"] + 1
+    n_columns = runs.sizes["direction"] + 1
     handles = [handle for k in range(n_columns) for handle in handles[k::n_columns]]
-    style.foot(figure, handles, one.results, one.classes, n_columns)
-    return style.head(figure, one.caption)
+    style.foot(figure, handles, frame.results, frame.classes, n_columns)
+    return style.head(figure, frame.caption)
 
 
-def _along_path(one: Frame, of: Callable) -> np.ndarray:
+def _along_path(frame: Frame, of: Callable) -> np.ndarray:
     """Return what a structure has at a frequency without its stops, at each place of a path."""
-    omegas = np.broadcast_to(one.runs["omega"].values, one.along.shape).tolist()
+    omegas = np.broadcast_to(frame.runs["omega"].values, frame.along.shape).tolist()
     kept = lru_cache(of)
-    return np.array([kept(one.study.structure_at(at), omega) for at, omega in enumerate(omegas)])
+    return np.array([kept(frame.study.structure_at(at), omega) for at, omega in enumerate(omegas)])
 
 
 def free_modal_norms(structure, omega: float) -> np.ndarray:
@@ -71,23 +71,23 @@ def free_modal_norms(structure, omega: float) -> np.ndarray:
     return np.full(structure.n_floors, np.nan) if seen is None else seen.modal_norm
 
 
-def _without(one: Frame) -> str:
-    return "elastic, " * (not LINEAR.of(one.structure)) + "without stop"
+def _without(frame: Frame) -> str:
+    return "elastic, " * (not LINEAR.of(frame.structure)) + "without stop"
 
 
-def _drift(axis, one: Frame, free: np.ndarray) -> None:
+def _drift(axis, frame: Frame, free: np.ndarray) -> None:
     chaotic = dict(palette.MOTIONS)[CLASS_NAMES[MotionClass.CHAOTIC]]
-    names, drifts = one.runs["direction"].values.tolist(), one.runs["drift"].values
-    for direction, drift, row in zip(names, drifts, one.classes, strict=True):
+    names, drifts = frame.runs["direction"].values.tolist(), frame.runs["drift"].values
+    for direction, drift, row in zip(names, drifts, frame.classes, strict=True):
         chaos, marker = row == MotionClass.CHAOTIC, style.MARKERS[direction]
         for chosen, colour, label in (
             (~chaos, palette.DIRECTIONS[direction], direction),
             (chaos, chaotic, f"{direction}, chaotic"),
         ):
             if chosen.any():
-                _plot(axis, one.along[chosen], drift[chosen], marker, colour, direction, label)
+                _plot(axis, frame.along[chosen], drift[chosen], marker, colour, direction, label)
     looks = {"color": "black", "linewidth": 1.1, "linestyle": DASHES[0]}
-    _free(axis, one.along, free, label=_without(one), **looks)
+    _free(axis, frame.along, free, label=_without(frame), **looks)
     axis.set_ylabel(labels.DRIFT)
 
 
@@ -107,17 +107,19 @@ def _free(axis, along: np.ndarray, values: np.ndarray, **looks) -> None:
         axis.axhline(constant, **looks)
 
 
-def _norms(axis, one: Frame, free: np.ndarray) -> None:
-    frame, names = one.runs, one.runs["direction"].values.tolist()
-    shown = min(frame.sizes["mode"], labels.MAX_MODES)
+def _norms(axis, frame: Frame, free: np.ndarray) -> None:
+    runs, names = frame.runs, frame.runs["direction"].values.tolist()
+    shown = min(runs.sizes["mode"], labels.MAX_MODES)
     for mode in range(shown):
         colour, marker = palette.mode_colour(mode, shown), "os^D<>pX*h"[mode % 10]
-        for direction, norm in zip(names, frame["modal_norm"].values, strict=True):
+        for direction, norm in zip(names, runs["modal_norm"].values, strict=True):
             label = f"mode {mode + 1}, {direction}"
-            _plot(axis, one.along, norm[:, mode], marker, colour, direction, label)
+            _plot(axis, frame.along, norm[:, mode], marker, colour, direction, label)
         looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
-        _free(axis, one.along, free[:, mode], label=f"mode {mode + 1}, {_without(one)}", **looks)
+        _free(
+            axis, frame.along, free[:, mode], label=f"mode {mode + 1}, {_without(frame)}", **looks
+        )
     axis.set_ylabel(labels.MODAL_NORM)
-    if shown < frame.sizes["mode"]:
-        title = f"the lowest {shown} of {frame.sizes['mode']} modes"
+    if shown < runs.sizes["mode"]:
+        title = f"the lowest {shown} of {runs.sizes['mode']} modes"
         axis.set_title(title, loc="right", fontsize=9)

@@ -114,6 +114,6 @@ def _box(middle: np.ndarray, offset: tuple[float, float], text: str) -> np.ndarr
     return np.array([left, low, left + width, low + height])
 
 
-def _overlap(one: np.ndarray, other: np.ndarray) -> float:
-    sides = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
+def _overlap(box: np.ndarray, other: np.ndarray) -> float:
+    sides = np.minimum(box[2:], other[2:]) - np.maximum(box[:2], other[:2])
     return float(np.prod(np.clip(sides, 0.0, None)))

@@ -95,70 +95,70 @@ def draw(
         If the file does not hold the variables to draw.
     """
     needed = ("poincare", *(("contact",) if color == "contact" else ()))
-    one = open_frame(results, omega, *needed, amplitudes=amplitudes)
-    structure = one.structure
-    figure, axes = orbits.floor_panels(structure, floors, labels.along(one.study))
-    groups, keys = _groups(color, one), lay_branches(axes, one, branches)
+    frame = open_frame(results, omega, *needed, amplitudes=amplitudes)
+    structure = frame.structure
+    figure, axes = orbits.floor_panels(structure, floors, labels.along(frame.study))
+    groups, keys = _groups(color, frame), lay_branches(axes, frame, branches)
     for floor, axis in axes.items():
         for group in groups:
-            _scatter(axis, one.runs, group, floor)
-        orbits.mark_stops(axis, one.study.structures, floor, one.along)
-    style.limit_amplitudes(axis, one.along)
+            _scatter(axis, frame.runs, group, floor)
+        orbits.mark_stops(axis, frame.study.structures, floor, frame.along)
+    style.limit_amplitudes(axis, frame.along)
     note = ""
-    if "contact" in one.runs:
-        apart = coexistence(one.runs, one.classes, one.study.units_at)
-        regions = _mark_regions([*axes.values()], one, structure.contact_labels, apart)
+    if "contact" in frame.runs:
+        apart = coexistence(frame.runs, frame.classes, frame.study.units_at)
+        regions = _mark_regions([*axes.values()], frame, structure.contact_labels, apart)
         note = "\n".join(filter(None, (regions, labels.contacts_text(structure))))
-    _legend(figure, groups, color, one, note, keys)
-    return style.head(figure, one.caption)
+    _legend(figure, groups, color, frame, note, keys)
+    return style.head(figure, frame.caption)
 
 
-def _groups(color: str, one: Frame) -> list[Group]:
+def _groups(color: str, frame: Frame) -> list[Group]:
     """Group the complete runs of one frame by colour, in legend order."""
     if color == "direction":
-        names = [str(name) for name in one.runs["direction"].values]
-        own = one.done & np.eye(len(names), dtype=bool)[:, :, None]
+        names = [str(name) for name in frame.runs["direction"].values]
+        by_direction = frame.done & np.eye(len(names), dtype=bool)[:, :, None]
         return [
-            Group(palette.DIRECTIONS[name], style.words_of(one.results, name), runs)
-            for name, runs in zip(names, own, strict=True)
+            Group(palette.DIRECTIONS[name], style.words_of(frame.results, name), runs)
+            for name, runs in zip(names, by_direction, strict=True)
         ]
     if color == "period":
-        index = palette.motion_index(one.classes, one.runs["orbit_period"].values)
+        index = palette.motion_index(frame.classes, frame.runs["orbit_period"].values)
         groups = [
-            Group(colour, name, one.done & (index == place))
-            for place, (name, colour) in enumerate(palette.motions_of(one.structure))
+            Group(colour, name, frame.done & (index == place))
+            for place, (name, colour) in enumerate(palette.motions_of(frame.structure))
         ]
         return [group for group in groups if group.runs.any()]
-    contact, numbers = one.runs["contact"].values, one.structure.contact_labels
+    contact, numbers = frame.runs["contact"].values, frame.structure.contact_labels
     return [
-        Group(palette.contact_colour(c, numbers), name, one.done & (contact == c))
-        for c, _, name in style.commonest_sets(contact[one.done], numbers, MAX_SETS)
+        Group(palette.contact_colour(c, numbers), name, frame.done & (contact == c))
+        for c, _, name in style.commonest_sets(contact[frame.done], numbers, MAX_SETS)
     ]
 
 
-def _scatter(axis, frame, group: Group, floor: int) -> None:
+def _scatter(axis, swept, group: Group, floor: int) -> None:
     """Draw a group's points.
 
     Points of orbits are large, filled on the way up, hollow on the way down; those of aperiodic
     motions are fine, so that their density shows.
     """
-    size, repeats = orbits.orbit_area(frame), frame["orbit_period"].values > 0
+    size, repeats = orbits.orbit_area(swept), swept["orbit_period"].values > 0
     fine = {"s": orbits.FINE * size, "color": group.colour, "linewidths": 0}
     solid = {"s": size, "facecolors": group.colour, "edgecolors": "none", "linewidths": 0}
     hollow = {"s": 1.6 * size, "facecolors": "none", "edgecolors": group.colour, "linewidths": 0.35}
-    for d, direction in enumerate(frame["direction"].values):
+    for d, direction in enumerate(swept["direction"].values):
         filled = str(direction) != DOWN
         large = {"marker": style.MARKERS[str(direction)], **(solid if filled else hollow)}
-        own = group.runs & (np.arange(len(repeats)) == d)[:, None]
+        runs = group.runs & (np.arange(len(repeats)) == d)[:, None]
         for chosen, looks in ((~repeats, fine), (repeats, large)):
-            orbits.scatter(axis, frame, own & chosen, floor, zorder=2 if filled else 3, **looks)
+            orbits.scatter(axis, swept, runs & chosen, floor, zorder=2 if filled else 3, **looks)
 
 
-def _mark_regions(axes, one: Frame, labels, coexisting) -> str:
+def _mark_regions(axes, frame: Frame, labels, coexisting) -> str:
     """Mark the contact regions along the top, as in Figure 3 of the paper, with a legend."""
-    along = one.along
+    along = frame.along
     least = max(3, along.size // 100)
-    regions = contact_regions(one.runs["contact"].values, one.done, least, coexisting)
+    regions = contact_regions(frame.runs["contact"].values, frame.done, least, coexisting)
     edges = np.clip(edges_of(along), *view.visible("x", along[0], along[-1]))
     total = edges[-1] - edges[0]
     top = axes[0]
@@ -191,7 +191,7 @@ def _mark_regions(axes, one: Frame, labels, coexisting) -> str:
         where = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
         looks = {"fontsize": 7, "linespacing": 1.05, "rotation": 0 if wide else 90}
         top.annotate(label, *at, ha="center", va="bottom", **where, **looks)
-    return _words_of_regions(len(regions), shortened, one.study.run_dims[-1])
+    return _words_of_regions(len(regions), shortened, frame.study.run_dims[-1])
 
 
 def _names(contacts: tuple[int, ...], labels, room: int | None) -> list[str]:
@@ -237,8 +237,8 @@ def roman(number: int) -> str:
     return text
 
 
-def _legend(figure, groups: list[Group], color: str, one: Frame, note: str, keys: list) -> None:
-    directions = [str(name) for name in one.runs["direction"].values]
+def _legend(figure, groups: list[Group], color: str, frame: Frame, note: str, keys: list) -> None:
+    directions = [str(name) for name in frame.runs["direction"].values]
     looks = [(style.MARKERS[d], 5, "none" if d == DOWN else None) for d in directions]
     if color == "direction":
         handles = [dot(g.label, g.colour, *look) for g, look in zip(groups, looks, strict=True)]
@@ -247,9 +247,9 @@ def _legend(figure, groups: list[Group], color: str, one: Frame, note: str, keys
         rest = sum(not group.label for group in groups)
         if rest:
             handles.append(dot(style.rarer_sets(rest), "none"))
-        words = (style.words_of(one.results, name) for name in directions)
+        words = (style.words_of(frame.results, name) for name in directions)
         handles += [dot(word, "0.3", *look) for word, look in zip(words, looks, strict=True)]
-    if (one.runs["orbit_period"].values[one.done] == 0).any():
+    if (frame.runs["orbit_period"].values[frame.done] == 0).any():
         handles.append(dot("no orbit found", "0.3", ".", orbits.FINE_KEY))
     handles += keys
-    style.foot(figure, handles, one.results, one.classes, min(len(handles), MAX_COLUMNS), note)
+    style.foot(figure, handles, frame.results, frame.classes, min(len(handles), MAX_COLUMNS), note)

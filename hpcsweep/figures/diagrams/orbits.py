@@ -85,9 +85,9 @@ def mark_stops(axis, structures: Sequence, floor: int, along=()) -> None:
     limits = axis.get_ylim()
     looks = {"color": palette.STOP, "linewidth": 0.8, "linestyle": (0, (5, 3)), "zorder": 1}
     places = np.array([[*right, *left] for right, left in (stops(s, floor) for s in structures)])
-    for own in places.T:
-        if len(own) == 1 and limits[0] < own[0] < limits[1]:
-            axis.axhline(own[0], **looks)
-        elif len(own) > 1:
-            axis.plot(along, own, **looks)
+    for stop in places.T:
+        if len(stop) == 1 and limits[0] < stop[0] < limits[1]:
+            axis.axhline(stop[0], **looks)
+        elif len(stop) > 1:
+            axis.plot(along, stop, **looks)
     axis.set_ylim(limits)

@@ -102,8 +102,8 @@ def draw(
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
     size = 7.2, mesh.map_height(results, 5.2)
     figure, axes = mesh.panels(panels, size, (3.6, 3.6), (0.0, 0.6))
-    known = {"period": _classes, "contact": _contact_sets, IDENTITY: _identities}
-    known.get(value, partial(_numbers, value=value))(figure, axes, results)
+    painters = {"period": _classes, "contact": _contact_sets, IDENTITY: _identities}
+    painters.get(value, partial(_numbers, value=value))(figure, axes, results)
     if value != "period":
         style.foot(figure, mesh.map_keys(results), results, style.classes_of(results))
     mesh.finish(axes, results, cells)
@@ -125,18 +125,20 @@ def _contact_sets(figure, axes, results) -> None:
     if "attractor_id" in results:
         done &= results["attractor_id"].values[0] > 0
     numbers = style.structure_of(results).contact_labels
-    found = style.commonest_sets(contact[done], numbers, MAX_SETS)
-    found.sort(key=lambda each: not each[2])  # the rarer ones last
+    commonest = style.commonest_sets(contact[done], numbers, MAX_SETS)
+    commonest.sort(key=lambda each: not each[2])  # the rarer ones last
     index = np.full(done.shape, -1)
-    if found:
-        sets = np.array([c for c, _, _ in found], contact.dtype)
+    if commonest:
+        sets = np.array([c for c, _, _ in commonest], contact.dtype)
         order = np.argsort(sets)
         index[done] = order[np.searchsorted(sets, contact[done], sorter=order)]
-    colours = [palette.contact_colour(c, numbers) for c, _, _ in found] or [palette.NO_CONTACT]
+    colours = [palette.contact_colour(c, numbers) for c, _, _ in commonest] or [palette.NO_CONTACT]
     mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, colours))
-    entries = [(name, colour) for (_, _, name), colour in zip(found, colours, strict=False) if name]
-    if len(entries) < len(found):
-        entries.append((style.rarer_sets(len(found) - len(entries)), "none"))
+    entries = [
+        (name, colour) for (_, _, name), colour in zip(commonest, colours, strict=False) if name
+    ]
+    if len(entries) < len(commonest):
+        entries.append((style.rarer_sets(len(commonest) - len(entries)), "none"))
     index = np.minimum(index, len(entries) - 1)
     keys = mesh.share_keys(index, entries, "failed or not computed")
     mesh.legend_of_shares(figure, keys, _of_points(results))
@@ -151,9 +153,9 @@ def _identities(figure, axes, results) -> None:
     index = np.where(number > 0, len(named), -1)
     entries, names = [], palette.motions_of(style.structure_of(results))
     for place, k in enumerate(named):
-        own = number == there[k]
-        index[own] = place
-        name = names[int(np.bincount(motion[own]).argmax())][0]
+        cells = number == there[k]
+        index[cells] = place
+        name = names[int(np.bincount(motion[cells]).argmax())][0]
         entries.append((f"{there[k]}, {name}", palette.series_colour(place)))
     entries.append((f"{len(there) - len(named)} rarer", palette.OTHER_MOTION))
     mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, [colour for _, colour in entries]))

@@ -88,33 +88,33 @@ def draw(
         If there is no such motion, or the file does not hold the variables to draw.
     """
     of_amplitude = results["outcome"].dims[-1] == "amplitude"
-    chosen, given = (amplitudes, "amplitude") if of_amplitude else (along, "along")
+    chosen, flag = (amplitudes, "amplitude") if of_amplitude else (along, "along")
     if not len(chosen) and not len(periods):
-        raise style.PlotError(f"--kind phase needs --{given} or --period")
+        raise style.PlotError(f"--kind phase needs --{flag} or --period")
     if of_amplitude and len(along):
         raise style.PlotError(f"--along {along[0]:g}: the sweep is along amplitude: --amplitude")
-    own = () if of_amplitude else amplitudes
-    one = open_frame(results, omega, "poincare", amplitudes=own)
-    frame, classes, structure = one.runs, one.classes, one.structure
-    index = palette.motion_index(classes, frame["orbit_period"].values)
-    motions = [_at(one, value, direction, given) for value in chosen]
-    motions += [find_period(frame, classes, period, direction) for period in periods]
+    of_frame = () if of_amplitude else amplitudes
+    frame = open_frame(results, omega, "poincare", amplitudes=of_frame)
+    runs, classes, structure = frame.runs, frame.classes, frame.structure
+    index = palette.motion_index(classes, runs["orbit_period"].values)
+    motions = [_at(frame, value, direction, flag) for value in chosen]
+    motions += [find_period(runs, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.along, m.direction))
     shown = labels.choose_floors(structure.floor_names, floors)
     columns = len(shown)
     size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
     figure, axes = style.new_grid(len(motions), columns, size, sharex="col")
     for row, motion in enumerate(motions):
-        label, colour = _label(one, motion, row), palette.MOTION_COLOURS[index[motion]]
-        _row(dict(zip(shown, axes[row], strict=True)), one, motion, label, colour)
+        label, colour = _label(frame, motion, row), palette.MOTION_COLOURS[index[motion]]
+        _row(dict(zip(shown, axes[row], strict=True)), frame, motion, label, colour)
     for motion, row in zip(motions, axes, strict=True):
         for floor, axis in zip(shown, row, strict=True):
-            _stops(axis, one.study.structure_at(motion.along), floor)
+            _stops(axis, frame.study.structure_at(motion.along), floor)
     for floor, axis in zip(shown, axes[-1], strict=True):
         axis.set_xlabel(labels.displacement(structure, floor), fontsize=9)
-    _legend(figure, one, {index[motion] for motion in motions})
-    common = None if np.isnan(one.omega) else one.omega
-    every = one.study.structures
+    _legend(figure, frame, {index[motion] for motion in motions})
+    common = None if np.isnan(frame.omega) else frame.omega
+    every = frame.study.structures
     title = style.parameters(every[0], common, int(LETTERS * size[0]), every[-1])
     return style.head(figure, title, fontsize=9)
 
@@ -139,13 +139,13 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     PlotError
         If there is none; the message lists the periods that occur.
     """
-    found = frame["orbit_period"].values
+    periods = frame["orbit_period"].values
     kinds = (MotionClass.PERIODIC, MotionClass.NO_CONTACT)
-    usable = np.isin(classes, kinds) & (found > 0)
+    usable = np.isin(classes, kinds) & (periods > 0)
     if direction is not None:
-        usable &= (np.arange(len(found)) == style.direction_index(frame, direction))[:, None]
+        usable &= (np.arange(len(periods)) == style.direction_index(frame, direction))[:, None]
     for kind in kinds:
-        here = usable & (classes == kind) & (found == period)
+        here = usable & (classes == kind) & (periods == period)
         stretches = [
             (end - start, d, start)
             for d, row in enumerate(here)
@@ -155,24 +155,24 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
         if stretches:
             length, d, start = max(stretches, key=lambda stretch: stretch[0])
             return DrawnRun(d, start + (length - 1) // 2)
-    occur = ", ".join(str(p) for p in np.unique(found[usable])) or "none"
+    occur = ", ".join(str(p) for p in np.unique(periods[usable])) or "none"
     swept = f"the sweep {direction}" if direction else "the sweeps"
     raise style.PlotError(
         f"--period {period}: not in {swept} of this frame; periods that occur: {occur}"
     )
 
 
-def _at(one: Frame, value: float, direction: str | None, given: str) -> DrawnRun:
-    along = one.along
+def _at(frame: Frame, value: float, direction: str | None, flag: str) -> DrawnRun:
+    along = frame.along
     step = float(np.diff(along).max()) if along.size > 1 else 0.0
     if not along[0] - step <= value <= along[-1] + step:
         raise style.PlotError(
-            f"--{given} {value:g}: the sweep goes from {along[0]:g} to {along[-1]:g}"
+            f"--{flag} {value:g}: the sweep goes from {along[0]:g} to {along[-1]:g}"
         )
     place = int(np.argmin(np.abs(along - value)))
-    motion = DrawnRun(style.direction_index(one.runs, direction), place)
-    if not one.done[motion]:
-        raise style.PlotError(f"--{given} {value:g}: that run is not complete")
+    motion = DrawnRun(style.direction_index(frame.runs, direction), place)
+    if not frame.done[motion]:
+        raise style.PlotError(f"--{flag} {value:g}: that run is not complete")
     return motion
 
 
@@ -197,10 +197,10 @@ def orbit_curves(frame, motion: DrawnRun, structure) -> tuple[np.ndarray, np.nda
     return points, curves
 
 
-def _row(axes, one: Frame, motion: DrawnRun, label: str, colour: str) -> None:
+def _row(axes, frame: Frame, motion: DrawnRun, label: str, colour: str) -> None:
     """Draw one motion on the axes of its floors."""
-    points, curves = orbit_curves(one.runs, motion, one.study.structure_at(motion.along))
-    n = one.structure.n_floors
+    points, curves = orbit_curves(frame.runs, motion, frame.study.structure_at(motion.along))
+    n = frame.structure.n_floors
     many = len(points) > 16
     width, alpha = (0.25, 0.6) if many else (0.9, 1.0)
     looks = {"color": colour, "linewidth": width, "alpha": alpha, "rasterized": many}
@@ -211,7 +211,7 @@ def _row(axes, one: Frame, motion: DrawnRun, label: str, colour: str) -> None:
         axis.plot(points[:, floor], points[:, n + floor], "o", zorder=4, **dots)
         style.draw_lattice(axis)
         axis.tick_params(labelsize=8)
-        axis.set_ylabel(labels.velocity(one.structure, floor), fontsize=8)
+        axis.set_ylabel(labels.velocity(frame.structure, floor), fontsize=8)
     where = {"xycoords": "axes fraction", "textcoords": "offset points", "annotation_clip": False}
     first = next(iter(axes.values()))
     first.annotate(label, (0, 1), (-48, 4), fontsize=8, va="bottom", ha="left", **where)
@@ -236,20 +236,20 @@ def _stops(axis, structure, floor: int) -> None:
     axis.set_xlim(low, high)
 
 
-def _label(one: Frame, motion: DrawnRun, row: int) -> str:
-    frame, period = one.runs, int(one.runs["orbit_period"].values[motion])
-    name = f"P{period}" if period else CLASS_NAMES[MotionClass(int(one.classes[motion]))]
-    if "contact" in frame:
-        contact = int(frame["contact"].values[motion])
-        name += f", {style.set_name(contact, one.structure.contact_labels)}"
-    direction = str(frame["direction"].values[motion.direction])
-    dim = one.study.run_dims[-1]
+def _label(frame: Frame, motion: DrawnRun, row: int) -> str:
+    runs, period = frame.runs, int(frame.runs["orbit_period"].values[motion])
+    name = f"P{period}" if period else CLASS_NAMES[MotionClass(int(frame.classes[motion]))]
+    if "contact" in runs:
+        contact = int(runs["contact"].values[motion])
+        name += f", {style.set_name(contact, frame.structure.contact_labels)}"
+    direction = str(runs["direction"].values[motion.direction])
+    dim = frame.study.run_dims[-1]
     letter = chr(ord("a") + row) if row < 26 else str(row + 1)
-    where = f"{SYMBOLS.get(dim, dim)} = {float(one.along[motion.along]):.5g}"
+    where = f"{SYMBOLS.get(dim, dim)} = {float(frame.along[motion.along]):.5g}"
     return f"({letter}) {where}, {direction}: {name}"
 
 
-def _legend(figure, one: Frame, drawn: set[int]) -> None:
+def _legend(figure, frame: Frame, drawn: set[int]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -258,7 +258,7 @@ def _legend(figure, one: Frame, drawn: set[int]) -> None:
         *(Line2D([], [], color=colour, label=name) for name, colour in motions),
         dot("stroboscopic points", "black", face="white"),
     ]
-    if one.structure.contacts:
+    if frame.structure.contacts:
         beyond = Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop")
         handles.append(beyond)
-    style.foot(figure, handles, one.results, one.classes)
+    style.foot(figure, handles, frame.results, frame.classes)

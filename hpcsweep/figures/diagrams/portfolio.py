@@ -37,7 +37,7 @@ EDGE = 1.05
 class Portfolio(NamedTuple):
     """16 %, median, 84 % of all structures, shape (3, structures); values, labels of two keys."""
 
-    found: np.ndarray
+    bands: np.ndarray
     over: tuple[np.ndarray, str]
     hue: tuple[np.ndarray, str] | None
     label: str
@@ -51,11 +51,11 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
     ------
     PlotError
     """
-    known = {one.name: one for axis in frames.whole.study.axes for one in axis.keys}
-    if not known:
+    varied = {key.name: key for axis in frames.whole.study.axes for key in axis.keys}
+    if not varied:
         raise style.PlotError(f"{frames.path}: --kind {NAME} shows structures that a job varies")
     names = [RESPONSES[response][0], "outcome", "collapsed"]
-    found, keys, tell = [], [], counted("reading structure")
+    bands, keys, tell = [], [], counted("reading structure")
     for at in frames.parts():
         results, study = frames.gather(names), as_kind(frames.study, Records)
         try:
@@ -63,12 +63,12 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
         except StripesError as error:
             raise style.PlotError(str(error)) from None
         number = responses.scale_index(results, scale)
-        found.append(median_band(stripes.values[:, number]))
+        bands.append(median_band(stripes.values[:, number]))
         keys.append({PERIOD: longest_period(study.structure), **at})
-        tell(len(found), frames.whole.study.n_parts)
-    if np.isnan(found).all():
+        tell(len(bands), frames.whole.study.n_parts)
+    if np.isnan(bands).all():
         raise style.PlotError("no run is complete yet")
-    columns = {name: np.array([one.get(name, "") for one in keys]) for name in (PERIOD, *known)}
+    columns = {name: np.array([key.get(name, "") for key in keys]) for name in (PERIOD, *varied)}
     numbers = {name: column for name, column in columns.items() if column.dtype.kind in "if"}
     if against is None:
         differ = (name for name, column in numbers.items() if np.unique(column).size > 1)
@@ -76,25 +76,25 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
 
     def values(flag: str, asked: str) -> tuple[np.ndarray, str]:
         """Return the values of a key, and its label."""
-        name = next((one.name for one in known.values() if asked in (one.name, one.key)), asked)
+        name = next((key.name for key in varied.values() if asked in (key.name, key.key)), asked)
         if name not in numbers:
             raise style.PlotError(f"{flag} {asked}: must be of numbers, {', '.join(numbers)}")
         words = (
-            (known[name].key, known[name].units) if name in known else ("longest period", "time")
+            (varied[name].key, varied[name].units) if name in varied else ("longest period", "time")
         )
         return numbers[name], words[0] + labels.unit(study.structure, words[1])
 
     hue = values("--colour", colour) if colour else None
     many = f"{len(keys)} structures, {len(stripes.records)} records"
     title = f"{frames.whole.name}:  {responses.at_scale(study, number)},  {many}"
-    return Portfolio(np.array(found).T, values("--against", against), hue, stripes.label, title)
+    return Portfolio(np.array(bands).T, values("--against", against), hue, stripes.label, title)
 
 
 def draw(results: Portfolio, **_options):
     """Draw what `load` returned; the options are those of `load`."""
     figure, (axis,) = style.new_figure(1, 4.4)
     (low, median, high), (over, label), hue = results[:3]
-    top = EDGE * results.found[np.isfinite(results.found)].max(initial=0.0)
+    top = EDGE * results.bands[np.isfinite(results.bands)].max(initial=0.0)
     axis.vlines(over, np.minimum(low, top), np.minimum(high, top), color="0.75", lw=0.8, zorder=1)
     keys = [area("16 to 84 % of the records", "0.75")]
     looks: dict = {"color": palette.series_colour(0)}
@@ -104,9 +104,9 @@ def draw(results: Portfolio, **_options):
     fallen = np.isinf(median)
     for chosen, marker, words in ((~fallen, "o", "median"), (fallen, "^", "median collapses")):
         if chosen.any():
-            own = {} if hue is None else {"c": hue[0][chosen]}
+            hues = {} if hue is None else {"c": hue[0][chosen]}
             at = over[chosen], np.minimum(median[chosen], top)
-            points = axis.scatter(*at, s=18, marker=marker, zorder=2, **looks, **own)
+            points = axis.scatter(*at, s=18, marker=marker, zorder=2, **looks, **hues)
             keys.append(dot(words, looks.get("color", "0.4"), marker))
     if hue is not None:
         figure.colorbar(points, ax=axis, label=hue[1])

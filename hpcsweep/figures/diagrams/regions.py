@@ -69,8 +69,8 @@ def contact_regions(
         divided = []
         for first, last, sets in merged:
             inside = [sets * 2 if there else sets for there in coexisting[first : last + 1]]
-            one = [(0, last - first, sets)]
-            parts = _merge(inside, longest, sets) if len(sets) == 1 else one
+            whole = [(0, last - first, sets)]
+            parts = _merge(inside, longest, sets) if len(sets) == 1 else whole
             divided += [(first + a, first + b, part) for a, b, part in parts]
         merged = divided
     return [Region(*group) for group in merged if group[2]]
@@ -135,7 +135,9 @@ def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) ->
         units = np.ones(points.shape[-1])
         if units_at is not None:
             forcing = (frame[name].values for name in ("omega", "amplitude"))
-            units = units_at(*(float(one[index] if one.ndim else one) for one in forcing), index)
+            units = units_at(
+                *(float(values[index] if values.ndim else values) for values in forcing), index
+            )
         up, down = (points[d, index, : counts[d, index]] / units for d in (0, 1))
         gaps = np.abs(up[:, None] - down[None]).max(axis=2)
         differ[index] = (

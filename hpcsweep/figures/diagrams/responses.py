@@ -78,12 +78,12 @@ def opened(results, response: str, place: str | None, units: str | None = None) 
     PlotError
     """
     try:
-        found = stripes_of(results, style.study_of(results, Records), response, place, units)
+        stripes = stripes_of(results, style.study_of(results, Records), response, place, units)
     except StripesError as error:
         raise style.PlotError(str(error)) from None
-    if np.isnan(found.values).all():
+    if np.isnan(stripes.values).all():
         raise style.PlotError("no run is complete yet")
-    return found
+    return stripes
 
 
 def draw_suite(plot: Callable[..., Any], curves: np.ndarray, counted=fractiles) -> None:
@@ -123,7 +123,7 @@ def alone(results) -> str:
 
 def edge_of(*drawn: np.ndarray) -> float | None:
     """Return where an axis ends on which infinite values, of collapses, lie; None without any."""
-    every = np.concatenate([np.ravel(one) for one in drawn])
+    every = np.concatenate([np.ravel(values) for values in drawn])
     if not np.isinf(every).any():
         return None
     return EDGE * float(np.max(every, initial=0.0, where=np.isfinite(every))) or 1.0
@@ -132,17 +132,17 @@ def edge_of(*drawn: np.ndarray) -> float | None:
 def counted(stripes: Stripes) -> str:
     """Write the number of records, and of runs of which nothing is known."""
     unknown = int(np.isnan(stripes.values).sum())
-    told = f"{len(stripes.records)} records"
-    return told + f", {unknown} of {stripes.values.size} runs not known" * bool(unknown)
+    words = f"{len(stripes.records)} records"
+    return words + f", {unknown} of {stripes.values.size} runs not known" * bool(unknown)
 
 
 def touches(stripes: Stripes) -> bool:
     """Return whether contacts change any of the responses, as far as the file shows."""
     if stripes.alone is None:
         return False
-    known = np.isfinite(stripes.values)
-    apart = np.nan_to_num(np.abs(stripes.values - stripes.alone))[known].max(initial=0.0)
-    return bool(apart > MIN_LENGTH * stripes.values[known].max(initial=0.0))
+    finite = np.isfinite(stripes.values)
+    apart = np.nan_to_num(np.abs(stripes.values - stripes.alone))[finite].max(initial=0.0)
+    return bool(apart > MIN_LENGTH * stripes.values[finite].max(initial=0.0))
 
 
 def scale_index(results, scale: float | None) -> int:
@@ -241,10 +241,10 @@ def samples_of(study: Records, i: int):
 
 def buildings(names) -> dict[str, list[int]]:
     """Return the places of each building's storeys or floors: numbers, and the slab on bearings."""
-    found: dict[str, list[int]] = {}
+    places: dict[str, list[int]] = {}
     for i, name in enumerate(map(str, names)):
-        found.setdefault(name.removesuffix(SLAB).rstrip(" 0123456789"), []).append(i)
-    return found
+        places.setdefault(name.removesuffix(SLAB).rstrip(" 0123456789"), []).append(i)
+    return places
 
 
 def heights(names: Sequence[str]) -> list[tuple[str, list[int], list[int]]]:
@@ -253,12 +253,12 @@ def heights(names: Sequence[str]) -> list[tuple[str, list[int], list[int]]]:
     Points of columns are left out; the slab on bearings has the level 0.
     """
     kept = [i for i, name in enumerate(names) if COLUMN not in name]
-    found = []
+    rows = []
     for building, members in buildings(names[i] for i in kept).items():
         places = [kept[k] for k in members]
         lowest = int(not names[places[0]].endswith(SLAB))
-        found.append((building, places, [*range(lowest, lowest + len(places))]))
-    return found
+        rows.append((building, places, [*range(lowest, lowest + len(places))]))
+    return rows
 
 
 COLLAPSE_NAMES = "collapsed", "collapse_time"
@@ -267,12 +267,12 @@ COLLAPSE_NAMES = "collapsed", "collapse_time"
 
 def run_title(results, study: Records, i: int, at: int) -> str:
     """Write which run is drawn, and when it collapses."""
-    one = results.isel(record=i, scale=at)
-    told = [results.attrs.get("part"), samples_of(study, i).name, at_scale(study, at)]
-    if one.get("collapsed"):
+    run = results.isel(record=i, scale=at)
+    words = [results.attrs.get("part"), samples_of(study, i).name, at_scale(study, at)]
+    if run.get("collapsed"):
         unit = labels.unit(study.structure, "time").strip(" []")
-        told.append(f"collapses at {float(one['collapse_time']):.4g} {unit}".strip())
-    return ",  ".join(filter(None, told))
+        words.append(f"collapses at {float(run['collapse_time']):.4g} {unit}".strip())
+    return ",  ".join(filter(None, words))
 
 
 def at_scale(study: Records, place: int) -> str:

@@ -74,8 +74,8 @@ def draw(results, place: str | None = None):
         top = max(top, 1.05 * gap)
     ylabel = f"gap needed, {name}{labels.unit(structure, 'length')}"
     axis.set(xlabel=whole.measure, ylabel=ylabel, xlim=(0, scale[-1]), ylim=(0, top))
-    told = f"{responses.counted(whole)}, {responses.alone(results)}; rules at 50 %"
-    responses.legend(axis, told, handlelength=3.0)
+    words = f"{responses.counted(whole)}, {responses.alone(results)}; rules at 50 %"
+    responses.legend(axis, words, handlelength=3.0)
     return style.head(figure, responses.title(results), fontsize=9)
 
 

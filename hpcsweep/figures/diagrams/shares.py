@@ -35,24 +35,24 @@ def draw(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
     PlotError
         If there is nothing to draw.
     """
-    one, frame, index = opened(results, omega, amplitudes)
+    frame, runs, index = opened(results, omega, amplitudes)
     study = style.study_of(results, AttractorGrid)
     figure, axes = style.new_figure(2, 6.6)
-    edges = edges_of(one.along)
-    if one.along.size > 1:
-        edges = np.clip(edges, *view.visible("x", one.along[0], one.along[-1]))
-    layers = _layers(frame, study.starts)
+    edges = edges_of(frame.along)
+    if frame.along.size > 1:
+        edges = np.clip(edges, *view.visible("x", frame.along[0], frame.along[-1]))
+    layers = _layers(runs, study.starts)
     _stack(axes[0], edges, layers, index)
-    _name(axes[0], edges, layers, index, frame, one.structure.contact_labels)
+    _name(axes[0], edges, layers, index, runs, frame.structure.contact_labels)
     axes[0].set(ylim=(0, 1), ylabel="share of the starts, stacked")
-    _intervals(axes[1], one.along, frame, index, edges[0], edges[-1])
+    _intervals(axes[1], frame.along, runs, index, edges[0], edges[-1])
     axes[1].set(ylim=(-0.02, 1.02), ylabel=f"share, {100 * study.confidence:g} % interval")
-    axes[1].set_xlabel(labels.along(one.study))
+    axes[1].set_xlabel(labels.along(frame.study))
     axes[1].set_xlim(edges[0], edges[-1])
     style.letter(axes)
-    note = f"{starts_text(frame)}; named in (a): identity and contact set"
-    legend(figure, frame, index, note, MAX_COLUMNS, [blank("reached none of them")])
-    return style.head(figure, one.caption, fontsize=10)
+    note = f"{starts_text(runs)}; named in (a): identity and contact set"
+    legend(figure, runs, index, note, MAX_COLUMNS, [blank("reached none of them")])
+    return style.head(figure, frame.caption, fontsize=10)
 
 
 def _layers(frame, starts: int) -> dict[int, np.ndarray]:

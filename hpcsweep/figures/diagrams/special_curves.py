@@ -42,7 +42,7 @@ def with_specials(results, path: Path, under: RunGrid):
     line, place = np.nonzero(kind)
     at = {"amplitude": study.amplitude[line], "omega": study.omega[line]}
     at[study.parameter] = of["special_value"][line, place]
-    found = results.assign(
+    marked = results.assign(
         special_kind=("special", kind[line, place]),
         special_amplitude=("special", at["amplitude"]),
         special_omega=("special", at["omega"]),
@@ -50,13 +50,13 @@ def with_specials(results, path: Path, under: RunGrid):
     if study.curves:
         line, step = np.nonzero(of["curve_of_step"])
         number = of["curve_of_step"][line, step]
-        found = found.assign(
+        marked = marked.assign(
             curve_number=("curve_step", line * study.max_curves + number),
             curve_kind=("curve_step", of["curve_kind"][line, number - 1]),
             curve_amplitude=("curve_step", of["curve_amplitude"][line, step]),
             curve_omega=("curve_step", of["curve_omega"][line, step]),
         )
-    return found
+    return marked
 
 
 def draw_specials(axis, results) -> None:
@@ -64,13 +64,15 @@ def draw_specials(axis, results) -> None:
     if "special_kind" not in results:
         return
     for kind, (_, _, colour) in MARKS.items():
-        own = results["special_kind"].values == kind
-        at = results["special_amplitude"].values[own], results["special_omega"].values[own]
+        marked = results["special_kind"].values == kind
+        at = results["special_amplitude"].values[marked], results["special_omega"].values[marked]
         axis.plot(*at, **_looks(colour, 2.6))
     if "curve_number" in results:
-        for _, one in results.groupby("curve_number"):
-            colour = MARKS[Kind(int(one["curve_kind"][0]))][-1]
-            axis.plot(one["curve_amplitude"].values, one["curve_omega"].values, color=colour, lw=1)
+        for _, curve in results.groupby("curve_number"):
+            colour = MARKS[Kind(int(curve["curve_kind"][0]))][-1]
+            axis.plot(
+                curve["curve_amplitude"].values, curve["curve_omega"].values, color=colour, lw=1
+            )
 
 
 def special_keys(results) -> list:

@@ -35,12 +35,12 @@ def natural_periods(structure) -> list[tuple[str, float]]:
     if structure.buildings.max() == 0:
         periods = 2.0 * np.pi / structure.frequencies[:MAX_MODES]
         return [(f"T_{k + 1}", period) for k, period in enumerate(periods.tolist())]
-    found = []
+    named = []
     for number, name in enumerate(structure.building_names):
-        own = np.ix_(*2 * [structure.buildings == number])
-        omega = natural_modes(structure.mass_matrix[own], structure.stiffness_matrix[own])[0][0]
-        found.append((rf"T_{{1,\mathrm{{{name}}}}}", 2.0 * np.pi / float(omega)))
-    return found
+        block = np.ix_(*2 * [structure.buildings == number])
+        omega = natural_modes(structure.mass_matrix[block], structure.stiffness_matrix[block])[0][0]
+        named.append((rf"T_{{1,\mathrm{{{name}}}}}", 2.0 * np.pi / float(omega)))
+    return named
 
 
 def finish(axis, study: Records, periods: np.ndarray, curves: np.ndarray, *inside) -> str:
@@ -73,8 +73,8 @@ def draw(results):
     n = min(results.sizes["record"], responses.MAX_GREY)
     study = style.study_of(results, Records)
     periods = periods_of(study.structure, responses.samples_of(study, 0).dt)
-    found = [spectrum(responses.samples_of(study, i), periods).acceleration for i in range(n)]
-    curves = np.array(found) / study.gravity
+    spectra = [spectrum(responses.samples_of(study, i), periods).acceleration for i in range(n)]
+    curves = np.array(spectra) / study.gravity
     figure, (axis,) = style.new_figure(1, 4.2)
     responses.draw_suite(lambda *curve, **looks: axis.plot(periods, *curve, **looks), curves)
     beyond = finish(axis, study, periods, curves)

@@ -120,8 +120,8 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         pairs = ((_words(n), written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
     study, shape = as_kind(frames.study, RunGrid), (len(panels), len(rows))
-    own = labels.common(study.omegas_of(place))
-    words = "" if own is None else style.frequency_words(study.structure, own)
+    common_omega = labels.common(study.omegas_of(place))
+    words = "" if common_omega is None else style.frequency_words(study.structure, common_omega)
     about = [labels.path_words(study, frame), rf"$\Omega$ = {words}" * bool(words)]
     title = ",  ".join(filter(None, (*about[::-1], study.words[study.directions[at]])))
     return Panels(

@@ -27,19 +27,19 @@ def as_runs(frame, by_share: bool = False):
         Dimensions (direction, frame, along, ...): a direction is a slot, which an attractor keeps
         along the path. Where a slot has no attractor the motion is not computed.
     """
-    one = frame.isel(direction=0, drop=True).rename({DIMENSION: "direction"})
-    fixed, along = one["outcome"].dims
-    order = one["attractor_id"].isel({fixed: 0}).transpose(along, "direction").values
+    runs = frame.isel(direction=0, drop=True).rename({DIMENSION: "direction"})
+    fixed, along = runs["outcome"].dims
+    order = runs["attractor_id"].isel({fixed: 0}).transpose(along, "direction").values
     order = np.argsort(order == 0, axis=1, kind="stable") if by_share else slots(order)
     each = (along, np.arange(len(order)))
-    one = one.isel({"direction": ((along, "direction"), order), along: each})
-    held = one["attractor_id"] > 0
+    runs = runs.isel({"direction": ((along, "direction"), order), along: each})
+    held = runs["attractor_id"] > 0
     for name in ("outcome", "cycles"):
-        one[name] = one[name].where(held, one[name].dtype.type(0))
-    one["number"] = one["n_attractors"].where(held)
-    one["share"] = one["share"].where(held)
-    one[MOTION] = one["attractor_id"].dims, attractor_classes(one)
-    return one.transpose("direction", fixed, along, ...)
+        runs[name] = runs[name].where(held, runs[name].dtype.type(0))
+    runs["number"] = runs["n_attractors"].where(held)
+    runs["share"] = runs["share"].where(held)
+    runs[MOTION] = runs["attractor_id"].dims, attractor_classes(runs)
+    return runs.transpose("direction", fixed, along, ...)
 
 
 def slots(identity: np.ndarray) -> np.ndarray:
@@ -59,12 +59,14 @@ def slots(identity: np.ndarray) -> np.ndarray:
     """
     order = np.empty_like(identity)
     before = np.zeros(identity.shape[1], identity.dtype)
-    for own, row in zip(order, identity, strict=True):
-        own[:] = [row.tolist().index(one) if one and one in row else -1 for one in before]
-        new = [place for place in np.flatnonzero(row) if place not in own]
-        free = sorted(np.flatnonzero(own < 0), key=lambda slot: before[slot] != 0)
-        own[free] = [*new, *np.setdiff1d(np.arange(row.size), [*own, *new])]
-        before = row[own]
+    for taken, row in zip(order, identity, strict=True):
+        taken[:] = [
+            row.tolist().index(number) if number and number in row else -1 for number in before
+        ]
+        new = [place for place in np.flatnonzero(row) if place not in taken]
+        free = sorted(np.flatnonzero(taken < 0), key=lambda slot: before[slot] != 0)
+        taken[free] = [*new, *np.setdiff1d(np.arange(row.size), [*taken, *new])]
+        before = row[taken]
     return order
 
 

@@ -28,42 +28,46 @@ def pack_branches(
     add : callable
         Take the name of an array, its numbers and notes on it.
     """
-    every = [one for frame in frames for one in frame]
+    every = [branch for frame in frames for branch in frame]
     if not every:
         return []
-    sets, contact = np.unique(np.concatenate([one.contact for one in every]), return_inverse=True)
-    mu = np.concatenate([one.multipliers for one in every])
-    states = np.concatenate([one.points.reshape(-1, one.points.shape[-1]) for one in every])
+    sets, contact = np.unique(
+        np.concatenate([branch.contact for branch in every]), return_inverse=True
+    )
+    mu = np.concatenate([branch.multipliers for branch in every])
+    states = np.concatenate(
+        [branch.points.reshape(-1, branch.points.shape[-1]) for branch in every]
+    )
     for name, numbers in (
-        ("branch_value", np.concatenate([one.value for one in every])),
-        ("branch_forcing", np.concatenate([one.forcing for one in every], axis=1)),
+        ("branch_value", np.concatenate([branch.value for branch in every])),
+        ("branch_forcing", np.concatenate([branch.forcing for branch in every], axis=1)),
         ("branch_point", states.T),
         ("branch_multiplier", np.concatenate((mu.real, mu.imag), axis=1).T),
     ):
         add(name, np.ascontiguousarray(numbers, "<f4").view("<u4"), float32=True)
-    add("branch_stable", np.concatenate([one.stable for one in every]).astype(np.uint8))
+    add("branch_stable", np.concatenate([branch.stable for branch in every]).astype(np.uint8))
     names = with_members(sets.tolist(), structure, room)
     add("branch_contact", contact.astype(np.uint16), names=names)
-    told: list[list[dict]] = []
+    described: list[list[dict]] = []
     step = state = 0
     for frame in frames:
-        told.append([])
-        for one in frame:
-            count = one.value.size
-            colour = palette.period_colour(one.period)
-            told[-1].append(
-                {"number": one.number, "period": one.period, "colour": colour}
+        described.append([])
+        for branch in frame:
+            count = branch.value.size
+            colour = palette.period_colour(branch.period)
+            described[-1].append(
+                {"number": branch.number, "period": branch.period, "colour": colour}
                 | {"count": count, "step": step, "state": state}
             )
-            step, state = step + count, state + count * one.period
-    return told
+            step, state = step + count, state + count * branch.period
+    return described
 
 
 def with_members(contacts: Sequence[int], structure, room: int) -> list[str]:
     """Return `style.set_names`, followed by the contacts of each that have names of their own."""
-    own = structure.contact_names.items() if structure.names.contacts else ()
+    named = structure.contact_names.items() if structure.names.contacts else ()
     members = (
-        ", ".join(name for number, name in own if contact >> (number - 1) & 1)
+        ", ".join(name for number, name in named if contact >> (number - 1) & 1)
         for contact in contacts
     )
     names = style.set_names(contacts, structure.contact_labels, room)

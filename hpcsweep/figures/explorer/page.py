@@ -81,7 +81,7 @@ def fill_page(
         "KIND": kind,
         "TITLE": html.escape(f"{name}: explorer"),
         "BODY": (assets / f"{kind}.html").read_text(),
-        "SCRIPTS": "".join((assets / f"{one}.js").read_text() for one in SCRIPTS[kind]),
+        "SCRIPTS": "".join((assets / f"{script}.js").read_text() for script in SCRIPTS[kind]),
         "META": json.dumps(meta, allow_nan=False).replace("<", "\\u003c"),
         "DATA": "\n".join(
             f'<script type="text/plain" id="data-{name}">{text}</script>'
@@ -140,10 +140,10 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         if values.dtype.kind in "iu" or name == "speed":
             continue
         low, high = _range(values)
-        own = VALUE_BITS.get(name, NORM_BITS)
+        value_bits = VALUE_BITS.get(name, NORM_BITS)
         colour = _range(values, 1.0)
-        codes = encode.quantise(values, low, high, own)
-        step = float(encode.resolution(low, high, own))
+        codes = encode.quantise(values, low, high, value_bits)
+        step = float(encode.resolution(low, high, value_bits))
         notes = {"low": low, "high": high, "step": step, "colour": colour}
         if name in study.labels:
             label, place, unit_name = study.labels[name]
@@ -155,7 +155,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
     if not study.steps:
         grazing = [_grazing(study.structure, omega) for omega in study.omega.tolist()]
     low, high = study.amplitude[[0, -1]]
-    grazes = any(one is not None and low <= one <= high for one in grazing)
+    grazes = any(grazed is not None and low <= grazed <= high for grazed in grazing)
     return {
         "branches": pack_branches(study.branches, study.structure, NAME_ROOM, add),
         "name": study.name,
@@ -230,10 +230,10 @@ def _quantise_frames(points: np.ndarray, per_frame: np.ndarray, bits: int):
     ends = np.cumsum(per_frame)
     for frame, (end, count) in enumerate(zip(ends, per_frame, strict=True)):
         if count:
-            own = points[end - count : end].T
-            low[frame], high[frame] = own.min(axis=1), own.max(axis=1)
+            shown = points[end - count : end].T
+            low[frame], high[frame] = shown.min(axis=1), shown.max(axis=1)
             codes[:, end - count : end] = encode.quantise(
-                own, low[frame, :, None], high[frame, :, None], bits
+                shown, low[frame, :, None], high[frame, :, None], bits
             )
     return low, high, codes
 
@@ -281,12 +281,12 @@ def _grazing(structure, omega: float) -> float | None:
 
 def _axis(name: str, quantity: str) -> dict[str, str]:
     """Return label, unit, noun and, of a key of the structure, the name of an axis."""
-    known = {
+    parameters = {
         "amplitude": ("forcing amplitude A", "acceleration"),
         "omega": ("forcing frequency Ω", "frequency"),
     }
-    key = "" if name in known else name.replace("_", " ")
-    label, unit = known.get(name, (key, quantity))
+    key = "" if name in parameters else name.replace("_", " ")
+    label, unit = parameters.get(name, (key, quantity))
     return {"label": label, "quantity": unit, "noun": key or name, "key": key}
 
 
@@ -301,11 +301,11 @@ def _structure(structure, each: Sequence = ()) -> dict:
         return [[i, float(value)] for i, value in enumerate(vector) if value]
 
     finite = math.isfinite(structure.sharpness)
-    own = [stops(structure, floor) for floor in range(structure.n_floors)]
+    places = [stops(structure, floor) for floor in range(structure.n_floors)]
     if each:
-        own = [([], [])] * structure.n_floors
-    words_of = [in_words(one) for one in (*each[:1], *each[-1:])]
-    common = (one for one in in_words(structure) if all(one in words for words in words_of))
+        places = [([], [])] * structure.n_floors
+    words_of = [in_words(step) for step in (*each[:1], *each[-1:])]
+    common = (word for word in in_words(structure) if all(word in words for words in words_of))
     words = (f"{GREEK.get(s, s)} = {value}" if s else value for s, value in common)
     return {
         "words": ", ".join(words).replace("inf", "∞"),
@@ -325,7 +325,7 @@ def _structure(structure, each: Sequence = ()) -> dict:
             }
             for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
         ],
-        "stops": [[*right, *left] for right, left in own],
+        "stops": [[*right, *left] for right, left in places],
         "units": structure.state_units[[0, -1]].tolist(),
     }
 

@@ -56,8 +56,8 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
         Where the file holds motions, codes ``history`` of displacements over ``history_size``, the
         largest of each, shape (parts, records, scales, floors, instants).
     """
-    names = [one[0] for one in RESPONSES.values()]
-    names += [*(f"{one}_alone" for one in names), "outcome", "collapsed"]
+    names = [name for name, *_ in RESPONSES.values()]
+    names += [*(f"{name}_alone" for name in names), "outcome", "collapsed"]
     axes = [axis for axis in frames.whole.study.axes if axis.name not in frames.given]
     total = math.prod(len(axis.values) for axis in axes)
     moves = HISTORY in frames
@@ -65,7 +65,7 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
         dims = *frames.study.run_dims, "time", "floor"
         moves = total * math.prod(frames.study.dimensions[dim] for dim in dims) <= MAX_INSTANTS
     parts: list[dict] = []
-    told: dict[str, dict] = {}
+    described: dict[str, dict] = {}
     arrays: dict[str, list[np.ndarray]] = {}
     for done, keys in enumerate(frames.parts(), 1):
         study = as_kind(frames.study, Records)
@@ -79,32 +79,32 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
                 "alone": alone_words(structure),
             }
         )
-        for name, values in _arrays(results, study, told).items():
+        for name, values in _arrays(results, study, described).items():
             arrays.setdefault(name, []).append(values)
         if say is not None:
             say(done, total)
-    for name, one in told.items():
-        if one["unit"] != "%":
+    for name, entry in described.items():
+        if entry["unit"] != "%":
             held = np.array(arrays[name])
             unit, size = labels.sized(structure, RESPONSES[name][2], held[np.isfinite(held)])
-            one |= {"unit": unit.strip(" []").removeprefix("1"), "size": size}
+            entry |= {"unit": unit.strip(" []").removeprefix("1"), "size": size}
     meta = {
         "name": frames.whole.name,
         "file": frames.path.name,
-        "responses": told,
+        "responses": described,
         "parts": parts,
         "menus": [_menu(axis, structure) for axis in axes],
-        "records": [one.name for one in study.suite],
+        "records": [record.name for record in study.suite],
         "scales": study.scale.tolist(),
         "collapses": "collapsed" in frames,
         "facts": [
             {
-                "label": one.name.upper() if one.name.startswith("pg") else one.name,
-                "unit": labels.named(structure, one.units).strip(),
-                "values": [getattr(facts, one.name) for facts in study.suite],
+                "label": entry.name.upper() if entry.name.startswith("pg") else entry.name,
+                "unit": labels.named(structure, entry.units).strip(),
+                "values": [getattr(facts, entry.name) for facts in study.suite],
             }
-            for one in FACTS
-            if one.name in SHOWN
+            for entry in FACTS
+            if entry.name in SHOWN
         ],
         "colours": {
             each: palette.series_colour(place)
@@ -117,20 +117,22 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
         "time": labels.unit(structure, "time"),
     }
     kinds = {"history": np.uint16}
-    return meta, {name: np.array(one, kinds.get(name, np.float32)) for name, one in arrays.items()}
+    return meta, {
+        name: np.array(entry, kinds.get(name, np.float32)) for name, entry in arrays.items()
+    }
 
 
-def _arrays(results, study: Records, told: dict[str, dict]) -> dict[str, np.ndarray]:
+def _arrays(results, study: Records, described: dict[str, dict]) -> dict[str, np.ndarray]:
     """Return the arrays of one part, as of `gather_responses`; add what is `told` of responses."""
     arrays = {"factor": study.factor[:, -1]}
     for name in RESPONSES:
         try:
-            found = responses_of(results, study, name)
+            responses = responses_of(results, study, name)
         except StripesError:
             continue
-        free = found.values * np.nan if found.alone is None else found.alone
-        arrays |= {name: found.values, f"{name}_alone": free[:, -1]}
-        told.setdefault(name, _describe(found, study.structure.reduction is None))
+        free = responses.values * np.nan if responses.alone is None else responses.alone
+        arrays |= {name: responses.values, f"{name}_alone": free[:, -1]}
+        described.setdefault(name, _describe(responses, study.structure.reduction is None))
     if HISTORY in results:
         motion = np.moveaxis(results[HISTORY].values, -2, -1)
         size = np.nanmax(np.abs(motion), axis=-1, initial=0.0)
@@ -150,20 +152,20 @@ def pack_responses(meta: dict, arrays: dict[str, np.ndarray]) -> tuple[dict, dic
     return {**meta, "arrays": specs}, texts
 
 
-def _describe(found, has_buildings: bool) -> dict:
+def _describe(response, has_buildings: bool) -> dict:
     """Describe a response: its label, places, groups of places, and panels of its profile."""
-    every = physical(found.names)
+    every = physical(response.names)
     panels = [("", every, every)]
-    if has_buildings and found.dim in OF_BUILDINGS:
-        panels = heights(found.names)
-    each = [(name, [i]) for i, name in enumerate(found.names)]
+    if has_buildings and response.dim in OF_BUILDINGS:
+        panels = heights(response.names)
+    each = [(name, [i]) for i, name in enumerate(response.names)]
     groups = [(f"building {name}", places) for name, places, _ in panels if name]
     return {
-        "label": found.label,
-        "unit": found.unit,
+        "label": response.label,
+        "unit": response.unit,
         "size": 1.0,
-        "places": found.names,
-        "of": {"stop": "contact"}.get(found.dim, found.dim),
+        "places": response.names,
+        "of": {"stop": "contact"}.get(response.dim, response.dim),
         "groups": [(f"all {len(every)}, the largest", every), *groups, *each],
         "panels": panels,
     }
@@ -175,7 +177,7 @@ def _menu(axis, structure) -> dict:
         unit = labels.unit(structure, axis.units) if axis.units != "1" else ""
         return {"name": axis.name + unit, "values": [*map(written, axis.values)]}
     rows = (
-        ", ".join(f"{one.name} = {one.values[i]}" for one in axis.columns)
+        ", ".join(f"{column.name} = {column.values[i]}" for column in axis.columns)
         for i in range(len(axis.values))
     )
     pairs = zip(axis.values, rows, strict=True)

@@ -110,14 +110,14 @@ def make(
         surveys = share(partial(_survey, request), order)
         if surveys is None:
             return None
-        found = comm.bcast({each.frame: each for each in surveys if each})
-        drawn = [k for k in order if k in found]
+        surveyed = comm.bcast({each.frame: each for each in surveys if each})
+        drawn = [k for k in order if k in surveyed]
         if not drawn:
             raise PlotError(f"{request.file}: no run is complete yet")
-        common = common_of([found[k] for k in drawn])
+        common = common_of([surveyed[k] for k in drawn])
         if share(partial(_draw, request, common, folder), [*enumerate(drawn)]) is None:
             return None
-        richest = max(drawn, key=lambda k: (found[k].kinds, found[k].points, -k))
+        richest = max(drawn, key=lambda k: (surveyed[k].kinds, surveyed[k].points, -k))
         finish = partial(_finish, request, common, folder, drawn.index(richest))
         with StopFlag():  # a film whose frames are drawn is finished
             _on_first(request, comm, finish)

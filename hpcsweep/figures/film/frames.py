@@ -148,7 +148,7 @@ class Film:
         self.measure: ShownMeasure | None = None
         if request.show:
             self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
-        places = [one.partition(" ")[2] for one in self.measure.places] if self.measure else []
+        places = [place.partition(" ")[2] for place in self.measure.places] if self.measure else []
         self.floors = labels.choose_floors(places or self.structure.floor_names, request.floors)
         order = np.argsort(self.study.frames, kind="stable")
         self.order = order[:: request.every].tolist()
@@ -177,21 +177,21 @@ class Film:
         """
         names = (self._shown, "orbit_period", "outcome", *{"contact"}.intersection(self.frames))
         rows = [self.study.directions.index(name) for name in self.directions]
-        found = {k: v[rows] for k, v in self.frames.read(frame, names).items()}
-        values = found.pop(self._shown)
+        variables = {k: v[rows] for k, v in self.frames.read(frame, names).items()}
+        values = variables.pop(self._shown)
         if self.measure:
             values = (values * self.measure.factor)[..., None, :]
-        values = found["poincare"] = values[..., self.floors]
-        values[found["outcome"] != Outcome.COMPLETE] = np.nan
-        periods = found["orbit_period"]
+        values = variables["poincare"] = values[..., self.floors]
+        values[variables["outcome"] != Outcome.COMPLETE] = np.nan
+        periods = variables["orbit_period"]
         if self.request.color == "period":
             classes = style.classes_of(self.frames.dataset(frame))[rows, 0]
-            found["key"] = palette.motion_index(classes, periods)
+            variables["key"] = palette.motion_index(classes, periods)
         elif self.request.color == "contact":
-            found["key"] = found["contact"]
+            variables["key"] = variables["contact"]
         else:
-            found["key"] = np.indices(periods.shape)[0]
-        return found
+            variables["key"] = np.indices(periods.shape)[0]
+        return variables
 
     def branches(self, frame: int) -> list[Drawn]:
         """Return the branches that lie under the points of one frame."""
@@ -199,13 +199,13 @@ class Film:
 
     def survey(self, frame: int) -> FrameSurvey | None:
         """Find ranges and classes of one frame, None if no run of it is complete."""
-        found = self.read(frame)
-        points = found["poincare"][np.isfinite(found["poincare"][..., 0])]
+        variables = self.read(frame)
+        points = variables["poincare"][np.isfinite(variables["poincare"][..., 0])]
         if not points.size:
             return None
-        done = found["outcome"] == Outcome.COMPLETE
-        names = ("orbit_period", "key", *{"contact"}.intersection(found))
-        periods, keys, *sets = (found[name][done].tolist() for name in names)
+        done = variables["outcome"] == Outcome.COMPLETE
+        names = ("orbit_period", "key", *{"contact"}.intersection(variables))
+        periods, keys, *sets = (variables[name][done].tolist() for name in names)
         kinds = len({*zip(periods, *sets, strict=True)})
         extremes = points.min(axis=0), points.max(axis=0)
         return FrameSurvey(frame, *extremes, set(keys), Counter(*sets), kinds, len(points))

@@ -79,8 +79,8 @@ def encode(folder: Path, film: Path, fps: float, richest: Path, wanted: Iterable
         Image.fromarray(colours.reshape(16, 16, 4), "RGBA").save(table)
         how = ("-i", str(table), "-filter_complex", _GIF, "-f", "gif", "-loop", "0")
     call = (find_ffmpeg(), "-nostdin", "-hide_banner", "-loglevel", "error", "-y")
-    given = ("-framerate", f"{fps:g}", "-i", str(folder / PICTURES))
-    done = subprocess.run([*call, *given, *how, str(film)], capture_output=True, check=False)
+    pictures = ("-framerate", f"{fps:g}", "-i", str(folder / PICTURES))
+    done = subprocess.run([*call, *pictures, *how, str(film)], capture_output=True, check=False)
     if done.returncode != 0:
         text = " ".join(done.stderr.decode(errors="replace").split())
         raise RuntimeError(f"ffmpeg ended with code {done.returncode}: {text[-500:]}")

@@ -1,4 +1,9 @@
-"""`hpcsweep animate`: a film of the orbit diagrams over the forcing frequency."""
+"""`hpcsweep animate`: make a film of the orbit diagrams over Omega.
+
+Make a film of the orbit diagrams, or of a measure, one frame a forcing frequency, with fixed axes:
+MP4 or, by the ending of OUT, GIF. Start it under mpirun to use many ranks; alone it uses several
+processes. The film is the same for any number. Needs the extra 'video' (imageio-ffmpeg).
+"""
 
 import functools
 import os
@@ -8,11 +13,6 @@ from hpcsweep.commands import FAILURE, CommandError, abort, add_at, add_file, co
 from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
 from hpcsweep.figures.options import BRANCHES, FLOORS, Option, file_name, positive, whole_number
 
-SUMMARY = "make a film of the orbit diagrams over Omega"
-HELP = """\
-Make a film of the orbit diagrams, or of a measure, one frame a forcing frequency, with fixed axes:
-MP4 or, by the ending of OUT, GIF. Start it under mpirun to use many ranks; alone it uses several
-processes. The film is the same for any number. Needs the extra 'video' (imageio-ffmpeg)."""
 OPTIONS = (
     Option(
         "--poster", "also write the frame with most kinds of motion", type=file_name, metavar="PNG"

@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import inspect
 import re
 import sys
 from collections.abc import Callable
@@ -109,10 +110,11 @@ def build_parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for name, command in COMMANDS.items():
+        first, _, text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")
         commands.add_parser(
             name,
-            help=command.SUMMARY,
-            description=getattr(command, "HELP", None),
+            help=first.partition(": ")[2].removesuffix("."),
+            description=text or None,
             epilog=getattr(command, "EXAMPLES", None),
             formatter_class=RAW,
             complete=command.configure,

@@ -1,13 +1,12 @@
-"""`hpcsweep describe`: describe what a job computes, before it is run."""
+"""`hpcsweep describe`: describe a job: modes, units, grazing amplitude, runs.
+
+Describe a job: structure, units, natural frequencies, modes, damping ratios, contacts, the
+amplitude at which free motion first touches, and the number of runs. Warn of what looks like a
+mistake. It takes a second.
+"""
 
 from hpcsweep.commands import add_settings, listing
 from hpcsweep.figures.options import file_name
-
-SUMMARY = "describe a job: modes, units, grazing amplitude, runs"
-HELP = """\
-Describe a job: structure, units, natural frequencies, modes, damping ratios, contacts, the
-amplitude at which free motion first touches, and the number of runs. Warn of what looks like a
-mistake. It takes a second."""
 
 
 def configure(parser) -> None:

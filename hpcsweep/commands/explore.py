@@ -1,4 +1,10 @@
-"""`hpcsweep explore`: make a page that shows a whole study in a browser."""
+"""`hpcsweep explore`: make one page to explore a study in a browser, without a network.
+
+Make one self-contained page: the map over (A, Omega); pointing at it shows the orbit diagram of
+that frame, clicking the phase portrait and numbers of that run. Of responses to records: curves of
+incremental dynamic analysis, fragility and profiles of all structures, linked by the record that is
+pointed at.
+"""
 
 import contextlib
 
@@ -8,12 +14,6 @@ from hpcsweep.figures.options import BRANCHES, Option, positive, whole_number
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.run_names import count
 
-SUMMARY = "make one page to explore a study in a browser, without a network"
-HELP = """\
-Make one self-contained page: the map over (A, Omega); pointing at it shows the orbit diagram of
-that frame, clicking the phase portrait and numbers of that run. Of responses to records: curves of
-incremental dynamic analysis, fragility and profiles of all structures, linked by the record that is
-pointed at."""
 HELD = ("motions", "attractors", "responses")
 """Holdings of files that have a page."""
 OPTIONS = (

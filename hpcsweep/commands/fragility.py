@@ -1,4 +1,18 @@
-"""`hpcsweep fragility`: capacities and fragility of a study of records; tables for loss tools."""
+"""`hpcsweep fragility`: tell capacities and fragility of responses to records.
+
+Tell at which intensities the responses of a study of records reach a threshold: fractiles of the
+records' capacities, interpolated between the stripes, and the lognormal fragility of largest
+likelihood with its 95 % intervals. A motion that has collapsed reaches every threshold; --collapse
+asks for collapse itself, of which a capacity is the middle between two stripes. Without contacts
+and yielding, where responses are proportional to the intensity, the exact capacities. It says where
+a median is an extrapolation beyond the stripes.
+Drifts are ratios in percent where the job gives storey heights, else in its unit of length.
+
+With --demands instead of a threshold: write peak drift ratios and floor accelerations of one
+building at one intensity as the CSV table that Pelicun and PBE of SimCenter read. PFA-0 is that of
+the ground, or of the slab on bearings. Records that collapse have no row; the first cell names
+them, and what the table does not have.
+"""
 
 import contextlib
 import json
@@ -13,20 +27,6 @@ from hpcsweep.figures.options import UNITS, file_name, positive
 if TYPE_CHECKING:
     from hpcsweep.studies.ground_motion.records import Records
 
-SUMMARY = "tell capacities and fragility of responses to records"
-HELP = """\
-Tell at which intensities the responses of a study of records reach a threshold: fractiles of the
-records' capacities, interpolated between the stripes, and the lognormal fragility of largest
-likelihood with its 95 % intervals. A motion that has collapsed reaches every threshold; --collapse
-asks for collapse itself, of which a capacity is the middle between two stripes. Without contacts
-and yielding, where responses are proportional to the intensity, the exact capacities. It says where
-a median is an extrapolation beyond the stripes.
-Drifts are ratios in percent where the job gives storey heights, else in its unit of length.
-
-With --demands instead of a threshold: write peak drift ratios and floor accelerations of one
-building at one intensity as the CSV table that Pelicun and PBE of SimCenter read. PFA-0 is that of
-the ground, or of the slab on bearings. Records that collapse have no row; the first cell names
-them, and what the table does not have."""
 EXAMPLES = """\
 examples:
   hpcsweep fragility pair.h5 --threshold 1.0 --place A

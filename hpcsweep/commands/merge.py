@@ -1,11 +1,10 @@
-"""`hpcsweep merge`: make the results file of a job of those of its parts."""
+"""`hpcsweep merge`: make the results file of a job of those of its parts.
+
+Write the results file of a job that hpcsweep split has cut, from the complete files of all of its
+parts. It equals that of a run of the whole job, to the last bit.
+"""
 
 from hpcsweep.figures.options import file_name
-
-SUMMARY = "make the results file of a job of those of its parts"
-HELP = """\
-Write the results file of a job that hpcsweep split has cut, from the complete files of all of its
-parts. It equals that of a run of the whole job, to the last bit."""
 
 
 def configure(parser) -> None:

@@ -1,14 +1,13 @@
-"""`hpcsweep new`: write a job to start from."""
+"""`hpcsweep new`: write a job to start from.
+
+Write a job to start from: every key with its meaning, unit, range and default. The job
+is complete and runs in seconds. A file that exists is not touched. --kind chooses what is
+computed: records are ground motions.
+"""
 
 from hpcsweep.commands.outputs import write_job
 from hpcsweep.figures.options import file_name
 from hpcsweep.studies.kinds import DEFAULT_KIND, STUDIES
-
-SUMMARY = "write a job to start from"
-HELP = """\
-Write a job to start from: every key with its meaning, unit, range and default. The job
-is complete and runs in seconds. A file that exists is not touched. --kind chooses what is
-computed: records are ground motions."""
 
 EXAMPLES = """\
 example:

@@ -1,12 +1,11 @@
-"""`hpcsweep pack`: compress a results file."""
+"""`hpcsweep pack`: compress a results file.
 
-from hpcsweep.commands import add_file
-
-SUMMARY = "compress a results file"
-HELP = """\
 Compress a results file. The copy is compared with the original, dataset by dataset and checksum by
 checksum, before it takes its place. Everything reads a packed file, but `run` cannot resume it:
-a file that is not complete is packed only into a copy (-o)."""
+a file that is not complete is packed only into a copy (-o).
+"""
+
+from hpcsweep.commands import add_file
 
 
 def configure(parser) -> None:

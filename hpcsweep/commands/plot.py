@@ -1,7 +1,8 @@
-"""`hpcsweep plot`: draw a results file."""
+"""`hpcsweep plot`: draw a figure of the results."""
 
 import argparse
 import contextlib
+import textwrap
 from typing import TYPE_CHECKING
 
 from hpcsweep.commands import CommandError, add_at, add_file
@@ -11,8 +12,8 @@ from hpcsweep.figures.options import figures, options_of, results_of, whole_numb
 if TYPE_CHECKING:
     from hpcsweep.figures.diagrams.figure import Figure
 
-SUMMARY = "draw a figure of the results"
-NAME_WIDTH = 10
+NAME_WIDTH, HELP_WIDTH = 10, 100
+INDENT = " " * (NAME_WIDTH + 3)
 RESOLUTIONS = 50, 1200
 """Pixels an inch, least and most."""
 
@@ -74,9 +75,10 @@ def _default(job, every: dict[str, "Figure"]) -> str:
 def _describe(figure, default: dict[str, str]) -> str:
     """Return a figure's lines in the command's help."""
     is_default = figure.NAME in (default[what] for what in results_of(figure))
-    lines = (figure.HELP + (" (default)" if is_default else "")).splitlines()
-    indent = " " * (NAME_WIDTH + 3)
-    return f"  {figure.NAME:{NAME_WIDTH}} " + f"\n{indent}".join(lines)
+    text = (figure.__doc__ or "").strip().removesuffix(".") + " (default)" * is_default
+    text = text[:1].lower() + text[1:].replace("\n\n", " ")
+    name = f"  {figure.NAME:{NAME_WIDTH}} "
+    return textwrap.fill(text, HELP_WIDTH, initial_indent=name, subsequent_indent=INDENT)
 
 
 def run(options) -> int:
@@ -84,6 +86,7 @@ def run(options) -> int:
     from hpcsweep.figures.style import PlotError
     from hpcsweep.figures.view import limits, resolution, save
     from hpcsweep.store import Frames, job_of
+    from hpcsweep.studies.ground_motion.stripes import StripesError
 
     every = figures()
     kind = options.kind or _default(job_of(options.file), every)
@@ -105,8 +108,7 @@ def run(options) -> int:
     with contextlib.closing(frames), resolution(options.dpi), view, writing(output):
         try:
             save(figure.draw(figure.load(frames, **chosen), **chosen), output)
-        except PlotError as error:
-            named = str(options.file) in str(error)
-            raise error if named else PlotError(f"{options.file}: {error}") from None
+        except (PlotError, StripesError) as error:
+            raise PlotError(f"{options.file}: {error}") from None
     print(output)
     return 0

@@ -1,14 +1,5 @@
-"""`hpcsweep run`: run a job, or resume it."""
+"""`hpcsweep run`: run a job, or resume it.
 
-from collections import Counter
-from pathlib import Path
-
-from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, listing
-from hpcsweep.figures.options import file_name, positive
-
-SUMMARY = "run a job, or resume it"
-HELP = """\
 Run one job or several. If the results file exists, the run resumes where it stopped, on any number
 of ranks, and the results equal those of an uninterrupted run bit for bit.
 
@@ -23,7 +14,15 @@ Only one run may write FILE at a time: FILE.lock says which host and process it 
 
 Several jobs form one queue on all ranks, the costliest frame of any job first, each with its own
 file. A job that is refused or fails does not stop the others. What is left is listed at the end,
-and the exit code is the worst: 1 before 2 before 75."""
+and the exit code is the worst: 1 before 2 before 75.
+"""
+
+from collections import Counter
+from pathlib import Path
+
+from hpcsweep.campaign.progress import make_progress, note, say_line
+from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, listing
+from hpcsweep.figures.options import file_name, positive
 
 EXAMPLES = """\
 examples:

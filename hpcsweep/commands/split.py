@@ -1,17 +1,16 @@
-"""`hpcsweep split`: write jobs that have a part of a job's runs each."""
+"""`hpcsweep split`: write jobs of a part of a job's runs each, for several allocations.
 
-from hpcsweep.commands import CommandError, add_settings
-from hpcsweep.commands.outputs import write_job
-from hpcsweep.figures.options import file_name
-
-SUMMARY = "write jobs of a part of a job's runs each, for several allocations"
-HELP = """\
 Write K jobs beside JOB, of every K-th frequency, listed point, line or record each. They are jobs
 like any other; hpcsweep merge makes the file of the whole of their files:
 
   hpcsweep split map.toml -n 3
   hpcsweep run map-1of3.toml        here and there
-  hpcsweep merge map-1of3.h5 map-2of3.h5 map-3of3.h5 -o map.h5"""
+  hpcsweep merge map-1of3.h5 map-2of3.h5 map-3of3.h5 -o map.h5
+"""
+
+from hpcsweep.commands import CommandError, add_settings
+from hpcsweep.commands.outputs import write_job
+from hpcsweep.figures.options import file_name
 
 
 def configure(parser) -> None:

@@ -1,4 +1,8 @@
-"""`hpcsweep status`: report what of a results file is computed."""
+"""`hpcsweep status`: show how far results files are, also while they run.
+
+Show how far results files are, also while campaigns write them. One file is shown in full; several
+take one line each, and their checksums are not verified.
+"""
 
 import json
 import sys
@@ -8,11 +12,6 @@ from hpcsweep.commands import USER_ERROR, CommandError, Rows, listing
 from hpcsweep.commands.rows import by_clock, inferred_text, rows_of
 from hpcsweep.figures.options import file_name
 from hpcsweep.studies.run_names import amount, count, run_name
-
-SUMMARY = "show how far results files are, also while they run"
-HELP = """\
-Show how far results files are, also while campaigns write them. One file is shown in full; several
-take one line each, and their checksums are not verified."""
 
 
 def configure(parser) -> None:

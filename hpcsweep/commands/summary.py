@@ -1,4 +1,9 @@
-"""`hpcsweep summary`: the numbers of a whole study."""
+"""`hpcsweep summary`: summarise studies: cost, kinds of motion.
+
+Summarise studies: what they cost, how much work was spared, what shares of the runs are periodic,
+chaotic, quasi-periodic or undecided, and which contact sets occur. Files may be larger than the
+memory. To see the progress alone, `hpcsweep status` is quicker.
+"""
 
 import json
 from collections import Counter
@@ -9,11 +14,6 @@ from hpcsweep.commands.rows import by_clock, inferred_text, percent, rows_of, sh
 from hpcsweep.figures.options import file_name
 from hpcsweep.studies.run_names import count, plural, written
 
-SUMMARY = "summarise studies: cost, kinds of motion"
-HELP = """\
-Summarise studies: what they cost, how much work was spared, what shares of the runs are periodic,
-chaotic, quasi-periodic or undecided, and which contact sets occur. Files may be larger than the
-memory. To see the progress alone, `hpcsweep status` is quicker."""
 MAX_ROWS = 16
 """Most orbit periods, and most contact sets, that are listed one by one."""
 

@@ -1,4 +1,11 @@
-"""`hpcsweep table`: write numbers of a results file as a table for spreadsheets and data frames."""
+"""`hpcsweep table`: write chosen results as a table: CSV, Excel, Parquet.
+
+Write chosen results as a table with one row for each structure, record, scale and place (of other
+studies, each run and place), and columns that name these: record, scale, storey, floor or contact,
+and the keys that the job varies. By its name the table is CSV, an Excel workbook (.xlsx, needs
+openpyxl) or Parquet (.parquet, needs pyarrow). Runs that are not computed have no row. Names that a
+spreadsheet would compute (=A1, +1, @SUM) stand behind an apostrophe there.
+"""
 
 import contextlib
 import importlib
@@ -9,13 +16,6 @@ from typing import NamedTuple
 from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import TABLE, check_overwriting, writing
 
-SUMMARY = "write chosen results as a table: CSV, Excel, Parquet"
-HELP = """\
-Write chosen results as a table with one row for each structure, record, scale and place (of other
-studies, each run and place), and columns that name these: record, scale, storey, floor or contact,
-and the keys that the job varies. By its name the table is CSV, an Excel workbook (.xlsx, needs
-openpyxl) or Parquet (.parquet, needs pyarrow). Runs that are not computed have no row. Names that a
-spreadsheet would compute (=A1, +1, @SUM) stand behind an apostrophe there."""
 EXAMPLES = """\
 examples:
   hpcsweep table pair.h5 -o pair.csv

@@ -1,4 +1,12 @@
-"""`hpcsweep validate`: check whether a results file is sound."""
+"""`hpcsweep validate`: check whether a results file is sound.
+
+Check whether a results file is sound, also while a campaign writes it: the layout, the checksum of
+every committed block, and what the numbers of every run promise of each other. A random sample of
+runs is then computed again: periodic ones once round their orbit by the other solver (flow for bdf,
+bdf for flow; flow at a tighter tolerance where contacts have dashpots, springs yield or a model is
+reduced), aperiodic ones over single forcing periods, and each of them whole by flow from its stored
+start. Blocks that are not committed yet are no fault.
+"""
 
 import dataclasses
 import json
@@ -6,15 +14,6 @@ from collections import Counter
 
 from hpcsweep.commands import FAILURE, Rows, add_file, listing
 from hpcsweep.figures.options import whole_number
-
-SUMMARY = "check whether a results file is sound"
-HELP = """\
-Check whether a results file is sound, also while a campaign writes it: the layout, the checksum of
-every committed block, and what the numbers of every run promise of each other. A random sample of
-runs is then computed again: periodic ones once round their orbit by the other solver (flow for bdf,
-bdf for flow; flow at a tighter tolerance where contacts have dashpots, springs yield or a model is
-reduced), aperiodic ones over single forcing periods, and each of them whole by flow from its stored
-start. Blocks that are not committed yet are no fault."""
 
 EXAMPLES = """\
 exit codes:

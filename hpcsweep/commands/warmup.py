@@ -1,11 +1,5 @@
-"""`hpcsweep warmup`: compile the kernels before they are needed."""
+"""`hpcsweep warmup`: compile the kernels before they are needed.
 
-from pathlib import Path
-
-from hpcsweep.commands import CommandError
-
-SUMMARY = "compile the kernels before they are needed"
-HELP = """\
 Compile the kernels into the cache: $NUMBA_CACHE_DIR, else $XDG_CACHE_HOME/hpcsweep or
 ~/.cache/hpcsweep. `run` compiles by itself; this command does it before an allocation is spent, or
 into a folder that is read-only later. Kernels are compiled for the processor of this machine: run
@@ -13,7 +7,12 @@ it on a node of the type that will compute.
 
 Given jobs, it also compiles kernels specialised to their structures, which take 0.55 to 0.8 of the
 time and give the same results to the last bit. `run` specialises by itself from half a million
-histories a rank on, and uses specialised kernels wherever the cache has them."""
+histories a rank on, and uses specialised kernels wherever the cache has them.
+"""
+
+from pathlib import Path
+
+from hpcsweep.commands import CommandError
 
 EXAMPLES = """\
 examples:

@@ -75,7 +75,7 @@ def identities(frames) -> np.ndarray:
     study = as_kind(frames.study, AttractorGrid)
     if not study.is_path:
         text = "attractors of points on their own have no identity along a path"
-        raise PlotError(f"{frames.path}: --value {IDENTITY}: {text}")
+        raise PlotError(f"--value {IDENTITY}: {text}")
     by_frame: dict[int, np.ndarray] = {}
     last = 0
     before: list[list[tuple[int, np.ndarray]]] = [[] for _ in range(study.n_along)]

@@ -113,7 +113,7 @@ def gather(frames, names: Iterable[str], cells: bool | None = None, **options):
         If there are no cells to outline.
     """
     if cells and frames.study.refine is None:
-        raise style.PlotError(f"{frames.path}: --cells: has no cells: its job has no study.refine")
+        raise style.PlotError("--cells: has no cells: its job has no study.refine")
     return frames.gather((*names, *VARIABLES), **options).assign_attrs(frames.audit())
 
 

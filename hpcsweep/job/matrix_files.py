@@ -21,6 +21,7 @@ from hpcsweep.earthquakes.text_files import decoded, read_bytes
 from hpcsweep.job import matrix_reader
 from hpcsweep.job.matrix_texts import Found, check_size, read_text
 from hpcsweep.model.arguments import shown
+from hpcsweep.parallel.one_line import on_one_line
 
 MAX_BYTES = 2**30
 """Of a file, and of an array in it."""
@@ -123,5 +124,5 @@ def _read_apart(path: Path, kind: str) -> Found:
         raise ValueError(f"{DAMAGED}: what reads {kind} files ended by {why}")
     said, found = pickle.loads(done.stdout)  # of our own process
     if said:
-        raise ValueError(said)
+        raise ValueError(on_one_line(said))
     return found

@@ -1,7 +1,7 @@
 """Read matrices by libraries that a damaged file may crash: a script, run in a process of its own.
 
-It is run by `hpcsweep.job.matrix_files`, and writes what it has found, or one line of what is
-wrong, to its standard output. It imports nothing of the package, so that it starts quickly.
+It is run by `hpcsweep.job.matrix_files`, and writes what it has found, or what is wrong,
+to its standard output. It imports nothing of the package, so that it starts quickly.
 """
 
 import os
@@ -79,7 +79,7 @@ def main(kind: str, path: str) -> None:
             if scipy.sparse.issparse(one) and one.format in ("csr", "csc", "bsr"):
                 one.check_format(full_check=True)
     except NotImplementedError as error:
-        said = " ".join(str(error).split())
+        said = str(error)
     except MemoryError:
         said = f"needs more than {MEMORY // 2**30} GB of memory to be read"
     except Exception:  # whatever a library takes the file for

@@ -17,6 +17,8 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
+from hpcsweep.parallel.one_line import on_one_line
+
 SRUN = "SLURM_STEP_NUM_TASKS"
 """A variable of srun, also in a shell that it started."""
 
@@ -236,10 +238,10 @@ def world() -> Serial | Ranks:
     except (ImportError, RuntimeError) as error:
         raise LauncherError(
             f"the launcher started {expected} ranks but MPI cannot be loaded "
-            f"({' '.join(str(error).split())}); install an MPI that mpi4py finds, e.g. "
+            f"({on_one_line(error)}); install an MPI that mpi4py finds, e.g. "
             "pip install mpich"
         ) from None
-    library = " ".join(MPI.Get_library_version().split("\n")[0].rstrip("\x00").split())
+    library = on_one_line(MPI.Get_library_version().split("\n")[0].rstrip("\x00"))
     if "OMPI_COMM_WORLD_SIZE" in os.environ and "Open MPI" not in library:
         # before MPI starts: MPICH ends the process when it meets Open MPI's launcher
         raise _mismatch(expected, library, 1)

@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from hpcsweep.parallel.one_line import on_one_line
 from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.layout import Layout, StoreError, attributes_of
 from hpcsweep.studies.run_names import amount
@@ -70,7 +71,7 @@ def _reserve(path: Path, size: int) -> None:
 def reason(error: Exception) -> str:
     """Return the message of the system, or of HDF5, on one line."""
     strerror = getattr(error, "strerror", None)
-    return strerror or " ".join(str(error).split())
+    return strerror or on_one_line(error)
 
 
 def fill(

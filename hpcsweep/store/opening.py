@@ -16,6 +16,7 @@ import numpy as np
 
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
+from hpcsweep.parallel.one_line import on_one_line
 from hpcsweep.store.check import file_problems
 from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.create import reason
@@ -57,7 +58,7 @@ def reading(path: Path) -> Iterator[h5py.File]:
                 f"cut short, {cut[1]} of {cut[2]} bytes are left, without their checksums; "
                 f"{REMEDY}",
             ) from None
-        what = " ".join(str(error).split()) or type(error).__name__
+        what = on_one_line(error) or type(error).__name__
         raise DamagedError(path, f"damaged ({what[:120]}); {REMEDY}") from None
 
 

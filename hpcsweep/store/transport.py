@@ -16,6 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from hpcsweep.parallel.one_line import on_one_line
 from hpcsweep.store.layout import StoreError, WriteError
 from hpcsweep.store.offsets import Offsets, open_above
 
@@ -25,7 +26,7 @@ DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 def _reason(error: Exception) -> str:
     """Return the system's reason of a failed write; MPI hides it in an error stack."""
-    text = " ".join(str(error).split())
+    text = on_one_line(error)
     causes = [os.strerror(code) for code in DISK_ERRORS]
     return next((cause for cause in causes if cause in text), text)
 

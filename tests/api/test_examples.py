@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from together import together
 from tools import SMALL, made
 
 import hpcsweep
@@ -26,12 +27,7 @@ def study(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in SECONDS)) for name in NAMES],
-)
-def test_the_example_of_a_public_name_runs(study, name, monkeypatch):
-    monkeypatch.chdir(study)
+def runs(name: str) -> None:
     names = {"hpcsweep": hpcsweep, "math": math, "np": np, "Path": Path}
     text = inspect.getdoc(getattr(hpcsweep, name))
     examples = doctest.DocTestParser().get_doctest(text, names, name, None, None)
@@ -39,6 +35,19 @@ def test_the_example_of_a_public_name_runs(study, name, monkeypatch):
     told: list[str] = []
     doctest.DocTestRunner(verbose=False).run(examples, out=told.append)
     assert not told, "".join(told)
+
+
+@together("name", [name for name in NAMES if name not in SECONDS])
+def test_the_example_of_a_public_name_runs(study, name, monkeypatch):
+    monkeypatch.chdir(study)
+    runs(name)
+
+
+@pytest.mark.slow
+def test_an_example_that_takes_seconds_runs(study, monkeypatch):
+    monkeypatch.chdir(study)
+    for name in SECONDS:
+        runs(name)
 
 
 FUNCTIONS = [name for name in NAMES if inspect.isfunction(getattr(hpcsweep, name))]

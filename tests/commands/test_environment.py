@@ -133,8 +133,8 @@ def no_memory(options):
     raise ImportError("a.so: failed to map segment from shared object")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "date", "code", "told"),
+@together(
+    "arguments, date, code, told",
     [
         (["describe", "a\nb.toml"], "0", 2, "must be a name on one line, is 'a\\nb.toml'"),
         (["plot", "a.h5", "--at", "\n"], "0", 2, "error: --at \\n: must be KEY=VALUE"),

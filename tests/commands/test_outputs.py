@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from together import together
 from tools import environment, hpcsweep
 
 from hpcsweep.commands import CommandError
@@ -43,8 +44,8 @@ WRITERS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("command", "name", "through"),
+@together(
+    "command, name, through",
     [
         *(("plot", name, "itself") for name in ("b.h5", "a.h5.journal", "a.toml")),
         *((command, "b.h5", "a link") for command in WRITERS),
@@ -56,7 +57,7 @@ def test_results_jobs_and_journals_are_never_written_over(folder, tmp_path, comm
     output = tmp_path / name
     before = output.read_bytes()
     if through == "a link":
-        output = tmp_path / "link.png"
+        output = tmp_path / f"link-{command}.png"
         output.symlink_to(name)
     done = hpcsweep(0, *WRITERS[command], output, cwd=tmp_path)
     assert done.returncode == 2

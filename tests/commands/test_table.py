@@ -5,6 +5,7 @@ import importlib
 import re
 
 import pytest
+from together import together
 from tools import RECORDS, SMALL
 
 from hpcsweep import open_results
@@ -153,8 +154,8 @@ def test_workbooks_and_parquet_hold_the_same(file, tmp_path, end):
     pandas.testing.assert_frame_equal(wanted, found, check_dtype=False, rtol=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
+@together(
+    "given, said",
     [
         (["--what", "drift,mass"], "--what mass: must be of drift, displacement, acceleration, "),
         (["--what", "history_force"], "--what history_force: must be of"),
@@ -171,9 +172,11 @@ def test_mistakes_are_told_in_one_line_and_nothing_is_written(
         raise ImportError(name)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(importlib, "import_module", absent) if "a.xlsx" in given else None
     given = given if "-o" in given else [*given, "-o", "a.csv"]
-    assert main(["table", str(file), *given]) == 2
+    with monkeypatch.context() as patched:
+        if "a.xlsx" in given:
+            patched.setattr(importlib, "import_module", absent)
+        assert main(["table", str(file), *given]) == 2
     told = capsys.readouterr().err
     assert said in told
     assert told.count("\n") == 1

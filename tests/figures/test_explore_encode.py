@@ -7,6 +7,7 @@ import zlib
 
 import numpy as np
 import pytest
+from together import together
 from tools import hpcsweep
 
 from hpcsweep import open_results
@@ -46,7 +47,7 @@ def results_file(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("bits", [6, 12, 16])
+@together("bits", [6, 12, 16])
 def test_values_come_back_within_half_the_stated_resolution(bits):
     rng = np.random.default_rng(1)
     values = rng.normal(size=(5, 40))
@@ -65,7 +66,7 @@ def test_one_value_alone_is_exact():
     assert dequantise(encode.quantise(np.array([2.5]), 2.5, 2.5, 8), 2.5, 2.5, 8) == [2.5]
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint32])
+@together("dtype", [np.uint8, np.uint16, np.uint32])
 def test_text_holds_every_integer(dtype):
     rng = np.random.default_rng(2)
     codes = rng.integers(0, np.iinfo(dtype).max, (3, 5, 7), dtype, endpoint=True)

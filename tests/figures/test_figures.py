@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pytest
 from matplotlib import image
+from together import together
 from tools import hpcsweep
 
 from hpcsweep import open_results
@@ -299,8 +300,8 @@ def test_the_asked_period_is_found_in_the_middle_of_its_longest_stretch(results)
         phase.find_period(frame, kinds, 4, "up")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
+@together(
+    "arguments, words",
     [
         (["--kind", "map", "--period", "3"], ("--period", "--kind map", "only with: phase")),
         (["--amplitude", "0.1"], ("--amplitude", "--kind orbit", "phase")),
@@ -402,7 +403,8 @@ def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
     assert next(iter(known)) == "orbit"
     flags = {}
     for name, figure in known.items():
-        assert f"\n  {name:10} {figure.HELP.splitlines()[0]}" in said
+        first, words = figure.__doc__[0].lower(), figure.__doc__[1:40]
+        assert f"\n  {name:10} {first}{words}" in said
         load, draw = inspect.signature(figure.load), inspect.signature(figure.draw)
         for option in figure.OPTIONS:
             assert option.keyword in {**load.parameters, **draw.parameters}, (name, option.flag)

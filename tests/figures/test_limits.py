@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep.commands.cli import main
 from hpcsweep.figures import style, view
@@ -30,8 +31,8 @@ def test_cells_in_the_limits_are_all_drawn_though_the_map_has_more_than_pixels()
     assert cells.get_array().tolist() == values[:, 500:511].tolist()
 
 
-@pytest.mark.parametrize(
-    ("extra", "words"),
+@together(
+    "extra, words",
     [
         (("--ylim", "2", "1"), "--ylim 2 1: must be two finite numbers, the lower one first"),
         (("--xlim", "0", "inf"), "--xlim 0 inf: must be two finite numbers"),

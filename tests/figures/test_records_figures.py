@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from together import together
 from tools import RECORDS, hpcsweep
 
 from hpcsweep import (
@@ -66,8 +67,8 @@ def test_every_figure_is_drawn(folder, kind):
     assert (folder / f"{kind}.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
+@together(
+    "arguments, said",
     [
         (["plot", "job.h5", "--kind", "fragility"], "--threshold is missing"),
         (["plot", "job.h5", "--kind", "fragility", "--threshold", "1e9"], "of 8 records 0 reach"),
@@ -339,7 +340,7 @@ def test_a_portfolio_shows_fractiles_of_every_structure_over_its_keys(tmp_path):
     results = open_results(tmp_path / "a.h5")
     force = results["contact_force"].isel(scale=-1).max("stop").values.reshape(4, 8)
     low, high = np.sort(force, axis=1).T[[1, 6]]
-    np.testing.assert_array_equal(read.found, [low, np.median(force, axis=1), high])
+    np.testing.assert_array_equal(read.bands, [low, np.median(force, axis=1), high])
     drawn = figure.draw(read._replace(bands=np.where(read.over[0] == 0.01, np.inf, read.bands)))
     offsets = [points.get_offsets().data.tolist() for points in drawn.axes[0].collections[1:]]
     assert [x for x, _ in offsets[1]] == [0.01, 0.01]  # those that collapse, on top

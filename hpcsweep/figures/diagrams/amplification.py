@@ -1,6 +1,6 @@
-"""What contacts do: the response of each building over that without them, at each intensity.
+"""Largest response of each building over that without contacts, against the intensity.
 
-Of what yields the file has no motion without contacts but the elastic one, which is no measure.
+Median, and 16 to 84 %.
 """
 
 import numpy as np
@@ -14,9 +14,6 @@ from hpcsweep.studies.ground_motion.stripes import stripes_of
 
 NAME = "pounding"
 DRAWS = "responses"
-HELP = """\
-largest response of each building over that without contacts, against the intensity:
-median, and 16 to 84 %"""
 OPTIONS = (responses.RESPONSE,)
 load = responses.load
 

@@ -1,4 +1,7 @@
-"""Orbit diagram of all attractors of one frame: displacement along its path."""
+"""Stroboscopic displacement of each floor on all attractors of one frame.
+
+Against the forcing amplitude, or what they are continued along.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,9 +19,6 @@ from hpcsweep.studies.report import starting_range
 
 NAME = "attractors"
 DRAWS = "attractors"
-HELP = """\
-stroboscopic displacement of each floor on all attractors against the forcing
-amplitude, or what they are continued along, one frame"""
 OPTIONS = (OMEGA, AMPLITUDES, FLOORS, BRANCHES)
 load = load_frame
 MAX_RANGES = 2

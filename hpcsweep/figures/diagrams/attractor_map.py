@@ -1,4 +1,7 @@
-"""Map of the number of attractors over amplitude and frequency, and of those a sweep misses."""
+"""Number of attractors over amplitude and frequency.
+
+With --sweep also the number of those that no run of a sweep over the same points ends on.
+"""
 
 from pathlib import Path
 
@@ -14,9 +17,6 @@ from hpcsweep.studies.attractors.search import UNSTORED
 
 NAME = "number"
 DRAWS = "attractors"
-HELP = """\
-number of attractors over amplitude and frequency, and with --sweep the number of
-those that no run of a sweep over the same points ends on"""
 OPTIONS = (SWEEP, CELLS)
 MOST = 5
 """Number from which on the colour is the same."""

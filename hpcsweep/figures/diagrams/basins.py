@@ -1,4 +1,4 @@
-"""Basins of attraction on a slice of the initial states: the attractor of each start."""
+"""Basins of attraction on a slice of the initial states: the attractor that each start goes to."""
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from hpcsweep.studies.refine.variables import SOURCE
 
 NAME = "basins"
 DRAWS = "basins"
-HELP = """\
-basins of attraction on a slice of the initial states: the attractor that each
-start goes to"""
 OPTIONS = (CELLS,)
 OTHERS = [
     (ELSEWHERE, "other attractors", palette.OTHER_MOTION),

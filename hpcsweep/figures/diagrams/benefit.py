@@ -1,4 +1,4 @@
-"""Map of where impact lowers and where it raises the drift, for chaos and for period 1."""
+"""Where impact lowers and raises the drift, for chaos and for period 1."""
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from hpcsweep.solvers.offers import LINEAR
 
 NAME = "benefit"
 DRAWS = "motions"
-HELP = "where impact lowers and raises the drift, for chaos and for period 1"
 OPTIONS = (DIRECTION,)
 LEVELS = (0.8, 1.0, 1.25)
 """Ratios of drift with impact to drift without at which the shade changes."""

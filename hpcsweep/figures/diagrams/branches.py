@@ -1,4 +1,8 @@
-"""Branches of one line over an orbit diagram: stable full, unstable thin, special points marked."""
+"""Branches of periodic orbits along the parameter: stable full, unstable thin.
+
+Special points are numbered and listed; with --sweep the stroboscopic points of a sweep, or of
+attractors, lie beneath them.
+"""
 
 import contextlib
 from collections.abc import Sequence
@@ -20,10 +24,6 @@ from hpcsweep.studies.study import as_kind
 
 NAME = "branches"
 DRAWS = "branches"
-HELP = """\
-branches of periodic orbits along the parameter: stable full, unstable thin, special
-points numbered and listed; with --sweep the stroboscopic points of a sweep, or of
-attractors, beneath them"""
 OPTIONS = (
     FLOORS,
     Option("--line", "line, from 0 (default: the first)", type=whole_number(0, 10**9)),
@@ -66,7 +66,7 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
         with contextlib.closing(Frames(sweep, ("motions", "attractors"))) as held:
             swept = as_kind(held.study, RunGrid)
             if problem := not_beneath(study, swept):
-                raise style.PlotError(f"--sweep {sweep}: {frames.path} {problem}")
+                raise style.PlotError(f"--sweep {sweep}: this file {problem}")
             lines = [line_beneath(study, swept, frame) for frame in range(swept.n_frames)]
             if line not in lines or "poincare" not in held:
                 what = f"has no stroboscopic points along {study.describe_task(line)}"

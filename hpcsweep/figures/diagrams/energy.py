@@ -1,4 +1,7 @@
-"""Energies of one record at one scale, over time: what the ground gives, and where it is."""
+"""Work of the ground, and where it is, over time, of one record at one intensity; needs the record.
+
+Taken by sliders, contacts and damping, kinetic and strain energy.
+"""
 
 import numpy as np
 
@@ -9,9 +12,6 @@ from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "energy"
 DRAWS = "responses"
-HELP = """\
-work of the ground, and where it is: taken by sliders, contacts and damping, kinetic and
-strain energy, over time, of one record at one intensity; needs the record"""
 OPTIONS = (responses.RECORD, responses.SCALE)
 load = responses.load_run
 PARTS = {"sliders": [5], "contacts": [4], "damping": [3], "kinetic and strain": [1, 2]}

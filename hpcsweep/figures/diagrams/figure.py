@@ -31,7 +31,7 @@ THIN = 0.5
 
 
 class Figure(Protocol):
-    """A module that draws one kind of figure.
+    """A module that draws one kind of figure; its docstring is the command's help.
 
     Attributes
     ----------
@@ -39,15 +39,12 @@ class Figure(Protocol):
         Name for ``--kind``.
     DRAWS : str or tuple of str
         What a file must hold (`Study.holds`), or one of several.
-    HELP : str
-        What it shows: one or more lines of the command's help.
     OPTIONS : tuple of Option
         Options of the figure.
     """
 
     NAME: str
     DRAWS: str | tuple[str, ...]
-    HELP: str
     OPTIONS: tuple[Option, ...]
 
     def load(self, frames: "Frames", **options):

@@ -1,4 +1,8 @@
-"""Response spectra of a floor under the records of a suite at one intensity, with fractiles."""
+"""Response spectra of a floor at one intensity, 5 % damping, with fractiles.
+
+Of the floor --place (default: the top of the first building), also the 50 % without contacts; those
+of the file (output.floor_spectra), or computed from the records, a second or two of each.
+"""
 
 import numpy as np
 
@@ -13,10 +17,6 @@ from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "floor-spectra"
 DRAWS = "responses"
-HELP = """\
-response spectra of the floor --place (default: the top of the first building) at one
-intensity, 5 % damping, with fractiles and the 50 % without contacts; those of the file
-(output.floor_spectra), or computed from the records, a second or two of each"""
 OPTIONS = (responses.SCALE, responses.PLACE)
 
 

@@ -1,4 +1,9 @@
-"""Fragility: the share of records that reach a threshold at each intensity, and its curve."""
+"""Share of records whose response reaches a threshold, against the intensity.
+
+Counted by their capacities, with the lognormal curve of largest likelihood and its 95 % band,
+dashed beyond the stripes; without contacts (elastic, where something yields) the counted curve,
+which is exact at any intensity, and the intensity that half of the records reach.
+"""
 
 import numpy as np
 
@@ -6,15 +11,10 @@ from hpcsweep.earthquakes.stripes import Capacity, fractiles
 from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.options import UNITS
-from hpcsweep.studies.ground_motion.stripes import COLLAPSE, StripesError, capacities, fit
+from hpcsweep.studies.ground_motion.stripes import COLLAPSE, capacities, fit
 
 NAME = "fragility"
 DRAWS = "responses"
-HELP = """\
-share of records whose response reaches a threshold, against the intensity, counted by their
-capacities, with the lognormal curve of largest likelihood and its 95 % band, dashed beyond
-the stripes; without contacts (elastic, where something yields) the counted curve, which is
-exact at any intensity, and the intensity that half of the records reach"""
 OPTIONS = (
     *(responses.THRESHOLD, responses.COLLAPSES, responses.RESPONSE, responses.PLACE),
     UNITS,
@@ -46,10 +46,7 @@ def draw(
     if threshold is None:
         raise style.PlotError("--threshold is missing: the response that is a failure")
     stripes = responses.opened(results, response, place, units)
-    try:
-        reached, fitted = capacities(stripes, threshold), fit(stripes, threshold)
-    except StripesError as error:
-        raise style.PlotError(str(error)) from None
+    reached, fitted = capacities(stripes, threshold), fit(stripes, threshold)
     figure, (axis,) = style.new_figure(1, 4.2)
     touches = responses.touches(stripes)
     colour = palette.series_colour(0)

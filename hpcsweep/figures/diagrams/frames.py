@@ -1,4 +1,4 @@
-"""Small orbit diagrams of several frames side by side."""
+"""Small orbit diagrams of several frames, of one floor (default: the top)."""
 
 import re
 from collections.abc import Sequence
@@ -23,7 +23,6 @@ MAX_COLUMNS = 7
 """Columns of the legend."""
 NAME = "frames"
 DRAWS = "motions"
-HELP = "small orbit diagrams of several frames, of one floor (default: the top)"
 OPTIONS = (DIRECTION, Option("--frames", "number of frames", type=int, metavar="N"), FLOORS)
 
 

@@ -1,7 +1,7 @@
-"""Hysteresis loops of one record at one scale: force of each storey that yields against its drift.
+"""Force of each storey that yields against its drift, and of other sliders; needs the record.
 
-Of a storey, and of bearings, that is the force of the slider and of the elastic spring beside it,
-less what P-Delta takes; of another slider its own.
+Of one record at one intensity. Of a storey, and of bearings, that is the force of the slider and of
+the elastic spring beside it, less what P-Delta takes; of another slider its own.
 """
 
 import numpy as np
@@ -15,9 +15,6 @@ from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "hysteresis"
 DRAWS = "responses"
-HELP = """\
-force of each storey that yields against its drift, and of other sliders, of one record at
-one intensity; needs the record"""
 OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE, responses.TIME)
 load = responses.load_run
 IN_A_ROW = 4

@@ -1,4 +1,8 @@
-"""Incremental dynamic analysis: the response of each record at each intensity, and fractiles."""
+"""Response of each record against the intensity, with the 16, 50 and 84 % fractiles.
+
+Also the 50 % of the motion without contacts (elastic, where something yields); flat lines to the
+edge where a structure collapses.
+"""
 
 import numpy as np
 
@@ -9,10 +13,6 @@ from hpcsweep.figures.options import UNITS
 
 NAME = "ida"
 DRAWS = "responses"
-HELP = """\
-response of each record against the intensity, with the 16, 50 and 84 % fractiles,
-and the 50 % of the motion without contacts (elastic, where something yields); flat
-lines to the edge where a structure collapses"""
 OPTIONS = (responses.RESPONSE, responses.PLACE, UNITS)
 load = responses.load
 

@@ -1,4 +1,7 @@
-"""Measures of storeys, floors and contacts against the amplitude, one frame."""
+"""Peak drift of each storey, displacement and acceleration of each floor, against the amplitude.
+
+Also force and impacts of each contact; one frame.
+"""
 
 from collections.abc import Sequence
 
@@ -12,9 +15,6 @@ from hpcsweep.model.reduction import physical
 
 NAME = "measures"
 DRAWS = "motions"
-HELP = """\
-peak drift of each storey, displacement and acceleration of each floor, force and
-impacts of each contact against the amplitude, one frame"""
 OPTIONS = (OMEGA, AMPLITUDES, DIRECTION)
 MAX_LINES = 10
 """Storeys, floors or contacts that are drawn, the first."""

@@ -1,4 +1,4 @@
-"""Drift and mean modal norms of one frame along its path, with those without a stop."""
+"""Drift and mean modal norms along the path of one frame, with those without a stop."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -15,7 +15,6 @@ from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "metrics"
 DRAWS = "motions"
-HELP = "drift and mean modal norms along the path of one frame"
 OPTIONS = (OMEGA, AMPLITUDES)
 load = load_frame
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))

@@ -1,4 +1,7 @@
-"""Orbit diagram: stroboscopic displacement of each floor along a sweep."""
+"""Stroboscopic displacement of each floor against the forcing amplitude, or what a sweep is along.
+
+One frame, sweeps up and down, contact regions along the top.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,9 +21,6 @@ from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 NAME = "orbit"
 DRAWS = "motions"
-HELP = """\
-stroboscopic displacement of each floor against the forcing amplitude, or what the sweep
-is along, one frame, sweeps up and down, contact regions along the top"""
 OPTIONS = (
     OMEGA,
     AMPLITUDES,

@@ -1,6 +1,6 @@
-"""Map over amplitude and frequency of the motion of each run, or of one of its numbers.
+"""Motion classes over amplitude and frequency, or --value of each run.
 
-Of attractors it is that of the largest share.
+Of attractors it is that of the one with the largest share.
 """
 
 from functools import partial
@@ -24,9 +24,6 @@ VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov", "ductility")
 OF_ATTRACTORS = ("share", "number", IDENTITY)
 NAME = "map"
 DRAWS = ("motions", "attractors")
-HELP = """\
-motion classes over amplitude and frequency, or --value of each run; of attractors of
-the one with the largest share"""
 OPTIONS = (
     DIRECTION,
     Option(
@@ -57,7 +54,7 @@ def load(
         if value == IDENTITY:
             results[IDENTITY] = results["attractor_id"].dims, identities(frames)[None]
     elif value in OF_ATTRACTORS:
-        raise style.PlotError(f"{frames.path}: --value {value}: holds no attractors")
+        raise style.PlotError(f"--value {value}: holds no attractors")
     else:
         results = mesh.open_map(frames, value, direction, cells)
     if branches is not None:

@@ -1,4 +1,4 @@
-"""Phase portraits of the floors, with stroboscopic points and their stops."""
+"""Phase portraits of the floors at --amplitude A, at --along X, or of an orbit of --period P."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,9 +15,6 @@ from hpcsweep.studies.run_names import SYMBOLS
 
 NAME = "phase"
 DRAWS = "motions"
-HELP = """\
-phase portraits of the floors at --amplitude A ..., or --along X ..., or of orbit
---period P ..."""
 OPTIONS = (
     OMEGA,
     AMPLITUDES,

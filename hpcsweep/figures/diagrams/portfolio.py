@@ -1,4 +1,7 @@
-"""Structures of a portfolio beside each other: one response over a column, a point a structure."""
+"""Response of all structures at one intensity, a point a structure, over a key that the job varies.
+
+Median and 16 to 84 % of the records.
+"""
 
 from typing import NamedTuple
 
@@ -13,15 +16,12 @@ from hpcsweep.figures.options import Option
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.ground_motion.keys import longest_period
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import RESPONSES, StripesError, stripes_of
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, stripes_of
 from hpcsweep.studies.study import as_kind
 
 PERIOD = "period"
 NAME = "portfolio"
 DRAWS = "responses"
-HELP = """\
-response of all structures at one intensity, a point a structure, over a key that the
-job varies: median and 16 to 84 % of the records"""
 AGAINST = Option(
     "--against",
     "column of vary.rows, or key, on the horizontal axis, or period, the longest of each structure "
@@ -53,15 +53,12 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
     """
     varied = {key.name: key for axis in frames.whole.study.axes for key in axis.keys}
     if not varied:
-        raise style.PlotError(f"{frames.path}: --kind {NAME} shows structures that a job varies")
+        raise style.PlotError(f"--kind {NAME} shows structures that a job varies")
     names = [RESPONSES[response][0], "outcome", "collapsed"]
     bands, keys, tell = [], [], counted("reading structure")
     for at in frames.parts():
         results, study = frames.gather(names), as_kind(frames.study, Records)
-        try:
-            stripes = stripes_of(results, study, response, place)
-        except StripesError as error:
-            raise style.PlotError(str(error)) from None
+        stripes = stripes_of(results, study, response, place)
         number = responses.scale_index(results, scale)
         bands.append(median_band(stripes.values[:, number]))
         keys.append({PERIOD: longest_period(study.structure), **at})

@@ -1,4 +1,8 @@
-"""Profiles over the height: peak drift of each storey at one intensity, contacts or none."""
+"""Peak drift, displacement or acceleration, ductility or residual drift over the storeys.
+
+Of each building at one intensity: median, 16 to 84 %, and the median of the motion without contacts
+(elastic, where something yields).
+"""
 
 import numpy as np
 
@@ -10,10 +14,6 @@ from hpcsweep.studies.ground_motion.stripes import responses_of
 
 NAME = "profile"
 DRAWS = "responses"
-HELP = """\
-peak drift, displacement or acceleration, ductility or residual drift over the storeys
-of each building at one intensity: median, 16 to 84 %, and the median of the motion
-without contacts (elastic, where something yields)"""
 OPTIONS = (responses.RESPONSE, responses.SCALE)
 load = responses.load
 ROOM = 0.2

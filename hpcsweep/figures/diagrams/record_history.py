@@ -1,6 +1,7 @@
-"""One record at one scale: a contact and the floors beside it, over time.
+"""One record at one intensity over time: the ground and two facing floors; needs the record.
 
-The force is the largest since the instant before: contacts may be shorter.
+Displacements with and without contacts, the gap and the force between them (the largest since the
+instant before: contacts may be shorter), and absolute accelerations.
 """
 
 import numpy as np
@@ -13,10 +14,6 @@ from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "history"
 DRAWS = "responses"
-HELP = """\
-ground, displacements of two facing floors with and without contacts, the gap and the force
-between them, and their absolute accelerations, of one record at one intensity; needs the
-record"""
 OPTIONS = (responses.RECORD, responses.SCALE, responses.PLACE, responses.TIME)
 
 

@@ -12,7 +12,7 @@ from hpcsweep.model.buildings import COLUMN
 from hpcsweep.model.isolation import SLAB
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, StripesError, stripes_of
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, stripes_of
 
 RESPONSE = Option("--response", "what is drawn (default: drift)", choices=tuple(RESPONSES))
 PLACE = Option(
@@ -77,10 +77,7 @@ def opened(results, response: str, place: str | None, units: str | None = None) 
     ------
     PlotError
     """
-    try:
-        stripes = stripes_of(results, style.study_of(results, Records), response, place, units)
-    except StripesError as error:
-        raise style.PlotError(str(error)) from None
+    stripes = stripes_of(results, style.study_of(results, Records), response, place, units)
     if np.isnan(stripes.values).all():
         raise style.PlotError("no run is complete yet")
     return stripes

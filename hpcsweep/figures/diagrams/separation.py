@@ -1,4 +1,8 @@
-"""Separation: the gap that two floors need, against the intensity, and what code rules ask for."""
+"""Gap at which two floors do not touch, against the intensity, and what code rules ask for.
+
+Exact from the motion without contacts, with fractiles and the 50 % fractiles of the rules ABS, SRSS
+and DDC; in the legend how often and by how much a rule is too small.
+"""
 
 import numpy as np
 
@@ -11,10 +15,6 @@ from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "separation"
 DRAWS = "responses"
-HELP = """\
-gap at which two floors do not touch, exact from the motion without contacts, against the
-intensity, with fractiles and the 50 % fractiles of the rules ABS, SRSS and DDC; in the legend
-how often and by how much a rule is too small"""
 OPTIONS = (responses.PLACE,)
 RULES = "sum of peaks", "SRSS", "double difference"
 SHORT = 1.0 - 1e-9

@@ -1,4 +1,7 @@
-"""Shares of the box of starts that reach each attractor, along a path."""
+"""Shares of the starts that go to each attractor, along the path of one frame.
+
+Stacked, and with their confidence intervals.
+"""
 
 from collections.abc import Sequence
 
@@ -15,9 +18,6 @@ from hpcsweep.studies.attractors.attractors import AttractorGrid
 
 NAME = "shares"
 DRAWS = "attractors"
-HELP = """\
-shares of the starts that go to each attractor, stacked, and with their confidence
-intervals, along the path of one frame"""
 OPTIONS = (OMEGA, AMPLITUDES)
 MAX_COLUMNS = 7
 MIN_WIDTH, MIN_HEIGHT = 0.05, 0.1

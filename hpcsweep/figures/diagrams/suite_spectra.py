@@ -1,4 +1,7 @@
-"""Response spectra of the records of a suite, as they are, with fractiles."""
+"""Response spectra of the records as they are, 5 % damping, with fractiles; needs the records.
+
+Marked are the natural periods of the structure, or of each building.
+"""
 
 import numpy as np
 
@@ -11,9 +14,6 @@ from hpcsweep.studies.ground_motion.records import Records
 
 NAME = "spectra"
 DRAWS = "responses"
-HELP = """\
-response spectra of the records as they are, 5 % damping, with fractiles and the
-natural periods of the structure, or of each building; needs the records"""
 OPTIONS = ()
 load = responses.load_run
 PERIODS = 60

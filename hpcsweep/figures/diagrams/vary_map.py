@@ -1,4 +1,7 @@
-"""Motions over the amplitude and a key that the job varies, at one frequency."""
+"""Motion classes over the amplitude and a key that the job varies, one frame.
+
+A panel for each value of another, of two others in rows and columns.
+"""
 
 import itertools
 import re
@@ -17,9 +20,6 @@ from hpcsweep.studies.study import as_kind
 
 NAME = "vary"
 DRAWS = "motions"
-HELP = """\
-motion classes over the amplitude and a key that the job varies, one frame; a panel
-for each value of another, of two others in rows and columns"""
 OPTIONS = (
     OMEGA,
     DIRECTION,
@@ -81,7 +81,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     """
     axes = frames.whole.study.axes
     if not axes:
-        raise PlotError(f"{frames.path}: --kind {NAME} shows a key that a job varies ([vary])")
+        raise PlotError(f"--kind {NAME} shows a key that a job varies ([vary])")
     study = as_kind(frames.study, RunGrid)
     style.need_amplitudes(study)
     names = [axis.name for axis in axes]

@@ -29,9 +29,9 @@ def fingerprint(study: Study) -> str:
     meaning: list[object] = [MEANING_VERSION, study.kind]
     if isinstance(study, Varied):
         axes = [
-            (one.key, _canonical(one.values))
+            (column.key, _canonical(column.values))
             for axis in study.axes
-            for one in (axis, *axis.columns)
+            for column in (axis, *axis.columns)
         ]
         meaning += ["vary", fingerprint(study.base), axes]
         return _hash(meaning)
@@ -103,7 +103,7 @@ def _canonical(value: object) -> object:
     if isinstance(value, Mapping):
         return sorted((key, _canonical(item)) for key, item in value.items())
     if isinstance(value, Structure):
-        return [[name, own] for _, name, own in _fields_of("", value, EXCLUDED_FIELDS)]
+        return [[name, content] for _, name, content in _fields_of("", value, EXCLUDED_FIELDS)]
     if (meaning := getattr(value, "meaning", None)) is not None:
         return _canonical(meaning)
     if is_dataclass(value):

@@ -31,36 +31,36 @@ def read_forcing(values: Values) -> Harmonics:
     if len(table) > 1:
         first, second = list(table)[:2]
         raise values.error(f"forcing.{second}", table[second], f"does not go with {first}")
-    for key, given in table.items():
+    for key, value in table.items():
         if key in FORCINGS:
-            return FORCINGS[key](values, given)
+            return FORCINGS[key](values, value)
     return ONE_HARMONIC
 
 
-def _harmonics(values: Values, given) -> Harmonics:
+def _harmonics(values: Values, listed) -> Harmonics:
     """Read a sum of harmonics; that of order 0 is the mean, without a phase."""
-    if not isinstance(given, list) or not given:
+    if not isinstance(listed, list) or not listed:
         limit = "must be a list of {order = 1, amplitude = 1.0, phase = 0.0}"
-        raise values.error("forcing.harmonics", given, limit)
-    found = []
-    for harmonic in given:
+        raise values.error("forcing.harmonics", listed, limit)
+    terms = []
+    for harmonic in listed:
         values.check_table("forcing.harmonics", harmonic, HARMONIC, ("order",))
         order, phase = harmonic["order"], harmonic.get("phase", 0.0)
         if order == 0 and not isinstance(order, bool):
             if "phase" in harmonic:
                 raise values.error("forcing.harmonics.phase", phase, "does not go with order 0")
             phase = MEAN_PHASE
-        found.append((order, harmonic.get("amplitude", 1.0), phase))
-    return tuple(found)
+        terms.append((order, harmonic.get("amplitude", 1.0), phase))
+    return tuple(terms)
 
 
-def _series(values: Values, given) -> Series:
+def _series(values: Values, content) -> Series:
     """Read samples of a period as a Fourier series."""
-    listed = given if isinstance(given, list) else []
+    listed = content if isinstance(content, list) else []
     samples = np.array([values.number("forcing.samples", value) for value in listed])
     if not 3 <= samples.size <= MAX_SAMPLES or not 0 < np.ptp(samples) < math.inf:
         limit = f"must be a list of 3 to {MAX_SAMPLES} numbers, finite and not all equal"
-        raise values.error("forcing.samples", given, limit)
+        raise values.error("forcing.samples", content, limit)
     kept = values.get("forcing.n_harmonics", N_HARMONICS)
     kept = values.whole("forcing.n_harmonics", kept, 1, MAX_HARMONICS - 1)
     return fourier_series(samples, kept)
@@ -79,5 +79,5 @@ def forcing_notes(values: Values) -> tuple[str, ...]:
         return ()
     terms, error = _series(values, values.get("forcing.samples"))
     orders = ", ".join(str(order) for order, _, _ in terms)
-    told = f"forcing.samples: harmonics {orders} meet them to {100 * error:.2g} % of the largest"
-    return (told,)
+    note = f"forcing.samples: harmonics {orders} meet them to {100 * error:.2g} % of the largest"
+    return (note,)

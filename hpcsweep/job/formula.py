@@ -44,12 +44,12 @@ def formula(text: str, names: Collection[str]) -> tuple[Callable[..., float], st
 
     def value(**given: float) -> float:
         try:
-            found = eval(code, {"__builtins__": {}, **KNOWN}, given)
+            result = eval(code, {"__builtins__": {}, **KNOWN}, given)
         except OverflowError:
             return math.inf
         except (ArithmeticError, ValueError, TypeError):
             return math.nan
-        return found if isinstance(found, float) else math.nan  # neither complex nor a function
+        return result if isinstance(result, float) else math.nan  # neither complex nor a function
 
     return value, one_way
 
@@ -63,8 +63,8 @@ def _check(node: ast.AST, names: Collection[str]) -> None:
         if node.id not in names and node.id not in KNOWN:
             raise ValueError(f"knows no {node.id!r}, only {', '.join(names)}; {FORM}")
     elif isinstance(node, ast.Call):
-        known = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS
-        if not known or len(node.args) != 1 or node.keywords:
+        is_function = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS
+        if not is_function or len(node.args) != 1 or node.keywords:
             raise ValueError(FORM)
     elif not isinstance(node, (*ARITHMETIC, ast.Load)):
         raise ValueError(FORM)

@@ -62,18 +62,18 @@ def read_file(path: Path) -> Found:
 
 
 def _npz(content: bytes) -> Found:
-    found: dict[str, Any] = {}
+    matrices: dict[str, Any] = {}
     try:
         with zipfile.ZipFile(BytesIO(content)) as archive:
-            for one in archive.infolist():
-                with archive.open(one) as stream:
-                    name = one.filename.removesuffix(".npy")
-                    found[name] = _array(stream, one.file_size, name)
+            for entry in archive.infolist():
+                with archive.open(entry) as stream:
+                    name = entry.filename.removesuffix(".npy")
+                    matrices[name] = _array(stream, entry.file_size, name)
     except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError):
         raise ValueError(DAMAGED) from None
-    if {"format", "shape"} <= set(found):
-        return {"": _sparse(content, found)}
-    return found
+    if {"format", "shape"} <= set(matrices):
+        return {"": _sparse(content, matrices)}
+    return matrices
 
 
 def _array(stream: Any, size: int, name: str = "") -> np.ndarray:
@@ -102,10 +102,10 @@ def _array(stream: Any, size: int, name: str = "") -> np.ndarray:
     return np.frombuffer(data, dtype).reshape(shape, order="F" if by_columns else "C")
 
 
-def _sparse(content: bytes, found: Found) -> Any:
+def _sparse(content: bytes, arrays: Found) -> Any:
     from scipy.sparse import load_npz
 
-    shape = np.ravel(found["shape"])
+    shape = np.ravel(arrays["shape"])
     if shape.size != 2 or shape.dtype.kind not in "iu" or shape.min() < 0:
         raise ValueError(f"its shape must be rows and columns, is {shown(shape.tolist())}")
     check_size(*shape.tolist())
@@ -122,7 +122,7 @@ def _read_apart(path: Path, kind: str) -> Found:
     if done.returncode < 0 or not done.stdout:
         why = signal.Signals(-done.returncode).name if done.returncode < 0 else "without a word"
         raise ValueError(f"{DAMAGED}: what reads {kind} files ended by {why}")
-    said, found = pickle.loads(done.stdout)  # of our own process
+    said, matrices = pickle.loads(done.stdout)  # of our own process
     if said:
         raise ValueError(on_one_line(said))
-    return found
+    return matrices

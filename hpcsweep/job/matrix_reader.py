@@ -21,10 +21,10 @@ def _mat(path: str) -> dict[str, Any]:
     import numpy as np
     from scipy.io import loadmat
 
-    found = {name: one for name, one in loadmat(path).items() if not name.startswith("__")}
-    if NAMES in found:
-        found[NAMES] = [str(np.squeeze(one)).strip() for one in np.ravel(found[NAMES])]
-    return found
+    matrices = {name: matrix for name, matrix in loadmat(path).items() if not name.startswith("__")}
+    if NAMES in matrices:
+        matrices[NAMES] = [str(np.squeeze(matrix)).strip() for matrix in np.ravel(matrices[NAMES])]
+    return matrices
 
 
 def _op4(path: str) -> dict[str, Any]:
@@ -33,7 +33,8 @@ def _op4(path: str) -> dict[str, Any]:
     except ImportError:
         raise NotImplementedError(INSTALL.format("pyyeti")) from None
     # Nastran writes placeholders of one entry, and names such as kxx1 for those of later kinds
-    return {name: one for name, one in op4.read(path, sparse=None).items() if one.shape != (1, 1)}
+    matrices = op4.read(path, sparse=None)
+    return {name: matrix for name, matrix in matrices.items() if matrix.shape != (1, 1)}
 
 
 def _full(path: str) -> dict[str, Any]:
@@ -43,8 +44,8 @@ def _full(path: str) -> dict[str, Any]:
         raise NotImplementedError(INSTALL.format("ansys-mapdl-reader")) from None
     places, stiffness, mass = FullFile(path).load_km(sort=True)
     names = [f"{node}.{COMPONENTS[dof] if dof < 6 else dof + 1}" for node, dof in places.tolist()]
-    found = {"K": stiffness, "M": mass, NAMES: names}
-    return {name: one for name, one in found.items() if one is not None}
+    matrices = {"K": stiffness, "M": mass, NAMES: names}
+    return {name: matrix for name, matrix in matrices.items() if matrix is not None}
 
 
 READERS: dict[str, Callable[[str], dict[str, Any]]] = {".mat": _mat, ".op4": _op4, ".full": _full}
@@ -72,12 +73,12 @@ def main(kind: str, path: str) -> None:
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # libraries print
     _limit_memory()
-    said, found = "", {}
+    said, matrices = "", {}
     try:
-        found = READERS[kind](path)
-        for one in found.values():
-            if scipy.sparse.issparse(one) and one.format in ("csr", "csc", "bsr"):
-                one.check_format(full_check=True)
+        matrices = READERS[kind](path)
+        for matrix in matrices.values():
+            if scipy.sparse.issparse(matrix) and matrix.format in ("csr", "csc", "bsr"):
+                matrix.check_format(full_check=True)
     except NotImplementedError as error:
         said = str(error)
     except MemoryError:
@@ -85,7 +86,7 @@ def main(kind: str, path: str) -> None:
     except Exception:  # whatever a library takes the file for
         said = f"is no {kind} file, or is cut off or damaged"
     with out:
-        pickle.dump((said, found), out, protocol=5)
+        pickle.dump((said, matrices), out, protocol=5)
 
 
 if __name__ == "__main__":

@@ -78,13 +78,13 @@ def _numbers(lines: Lines, separators: str = "") -> tuple[np.ndarray, np.ndarray
     ):
         _refuse_words(lines, cells)
     try:
-        found = np.fromiter((number(cell) for row in cells for cell in row), float)
+        numbers = np.fromiter((number(cell) for row in cells for cell in row), float)
     except ValueError:
         _refuse_words(lines, cells)
-    if not np.isfinite(found).all():
-        place = int(np.argmin(np.isfinite(found)))
+    if not np.isfinite(numbers).all():
+        place = int(np.argmin(np.isfinite(numbers)))
         raise ValueError(f"every entry must be finite, {[c for row in cells for c in row][place]}")
-    return found, np.array([len(row) for row in cells])
+    return numbers, np.array([len(row) for row in cells])
 
 
 def _refuse_words(lines: Lines, cells: list[list[str]]) -> None:
@@ -129,9 +129,9 @@ def _market(said: list[str], lines: Lines) -> Any:
         made.T[np.triu_indices(n)] = entries  # the lower triangle, column by column
         return made + np.tril(made, -1).T
     if np.any(widths != width):
-        i, given = next((lines[1 + k][0], w) for k, w in enumerate(widths) if w != width)
+        i, n_numbers = next((lines[1 + k][0], w) for k, w in enumerate(widths) if w != width)
         raise ValueError(
-            f"every line must have row, column and entry, line {i} has {given} numbers"
+            f"every line must have row, column and entry, line {i} has {n_numbers} numbers"
         )
     if len(widths) != n_entries:
         raise ValueError(
@@ -166,10 +166,10 @@ def _placed(
             f"says that it is symmetric, where {limit}, and has ({row[k] + 1}, {column[k] + 1}) "
             "and others below the diagonal"
         )
-    found = sparse.csr_array((values, (row, column)), shape=shape)
+    matrix = sparse.csr_array((values, (row, column)), shape=shape)
     if is_symmetric:
-        found = sparse.csr_array(found + found.T - sparse.diags_array(found.diagonal()))
-    return found
+        matrix = sparse.csr_array(matrix + matrix.T - sparse.diags_array(matrix.diagonal()))
+    return matrix
 
 
 def check_size(n: int, m: int) -> None:
@@ -180,12 +180,12 @@ def check_size(n: int, m: int) -> None:
 
 def _abaqus(lines: Lines, blocks: list[int], unsymmetric: bool) -> Found:
     """Read the matrices of a substructure: lower triangles, row by row, or whole."""
-    found: dict[str, Any] = {}
+    matrices: dict[str, Any] = {}
     for k in blocks:
         header = MATRIX.match(lines[k][1])
         assert header is not None
         name = header[1].strip().lower()
-        if name in found:
+        if name in matrices:
             raise ValueError(f"{name.upper()} is there twice")
         after = range(k + 1, len(lines))
         end = next((at for at in after if re.match(r"\s*\*[^*]", lines[at][1])), len(lines))
@@ -193,14 +193,14 @@ def _abaqus(lines: Lines, blocks: list[int], unsymmetric: bool) -> Found:
         whole = round(np.sqrt(entries.size))
         n = whole if unsymmetric else round((np.sqrt(8 * entries.size + 1) - 1) / 2)
         if unsymmetric and whole * whole == entries.size:
-            found[name] = entries.reshape(n, n)
+            matrices[name] = entries.reshape(n, n)
         elif not unsymmetric and n * (n + 1) // 2 == entries.size:
-            found[name] = np.zeros((n, n))
-            found[name][np.tril_indices(n)] = entries
+            matrices[name] = np.zeros((n, n))
+            matrices[name][np.tril_indices(n)] = entries
         else:
             limit = "those of n rows" if unsymmetric else "n (n + 1) / 2, those of a triangle"
             raise ValueError(f"the numbers of {name.upper()} must be {limit}, are {entries.size}")
-    return found
+    return matrices
 
 
 def _rows(lines: Lines) -> np.ndarray:
@@ -210,7 +210,7 @@ def _rows(lines: Lines) -> np.ndarray:
     if re.fullmatch(r"\W*sep=.\W*", lines[0][1]):
         lines = lines[1:]
     separators = ",;"
-    strong = next((one for one in ";\t" if any(one in line for _, line in lines)), "")
+    strong = next((sign for sign in ";\t" if any(sign in line for _, line in lines)), "")
     if strong:
         cells = [[cell.strip() for cell in line.split(strong)] for _, line in lines]
         if has_commas(cell for row in cells for cell in row):
@@ -224,23 +224,23 @@ def _rows(lines: Lines) -> np.ndarray:
         (first, _), (i, _) = lines[0], lines[k]
         said = f"line {first} has {widths[0]} numbers, line {i} has {widths[k]}"
         raise ValueError(f"all lines must have as many numbers as it has lines: {said}")
-    found = entries.reshape(len(lines), -1)
-    check_size(*found.shape)
-    _refuse_list(found)
-    return found
+    matrix = entries.reshape(len(lines), -1)
+    check_size(*matrix.shape)
+    _refuse_list(matrix)
+    return matrix
 
 
-def _refuse_list(found: np.ndarray) -> None:
+def _refuse_list(matrix: np.ndarray) -> None:
     """Refuse what is not a matrix, but looks like the places of entries and the entries."""
-    places = found[:, : INDICES.get(found.shape[1], 0)]
-    if not places.size or len(found) == 1 or np.any((places < 0) | (places != np.floor(places))):
+    places = matrix[:, : INDICES.get(matrix.shape[1], 0)]
+    if not places.size or len(matrix) == 1 or np.any((places < 0) | (places != np.floor(places))):
         return
-    if found.shape[0] == found.shape[1]:
-        triangles = (found, np.tril(found), np.triu(found))
-        if np.array_equal(found, found.T) or any(
+    if matrix.shape[0] == matrix.shape[1]:
+        triangles = (matrix, np.tril(matrix), np.triu(matrix))
+        if np.array_equal(matrix, matrix.T) or any(
             map(np.array_equal, triangles[:1] * 2, triangles[1:])
         ):
             return
-    what = "row, column, entry" if found.shape[1] < CARD else "node, number, twice, entry"
-    more = ", as a global matrix of Abaqus" * (found.shape[1] == CARD)
+    what = "row, column, entry" if matrix.shape[1] < CARD else "node, number, twice, entry"
+    more = ", as a global matrix of Abaqus" * (matrix.shape[1] == CARD)
     raise ValueError(f"looks like a list of entries ({what}){more}, {INSTEAD}")

@@ -71,7 +71,7 @@ def read_model(path: Any, names: Sequence[str] | None = None) -> FiniteElements:
     0.013
     """
     listed = [*path] if isinstance(path, list | tuple) else [path]
-    model = load_model([Path(file_name("path", one)) for one in listed], names)
+    model = load_model([Path(file_name("path", name)) for name in listed], names)
     for problem in model.problems:
         warnings.warn(f"{listed[0]}: {problem}", stacklevel=2)
     return model
@@ -80,7 +80,7 @@ def read_model(path: Any, names: Sequence[str] | None = None) -> FiniteElements:
 def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
     """Read a model from files, as `read_model`; errors name that of what is wrong, or the first."""
     whole = paths[0] if paths else Path("path")
-    found: Found = {}
+    matrices: Found = {}
     read_from: dict[str, Path] = {}
     unused: list[str] = []
     for path in _files(paths):
@@ -90,22 +90,23 @@ def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
                 if not role:
                     is_told = matrix.dtype.kind in "iufc" and max(matrix.shape, default=0) > 1
                     unused += [f"{name} of {path.name}"] * is_told
-                elif role == NAMES and role in found and [*found[role]] != [*matrix]:
+                elif role == NAMES and role in matrices and [*matrices[role]] != [*matrix]:
                     raise ValueError(f"names are not those of {read_from[role].name}")
-                elif role != NAMES and role in found:
+                elif role != NAMES and role in matrices:
                     raise ValueError(f"{role} is there twice, as {name!r} as well")
                 else:
-                    found[role], read_from[role] = matrix, path
+                    matrices[role], read_from[role] = matrix, path
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
     for role in ("mass", "stiffness"):
-        if role not in found:
-            here = ", ".join(unused) if unused else "no other" if found else "nothing"
+        if role not in matrices:
+            here = ", ".join(unused) if unused else "no other" if matrices else "nothing"
             limit = f"the name of one must be {role}, or {role[0].replace('s', 'k').upper()}"
             raise ValueError(f"{whole}: {role} is missing: {limit}, here is {here}")
-    own = found.pop(NAMES, None)
+    stored_names = matrices.pop(NAMES, None)
+    names = stored_names if names is None else names
     try:
-        return FiniteElements(**found, names=own if names is None else names, unused=unused)
+        return FiniteElements(**matrices, names=names, unused=unused)
     except InputError as error:
         error.place = f"{read_from.get(error.key, whole)}"
         raise
@@ -115,8 +116,8 @@ def _files(paths: Sequence[Path]) -> Sequence[Path]:
     """Return the files, or those of a folder; texts there are matrices if their names say which."""
     if len(paths) != 1 or not paths[0].is_dir():
         return paths
-    held = [one for one in sorted(paths[0].iterdir()) if one.suffix.lower() in ENDINGS]
-    listed = [one for one in held if one.suffix.lower() not in TEXTS or _role(_word(one))]
+    held = [file for file in sorted(paths[0].iterdir()) if file.suffix.lower() in ENDINGS]
+    listed = [file for file in held if file.suffix.lower() not in TEXTS or _role(_word(file))]
     if not listed:
         raise ValueError(f"{paths[0]}: holds no file that ends in {', '.join(ENDINGS)}")
     return listed
@@ -127,11 +128,13 @@ def _named(path: Path, held: Found) -> Found:
     word = _word(path)
     matrices = [name for name in held if name != NAMES]
     if len(matrices) == 1:
-        (own,) = matrices
-        if (role := _role(own)) and _role(word) not in ("", role):
-            raise ValueError(f"holds the {role}, {own}, and its name says {_role(word)}")
+        (name_inside,) = matrices
+        if (role := _role(name_inside)) and _role(word) not in ("", role):
+            raise ValueError(f"holds the {role}, {name_inside}, and its name says {_role(word)}")
         if not role:
-            return {word if name == own else name: one for name, one in held.items()}
+            return {
+                word if name == name_inside else name: content for name, content in held.items()
+            }
     return held
 
 

@@ -51,10 +51,10 @@ def with_model(
     table = structure["model"]
     if isinstance(table, Mapping) and folder is None and "found" in table:
         return tree, None
-    own = table
+    table_as_given = table
     if isinstance(table, Mapping):
-        own = {key: value for key, value in table.items() if key != "found"}
-    values.check_table("structure.model", own, MODEL, ("file",))
+        table_as_given = {key: value for key, value in table.items() if key != "found"}
+    values.check_table("structure.model", table_as_given, MODEL, ("file",))
     contacts, sliders = element_tables(values, structure)
     varied = varied_values(values, tree)
     for key in filter(SHAPES_MODES.search, varied):
@@ -64,17 +64,17 @@ def with_model(
     for key in LISTS:
         if not isinstance(table.get(key, []), list):
             raise values.error(f"structure.model.{key}", table[key], "must be a list")
-    given: Any = table["file"]
+    names: Any = table["file"]
     place = "structure.model.file"
-    paths = [(folder or Path()) / one for one in values.names(place, given, "names of files")]
+    paths = [(folder or Path()) / file for file in values.names(place, names, "names of files")]
     from hpcsweep.job.model_files import load_model
 
     try:
         model = load_model(paths, table.get("names"))
         files = [
-            one for path in paths for one in (sorted(path.iterdir()) if path.is_dir() else [path])
+            file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])
         ]
-        content = [hashlib.sha256(one.read_bytes()).hexdigest() for one in files if one.is_file()]
+        content = [hashlib.sha256(f.read_bytes()).hexdigest() for f in files if f.is_file()]
     except (OSError, ValueError) as error:
         said = str(error)
         if isinstance(error, OSError) and error.filename:
@@ -98,12 +98,12 @@ def with_model(
             of_model = error.table not in ("contact", "slider")
             error.within("structure.model" if of_model else "structure")
             raise JobError(error.limit, error.key, values.source) from None
-        told = {key: value for key, value in made._asdict().items() if value is not None}
-        return {"origin": origin, "settings": settings, **told}
+        reduced_model = {key: value for key, value in made._asdict().items() if value is not None}
+        return {"origin": origin, "settings": settings, **reduced_model}
 
-    found = reduced(reduce)
+    reduction = reduced(reduce)
     places = [str(path.absolute()) for path in paths]
-    table = {**table, "file": places if isinstance(given, list) else places[0], "found": found}
+    table = {**table, "file": places if isinstance(names, list) else places[0], "found": reduction}
     return {**tree, "structure": {**structure, "model": table}}, reduced if reduce else None
 
 
@@ -113,8 +113,8 @@ def _stiffest(contacts: list[dict], varied: Mapping[str, tuple[Any, ...]]) -> li
     A wrong value is left to the part that has it.
     """
     made = []
-    for k, one in enumerate(contacts):
-        given = varied.get(f"structure.contact[{k}].stiffness", ())
-        known = [value for value in given if isinstance(value, int | float) and value > 0]
-        made.append({**one, "stiffness": max(known)} if known else one)
+    for k, contact in enumerate(contacts):
+        stiffnesses = varied.get(f"structure.contact[{k}].stiffness", ())
+        valid = [value for value in stiffnesses if isinstance(value, int | float) and value > 0]
+        made.append({**contact, "stiffness": max(valid)} if valid else contact)
     return made

@@ -102,7 +102,7 @@ INSTEAD = {
 """By a key, those in whose place it is given."""
 
 
-def _drop_inherited(whole: dict, own: set[str]) -> list[str]:
+def _drop_inherited(whole: dict, keys_of_job: set[str]) -> list[str]:
     """Remove inherited keys that have no use beside the job's own; return messages.
 
     These are keys that another key replaces, and keys of other kinds of study only.
@@ -111,12 +111,12 @@ def _drop_inherited(whole: dict, own: set[str]) -> list[str]:
     if not isinstance(kind, str) or kind not in KINDS:
         return []
     elsewhere = {key: f"goes with {kinds}" for key, kinds in _keys_of_others(KINDS[kind]).items()}
-    for key in own:
+    for key in keys_of_job:
         elsewhere |= {other: f"{key} is given" for other in INSTEAD.get(key, ())}
     notes = []
     for full, why in elsewhere.items():
         table, key = full.split(".")
-        if full not in own and key in whole.get(table, {}):
+        if full not in keys_of_job and key in whole.get(table, {}):
             del whole[table][key]
             notes.append(f"not inherited: {full} ({why})")
     return notes
@@ -181,10 +181,10 @@ def read_values(values: Values):
     study = _kind(values)
     values.check_tables(keys_of(study), partial(_keys_of_others, study))
 
-    def structure_of(one: Mapping) -> Structure:
-        own = Values(values.source, one)
-        own.check_tables(keys_of(study), partial(_keys_of_others, study))
-        return structures.read_structure(own)
+    def structure_of(job: Mapping) -> Structure:
+        step_values = Values(values.source, job)
+        step_values.check_tables(keys_of(study), partial(_keys_of_others, study))
+        return structures.read_structure(step_values)
 
     followed = None
     if ALONG in study.keys.get("sweep", ()):
@@ -212,23 +212,23 @@ def read_values(values: Values):
 
 def _portion(values: Values, study):
     """Return the part of a study that its job computes."""
-    given: Any = values.top("part", None)
-    if given is None:
+    part: Any = values.top("part", None)
+    if part is None:
         return study
     if not study.cut(slice(None)):
-        raise values.error("part", given, "cannot be: this job is computed as a whole")
-    if not is_part(given):
-        raise values.error("part", given, "must be [k, n], part k of n, from 1 to n")
-    if given[1] > study.n_frames:
+        raise values.error("part", part, "cannot be: this job is computed as a whole")
+    if not is_part(part):
+        raise values.error("part", part, "must be [k, n], part k of n, from 1 to n")
+    if part[1] > study.n_frames:
         frames = count(study.n_frames, study.run_dims[-2])
-        raise values.error("part", given, f"n must be at most that of the {frames}")
-    return replace(study, **study.cut(slice(given[0] - 1, None, given[1])))
+        raise values.error("part", part, f"n must be at most that of the {frames}")
+    return replace(study, **study.cut(slice(part[0] - 1, None, part[1])))
 
 
-def is_part(given: Any) -> bool:
+def is_part(value: Any) -> bool:
     """Return whether a value is [k, n] with k from 1 to n."""
-    whole = isinstance(given, list) and len(given) == 2 and all(type(x) is int for x in given)
-    return whole and 1 <= given[0] <= given[1]
+    whole = isinstance(value, list) and len(value) == 2 and all(type(x) is int for x in value)
+    return whole and 1 <= value[0] <= value[1]
 
 
 def part_of(job: Job, place: Place) -> Job:
@@ -264,12 +264,12 @@ def _check_extent(values: Values, study: Study) -> None:
 
 def _keys_of_others(study) -> dict[str, str]:
     """Return the keys of other kinds of study only, with these kinds."""
-    own = keys_of(study)
+    keys_here = keys_of(study)
     homes: dict[str, list[str]] = {}
     for other in KINDS.values():
         for table, keys in keys_of(other).items():
             for key in keys:
-                if key not in own[table]:
+                if key not in keys_here[table]:
                     homes.setdefault(f"{table}.{key}", []).append(f'"{other.kind}"')
     return {key: f"study.kind = {' or '.join(kinds)}" for key, kinds in homes.items()}
 
@@ -302,32 +302,32 @@ def _name(values: Values, default: str) -> str:
 
 
 def _about(values: Values) -> dict[str, str]:
-    given = {key: values.top(key, "") for key in ABOUT}
-    for key, text in given.items():
+    texts = {key: values.top(key, "") for key in ABOUT}
+    for key, text in texts.items():
         if not isinstance(text, str) or not text.isprintable():
             raise values.error(key, text, "must be a text of one line")
-    return {key: str(text) for key, text in given.items() if text}
+    return {key: str(text) for key, text in texts.items() if text}
 
 
 def _initial_state(values: Values, structure: Structure, at_rest: bool) -> np.ndarray:
-    given = values.get("sweep.initial_state", "rest")
+    start = values.get("sweep.initial_state", "rest")
     sliders = () if at_rest else structure.sliders
     size = 2 * structure.n_floors + len(sliders)
-    if given == "rest":
+    if start == "rest":
         return np.zeros(size)
-    if not isinstance(given, list) or len(given) != size:
+    if not isinstance(start, list) or len(start) != size:
         form = f"2 n + L = {size} numbers, u, v and p" if sliders else f"2 n = {size} numbers"
-        raise values.error("sweep.initial_state", given, f'must be "rest" or a list of {form}')
-    state = np.array([values.number("sweep.initial_state", value) for value in given])
+        raise values.error("sweep.initial_state", start, f'must be "rest" or a list of {form}')
+    state = np.array([values.number("sweep.initial_state", value) for value in start])
     if not np.all(np.abs(state) <= MAX_STATE):
         limit = f"must be finite, and at most {MAX_STATE:g}"
-        raise values.error("sweep.initial_state", given, limit)
+        raise values.error("sweep.initial_state", start, limit)
     moved, lasting = state[: structure.n_floors], state[size - len(sliders) :]
     stretched = structure.slider_directions[: len(sliders)] @ moved - lasting
-    for name, one, d in zip(structure.slider_names, sliders, np.abs(stretched), strict=False):
-        if d > one.limit * (1.0 + AT_STRENGTH):
-            limit = f"must have |b . u - p| of slider {name} at most {one.limit:.6g}, is {d:.6g}"
-            raise values.error("sweep.initial_state", given, limit)
+    for name, slider, d in zip(structure.slider_names, sliders, np.abs(stretched), strict=False):
+        if d > slider.limit * (1.0 + AT_STRENGTH):
+            limit = f"must have |b . u - p| of slider {name} at most {slider.limit:.6g}, is {d:.6g}"
+            raise values.error("sweep.initial_state", start, limit)
     return state
 
 
@@ -367,22 +367,22 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
 
 
 def _max_points(values: Values, sampling: int, longest: int) -> int | None:
-    given = values.get("output.max_points", sampling)
+    value = values.get("output.max_points", sampling)
     least = min(2 * longest, sampling)
-    if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= MAX_CYCLES:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= MAX_CYCLES:
         limit = f"must be a whole number from 2 max_orbit_period = {least} to {MAX_CYCLES}"
-        raise values.error("output.max_points", given, limit)
-    return given if given < sampling else None
+        raise values.error("output.max_points", value, limit)
+    return value if value < sampling else None
 
 
 def _skip(values: Values, rules: tuple[str, ...]) -> frozenset[str]:
-    given = values.get("solver.skip", "all")
-    if given == "all":
+    value = values.get("solver.skip", "all")
+    if value == "all":
         return frozenset(rules)
-    if given == "none":
+    if value == "none":
         return frozenset()
-    if not isinstance(given, list) or not all(name in rules for name in given):
+    if not isinstance(value, list) or not all(name in rules for name in value):
         raise values.error(
-            "solver.skip", given, f'must be "all", "none" or a list of {", ".join(rules)}'
+            "solver.skip", value, f'must be "all", "none" or a list of {", ".join(rules)}'
         )
-    return frozenset(given)
+    return frozenset(value)

@@ -51,36 +51,37 @@ def with_record_error(
     JobError
         If no number of modes has the error that the job asks for.
     """
-    given = parts_of(values, tree, read).tree_as_given()
-    study = read(values.source, given)
+    job = parts_of(values, tree, read).tree_as_given()
+    study = read(values.source, job)
     if not isinstance(study, Records):
         return tree
     wanted = tree["structure"]["model"]["reduce"]
     limit = wanted.get("error", math.inf)
-    found = tree["structure"]["model"]["found"]
+    model = tree["structure"]["model"]["found"]
     while True:
-        k = found["facts"]["modes"]
+        k = model["facts"]["modes"]
         kept, more = (
-            read(values.source, _with(given, one)) for one in (found, reduced({"modes": k}, True))
+            read(values.source, _with(job, reduction))
+            for reduction in (model, reduced({"modes": k}, True))
         )
         error, force_error = _errors(kept, more)
-        facts = {**found["facts"], "error": error, "force_error": force_error}
+        facts = {**model["facts"], "error": error, "force_error": force_error}
         if error <= limit:
-            return _with(tree, {**found, "facts": facts})
+            return _with(tree, {**model, "facts": facts})
         try:
-            found = reduced({"modes": math.ceil(STEP * k)})
+            model = reduced({"modes": math.ceil(STEP * k)})
         except JobError:
             limit = f"at least {error:.2g} under its records, that of {k} modes"
             said = f"structure.model.reduce.error must be {limit}, is {wanted['error']:g}"
             raise JobError(f"{values.source}: {said}") from None
 
 
-def _with(tree: Mapping, found: Mapping) -> dict:
+def _with(tree: Mapping, reduction: Mapping) -> dict:
     """Return a job with what is found of its model; further modes are damped as the last given."""
-    model = {**tree["structure"]["model"], "found": found}
+    model = {**tree["structure"]["model"], "found": reduction}
     ratios = model.get("damping_ratio")
     if isinstance(ratios, list):
-        model["damping_ratio"] = ratios + ratios[-1:] * (found["facts"]["modes"] - len(ratios))
+        model["damping_ratio"] = ratios + ratios[-1:] * (reduction["facts"]["modes"] - len(ratios))
     return {**tree, "structure": {**tree["structure"], "model": model}}
 
 
@@ -94,9 +95,9 @@ def _errors(kept: Records, more: Records) -> tuple[float, float]:
         except ArithmeticError:  # the run itself will tell
             continue
         n = min(len(moved), len(exact))
-        for at, (own, true) in enumerate(((moved[:n], exact[:n]), (pushed, force))):
+        for at, (estimate, true) in enumerate(((moved[:n], exact[:n]), (pushed, force))):
             most = np.abs(true).max(axis=0)
-            off = np.abs(own - true).max(axis=0)
+            off = np.abs(estimate - true).max(axis=0)
             errors[at] = max(errors[at], (off[most > 0] / most[most > 0]).max(initial=0.0))
             if np.any(off[most == 0] > 0):
                 errors[at] = max(errors[at], 1.0)

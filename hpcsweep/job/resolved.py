@@ -34,9 +34,9 @@ def resolved(job: Job) -> str:
         defaults = {key: value for key, value in defaults.items() if other.get(key) == value}
     if study.settings.classify_cycles is None:  # of a study that classifies in its own way
         defaults.pop("sweep.classify_cycles", None)
-    known = keys_of(study)
-    if known["forcing"] and set(tree.get("forcing", {})) <= {"harmonics"}:
-        terms = [dict(zip(HARMONIC, one, strict=True)) for one in job.structure.harmonics]
+    keys = keys_of(study)
+    if keys["forcing"] and set(tree.get("forcing", {})) <= {"harmonics"}:
+        terms = [dict(zip(HARMONIC, harmonic, strict=True)) for harmonic in job.structure.harmonics]
         for term in terms:
             if not term["order"]:
                 del term["phase"]
@@ -44,9 +44,9 @@ def resolved(job: Job) -> str:
     whole: dict[str, Any] = {"name": job.name} | tree
     for key, value in defaults.items():
         table, name = key.split(".", 1)
-        if name in known.get(table, (name,)):
+        if name in keys.get(table, (name,)):
             whole = with_value(whole, key, _plain(value), job.name)
-    return write(whole, known)
+    return write(whole, keys)
 
 
 def _along(parts: Parts) -> Iterator[tuple[int, ...]]:
@@ -64,24 +64,24 @@ def _defaults(tree: Mapping[str, Any]) -> dict[str, object]:
     read_values(values)
     structure = tree.get("structure", {})
     buildings = tree.get("building", [])
-    found: list[tuple[str, Mapping, Mapping]] = []
-    own: Mapping
+    places: list[tuple[str, Mapping, Mapping]] = []
+    usual: Mapping
     if not buildings and not {"matrices", "model"} & set(structure):
-        own = {key.name: key.default for key in STRUCTURE["structure"]}
-        found.append(("structure", structure, own))
+        usual = {key.name: key.default for key in STRUCTURE["structure"]}
+        places.append(("structure", structure, usual))
     elif not buildings:
-        found.append(("structure", structure, {"sharpness": np.inf}))
+        places.append(("structure", structure, {"sharpness": np.inf}))
     for name, tables, kind in (
         ("building", buildings, Building),
         ("structure.contact", structure.get("contact", []), Contact),
     ):
-        own = {field.name: field.default for field in fields(kind)}
-        found += [(f"{name}[{k}]", table, own) for k, table in enumerate(tables)]
+        usual = {field.name: field.default for field in fields(kind)}
+        places += [(f"{name}[{k}]", table, usual) for k, table in enumerate(tables)]
     if len(buildings) > 1:
-        found.append(("pounding", tree["pounding"], {"sharpness": np.inf, "tension": False}))
-    for place, table, own in found:
+        places.append(("pounding", tree["pounding"], {"sharpness": np.inf, "tension": False}))
+    for place, table, usual in places:
         without = (*table, *(("damping_ratio",) if "rayleigh" in table else ()))
-        for name, default in own.items():
+        for name, default in usual.items():
             if isinstance(default, int | float) and name not in without:
                 values.defaults[f"{place}.{name}"] = default
     return values.defaults
@@ -90,7 +90,7 @@ def _defaults(tree: Mapping[str, Any]) -> dict[str, object]:
 def _plain(value: Any) -> Any:
     """Return a value as a TOML parser would."""
     if isinstance(value, tuple | list):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items()}
+        return {name: _plain(item) for name, item in value.items()}
     return value.item() if isinstance(value, np.generic) else value

@@ -44,15 +44,15 @@ def with_rows(values: Values, tree: dict, folder: Path | None) -> tuple[dict, st
         If the file cannot be read, or is no table of one value a column and row.
     """
     vary = tree.get("vary")
-    if not isinstance(vary, Mapping) or not isinstance(given := vary.get(ROWS), str):
+    if not isinstance(vary, Mapping) or not isinstance(file := vary.get(ROWS), str):
         return tree, ""
-    path = (folder or Path()) / given
+    path = (folder or Path()) / file
     try:
         text = decoded(read_bytes(path, MAX_BYTES))
     except OSError as error:
-        raise values.error(f"vary.{ROWS}", given, f"cannot be read: {error.strerror}") from None
+        raise values.error(f"vary.{ROWS}", file, f"cannot be read: {error.strerror}") from None
     except ValueError as error:
-        raise values.error(f"vary.{ROWS}", given, str(error)) from None
+        raise values.error(f"vary.{ROWS}", file, str(error)) from None
     head, _, below = text.partition("\n")
     said, place = re.fullmatch(r'"?sep=([,;\t])"?[,;\s]*', head), f"{path}"
     if said:  # as spreadsheets are told it
@@ -71,20 +71,25 @@ def _table(text: str, separator: str, path: str) -> list[dict]:
         raise JobError(f"{path}: {limit}, one has more") from None
     if len(cells) < FIRST_LINE or len(cells) != len(lines) or not cells[0]:
         raise JobError(f"{path}: must have a line of keys and a line for each row below it")
-    cells = [[cell.strip() for cell in own] for own in cells]
-    if not cells[0][-1] and not any(own[-1] for own in cells if len(own) == len(cells[0])):
-        cells = [own[:-1] if len(own) == len(cells[0]) else own for own in cells]
+    cells = [[cell.strip() for cell in line_cells] for line_cells in cells]
+    if not cells[0][-1] and not any(
+        line_cells[-1] for line_cells in cells if len(line_cells) == len(cells[0])
+    ):
+        cells = [
+            line_cells[:-1] if len(line_cells) == len(cells[0]) else line_cells
+            for line_cells in cells
+        ]
     keys = cells[0]
     for key in keys:
         if not key or keys.count(key) > 1:
             raise JobError(f"{path}: line 1: {key!r} must be the key of one column")
     if keys == [NAME]:
         raise JobError(f"{path}: must have a column of a key beside {NAME}, has none")
-    for line, own in enumerate(cells[1:], FIRST_LINE):
-        if len(own) != len(keys):
+    for line, line_cells in enumerate(cells[1:], FIRST_LINE):
+        if len(line_cells) != len(keys):
             limit = f"must have {len(keys)} cells as line 1"
-            raise JobError(f"{path}: line {line}: {limit}, has {len(own)}")
-    rows = [dict(zip(keys, own, strict=True)) for own in cells[1:]]
+            raise JobError(f"{path}: line {line}: {limit}, has {len(line_cells)}")
+    rows = [dict(zip(keys, line_cells, strict=True)) for line_cells in cells[1:]]
     if separator != ",":
         rows = _with_points(rows, path)
     return [_values(row, f"{path}: line {k}") for k, row in enumerate(rows, FIRST_LINE)]
@@ -97,7 +102,7 @@ def _with_points(rows: list[dict], path: str) -> list[dict]:
             return rows
     except ValueError as error:
         raise JobError(f"{path}: {error}") from None
-    return [{k: one if k == NAME else with_point(one) for k, one in row.items()} for row in rows]
+    return [{k: cell if k == NAME else with_point(cell) for k, cell in row.items()} for row in rows]
 
 
 def _values(cells: Mapping[str, str], place: str) -> dict:
@@ -105,8 +110,8 @@ def _values(cells: Mapping[str, str], place: str) -> dict:
     row = {key: _value(key, cell) for key, cell in cells.items()}
     for key, value in row.items():
         if value == "" or value != value:
-            told = "nan" if value else "empty"
-            raise JobError(f"{place}, column {key}: must have a value, is {told}")
+            fault = "nan" if value else "empty"
+            raise JobError(f"{place}, column {key}: must have a value, is {fault}")
     return row
 
 

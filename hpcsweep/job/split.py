@@ -58,7 +58,7 @@ def whole_of(text: str, source: str, name: str) -> Whole:
     if "part" not in tree:
         raise JobError(f"{source}: is of a whole job, of no part as hpcsweep split makes them")
     k, n = tree.pop("part")
-    own = LINE.sub("", text, count=1)
-    if "part" in parse_toml(own, source):
-        own = write(tree, every_key())
-    return Whole(parse_job(own, source, name.removesuffix(f"-{k}of{n}")), k, n)
+    whole = LINE.sub("", text, count=1)
+    if "part" in parse_toml(whole, source):
+        whole = write(tree, every_key())
+    return Whole(parse_job(whole, source, name.removesuffix(f"-{k}of{n}")), k, n)

@@ -65,23 +65,23 @@ def read_structure(values: Values) -> Structure:
     JobError
         If they do not define a structure.
     """
-    given = dict(values.table("structure"))
+    table = dict(values.table("structure"))
     harmonics = read_forcing(values)
-    by_matrices = next((key for key in ("model", "matrices") if key in given), None)
+    by_matrices = next((key for key in ("model", "matrices") if key in table), None)
     for key in ("contact", "slider"):
-        if key in given and by_matrices is None:
-            raise values.error(f"structure.{key}", given[key], "goes with structure.matrices")
+        if key in table and by_matrices is None:
+            raise values.error(f"structure.{key}", table[key], "goes with structure.matrices")
     side_by_side = values.top("building", None) is not None
     _check_sizes(values)
     try:
         if side_by_side or values.table("pounding"):
-            structure = _of_buildings(values, given, harmonics)
+            structure = _of_buildings(values, table, harmonics)
         elif by_matrices is None:
-            given = _weighed(values, "structure", given)
-            given = {key: _tuples(value) for key, value in given.items()}
-            structure = Structure(**given, harmonics=harmonics)
+            table = _weighed(values, "structure", table)
+            table = {key: _tuples(value) for key, value in table.items()}
+            structure = Structure(**table, harmonics=harmonics)
         else:
-            structure = _of_matrices(values, given, by_matrices, harmonics)
+            structure = _of_matrices(values, table, by_matrices, harmonics)
         if structure.sliders:
             _ = structure.rest
     except InputError as error:
@@ -89,7 +89,7 @@ def read_structure(values: Values) -> Structure:
             raise
         _place(error, side_by_side)
         raise JobError(error.limit, error.key, values.source) from None
-    if structure.rayleigh is not None and "damping_ratio" in given:
+    if structure.rayleigh is not None and "damping_ratio" in table:
         shown = values.get("structure.rayleigh")
         raise values.error("structure.rayleigh", shown, "is given beside damping_ratio")
     _check_limits(values, structure)
@@ -122,35 +122,35 @@ def _unit_names(values: Values, structure: Structure) -> UnitNames:
     return UnitNames(**table)
 
 
-def _of_matrices(values: Values, given: dict, by: str, harmonics) -> Structure:
+def _of_matrices(values: Values, table: dict, by: str, harmonics) -> Structure:
     """Read matrices, or a model, with contacts and sliders."""
-    for key in given:
+    for key in table:
         if key not in (by, *WITH_MATRICES[1:]):
-            raise values.error(f"structure.{key}", given[key], f"does not go with {by}")
-    contacts, sliders = element_tables(values, given)
-    others = {key: _tuples(given[key]) for key in WITH_MATRICES[3:] if key in given}
+            raise values.error(f"structure.{key}", table[key], f"does not go with {by}")
+    contacts, sliders = element_tables(values, table)
+    others = {key: _tuples(table[key]) for key in WITH_MATRICES[3:] if key in table}
     if by == "model":
-        return _of_model(values, given, contacts, sliders, {**others, "harmonics": harmonics})
-    values.check_table("structure.matrices", given[by], MATRICES, ("mass", "stiffness"))
+        return _of_model(values, table, contacts, sliders, {**others, "harmonics": harmonics})
+    values.check_table("structure.matrices", table[by], MATRICES, ("mass", "stiffness"))
     return Structure.from_matrices(
         contacts=elements_of("contact", contacts),
         sliders=elements_of("slider", sliders),
         harmonics=harmonics,
-        **given[by],
+        **table[by],
         **others,
     )
 
 
-def element_tables(values: Values, given: Mapping) -> tuple[list[dict], list[dict]]:
+def element_tables(values: Values, structure: Mapping) -> tuple[list[dict], list[dict]]:
     """Return the tables of contacts and sliders beside matrices."""
     tables = []
-    for name, known in (("contact", CONTACT), ("slider", SLIDER)):
-        listed = given.get(name, [])
+    for name, keys in (("contact", CONTACT), ("slider", SLIDER)):
+        listed = structure.get(name, [])
         if not isinstance(listed, list):
             limit = f"must be tables, [[structure.{name}]]"
             raise values.error(f"structure.{name}", listed, limit)
-        for k, one in enumerate(listed):
-            values.check_table(f"structure.{name}[{k}]", one, known, known[:3])
+        for k, table in enumerate(listed):
+            values.check_table(f"structure.{name}[{k}]", table, keys, keys[:3])
         tables.append(listed)
     return tables[0], tables[1]
 
@@ -158,18 +158,20 @@ def element_tables(values: Values, given: Mapping) -> tuple[list[dict], list[dic
 def model_settings(structure: Mapping) -> str:
     """Hash the keys that a reduced model depends on."""
     model = {key: structure["model"].get(key) for key in MODEL[1:-1]}
-    rows = [one.get("direction") for one in structure.get("contact", [])]
-    rows += [(one.get("direction"), one.get("stiffness")) for one in structure.get("slider", [])]
+    rows = [contact.get("direction") for contact in structure.get("contact", [])]
+    rows += [
+        (slider.get("direction"), slider.get("stiffness")) for slider in structure.get("slider", [])
+    ]
     return hashlib.sha256(repr((model, rows)).encode()).hexdigest()
 
 
-def _of_model(values: Values, given: dict, contacts, sliders, others: dict) -> Structure:
+def _of_model(values: Values, structure: dict, contacts, sliders, others: dict) -> Structure:
     """Read a finite element model that `hpcsweep.job.models` has reduced."""
-    table = dict(given["model"])
-    found = dict(table.pop("found", {}))
+    table = dict(structure["model"])
+    reduction = dict(table.pop("found", {}))
     values.check_table("structure.model", table, MODEL, ("file",))
-    origin, settings = found.pop("origin", ""), found.pop("settings", "")
-    if settings != model_settings(given):
+    origin, settings = reduction.pop("origin", ""), reduction.pop("settings", "")
+    if settings != model_settings(structure):
         limit = ": contacts and sliders must be those that it was reduced with"
         raise JobError(limit, "structure.model", values.source)
     if "damping_ratio" in table:
@@ -179,7 +181,7 @@ def _of_model(values: Values, given: dict, contacts, sliders, others: dict) -> S
             raise values.error("structure.model.damping_ratio", value, limit)
         others["damping_ratio"] = _tuples(table["damping_ratio"])
     try:
-        reduced = Reduced(**found)
+        reduced = Reduced(**reduction)
     except TypeError:
         raise JobError("is not what a run wrote", "structure.model.found", values.source) from None
     return reduced.structure(contacts, sliders, origin=origin, **others)
@@ -191,18 +193,18 @@ def _weighed(values: Values, place: str, table: dict) -> dict:
         raise values.error(f"{place}.weight", table["weight"], "goes with p_delta")
     mass: Any = table.get("mass")
     each = mass if isinstance(mass, list) else [mass]
-    is_known = all(isinstance(one, int | float) for one in each)
+    is_known = all(isinstance(m, int | float) for m in each)
     if table.get("p_delta") is not True or "weight" in table or not is_known:
         return table
     gravity = known_gravity(values, f"{place}.p_delta", True)
-    return {**table, "weight": [gravity * one for one in each] if mass is each else gravity * mass}
+    return {**table, "weight": [gravity * m for m in each] if mass is each else gravity * mass}
 
 
 def _building(name: str, table: Mapping) -> Building:
     """Make one of several buildings; an error names its table."""
-    given = {key: _tuples(value) for key, value in table.items()}
+    parameters = {key: _tuples(value) for key, value in table.items()}
     try:
-        return _made(_Table(repr(given), given))
+        return _made(_Table(repr(parameters), parameters))
     except InputError as error:
         raise error if error.table == "matrices" else error.within(name) from None
 
@@ -223,7 +225,7 @@ def _made(table: _Table) -> Building:
     return made
 
 
-def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
+def _of_buildings(values: Values, structure: dict, harmonics) -> Structure:
     """Read buildings side by side: the tables ``building`` and ``pounding``."""
     tables = values.top("building", None)
     if tables is None:
@@ -231,8 +233,8 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
         raise values.error(f"pounding.{key}", value, "goes with [[building]]")
     if not isinstance(tables, list):
         raise values.error("building", tables, "must be tables, [[building]]")
-    for key in given:
-        raise values.error(f"structure.{key}", given[key], "does not go with [[building]]")
+    for key in structure:
+        raise values.error(f"structure.{key}", structure[key], "does not go with [[building]]")
     buildings = []
     for k, table in enumerate(tables):
         place = f"building[{k}]"
@@ -265,17 +267,19 @@ def _of_buildings(values: Values, given: dict, harmonics) -> Structure:
 
 def _with_isolation(values: Values, place: str, table: Mapping) -> Mapping:
     """Return the table of a building, with g for its isolation where that needs it."""
-    given = table.get("isolation")
-    if given is None:
+    bearings = table.get("isolation")
+    if bearings is None:
         return table
-    values.check_table(f"{place}.isolation", given, ISOLATION, ("slab_mass",))
-    if "wall_stiffness" in given and "gap" not in given:
+    values.check_table(f"{place}.isolation", bearings, ISOLATION, ("slab_mass",))
+    if "wall_stiffness" in bearings and "gap" not in bearings:
         key = f"{place}.isolation.wall_stiffness"
-        raise values.error(key, given["wall_stiffness"], "goes with gap, the distance of the walls")
+        raise values.error(
+            key, bearings["wall_stiffness"], "goes with gap, the distance of the walls"
+        )
     by_weight = {}
-    for key in sorted({"radius", "friction"} & set(given)):
-        by_weight["gravity"] = known_gravity(values, f"{place}.isolation.{key}", given[key])
-    return {**table, "isolation": {**given, **by_weight}}
+    for key in sorted({"radius", "friction"} & set(bearings)):
+        by_weight["gravity"] = known_gravity(values, f"{place}.isolation.{key}", bearings[key])
+    return {**table, "isolation": {**bearings, **by_weight}}
 
 
 def _tuples(value):
@@ -315,14 +319,14 @@ def _damping(structure: Structure, table: str) -> str:
     return f"structure.{'damping_ratio' if structure.rayleigh is None else 'rayleigh'}"
 
 
-def _numbers(key: str, given: Any) -> Iterator[tuple[str, Any]]:
+def _numbers(key: str, table: Any) -> Iterator[tuple[str, Any]]:
     """Iterate over the numbers in a table, or in several, with the keys of each."""
-    if isinstance(given, Mapping):
-        for name, value in given.items():
+    if isinstance(table, Mapping):
+        for name, value in table.items():
             if name != "found":
                 yield from _numbers(f"{key}.{name}", value)
-    elif isinstance(given, list):
-        for k, value in enumerate(given):
+    elif isinstance(table, list):
+        for k, value in enumerate(table):
             yield from _numbers(f"{key}[{k}]" if isinstance(value, Mapping) else key, value)
-    elif isinstance(given, int | float):
-        yield key, given
+    elif isinstance(table, int | float):
+        yield key, table

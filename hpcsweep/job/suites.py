@@ -64,7 +64,7 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
                 f"needs {len(periods)} periods of {n_records} records, {keys.MAX_MEASURES} at most"
             )
             raise values.error("records.scale.period", keys.OWN_PERIOD, limit)
-    found: dict[str, Facts] = {}
+    suite: dict[str, Facts] = {}
     measures: dict[str, list[float]] = {}
     tell = counted("reading record")
     for i in range(n_records):
@@ -73,12 +73,12 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
         except (ValueError, OSError) as error:
             said = f"{paths[i]}: {error.strerror}" if isinstance(error, OSError) else str(error)
             raise JobError(f"{values.source}: records: {said}") from None
-        if record.name in found:
+        if record.name in suite:
             raise JobError(f"{values.source}: records.files: two records are named {record.name}")
         try:
             if periods:
                 spectral = spectrum(record, periods, measure.damping_ratio).acceleration
-                measures[record.name] = [rounded(one) for one in spectral.tolist()]
+                measures[record.name] = [rounded(ordinate) for ordinate in spectral.tolist()]
             facts = facts_of(record, Measure() if periods else measure, gravity)
         except InputError as error:
             key = next(iter(keys.SCALED_BY[measure.by])) if error.key == "periods" else error.key
@@ -87,16 +87,16 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
         if not min(measures.get(record.name, [facts.measure])) > 0:
             shown = f"{values.source}: records: the {measure} of {record.name}"
             raise JobError(f"{shown} is {facts.measure:g}, must be above 0")
-        found[record.name] = facts
-        tell(len(found), n_records)
+        suite[record.name] = facts
+        tell(len(suite), n_records)
     if "found" in table:
-        _compare(values, found)
-    told: Any = [facts._asdict() for facts in found.values()]
+        _compare(values, suite)
+    facts_found: Any = [facts._asdict() for facts in suite.values()]
     if periods:
-        records = [{**one, "measure": measures[one["name"]]} for one in told]
-        told = {"periods": periods, "records": records}
-    own = {**table, "found": told}
-    return {**tree, "records": {**own, "files": list(paths)} if paths else own}
+        records = [{**record, "measure": measures[record["name"]]} for record in facts_found]
+        facts_found = {"periods": periods, "records": records}
+    stored = {**table, "found": facts_found}
+    return {**tree, "records": {**stored, "files": list(paths)} if paths else stored}
 
 
 def _periods(values: Values, tree: dict, file: str, gravity: float) -> list[float]:
@@ -104,11 +104,11 @@ def _periods(values: Values, tree: dict, file: str, gravity: float) -> list[floa
     parts = parts_of(values, tree, _period, file)
     first, periods = (0,) * len(parts.axes), list[float]()
     parts.visit(lambda place: periods.append(parts(place)), [first])
-    told = parts.table.longest_periods(gravity)
-    if told is None:
+    known_periods = parts.table.longest_periods(gravity)
+    if known_periods is None:
         parts.visit(lambda place: periods.append(parts(place)))
     else:
-        periods += told.tolist()
+        periods += known_periods.tolist()
     # what is given beside the table vary is read, too
     periods.append(_period(values.source, parts.tree_as_given()))
     return sorted(set(map(rounded, periods)))
@@ -118,10 +118,10 @@ def with_own_period(tree: dict, study: Study) -> dict:
     """Return the job of a part without what is known of records at the periods of others."""
     if "part" in tree or not isinstance(tree["records"].get("found"), Mapping):
         return tree
-    own = as_kind(study, Records)
-    records = [{**one._asdict(), "measure": [one.measure]} for one in own.suite]
-    found = {"periods": [keys.longest_period(own.structure)], "records": records}
-    return {**tree, "records": {**tree["records"], "found": found}}
+    suite = as_kind(study, Records).suite
+    records = [{**facts._asdict(), "measure": [facts.measure]} for facts in suite]
+    stored = {"periods": [keys.longest_period(study.structure)], "records": records}
+    return {**tree, "records": {**tree["records"], "found": stored}}
 
 
 def _period(source: str, tree: Mapping) -> float:
@@ -130,35 +130,36 @@ def _period(source: str, tree: Mapping) -> float:
     return keys.longest_period(read_structure(values))
 
 
-def _compare(values: Values, found: dict[str, Facts]) -> None:
+def _compare(values: Values, suite: dict[str, Facts]) -> None:
     """Refuse records that are not those the job was made with."""
     before, _ = keys.read_found(values)
     for old in before:
-        if old.name not in found or found[old.name].digest != old.digest:
+        if old.name not in suite or suite[old.name].digest != old.digest:
             said = f"{values.source}: records.found: {old.name} is not there any more as it was"
             raise JobError(f"{said}; take records.found away to use what is there")
 
 
 def _paths(values: Values, folder: Path) -> tuple[str, ...]:
     """Return the files that names, folders and patterns stand for, each once, in their order."""
-    given, what = values.get("records.files"), 'names of files or folders, or patterns: ["*.AT2"]'
+    patterns = values.get("records.files")
+    what = 'names of files or folders, or patterns: ["*.AT2"]'
     paths: dict[str, None] = {}
-    for pattern in values.names("records.files", given, what):
+    for pattern in values.names("records.files", patterns, what):
         place = (folder / pattern).absolute()
         if place.is_dir():
-            found = [str(p) for p in place.iterdir() if p.is_file() and p.name[0] != "."]
+            names = [str(p) for p in place.iterdir() if p.is_file() and p.name[0] != "."]
         elif place.exists():
-            found = [str(place)]
+            names = [str(place)]
         else:
-            found = [name for name in glob.glob(str(place)) if Path(name).is_file()]  # noqa: PTH207
-        if not found:
+            names = [name for name in glob.glob(str(place)) if Path(name).is_file()]  # noqa: PTH207
+        if not names:
             raise values.error("records.files", pattern, f"there is no such file in {folder}")
-        for name in found:
+        for name in names:
             if not name.isprintable():  # as one of bytes that are not UTF-8
                 limit = "names of files and folders must be printable, in UTF-8"
                 raise values.error("records.files", name, limit)
-        paths |= dict.fromkeys(sorted(found))
+        paths |= dict.fromkeys(sorted(names))
     if len(paths) > keys.MAX_FILES:
         limit = f"gives {len(paths)} records, the most are {keys.MAX_FILES}"
-        raise values.error("records.files", given, limit)
+        raise values.error("records.files", patterns, limit)
     return tuple(paths)

@@ -70,7 +70,11 @@ class Table:
     def _numbers(self) -> list[dict[str, np.ndarray]]:
         """Values of the keys of each axis that are numbers above 0, or lists of them: (n, any)."""
         return [
-            {one.key: found for one in axis.keys if (found := _positive(one.given)) is not None}
+            {
+                column.key: numbers
+                for column in axis.keys
+                if (numbers := _positive(column.given)) is not None
+            }
             for axis in self.axes
         ]
 
@@ -81,25 +85,25 @@ class Table:
         """
         columns = {key: values for axis in self._numbers for key, values in axis.items()}
         is_separate = all(
-            one.key in columns and SEPARATE.fullmatch(one.key)
+            column.key in columns and SEPARATE.fullmatch(column.key)
             for axis in self.axes
-            for one in axis.keys
+            for column in axis.keys
         )
         if base.kind not in KINDS or not is_separate or COMMON & self._names:
             return []
         if not _keeps_far(base, columns):
             return []
         first = (0,) * len(self.axes)
-        found = {first}
+        extreme = {first}
         for i, axis in enumerate(self._numbers):
             for values in axis.values():
                 ends = {*values.argmin(axis=0).tolist(), *values.argmax(axis=0).tolist()}
-                found |= {(*first[:i], at, *first[i + 1 :]) for at in ends}
-        return sorted(found)
+                extreme |= {(*first[:i], at, *first[i + 1 :]) for at in ends}
+        return sorted(extreme)
 
     def by_part(self, base: RunGrid) -> dict[str, tuple[Variable, np.ndarray]] | None:
         """Return the variables known beforehand in which parts differ; None: parts must be made."""
-        if any("storey_height" in one.key for axis in self.axes for one in axis.keys):
+        if any("storey_height" in column.key for axis in self.axes for column in axis.keys):
             return None
         if base.kind != "records":
             return {}
@@ -107,21 +111,22 @@ class Table:
         from hpcsweep.studies.ground_motion.variables import FACTOR
 
         study = as_kind(base, RecordGrid)
-        found = self.tree["records"]["found"]
-        if OWN_PERIOD not in study.measure.periods or not isinstance(found, Mapping):
+        stored = self.tree["records"]["found"]
+        if OWN_PERIOD not in study.measure.periods or not isinstance(stored, Mapping):
             return {}
         if (periods := self.longest_periods(study.gravity)) is None:
             return None
         try:
-            at = nearest(found["periods"], periods)
+            at = nearest(stored["periods"], periods)
             measures = {
-                one["name"]: np.array(one["measure"], float)[at] for one in found["records"]
+                record["name"]: np.array(record["measure"], float)[at]
+                for record in stored["records"]
             }
         except (TypeError, ValueError, IndexError):
             return None
-        own = np.stack([measures[one.name] for one in study.suite], axis=-1)
+        at_periods = np.stack([measures[facts.name] for facts in study.suite], axis=-1)
         shape = [len(axis.values) for axis in self.axes]
-        factors = (study.scale / own[..., None]).reshape(*shape, *study.factor.shape)
+        factors = (study.scale / at_periods[..., None]).reshape(*shape, *study.factor.shape)
         differ = not np.array_equal(factors, np.broadcast_to(study.factor, factors.shape))
         along = FACTOR.along(tuple(axis.name for axis in self.axes))
         return {FACTOR.name: (along, factors)} if differ else {}
@@ -132,13 +137,17 @@ class Table:
         Masses, stiffnesses and periods tell it of storeys on the ground or on bearings; else, or
         where there may be a mistake, it is None: structures have to be made.
         """
-        varied = {one.key for axis in self.axes for one in axis.keys}
+        varied = {column.key for axis in self.axes for column in axis.keys}
         if OTHERS & self._names or "structure.n_floors" in varied:
             return None
-        tables = {f"building[{k}]": one for k, one in enumerate(self.tree.get("building", []))}
+        tables = {
+            f"building[{k}]": building for k, building in enumerate(self.tree.get("building", []))
+        }
         tables = tables or {"structure": self.tree.get("structure", {})}
         try:
-            return np.max([self._periods_of(*one, gravity) for one in tables.items()], axis=0)
+            return np.max(
+                [self._periods_of(*building, gravity) for building in tables.items()], axis=0
+            )
         except (KeyError, ValueError):
             return None
 
@@ -163,19 +172,23 @@ class Table:
         if "period" in table:
             stiffness *= (chain_periods(mass, stiffness)[:, None] / period) ** 2
         if bearings is not None:
-            own = [
-                self._values(f"{name}.isolation.{k}", one, 1)[:, 0] for k, one in bearings.items()
+            parameters = [
+                self._values(f"{name}.isolation.{k}", value, 1)[:, 0]
+                for k, value in bearings.items()
             ]
             each = [
                 Isolation(**dict(zip(bearings, row, strict=True)), gravity=gravity)
-                for row in zip(*own, strict=True)
+                for row in zip(*parameters, strict=True)
             ]
-            mass = np.column_stack(([one.slab_mass for one in each], mass))
-            stuck = [one.bearings(m)[1] for one, m in zip(each, mass.sum(axis=1), strict=True)]
+            mass = np.column_stack(([isolation.slab_mass for isolation in each], mass))
+            stuck = [
+                isolation.bearings(m)[1]
+                for isolation, m in zip(each, mass.sum(axis=1), strict=True)
+            ]
             stiffness = np.column_stack((stuck, stiffness))
         return chain_periods(mass, stiffness)
 
-    def _values(self, key: str, given: Any, n: int) -> np.ndarray:
+    def _values(self, key: str, first: Any, n: int) -> np.ndarray:
         """Return the n values of a key in each part, shape (parts, n); given is that of the first.
 
         Raises
@@ -183,33 +196,35 @@ class Table:
         KeyError, ValueError
         """
         shape = [len(axis.values) for axis in self.axes]
-        found = np.empty((math.prod(shape), n))
-        found[:] = given
+        values = np.empty((math.prod(shape), n))
+        values[:] = first
         for axis, numbers, at in zip(
             self.axes, self._numbers, np.indices(shape).reshape(len(shape), -1), strict=True
         ):
-            for one in axis.keys:
-                owner, _, place = one.key.rstrip("]").partition(f"{key}[")
-                if one.key == key:
-                    found[:] = numbers[key][at]
+            for column in axis.keys:
+                owner, _, place = column.key.rstrip("]").partition(f"{key}[")
+                if column.key == key:
+                    values[:] = numbers[key][at]
                 elif not owner and place:
-                    found[:, int(place)] = numbers[one.key][at, 0]
-        if not found.max() <= EXTENT * found.min():
+                    values[:, int(place)] = numbers[column.key][at, 0]
+        if not values.max() <= EXTENT * values.min():
             raise ValueError
-        return found
+        return values
 
 
 def _keeps_far(base: RunGrid, columns: Mapping[str, np.ndarray]) -> bool:
     """Return whether no part comes near a limit that several keys have in common."""
     structure = base.structure
-    springs = [one.spring * float(np.square(one.direction).sum()) for one in structure.sliders]
+    springs = [
+        slider.spring * float(np.square(slider.direction).sum()) for slider in structure.sliders
+    ]
     if springs and not base.starts_at_rest:
         return False  # whose initial states are limited by strengths over stiffnesses
     with np.errstate(all="ignore"):
-        ratios = [(one.max(axis=0) / one.min(axis=0)).max() for one in columns.values()]
+        ratios = [(column.max(axis=0) / column.min(axis=0)).max() for column in columns.values()]
         room = float(np.prod(ratios)) ** 2
-    own = float(np.trace(structure.elastic_stiffness))
-    stiffer = max(springs, default=0.0) / (own if own > 0.0 else min(springs, default=1.0))
+    trace = float(np.trace(structure.elastic_stiffness))
+    stiffer = max(springs, default=0.0) / (trace if trace > 0.0 else min(springs, default=1.0))
     spread = max(map(np.linalg.cond, (structure.mass_matrix, structure.stiffness_matrix)))
     damping = float(structure.damping_ratios.max())
     return room * max(spread, stiffer) <= MAX_STIFFNESS and room * damping <= MAX_DAMPING
@@ -219,18 +234,23 @@ def _names(table: Any) -> Iterator[str]:
     """Iterate over the names of all keys in tables."""
     for key, value in table.items() if isinstance(table, Mapping) else ():
         yield key
-        for one in value if isinstance(value, list) else (value,):
-            yield from _names(one)
+        for item in value if isinstance(value, list) else (value,):
+            yield from _names(item)
 
 
-def _positive(given: tuple[Any, ...]) -> np.ndarray | None:
+def _positive(values: tuple[Any, ...]) -> np.ndarray | None:
     """Return values as numbers, shape (n, any), if all are numbers above 0, or lists of as many."""
-    lists = [one if isinstance(one, list) else [one] for one in given]
-    forms = {(type(one) is list, len(own)) for one, own in zip(given, lists, strict=True)}
-    if len(forms) > 1 or not {type(one) for own in lists for one in own} <= {int, float}:
+    lists = [value if isinstance(value, list) else [value] for value in values]
+    forms = {
+        (type(value) is list, len(entries)) for value, entries in zip(values, lists, strict=True)
+    }
+    if len(forms) > 1 or not {type(entry) for entries in lists for entry in entries} <= {
+        int,
+        float,
+    }:
         return None
-    found = np.array(lists, float)
-    return found if found.size and np.all((found > 0.0) & np.isfinite(found)) else None
+    numbers = np.array(lists, float)
+    return numbers if numbers.size and np.all((numbers > 0.0) & np.isfinite(numbers)) else None
 
 
 def shape_of(part: RunGrid) -> tuple:
@@ -240,16 +260,19 @@ def shape_of(part: RunGrid) -> tuple:
 
 def difference(base: tuple, part: tuple) -> str:
     """Return why two parts, by `shape_of`, cannot share a file; '' where they can."""
-    (labels, variables, known, first), (own_labels, own_variables, own, given) = base, part
-    if own_labels != labels:
+    labels, variables, coordinates, known_first = base
+    if part[0] != labels:
         return "has other contacts than the first"
-    sizes = ({name: one.values.size for name, one in each.items()} for each in (known, own))
-    if own_variables != variables or next(sizes) != next(sizes):
+    sizes, part_sizes = (
+        {name: coordinate.values.size for name, coordinate in shape[2].items()}
+        for shape in (base, part)
+    )
+    if part[1] != variables or part_sizes != sizes:
         return "has not the dimensions of the first"
-    for name, coordinate in known.items():
-        if not _equal(own[name].values, coordinate.values):
+    for name, coordinate in coordinates.items():
+        if not _equal(part[2][name].values, coordinate.values):
             return f"has another {name} than the first"
-    for (variable, before), (_, values) in zip(first, given, strict=True):
+    for (variable, before), (_, values) in zip(known_first, part[3], strict=True):
         if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
             return f"has another {variable.name} than the first"
     return ""

@@ -100,7 +100,7 @@ POINTERS = (
 def template(kind: str = DEFAULT_KIND) -> str:
     """Write a job of a kind of study; that of an amplitude sweep tells the keys of others, too."""
     every, shaken = declared(KINDS[kind]), kind == "records"
-    given = GIVEN[kind] if kind == DEFAULT_KIND else {"study.kind": f'"{kind}"', **GIVEN[kind]}
+    completing = GIVEN[kind] if kind == DEFAULT_KIND else {"study.kind": f'"{kind}"', **GIVEN[kind]}
     parts = [HEAD.format(SEEDS * (kind == "branches") + (IN_OWN if shaken else IN_GAPS))]
     for table in (*TABLES, "records", "branches"):
         if not every[table]:
@@ -111,7 +111,7 @@ def template(kind: str = DEFAULT_KIND) -> str:
         parts.append(f"[{table}]")
         if table == "study":
             parts += [_comment(f'"{other}": {study.summary}') for other, study in KINDS.items()]
-        parts += [*_given(table, every[table], given), ""]
+        parts += [*_given(table, every[table], completing), ""]
     parts.append("# Tables of other structures, see docs/structures.md:")
     for table in ("building", "pounding", "units"):
         keys = every.get(table) or [key for key in every[""] if key.name == table]
@@ -124,7 +124,7 @@ def template(kind: str = DEFAULT_KIND) -> str:
 def _of_others(every: Tables) -> list[str]:
     """Write the keys of other studies."""
     parts: list[str] = []
-    told = {(table, key.name) for table, keys in every.items() for key in keys}
+    mentioned = {(table, key.name) for table, keys in every.items() for key in keys}
     for kind, study in KINDS.items():
         further = {
             table: [key for key in keys if key not in every[table]]
@@ -134,21 +134,21 @@ def _of_others(every: Tables) -> list[str]:
         if names:
             parts.append("\n" + _comment(f'Keys of study.kind = "{kind}": {", ".join(names)}'))
         for table, keys in further.items():
-            new = [key for key in keys if (table, key.name) not in told]
-            told |= {(table, key.name) for key in new}
+            new = [key for key in keys if (table, key.name) not in mentioned]
+            mentioned |= {(table, key.name) for key in new}
             if new and table not in TABLES:
                 parts.append(f"#[{table}]")
             parts += [_mentioned(f"{table}." * (table in TABLES), key) for key in new]
     return parts
 
 
-def _given(table: str, keys: Iterable[Key], given: Mapping[str, str]) -> Iterator[str]:
+def _given(table: str, keys: Iterable[Key], completing: Mapping[str, str]) -> Iterator[str]:
     """Write keys, each after its comment; of one without a value only the comment."""
     for key in keys:
         name = f"{table}.{key.name}"
-        value = given.get(name) or key.example or key.shown
+        value = completing.get(name) or key.example or key.shown
         if value:
-            mark = "#" * (name not in given)
+            mark = "#" * (name not in completing)
             default = f"; default: {key.told}" * bool(key.told)
             yield f"{_comment(key.description + default)}\n{mark}{key.name} = {value}\n"
         else:
@@ -165,9 +165,9 @@ def _mentioned(prefix: str, key: Key) -> str:
 
 def _comment(text: str, indent: str = "# ") -> str:
     """Write a text as a comment, without the marks of Markdown."""
-    told = LINK.sub(
+    plain = LINK.sub(
         lambda link: "" if link[2] in POINTERS else f" ({link[2]})" if link[1] else link[2], text
     )
-    text = told.replace("`", "")
+    text = plain.replace("`", "")
     lines = textwrap.wrap(text, 98 - len(indent), break_long_words=False, break_on_hyphens=False)
     return "\n".join([f"# {lines[0]}", *(f"{indent}{line}" for line in lines[1:])])

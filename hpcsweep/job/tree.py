@@ -86,33 +86,33 @@ def resolve(
     """
     text, tree = _read(path)
     bases = _read_bases(path, tree)
-    given = [_parse_setting(setting) for setting in settings]
-    if not bases and not given:
+    layers = [_parse_setting(setting) for setting in settings]
+    if not bases and not layers:
         return text, str(path), []
     made_of = [path.name, *(f"extends {base.name}" for base, _ in bases)]
     source = str(path)
     if bases:
         source += f" (extends {', '.join(base.name for base, _ in bases)})"
-    if given:
+    if layers:
         made_of += [f"with {setting}" for setting in settings]
         source += f" with {' '.join(_option(setting) for setting in settings)}"
     whole: dict = functools.reduce(merge, (*(base for _, base in reversed(bases)), tree), {})
-    for setting, layer in zip(settings, given, strict=True):
+    for setting, layer in zip(settings, layers, strict=True):
         key, _, value = (part.strip() for part in setting.partition("="))
         if not layer:
             said = _option(setting)
             whole = with_value(whole, key, parse_toml(f"x = {value}", said)["x"], said)
         whole = merge(whole, layer)
-    own = {
+    keys_of_job = {
         f"{table}.{key}"
-        for layer in (tree, *given)
+        for layer in (tree, *layers)
         for table, keys in layer.items()
         if isinstance(keys, Mapping)
         for key in keys
     }
     keys = order()
     whole = _without_unset(whole, keys)
-    notes = inherit(whole, own) if inherit else []
+    notes = inherit(whole, keys_of_job) if inherit else []
     try:
         text = write(whole, keys)
     except (ValueError, RecursionError) as error:  # numbers too long, brackets nested too deeply
@@ -121,12 +121,12 @@ def resolve(
     return "".join(f"# {_printable(line)}\n" for line in made_of) + text, source, notes
 
 
-def _without_unset(tree: Mapping, order: Order, known: Sequence[str] | None = None) -> dict:
+def _without_unset(tree: Mapping, order: Order, keys: Sequence[str] | None = None) -> dict:
     """Return a tree without unset keys, unknown ones stay, and without tables left empty."""
     kept = {
         key: _without_unset(value, {}, order.get(key)) if isinstance(value, Mapping) else value
         for key, value in tree.items()
-        if value != UNSET or (known and key not in known)
+        if value != UNSET or (keys and key not in keys)
     }
     return {key: value for key, value in kept.items() if value != {} or tree[key] == {}}
 
@@ -163,10 +163,10 @@ def _replaced(below: Any, steps: list[str], value: object, said: str, owner: str
     return [*listed[:place], inner, *listed[place + 1 :]]
 
 
-def merge(base: Mapping, given: Mapping, within: str = "") -> dict:
+def merge(base: Mapping, layer: Mapping, within: str = "") -> dict:
     """Merge a tree over another: tables key by key, the value of a key whole."""
     merged = dict(base)
-    for key, value in given.items():
+    for key, value in layer.items():
         below = merged.get(key)
         is_table = not within or f"{within}.{key}" in TABLES_WITHIN
         if is_table and isinstance(below, Mapping) and isinstance(value, Mapping):
@@ -225,8 +225,8 @@ def parse_toml(text: str, source: str, otherwise: str = "") -> dict:
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # RecursionError: brackets nested too deeply
-        told = otherwise or f"not valid TOML: {_unreadable(text)}{str(error)[:200]}"
-        raise TreeError(f"{source}: {told}") from None
+        fault = otherwise or f"not valid TOML: {_unreadable(text)}{str(error)[:200]}"
+        raise TreeError(f"{source}: {fault}") from None
     _check_size(tree, source)
     return tree
 
@@ -282,13 +282,13 @@ def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
                 raise TreeError(f"{path}: unknown key {key!r}; did you mean {EXTENDS!r}?")
         if EXTENDS not in tree:
             return bases
-        given = tree.pop(EXTENDS)
-        where = f"{path}: {EXTENDS} = {given!r}"
-        if not isinstance(given, str) or not given.isprintable() or not given:
+        base = tree.pop(EXTENDS)
+        where = f"{path}: {EXTENDS} = {base!r}"
+        if not isinstance(base, str) or not base.isprintable() or not base:
             raise TreeError(f"{where}: must be the name of one job file")
         if len(bases) == MAX_BASES:
             raise TreeError(f"{where}: a job may be built on {MAX_BASES} files at most")
-        path = path.parent / given
+        path = path.parent / base
         try:
             _, tree = _read(path)
         except TreeError as error:

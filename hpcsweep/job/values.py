@@ -95,28 +95,28 @@ class Values:
         for table in keys:
             if not table:
                 continue
-            given = self.tree.get(table, {})
-            if not isinstance(given, Mapping):
-                raise self.error(table, given, "must be a table")
-            self.check_keys(table, given, keys[table], keys, elsewhere)
+            content = self.tree.get(table, {})
+            if not isinstance(content, Mapping):
+                raise self.error(table, content, "must be a table")
+            self.check_keys(table, content, keys[table], keys, elsewhere)
 
-    def check_keys(self, table, tree, known, keys=None, elsewhere=None) -> None:
+    def check_keys(self, table, tree, allowed, keys=None, elsewhere=None) -> None:
         """Refuse unknown keys of a table; see `check_tables`."""
         for key in tree:
-            if key in known:
+            if key in allowed:
                 continue
             full = f"{table}.{key}" if table else key
             if elsewhere and full in (others := elsewhere()):
                 hint = f"it goes with {others[full]}"
             else:
-                hint = _hint(key, known, keys or {})
+                hint = _hint(key, allowed, keys or {})
             raise JobError(f"; {hint}", f"unknown key {full!r}", self.source)
 
-    def check_table(self, key: str, table, known, needed) -> None:
+    def check_table(self, key: str, table, allowed, needed) -> None:
         """Refuse a value that is not a table of known keys, or lacks a required one."""
         if not isinstance(table, Mapping):
-            raise self.error(key, table, f"must be a table of {', '.join(known)}")
-        self.check_keys(key, table, known)
+            raise self.error(key, table, f"must be a table of {', '.join(allowed)}")
+        self.check_keys(key, table, allowed)
         for name in needed:
             if name not in table:
                 raise self.missing(f"{key}.{name}")
@@ -150,14 +150,14 @@ class Values:
     def read(self, table: str, key: Key) -> Any:
         """Return the value of a key as it is declared: of its default's type, within its limits."""
         name = f"{table}.{key.name}"
-        given = self.get(name, key.default)
+        value = self.get(name, key.default)
         if isinstance(key.default, bool):
-            return self.flag(name, given)
+            return self.flag(name, value)
         if isinstance(key.default, int):
-            return self.whole(name, given, *key.limits)
+            return self.whole(name, value, *key.limits)
         if isinstance(key.default, float):
-            return self.within(name, given, *key.limits)
-        return self.choice(name, given, key.limits)
+            return self.within(name, value, *key.limits)
+        return self.choice(name, value, key.limits)
 
     def number(self, key: str, value: object) -> float:
         """Return a value that must be a number as a float."""
@@ -178,66 +178,66 @@ class Values:
         """Return a number above 0; by default of a size that some unit gives it."""
         return self.within(key, value, least, most, "above 0, ")
 
-    def whole(self, key: str, given: object, least: int, most: int) -> int:
+    def whole(self, key: str, value: object, least: int, most: int) -> int:
         """Return a whole number within bounds."""
-        if isinstance(given, bool) or not isinstance(given, int) or not least <= given <= most:
-            raise self.error(key, given, f"must be a whole number from {least} to {most}")
-        return given
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise self.error(key, value, f"must be a whole number from {least} to {most}")
+        return value
 
-    def flag(self, key: str, given: object) -> bool:
+    def flag(self, key: str, value: object) -> bool:
         """Return true or false."""
-        if not isinstance(given, bool):
-            raise self.error(key, given, "must be true or false")
-        return given
+        if not isinstance(value, bool):
+            raise self.error(key, value, "must be true or false")
+        return value
 
-    def choice(self, key: str, given: object, known: Iterable[str]) -> str:
+    def choice(self, key: str, value: object, allowed: Iterable[str]) -> str:
         """Return one of the known words."""
-        words = tuple(known)
-        if not isinstance(given, str) or given not in words:
-            raise self.error(key, given, f"must be one of {', '.join(words)}")
-        return given
+        words = tuple(allowed)
+        if not isinstance(value, str) or value not in words:
+            raise self.error(key, value, f"must be one of {', '.join(words)}")
+        return value
 
-    def choices(self, key: str, given: object, known: Iterable[str]) -> tuple[str, ...]:
+    def choices(self, key: str, value: object, allowed: Iterable[str]) -> tuple[str, ...]:
         """Return a list of known words, each once."""
-        words = tuple(known)
-        if not isinstance(given, list) or not all(isinstance(x, str) and x in words for x in given):
-            raise self.error(key, given, f"must be a list of {', '.join(words)}")
-        if len(set(given)) < len(given):
-            raise self.error(key, given, "must not hold a word twice")
-        return tuple(given)
+        words = tuple(allowed)
+        if not isinstance(value, list) or not all(isinstance(x, str) and x in words for x in value):
+            raise self.error(key, value, f"must be a list of {', '.join(words)}")
+        if len(set(value)) < len(value):
+            raise self.error(key, value, "must not hold a word twice")
+        return tuple(value)
 
-    def names(self, key: str, given: object, what: str) -> tuple[str, ...]:
+    def names(self, key: str, value: object, what: str) -> tuple[str, ...]:
         """Return the names of one file or several; `what` they are is said in the error."""
-        listed = given if isinstance(given, list) else [given]
+        listed = value if isinstance(value, list) else [value]
         if not listed or not all(isinstance(x, str) and x and x.isprintable() for x in listed):
-            raise self.error(key, given, f"must be {what}")
+            raise self.error(key, value, f"must be {what}")
         return tuple(listed)
 
     def numbers(
-        self, key: str, given: object, ascending: bool, most: int = MAX_VALUES
+        self, key: str, content: object, ascending: bool, most: int = MAX_VALUES
     ) -> np.ndarray:
         """Return a number, a list of numbers, or a range table; `most` are counted beforehand.
 
         None: it is missing.
         """
-        if given is None:
+        if content is None:
             raise self.missing(key)
-        if isinstance(given, Mapping):
-            return self._range(key, given, most)
-        listed = given if isinstance(given, list) else [given]
+        if isinstance(content, Mapping):
+            return self._range(key, content, most)
+        listed = content if isinstance(content, list) else [content]
         if not listed:
-            raise self.error(key, given, "must not be empty")
+            raise self.error(key, content, "must not be empty")
         if len(listed) > most:
-            raise self.error(key, given, f"must have at most {most} values, has {len(listed)}")
+            raise self.error(key, content, f"must have at most {most} values, has {len(listed)}")
         values = np.array([self.number(key, value) for value in listed])
         if not np.all(np.isfinite(values)):
-            raise self.error(key, given, "must be finite")
+            raise self.error(key, content, "must be finite")
         if ascending and np.any(np.diff(values) <= 0):
             place = int(np.argmax(np.diff(values) <= 0))
             before, after = values[place : place + 2].tolist()
-            raise self.error(key, given, f"must ascend, but {before!r} is followed by {after!r}")
+            raise self.error(key, content, f"must ascend, but {before!r} is followed by {after!r}")
         if np.unique(values).size != values.size:
-            raise self.error(key, given, "must not hold a value twice")
+            raise self.error(key, content, "must not hold a value twice")
         return values
 
     def frequencies(self, key: str) -> np.ndarray:
@@ -248,17 +248,17 @@ class Values:
                 limit = f'does not go with {key}: take one away (= "unset" where it is inherited)'
                 raise self.error(cycles, self.get(cycles), limit)
             key = cycles
-        given = self.numbers(key, self._no_formula(key), ascending=False)
-        if np.any(given <= 0):
-            raise self.error(key, given[given <= 0][0], "must be greater than 0")
+        frequencies = self.numbers(key, self._no_formula(key), ascending=False)
+        if np.any(frequencies <= 0):
+            raise self.error(key, frequencies[frequencies <= 0][0], "must be greater than 0")
         if key != cycles:
-            self.check_range(key, omega=given)
-            return given
-        omega = 2 * math.pi * given
+            self.check_range(key, omega=frequencies)
+            return frequencies
+        omega = 2 * math.pi * frequencies
         wrong = (omega < MIN_OMEGA) | (omega > MAX_OMEGA)
         if wrong.any():
             limits = f"from {MIN_OMEGA / (2 * math.pi):.4g} to {MAX_OMEGA / (2 * math.pi):.4g}"
-            raise self.error(key, given[wrong][0], f"must be {limits}")
+            raise self.error(key, frequencies[wrong][0], f"must be {limits}")
         return omega
 
     def check_range(self, key: str, omega=(), amplitude=()) -> None:
@@ -268,10 +268,10 @@ class Values:
             ("Omega must be", omega, MIN_OMEGA, MAX_OMEGA),
             ("A must be 0, or", amplitude[amplitude != 0], MIN_AMPLITUDE, MAX_AMPLITUDE),
         )
-        for what, given, least, most in limits:
-            wrong = ~((least <= given) & (given <= most))
+        for what, numbers, least, most in limits:
+            wrong = ~((least <= numbers) & (numbers <= most))
             if wrong.any():
-                raise self.error(key, given[wrong][0], f"{what} from {least:g} to {most:g}")
+                raise self.error(key, numbers[wrong][0], f"{what} from {least:g} to {most:g}")
 
     def amplitudes(self, key: str) -> np.ndarray:
         """Read forcing amplitudes, ascending."""
@@ -283,11 +283,11 @@ class Values:
 
     def _no_formula(self, key: str) -> object:
         """Return the value of a key that is a formula in sweeps alone."""
-        given = self.get(key)
-        if isinstance(given, str):
+        value = self.get(key)
+        if isinstance(value, str):
             limit = "must be numbers: formulas are of paths (sweeps, attractors), no single points"
-            raise self.error(key, given, limit)
-        return given
+            raise self.error(key, value, limit)
+        return value
 
     def tie(self, key: str, text: str, names: Collection[str]) -> Tie:
         """Read a formula of some names that gives Omega or A."""
@@ -297,40 +297,40 @@ class Values:
             raise self.error(key, text, str(error)) from None
         return Tie(key.removeprefix("sweep."), text, value)
 
-    def tied(self, key: str, text: str, known: Mapping[str, np.ndarray]) -> np.ndarray:
+    def tied(self, key: str, text: str, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return what a formula gives Omega or A, where other values are known."""
-        value = self.tie(key, text, known).of
+        value = self.tie(key, text, parameters).of
         is_omega = key == "sweep.omega"
         least, most = (MIN_OMEGA, MAX_OMEGA) if is_omega else (MIN_AMPLITUDE, MAX_AMPLITUDE)
-        found = np.empty(np.shape(next(iter(known.values()))))
-        for place in np.ndindex(found.shape):
-            at = {name: float(own[place]) for name, own in known.items()}
-            found[place] = value(**at)
-            if not least <= found[place] <= most and (found[place] != 0 or is_omega):
-                where = ", ".join(f"{name} = {one:.6g}" for name, one in at.items())
-                told = "overflows" if math.isinf(found[place]) else f"is {found[place]:.6g}"
+        tied = np.empty(np.shape(next(iter(parameters.values()))))
+        for place in np.ndindex(tied.shape):
+            at = {name: float(numbers[place]) for name, numbers in parameters.items()}
+            tied[place] = value(**at)
+            if not least <= tied[place] <= most and (tied[place] != 0 or is_omega):
+                where = ", ".join(f"{name} = {number:.6g}" for name, number in at.items())
+                result = "overflows" if math.isinf(tied[place]) else f"is {tied[place]:.6g}"
                 limit = f"must be {'' if is_omega else '0, or '}from {least:g} to {most:g}"
-                limit += f", {told} at {where}"
+                limit += f", {result} at {where}"
                 raise self.error(key, text, limit)
-        return found
+        return tied
 
-    def _range(self, key: str, given: Mapping, most: int) -> np.ndarray:
-        self.check_keys(key, given, RANGE_KEYS)
+    def _range(self, key: str, table: Mapping, most: int) -> np.ndarray:
+        self.check_keys(key, table, RANGE_KEYS)
         ends = []
         for end in ("from", "to"):
-            if end not in given:
+            if end not in table:
                 raise self.missing(f"{key}.{end}")
-            value = self.number(f"{key}.{end}", given[end])
+            value = self.number(f"{key}.{end}", table[end])
             if not math.isfinite(value):
                 raise self.error(f"{key}.{end}", value, "must be finite")
             ends.append(value)
         low, high = ends
         if not low < high:
             raise self.error(f"{key}.from", low, f"must be less than to = {high!r}")
-        if ("count" in given) == ("step" in given):
+        if ("count" in table) == ("step" in table):
             raise JobError("needs either count or step beside from and to", key, self.source)
-        if "count" in given:
-            count = given["count"]
+        if "count" in table:
+            count = table["count"]
             if isinstance(count, bool) or not isinstance(count, int):
                 raise self.error(f"{key}.count", count, "must be a whole number")
             if not 2 <= count <= most:
@@ -338,7 +338,7 @@ class Values:
             if not math.isfinite(high - low):
                 raise self.error(f"{key}.to", high, "must be nearer to from")
             return _grid(low, (Fraction(repr(high)) - Fraction(repr(low))) / (count - 1), count)
-        step = self.number(f"{key}.step", given["step"])
+        step = self.number(f"{key}.step", table["step"])
         if not (0 < step <= high - low and (high - low) / step < most):
             raise self.error(
                 f"{key}.step",
@@ -350,18 +350,18 @@ class Values:
         return _grid(low, Fraction(repr(step)), n_steps + 1)
 
 
-def _hint(key: str, known: Sequence[str], keys: Mapping[str, Sequence[str]]) -> str:
+def _hint(key: str, allowed: Sequence[str], keys: Mapping[str, Sequence[str]]) -> str:
     """Say which key may be meant by an unknown one: by its meaning, its place, its spelling."""
     meant = MEANT.get(key)
-    if meant in known:
+    if meant in allowed:
         return f"did you mean {meant!r}?"
     if homes := [table for table in keys if key in keys[table]]:
         return f"it belongs in [{homes[0]}]" if homes[0] else "it belongs at the top of the file"
     if meant and (homes := [table for table in keys if table and meant in keys[table]]):
         return f"did you mean '{homes[0]}.{meant}'?"
-    if near := difflib.get_close_matches(key, known, n=1, cutoff=NEAR):
+    if near := difflib.get_close_matches(key, allowed, n=1, cutoff=NEAR):
         return f"did you mean {near[0]!r}?"
-    return f"known are {', '.join(known)}"
+    return f"known are {', '.join(allowed)}"
 
 
 def _grid(low: float, step: Fraction, count: int) -> np.ndarray:

@@ -138,12 +138,12 @@ class Parts:
     def tree_at(self, place: Place) -> dict:
         """Return the job of a part."""
         chosen = zip(self.axes, place, strict=True)
-        return self._with((one, at) for axis, at in chosen for one in axis.keys)
+        return self._with((column, at) for axis, at in chosen for column in axis.keys)
 
     def tree_as_given(self) -> dict:
         """Return the job with its own values of the keys that are varied, the first of others."""
-        varied = (one for axis in self.axes for one in axis.keys)
-        return self._with((one, 0) for one in varied if not _is_given(self.tree, one.key))
+        varied = (column for axis in self.axes for column in axis.keys)
+        return self._with((column, 0) for column in varied if not _is_given(self.tree, column.key))
 
     def _with(self, chosen: Iterable[tuple[Axis, int]]) -> dict:
         """Return the job with values of some keys."""
@@ -166,34 +166,34 @@ def parts_of(
     rest = {key: value for key, value in tree.items() if key != "vary"}
     axes: tuple[Axis, ...] = ()
     if "vary" in tree:
-        given = _flat(values, tree["vary"])
+        varied = _flat(values, tree["vary"])
         along = values.table("sweep").get("along")
-        if isinstance(along, str) and along in given:  # the steps of a path, no axis
-            rest["vary"] = {along: given.pop(along)}
-        axes = _axes(values, given, file)
+        if isinstance(along, str) and along in varied:  # the steps of a path, no axis
+            rest["vary"] = {along: varied.pop(along)}
+        axes = _axes(values, varied, file)
     n_parts = int(np.prod([len(axis.values) for axis in axes], dtype=object))
     if n_parts > MAX_PARTS:
         raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MAX_PARTS}")
-    keys = [one.key for axis in axes for one in axis.keys]
+    keys = [column.key for axis in axes for column in axis.keys]
     for key in keys:
         if keys.count(key) > 1:
             raise JobError(f"{values.source}: vary.{key}: is in vary.{ROWS}, too")
     return Parts(values.source, rest, axes, read, file)
 
 
-def _axes(values: Values, given: Mapping, file: str) -> tuple[Axis, ...]:
+def _axes(values: Values, varied: Mapping, file: str) -> tuple[Axis, ...]:
     """Read the axes of a table without tables within; `file` is that of their rows."""
     table = Values(file, {}) if file else values
     return tuple(
         _rows(table, value) if key == ROWS else _axis(values, key, value)
-        for key, value in given.items()
+        for key, value in varied.items()
     )
 
 
 def varied_values(values: Values, tree: Mapping) -> dict[str, tuple[Any, ...]]:
     """Return the values of each key that a job varies, along a path, too."""
     axes = _axes(values, _flat(values, tree["vary"]), "") if "vary" in tree else ()
-    return {one.key: one.given for axis in axes for one in axis.keys}
+    return {column.key: column.given for axis in axes for column in axis.keys}
 
 
 def read_varied(
@@ -221,37 +221,37 @@ def read_varied(
     if unused(parts.axes, tree):
         # what is given beside vary is not used, but has to be right
         read(values.source, parts.tree_as_given())
-    for one in (one for axis in parts.axes for one in axis.keys):
-        owner, _, name = one.key.rpartition(".")
+    for column in (column for axis in parts.axes for column in axis.keys):
+        owner, _, name = column.key.rpartition(".")
         sets = name.split("[")[0] in SETS_FREQUENCIES
         if sets and isinstance(_table(parts.tree, owner).get("rayleigh"), list):
             limit = (
                 f"changes the damping ratios that {owner}.rayleigh gives: its alpha and beta "
                 "belong to one set of frequencies; give it ratio and modes"
             )
-            raise values.error(f"vary.{one.key}", [*one.given], limit)
+            raise values.error(f"vary.{column.key}", [*column.given], limit)
     study = Varied(base, parts.axes, parts)
     by_part: dict[str, tuple[Variable, np.ndarray]] = {}
-    known = shape_of(base)
+    shape_of_first = shape_of(base)
 
     def compare(place: Place) -> None:
         part = shape_of(study.part(place))
-        if other := difference(known, part):
+        if why := difference(shape_of_first, part):
             pairs = list(zip(study.axes, place, strict=True))
             where = ", ".join(f"vary.{axis.key} = {axis.values[at]}" for axis, at in pairs)
-            limit = f": all parts must be of one shape, it {other}"
+            limit = f": all parts must be of one shape, it {why}"
             raise parts.error(place, JobError(limit, where, values.source))
-        for (variable, first), (_, own) in zip(known[-1], part[-1], strict=True):
-            if not np.array_equal(first, own):
+        for (variable, first), (_, other) in zip(shape_of_first[-1], part[-1], strict=True):
+            if not np.array_equal(first, other):
                 whole = np.broadcast_to(first, (*study.shape, *first.shape))
                 along = variable.along(study.names)
-                by_part.setdefault(variable.name, (along, whole.copy()))[1][place] = own
+                by_part.setdefault(variable.name, (along, whole.copy()))[1][place] = other
 
     table = parts.table
-    told = table.by_part(base)
-    if told is None or not is_stored:
-        parts.visit(compare, () if told is None else table.telling(base))
-    return replace(study, by_part=by_part if told is None else told)
+    known_by_part = table.by_part(base)
+    if known_by_part is None or not is_stored:
+        parts.visit(compare, () if known_by_part is None else table.telling(base))
+    return replace(study, by_part=by_part if known_by_part is None else known_by_part)
 
 
 def read_followed(
@@ -278,11 +278,11 @@ def read_followed(
     if not isinstance(key, str) or not key.startswith(("structure.", "pounding.", "building[")):
         limit = f"must be {', '.join(FORCING)} or a key of structure, pounding or building[0]"
         raise values.error("sweep.along", key, limit)
-    given = values.table("vary").get(key)
-    if given is None:
+    content = values.table("vary").get(key)
+    if content is None:
         limit = f'needs its values: [vary] "{key}" = {{from = ..., to = ..., count = ...}}'
         raise values.error("sweep.along", key, limit)
-    steps = values.numbers(f"vary.{key}", given, ascending=True, most=MAX_PARTS)
+    steps = values.numbers(f"vary.{key}", content, ascending=True, most=MAX_PARTS)
     axis = _axis(values, key, steps.tolist())
     structures: list[Structure] = []
     for step in steps.tolist():
@@ -313,7 +313,7 @@ def _is_given(tree: Mapping, key: str) -> bool:
 
 def unused(axes: Iterable[Axis], tree: Mapping) -> tuple[str, ...]:
     """Return a message for each key that is given beside ``vary``."""
-    keys = (one.key for axis in axes for one in axis.keys)
+    keys = (column.key for axis in axes for column in axis.keys)
     return tuple(f"not used: {k} ([vary] gives its values)" for k in keys if _is_given(tree, k))
 
 
@@ -321,22 +321,23 @@ def _flat(values: Values, table: object) -> dict[str, object]:
     """Return the keys of the table with their values; ``structure.gap`` needs no quotes."""
     if not isinstance(table, Mapping) or not table:
         raise values.error("vary", table, 'must be a table such as "structure.gap" = [0.5, 1.0]')
-    given: dict[str, Any] = {}
+    flat: dict[str, Any] = {}
     for key, value in table.items():
         below = value if isinstance(value, Mapping) and not set(value) & set(RANGE_KEYS) else None
         if below and ("." not in key or f"{key}.".endswith(TABLES_WITHIN)):
-            given |= _flat(values, {f"{key}.{name}": one for name, one in below.items()})
+            flat |= _flat(values, {f"{key}.{name}": content for name, content in below.items()})
         else:
-            given[key] = value
-    return given
+            flat[key] = value
+    return flat
 
 
-def _rows(values: Values, given: Any) -> Axis:
+def _rows(values: Values, tables: Any) -> Axis:
     """Read keys that vary together: a table of their values a row."""
     key = f"vary.{ROWS}"
-    if not isinstance(given, list) or not given or not all(isinstance(r, Mapping) for r in given):
-        raise values.error(key, given, "must be the name of a CSV file, or tables of keys")
-    rows = [_flat(values, row) for row in given]
+    is_list = isinstance(tables, list) and all(isinstance(row, Mapping) for row in tables)
+    if not is_list or not tables:
+        raise values.error(key, tables, "must be the name of a CSV file, or tables of keys")
+    rows = [_flat(values, row) for row in tables]
     for at, row in enumerate(rows):
         if row.keys() != rows[0].keys():
             raise values.error(f"{key}[{at}]", [*row], f"must have the keys {', '.join(rows[0])}")
@@ -344,11 +345,11 @@ def _rows(values: Values, given: Any) -> Axis:
     labels: tuple = tuple(map(str, columns.pop(NAME, ()))) or tuple(range(1, len(rows) + 1))
     if len(set(labels)) < len(labels):
         raise values.error(f"{key}.{NAME}", [*labels], "must not hold a value twice")
-    own = tuple(_axis(values, name, column, together=True) for name, column in columns.items())
-    return Axis("structure", ROWS, labels, "1", labels, own)
+    varied = tuple(_axis(values, name, column, together=True) for name, column in columns.items())
+    return Axis("structure", ROWS, labels, "1", labels, varied)
 
 
-def _axis(values: Values, key: str, given: object, together: bool = False) -> Axis:
+def _axis(values: Values, key: str, content: object, together: bool = False) -> Axis:
     """Read a key with its values, those of rows `together` with other keys."""
     table, _, name = key.partition(".")
     if indexed := INDEXED.fullmatch(key):
@@ -357,27 +358,28 @@ def _axis(values: Values, key: str, given: object, together: bool = False) -> Ax
     elif name.startswith(TABLES_WITHIN):
         name = name.replace(".", "_")
     is_building = indexed is not None and key.startswith("building[")
-    if said := next((NEVER[one] for one in NEVER if f"{key}.".startswith(one)), ""):
-        raise values.error(f"vary.{key}", given, said)
+    for beginning, limit in NEVER.items():
+        if f"{key}.".startswith(beginning):
+            raise values.error(f"vary.{key}", content, limit)
     if not (table in TABLES or is_building) or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"
         raise JobError(f"{values.source}: vary: {key!r}: {limit}")
-    listed = _listed(values, key, given, together)
+    listed = _listed(values, key, content, together)
     labels = _labels(listed)
     if len(set(labels)) < len(labels) and not together:
-        raise values.error(f"vary.{key}", given, "must not hold a value twice")
-    known = UNITS if table in STRUCTURAL or is_building else {}
-    units = known.get(re.sub(r"\[\d+\]$", "", key).rpartition(".")[2], "1")
+        raise values.error(f"vary.{key}", content, "must not hold a value twice")
+    quantities = UNITS if table in STRUCTURAL or is_building else {}
+    units = quantities.get(re.sub(r"\[\d+\]$", "", key).rpartition(".")[2], "1")
     return Axis(name, key, labels, units, listed)
 
 
-def _listed(values: Values, key: str, given: object, together: bool) -> tuple[Any, ...]:
+def _listed(values: Values, key: str, content: object, together: bool) -> tuple[Any, ...]:
     """Return the values of a key as the job of each part has them; each part judges its own."""
-    if isinstance(given, Mapping):
-        return tuple(values.numbers(f"vary.{key}", given, False, MAX_PARTS).tolist())
-    listed = given if isinstance(given, list) else [given]
+    if isinstance(content, Mapping):
+        return tuple(values.numbers(f"vary.{key}", content, False, MAX_PARTS).tolist())
+    listed = content if isinstance(content, list) else [content]
     if not 1 <= len(listed) <= MAX_PARTS:
-        raise values.error(f"vary.{key}", given, f"must have from 1 to {MAX_PARTS} values")
+        raise values.error(f"vary.{key}", content, f"must have from 1 to {MAX_PARTS} values")
     for at, value in enumerate(listed):
         where = f"vary.{ROWS}[{at}], column {key}" if together else f"vary.{key}"
         if not isinstance(value, bool | int | float | str | list) or value != value:

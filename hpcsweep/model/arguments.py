@@ -60,8 +60,8 @@ class InputError(ValueError):
 
     def within(self, table: str) -> Self:
         """Name the table of the key: ``gap``, or ``contact.gap``, becomes ``contact[1].gap``."""
-        own = self.key.removeprefix(f"{table.partition('[')[0]}.")
-        self.key = f"{table}.{own}"
+        name = self.key.removeprefix(f"{table.partition('[')[0]}.")
+        self.key = f"{table}.{name}"
         return self
 
 
@@ -98,11 +98,11 @@ def real(name: str, value: object) -> float:
     """
     if isinstance(value, float):
         return float(value)
-    found = plain(value)
-    if isinstance(found, bool | np.bool_) or not isinstance(found, Real):
+    scalar = plain(value)
+    if isinstance(scalar, bool | np.bool_) or not isinstance(scalar, Real):
         raise refused(name, "a number", value)
     try:
-        return float(found)
+        return float(scalar)
     except OverflowError:
         raise refused(name, "a number of double precision", value) from None
 
@@ -136,10 +136,10 @@ def finite(name: str, value: object) -> float:
 
 def positive(name: str, value: object) -> float:
     """Return a finite real number above 0."""
-    found = finite(name, value)
-    if found <= 0:
-        raise refused(name, "finite and positive", found)
-    return found
+    result = finite(name, value)
+    if result <= 0:
+        raise refused(name, "finite and positive", result)
+    return result
 
 
 def forcing_frequency(name: str, value: object) -> float:
@@ -149,10 +149,10 @@ def forcing_frequency(name: str, value: object) -> float:
 
 def not_negative(name: str, value: object) -> float:
     """Return a finite real number of at least 0."""
-    found = finite(name, value)
-    if found < 0:
-        raise refused(name, "at least 0", found)
-    return found
+    result = finite(name, value)
+    if result < 0:
+        raise refused(name, "at least 0", result)
+    return result
 
 
 def flag(name: str, value: object) -> bool:
@@ -171,11 +171,11 @@ def count(name: str, value: object, least: int = 0, most: int = MAX_COUNT) -> in
     """
     if type(value) is int and least <= value <= most:
         return value
-    found = plain(value)
-    whole = isinstance(found, Integral) and not isinstance(found, bool | np.bool_)
-    if not whole or not least <= found <= most:
+    scalar = plain(value)
+    whole = isinstance(scalar, Integral) and not isinstance(scalar, bool | np.bool_)
+    if not whole or not least <= scalar <= most:
         raise refused(name, f"a whole number from {least} to {most}", value)
-    return int(found)
+    return int(scalar)
 
 
 def vector(name: str, value: object, size: int) -> np.ndarray:
@@ -187,11 +187,11 @@ def vector(name: str, value: object, size: int) -> np.ndarray:
     """
     if type(value) is np.ndarray and value.shape == (size,) and value.dtype == np.float64:
         return np.array(value)
-    found = array(name, value)
-    if found.shape != (size,):
-        shape = found.shape if found.ndim else shown(value)
+    result = array(name, value)
+    if result.shape != (size,):
+        shape = result.shape if result.ndim else shown(value)
         raise wrong(name, f"must have shape ({size},), has shape {shape}")
-    return found
+    return result
 
 
 def finite_vector(name: str, value: object, size: int) -> np.ndarray:
@@ -201,16 +201,16 @@ def finite_vector(name: str, value: object, size: int) -> np.ndarray:
     ------
     ValueError
     """
-    found = vector(name, value, size)
-    if not np.all(np.isfinite(found)):
+    result = vector(name, value, size)
+    if not np.all(np.isfinite(result)):
         raise refused(name, "finite", value)
-    return found
+    return result
 
 
 def finite_vectors(name: str, value: Any, size: int) -> np.ndarray:
     """Return vectors of `size` finite numbers, shape (m, size)."""
     listed = items(name, value, f"an array of shape (m, {size})")
-    return np.array([finite_vector(name, one, size) for one in listed]).reshape(-1, size)
+    return np.array([finite_vector(name, entries, size) for entries in listed]).reshape(-1, size)
 
 
 def array(name: str, value: object) -> np.ndarray:
@@ -223,14 +223,14 @@ def array(name: str, value: object) -> np.ndarray:
     if np.ma.is_masked(value):
         raise refused(name, "without masked numbers", value)
     try:
-        found = np.array(value)
+        result = np.array(value)
     except Exception:  # rows of different lengths, and errors of foreign classes
         raise refused(name, "an array of numbers", value) from None
-    if found.dtype.kind == "O" and found.ndim:  # fractions, integers of any size
-        found = np.array([real(name, one) for one in found.flat]).reshape(found.shape)
-    if found.dtype.kind not in "iuf":
+    if result.dtype.kind == "O" and result.ndim:  # fractions, integers of any size
+        result = np.array([real(name, entry) for entry in result.flat]).reshape(result.shape)
+    if result.dtype.kind not in "iuf":
         raise refused(name, "an array of numbers", value)
-    return found.astype(float)
+    return result.astype(float)
 
 
 def rows(name: str, value: object) -> np.ndarray:
@@ -242,10 +242,10 @@ def rows(name: str, value: object) -> np.ndarray:
     """
     if type(value) is np.ndarray and value.ndim == 2 and value.dtype == np.float64:
         return value
-    found = array(name, value)
-    if found.ndim != 2:
-        raise wrong(name, f"must have two dimensions, has shape {found.shape}")
-    return found
+    result = array(name, value)
+    if result.ndim != 2:
+        raise wrong(name, f"must have two dimensions, has shape {result.shape}")
+    return result
 
 
 def items(name: str, value: Any, limit: str) -> list:
@@ -272,20 +272,20 @@ def words(name: str, value: object) -> tuple[str, ...]:
     """
     if isinstance(value, str) or not isinstance(value, Sequence):
         raise refused(name, "a sequence of texts", value)
-    if not all(isinstance(one, str) for one in value):
+    if not all(isinstance(word, str) for word in value):
         raise refused(name, "a sequence of texts", value)
     return tuple(value)
 
 
-def choice(name: str, value: object, known: Collection[str]) -> str:
+def choice(name: str, value: object, allowed: Collection[str]) -> str:
     """Return one of the known words.
 
     Raises
     ------
     ValueError
     """
-    if not isinstance(value, str) or value not in known:
-        raise refused(name, f"one of {', '.join(known)}", value)
+    if not isinstance(value, str) or value not in allowed:
+        raise refused(name, f"one of {', '.join(allowed)}", value)
     return value
 
 

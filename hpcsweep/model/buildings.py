@@ -116,8 +116,8 @@ class Building:
     column: Column | Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
-        given = plain(self.mass)
-        masses = vector("building.mass", given if hasattr(given, "__len__") else [given], None)
+        mass = plain(self.mass)
+        masses = vector("building.mass", mass if hasattr(mass, "__len__") else [mass], None)
         if not masses:
             raise wrong("building.mass", "must not be empty")
         object.__setattr__(self, "mass", masses)
@@ -132,8 +132,8 @@ class Building:
         if self.period is not None:
             wanted = number("building.period", self.period, POSITIVE, *RANGE)
             bare = replace(self, period=None, p_delta=False, isolation=None)
-            found = 2.0 * math.pi / float(bare.structure.frequencies[0])
-            factor = (found / wanted) ** 2
+            bare_period = 2.0 * math.pi / float(bare.structure.frequencies[0])
+            factor = (bare_period / wanted) ** 2
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
         if self.column is not None:
             object.__setattr__(self, "column", _column(self.column))
@@ -167,9 +167,9 @@ class Building:
     @functools.cached_property
     def on_fixed_base(self) -> Structure:
         """Structure of its storeys on the ground, without stops."""
-        given: dict[str, Any] = {name: getattr(self, name) for name in OF_STOREYS}
-        given |= {"stiffness_ratio": 0.0, "gap": math.inf, "sharpness": math.inf}
-        return Structure(self.n_floors, **given)
+        parameters: dict[str, Any] = {name: getattr(self, name) for name in OF_STOREYS}
+        parameters |= {"stiffness_ratio": 0.0, "gap": math.inf, "sharpness": math.inf}
+        return Structure(self.n_floors, **parameters)
 
     def _with_points(self, heights: Sequence[float]) -> Structure:
         """Return the structure on the ground, with points of columns behind its floors."""
@@ -270,7 +270,7 @@ def adjacent(
     ('A1-B1',)
     """
     listed = items("building", buildings, "a list of buildings")
-    buildings = [instance("building", one, Building) for one in listed]
+    buildings = [instance("building", building, Building) for building in listed]
     names = _names(buildings)
     alone, first, levels = _side_by_side(buildings, names)
     of = functools.partial(_labels, alone, names)
@@ -278,7 +278,7 @@ def adjacent(
     unit = np.eye(first[-1])
     if restitution is not None and damping is not None:
         raise wrong("pounding.restitution and pounding.damping", "must not be given both")
-    masses = np.concatenate([np.diag(one.mass_matrix) for one in alone])
+    masses = np.concatenate([np.diag(structure.mass_matrix) for structure in alone])
     of_levels = (
         ("pounding.gap", gap),
         ("pounding.stiffness", stiffness),
@@ -287,38 +287,38 @@ def adjacent(
     )
     contacts, labels = [], []
     for pairs in levels:
-        values = (each(name, given, len(pairs), "level") for name, given in of_levels)
+        values = (each(name, value, len(pairs), "level") for name, value in of_levels)
         for (i, j), own_gap, kappa, e, c in zip(pairs, *values, strict=True):
             contact = Contact(unit[i] - unit[j], own_gap, kappa, c, tension)
             contacts.append(contact if restitution is None else _rebounding(contact, e, masses))
             labels.append(f"{floors[i]}-{floors[j]}")
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
-    sliders = _beside([one.sliders for one in alone], first)
-    falls = any(one.collapse_drift is not None for one in alone)
-    limits = np.concatenate([one.drift_limits for one in alone]).tolist()
+    sliders = _beside([structure.sliders for structure in alone], first)
+    falls = any(structure.collapse_drift is not None for structure in alone)
+    limits = np.concatenate([structure.drift_limits for structure in alone]).tolist()
     made = Structure.from_matrices(
-        _blocks([one.mass_matrix for one in alone]),
-        _blocks([one.elastic_stiffness for one in alone]),
-        contacts + _beside([one.contacts for one in alone], first),
-        damping=_blocks([one.damping_matrix for one in alone]),
-        drift=_blocks([one.drift_rows for one in alone]),
+        _blocks([structure.mass_matrix for structure in alone]),
+        _blocks([structure.elastic_stiffness for structure in alone]),
+        contacts + _beside([structure.contacts for structure in alone], first),
+        damping=_blocks([structure.damping_matrix for structure in alone]),
+        drift=_blocks([structure.drift_rows for structure in alone]),
         sharpness=sharpness,
         harmonics=harmonics,
         sliders=[replace(s, name=n) for s, n in zip(sliders, of("slider_names"), strict=True)],
         collapse_drift=limits if falls else None,
     )
-    heights = [height for one in alone for height in one.names.storey_heights]
+    heights = [height for structure in alone for height in structure.names.storey_heights]
     labels += of("names.contacts")
     return made.named(floors, labels, heights, of("storey_names"))
 
 
 def _blocks(parts: Sequence[np.ndarray]) -> np.ndarray:
     """Return the matrix with matrices along its diagonal; 20 times as fast as scipy's."""
-    ends = np.cumsum([one.shape for one in parts], axis=0)
-    found = np.zeros(ends[-1])
-    for one, (row, column) in zip(parts, ends.tolist(), strict=True):
-        found[row - one.shape[0] : row, column - one.shape[1] : column] = one
-    return found
+    ends = np.cumsum([block.shape for block in parts], axis=0)
+    whole = np.zeros(ends[-1])
+    for block, (row, column) in zip(parts, ends.tolist(), strict=True):
+        whole[row - block.shape[0] : row, column - block.shape[1] : column] = block
+    return whole
 
 
 def _rebounding(contact: Contact, e: float, masses: np.ndarray) -> Contact:
@@ -342,9 +342,9 @@ def _beside(elements: Sequence[Sequence[Any]], first: Sequence[int]) -> list[Any
     """Return contacts or sliders of buildings, the coordinates of each from a first one on."""
     n = first[-1]
     return [
-        replace(one, direction=(0.0,) * before + one.direction + (0.0,) * (n - after))
-        for own, (before, after) in zip(elements, pairwise(first), strict=True)
-        for one in own
+        replace(element, direction=(0.0,) * before + element.direction + (0.0,) * (n - after))
+        for of_building, (before, after) in zip(elements, pairwise(first), strict=True)
+        for element in of_building
     ]
 
 
@@ -352,27 +352,27 @@ def _names(buildings: Sequence[Building]) -> list[str]:
     """Return the names of two or more buildings, by default letters."""
     if len(buildings) < 2:
         raise wrong("building", f"must be given twice or more, is given {len(buildings)} times")
-    names = [one.name or chr(ord("A") + k) for k, one in enumerate(buildings)]
+    names = [building.name or chr(ord("A") + k) for k, building in enumerate(buildings)]
     if len(set(names)) < len(names):
         raise wrong("building.name", f"must be of one building each, are {names}")
     return names
 
 
-def _facing(one: tuple[Building, str], other: tuple[Building, str]) -> list[list[Any]]:
+def _facing(first: tuple[Building, str], second: tuple[Building, str]) -> list[list[Any]]:
     """Return what meets of two buildings, upwards: floors, and heights of points of columns."""
-    (left, _), (right, _) = one, other
+    (left, _), (right, _) = first, second
     if (left.storey_height is None) != (right.storey_height is None):
         raise wrong("building.storey_height", "must be given of all buildings or of none")
-    found: list[tuple[float, list[Any]]] = [
+    meets: list[tuple[float, list[Any]]] = [
         (height, [i, j])
         for i, height in enumerate(left.heights)
         for j, met in enumerate(right.heights)
         if abs(met - height) <= SAME_HEIGHT * height
     ]
-    floors = [ends for _, ends in found]
+    floors = [ends for _, ends in meets]
     lower = min(left.heights[-1], right.heights[-1])
     apart = heights_apart(np.hstack([np.diff(b.heights, prepend=0) for b in (left, right)]))
-    for side, ((building, name), (hit, hit_name)) in enumerate(((one, other), (other, one))):
+    for side, ((building, name), (hit, hit_name)) in enumerate(((first, second), (second, first))):
         met = {ends[side] for ends in floors}
         for i, height in enumerate(building.heights):
             if i in met or height > lower * (1.0 + SAME_HEIGHT):
@@ -384,8 +384,8 @@ def _facing(one: tuple[Building, str], other: tuple[Building, str]) -> list[list
                     f"column of {hit_name}: "
                     + (apart or f"give {hit_name} column = {{share, mass}}, {SHARE_AND_MASS}"),
                 )
-            found.append((height, [height, i] if side else [i, height]))
-    return [ends for _, ends in sorted(found, key=lambda level: level[0])]
+            meets.append((height, [height, i] if side else [i, height]))
+    return [ends for _, ends in sorted(meets, key=lambda level: level[0])]
 
 
 def _floor(end: int | float) -> str:
@@ -402,8 +402,11 @@ def _side_by_side(
     for k, ends in enumerate(levels):
         for side in (0, 1):
             points[k + side] |= {end[side] for end in ends if isinstance(end[side], float)}
-    alone = [one.struck(sorted(own)) for one, own in zip(buildings, points, strict=True)]
-    first = np.cumsum([0, *(one.n_floors for one in alone)]).tolist()
+    alone = [
+        building.struck(sorted(heights))
+        for building, heights in zip(buildings, points, strict=True)
+    ]
+    first = np.cumsum([0, *(structure.n_floors for structure in alone)]).tolist()
     meets = [
         [
             [first[k + s] + alone[k + s].floor_names.index(_floor(end[s])) for s in (0, 1)]
@@ -414,10 +417,10 @@ def _side_by_side(
     return alone, first, meets
 
 
-def _column(given: Any) -> Column:
+def _column(column: Any) -> Column:
     """Read what is known of the columns of a building."""
-    given = given._asdict() if isinstance(given, Column) else given
-    if not isinstance(given, Mapping) or set(given) != set(Column._fields):
-        raise refused("building.column", "share and mass", given)
-    share = number("building.column.share", given["share"], "above 0, to 1", math.ulp(0.0), 1.0)
-    return Column(share, number("building.column.mass", given["mass"], POSITIVE, *RANGE))
+    column = column._asdict() if isinstance(column, Column) else column
+    if not isinstance(column, Mapping) or set(column) != set(Column._fields):
+        raise refused("building.column", "share and mass", column)
+    share = number("building.column.share", column["share"], "above 0, to 1", math.ulp(0.0), 1.0)
+    return Column(share, number("building.column.mass", column["mass"], POSITIVE, *RANGE))

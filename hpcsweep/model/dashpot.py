@@ -39,22 +39,22 @@ MIN_RESTITUTION = 1e-6
 """A millionth of the speed: nothing bounces any more."""
 
 
-def read_restitution(name: str, given: Any) -> float:
+def read_restitution(name: str, value: Any) -> float:
     """Read a coefficient of restitution, above 0 and at most 1."""
-    return number(name, given, f"from {MIN_RESTITUTION:g} to 1", MIN_RESTITUTION, 1.0)
+    return number(name, value, f"from {MIN_RESTITUTION:g} to 1", MIN_RESTITUTION, 1.0)
 
 
-def refuse_smooth(contacts: Sequence, sharpness: float, told: tuple[str, Any] | None) -> None:
+def refuse_smooth(contacts: Sequence, sharpness: float, said_by: tuple[str, Any] | None) -> None:
     """Refuse a dashpot behind a smooth stop, whose switch would multiply the whole force.
 
-    `told` is by which name and value it was given; without it by the contact's damping.
+    `said_by` is by which name and value it was given; without it by the contact's damping.
     """
     damping = max((contact.damping for contact in contacts), default=0.0)
     if damping and sharpness != math.inf:
-        name, given = told or ("contact.damping", damping)
+        name, value = said_by or ("contact.damping", damping)
         raise wrong(
             name,
-            f"= {given!r} needs sharpness = inf: a dashpot goes with a sharp stop, "
+            f"= {value!r} needs sharpness = inf: a dashpot goes with a sharp stop, "
             f"sharpness is {sharpness:g}",
         )
 

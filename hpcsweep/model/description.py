@@ -72,7 +72,7 @@ def describe(structure: Structure) -> dict:
             for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
         ],
         "drift": structure.drift_rows.tolist(),
-        **({"sliders": [asdict(one) for one in structure.sliders]} if structure.sliders else {}),
+        **({"sliders": [*map(asdict, structure.sliders)]} if structure.sliders else {}),
         **({} if structure.collapse_drift is None else {"collapse_drift": limits.tolist()}),
     }
 
@@ -90,9 +90,9 @@ def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
     right: list[float] = []
     left: list[float] = []
     for contact in structure.contacts:
-        own = contact.direction[floor]
-        if own and sum(1 for d in contact.direction if d) == 1:
-            (right if own > 0 else left).append(contact.gap / own)
+        share = contact.direction[floor]
+        if share and sum(1 for d in contact.direction if d) == 1:
+            (right if share > 0 else left).append(contact.gap / share)
     return right, left
 
 

@@ -101,9 +101,9 @@ def _solved(structure, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarra
 
 def _descent(stiffness, rows, stiff, residual) -> np.ndarray:
     """Return Newton's step, with stiffnesses of the contacts that make its matrix definite."""
-    for own in (stiff, np.maximum(stiff, 0.0)):
+    for contact_stiffness in (stiff, np.maximum(stiff, 0.0)):
         try:
-            return -cho_solve(cho_factor(stiffness + (rows.T * own) @ rows), residual)
+            return -cho_solve(cho_factor(stiffness + (rows.T * contact_stiffness) @ rows), residual)
         except LinAlgError:
             continue
     raise ArithmeticError("the stiffness matrix is not positive definite")

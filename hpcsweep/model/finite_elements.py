@@ -70,9 +70,9 @@ class FiniteElements:
         self.stiffness = symmetric("stiffness", stiffness)
         self.damping = None if damping is None else symmetric("damping", damping)
         n = self.stiffness.shape[0]
-        for name, one in (("mass", self.mass), ("damping", self.damping)):
-            if one is not None and one.shape[0] != n:
-                raise wrong(name, f"has {one.shape[0]} rows, stiffness has {n}")
+        for name, matrix in (("mass", self.mass), ("damping", self.damping)):
+            if matrix is not None and matrix.shape[0] != n:
+                raise wrong(name, f"has {matrix.shape[0]} rows, stiffness has {n}")
         self.names = tuple(str(k) for k in (range(1, n + 1) if names is None else names))
         if len(self.names) != n:
             raise wrong("names", f"must be {n}, one per coordinate, are {len(self.names)}")
@@ -113,8 +113,8 @@ class FiniteElements:
 
     def _told(self, grounded: np.ndarray, alone: np.ndarray) -> Iterator[str]:
         """Yield what is told of matrices and coordinates: those taken as fixed, and others."""
-        for one in self.unused:
-            yield f"{one} is not used: names are M or mass, K or stiffness, C or damping"
+        for matrix in self.unused:
+            yield f"{matrix} is not used: names are M or mass, K or stiffness, C or damping"
         for places, said in (
             (grounded, "taken as fixed, with equal numbers on the diagonals of K and M, and "),
             (alone & ~grounded, ""),
@@ -134,9 +134,9 @@ class FiniteElements:
     def _alone(self) -> np.ndarray:
         """Whether a coordinate is joined to no other."""
         several = np.zeros(len(self.names), bool)
-        for one in (self.mass, self.stiffness, self.damping):
-            if one is not None:
-                several |= np.diff(one.indptr) > (one.diagonal() != 0)
+        for matrix in (self.mass, self.stiffness, self.damping):
+            if matrix is not None:
+                several |= np.diff(matrix.indptr) > (matrix.diagonal() != 0)
         return ~several
 
     def _grounded(self) -> np.ndarray:
@@ -146,7 +146,7 @@ class FiniteElements:
             return np.zeros_like(alone)
         return alone & self._has_mass & (self.stiffness.diagonal() == self.mass.diagonal())
 
-    def row(self, name: str, given: Any) -> np.ndarray:
+    def row(self, name: str, direction: Any) -> np.ndarray:
         """Return a row over all coordinates: from a vector, a name, a pair, or names with shares.
 
         Parameters
@@ -157,17 +157,17 @@ class FiniteElements:
             A pair is the first less the second.
         """
         n = len(self.names)
-        if isinstance(given, str | int):
-            key = str(given)
-            given = ((key.removeprefix("-"), -1.0 if key.startswith("-") else 1.0),)
-        elif isinstance(given, Mapping):
-            given = tuple((str(key), value) for key, value in given.items())
-        elif _is_pair(given):
-            given = (str(given[0]), 1.0), (str(given[1]), -1.0)
-        if not is_named(given):
-            return np.array(vector(name, given, n))
+        if isinstance(direction, str | int):
+            key = str(direction)
+            direction = ((key.removeprefix("-"), -1.0 if key.startswith("-") else 1.0),)
+        elif isinstance(direction, Mapping):
+            direction = tuple((str(key), value) for key, value in direction.items())
+        elif _is_pair(direction):
+            direction = (str(direction[0]), 1.0), (str(direction[1]), -1.0)
+        if not is_named(direction):
+            return np.array(vector(name, direction, n))
         row = np.zeros(n)
-        for key, share in given:
+        for key, share in direction:
             row[self.number_of(name, key)] += share
         return row
 
@@ -177,8 +177,8 @@ class FiniteElements:
             return self._numbers[key]
         if key.isdecimal() and 1 <= int(key) <= len(self.names):
             return int(key) - 1
-        known = ", ".join(self.names[:4])
-        limit = f"one of the {len(self.names)} coordinates ({known}, ...), or its number"
+        examples = ", ".join(self.names[:4])
+        limit = f"one of the {len(self.names)} coordinates ({examples}, ...), or its number"
         raise refused(name, limit, key)
 
     def label(self, row: np.ndarray) -> str:
@@ -191,20 +191,20 @@ class FiniteElements:
         words = [("-" if row[i] < 0 else "+") + self.names[i] for i in order]
         return "".join(words).removeprefix("+")
 
-    def _influence(self, given: Any) -> np.ndarray:
+    def _influence(self, influence: Any) -> np.ndarray:
         """Return r: 1 of all coordinates, of those whose names end with a component, or numbers."""
         ends = np.array([name.rpartition(".")[2] if "." in name else "" for name in self.names])
-        if isinstance(given, str):
-            if not np.any(ends == given):
-                known = ", ".join(sorted(set(ends) - {""})) or "none"
-                limit = f"the end of names of coordinates after a dot (here {known})"
-                raise wrong("influence", f"must be {limit}, or numbers, is {given!r}")
-            return (ends == given).astype(float)
-        if given is not None:
-            return self.row("influence", given)
+        if isinstance(influence, str):
+            if not np.any(ends == influence):
+                components = ", ".join(sorted(set(ends) - {""})) or "none"
+                limit = f"the end of names of coordinates after a dot (here {components})"
+                raise wrong("influence", f"must be {limit}, or numbers, is {influence!r}")
+            return (ends == influence).astype(float)
+        if influence is not None:
+            return self.row("influence", influence)
         if len(set(ends)) > 1:
-            known = ", ".join(sorted(set(ends)))
-            raise wrong("influence", f"is missing: the direction of the base, one of {known}")
+            components = ", ".join(sorted(set(ends)))
+            raise wrong("influence", f"is missing: the direction of the base, one of {components}")
         return np.ones(len(self.names))
 
     def structure(
@@ -252,7 +252,7 @@ class FiniteElements:
         ValueError
             If an argument is wrong; one line names it.
         """
-        hits, slides = ([_table(one) for one in listed] for listed in (contacts, sliders))
+        hits, slides = ([_table(element) for element in listed] for listed in (contacts, sliders))
         reduced = self.reduced(hits, slides, influence, outputs, reduce, fixed)
         return reduced.structure(hits, slides, damping_ratio, **others)
 
@@ -269,10 +269,10 @@ class FiniteElements:
             used[self.number_of("fixed", str(key))] = False
         hits = self._directions("contact", contacts, used)
         slides = self._directions("slider", sliders, used)
-        told = self._outputs(outputs, used)
-        pairs = [row for row, one in zip(told, outputs, strict=True) if _is_pair(one)]
-        alone = [row for row, one in zip(told, outputs, strict=True) if not _is_pair(one)]
-        named = np.abs([np.zeros(used.size), *hits, *slides, *told]).sum(axis=0) > 0
+        observed = self._outputs(outputs, used)
+        pairs = [row for row, output in zip(observed, outputs, strict=True) if _is_pair(output)]
+        alone = [row for row, output in zip(observed, outputs, strict=True) if not _is_pair(output)]
+        named = np.abs([np.zeros(used.size), *hits, *slides, *observed]).sum(axis=0) > 0
         grounded = self._grounded() & used & ~named
         lonely = self._alone & used & ~named
         used &= ~grounded
@@ -299,7 +299,7 @@ class FiniteElements:
             massless = int(used.sum()) - len(names)
         else:
             measured = np.vstack((forced, drift))
-            kappa = np.array([one.stiffness for one in contacts])
+            kappa = np.array([contact.stiffness for contact in contacts])
             k, error = choose(modes, reduce, room, measured, kappa)
             k = min(k if not more else TIMES * k + MORE, len(modes.squares))
             signed = [row * np.sign(row[np.flatnonzero(row)[0]]) for row in (*hits, *slides)]
@@ -343,20 +343,22 @@ class FiniteElements:
 
     def _outputs(self, outputs: Sequence[Any], used: np.ndarray) -> list[np.ndarray]:
         """Return the rows of outputs."""
-        told = [self._moving("outputs", one, used) for one in _listed("outputs", outputs)]
-        for k, row in enumerate(told):
-            if any(np.array_equal(abs(row), abs(other)) for other in told[:k]):
+        rows = [self._moving("outputs", output, used) for output in _listed("outputs", outputs)]
+        for k, row in enumerate(rows):
+            if any(np.array_equal(abs(row), abs(other)) for other in rows[:k]):
                 raise wrong("outputs", f"must not hold a coordinate twice, as {outputs[k]!r}")
-        return told
+        return rows
 
     def _directions(self, name: str, elements: Sequence, used: np.ndarray) -> list[np.ndarray]:
         """Return the rows of contacts or sliders."""
-        directions = [(f"{name}[{k}].direction", one.direction) for k, one in enumerate(elements)]
-        return [self._moving(*given, used) for given in directions]
+        directions = [
+            (f"{name}[{k}].direction", element.direction) for k, element in enumerate(elements)
+        ]
+        return [self._moving(*direction, used) for direction in directions]
 
-    def _moving(self, name: str, given: Any, used: np.ndarray) -> np.ndarray:
+    def _moving(self, name: str, direction: Any, used: np.ndarray) -> np.ndarray:
         """Return `row` of coordinates that move."""
-        row = self.row(name, given)
+        row = self.row(name, direction)
         if np.any(row[~used]):
             key = self.names[int(np.flatnonzero(row * ~used)[0])]
             raise wrong(name, f"names {key!r}, which is fixed, or has no mass and stiffness")
@@ -371,15 +373,15 @@ def _refuse_rows(reduce: Any, n_mass: int) -> None:
         raise wrong("reduce", f'is missing: without, as {{"modes": 12}}, there are {limit}')
 
 
-def _listed(name: str, given: Sequence[Any]) -> Sequence[Any]:
-    if isinstance(given, str):
-        raise wrong(name, f"must be a list of coordinates, is {given!r}")
-    return given
+def _listed(name: str, coordinates: Sequence[Any]) -> Sequence[Any]:
+    if isinstance(coordinates, str):
+        raise wrong(name, f"must be a list of coordinates, is {coordinates!r}")
+    return coordinates
 
 
 def _is_pair(output: Any) -> bool:
     is_list = isinstance(output, list | tuple) and len(output) == 2
-    return is_list and all(isinstance(one, str | int) for one in output)
+    return is_list and all(isinstance(end, str | int) for end in output)
 
 
 def _array(rows: Sequence[np.ndarray], used: np.ndarray) -> np.ndarray:
@@ -387,7 +389,7 @@ def _array(rows: Sequence[np.ndarray], used: np.ndarray) -> np.ndarray:
 
 
 def _springs(directions: np.ndarray, sliders: Sequence[Slider]) -> np.ndarray:
-    stiffness = np.array([one.stiffness for one in sliders])
+    stiffness = np.array([slider.stiffness for slider in sliders])
     return directions.T @ (stiffness[:, None] * directions)
 
 

@@ -48,13 +48,13 @@ class Harmonics:
         return n_periods * 2 * math.pi / omega
 
 
-def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
+def read_harmonics(harmonics: Any) -> tuple[tuple[int, float, float], ...]:
     """Validate the harmonics (order, amplitude, phase) of the forcing, a row each."""
-    given = items("harmonics", given, "a list of (order, amplitude, phase)")
-    if not 1 <= len(given) <= MAX_HARMONICS:
-        raise wrong("harmonics", f"must be 1 to {MAX_HARMONICS}, are {len(given)}")
-    found = []
-    for entry in given:
+    harmonics = items("harmonics", harmonics, "a list of (order, amplitude, phase)")
+    if not 1 <= len(harmonics) <= MAX_HARMONICS:
+        raise wrong("harmonics", f"must be 1 to {MAX_HARMONICS}, are {len(harmonics)}")
+    terms = []
+    for entry in harmonics:
         order, amplitude, phase = vector("harmonics", entry, 3, "numbers each", TERM)
         if not order.is_integer() or not 0 <= order <= MAX_ORDER:
             limit = f"a whole number from 0 to {MAX_ORDER}"
@@ -64,13 +64,13 @@ def read_harmonics(given: Any) -> tuple[tuple[int, float, float], ...]:
             raise refused("harmonics.phase", "pi / 2 at order 0, the mean", entry[2])
         largest = f"finite, of a size up to {MAX_PHASE:g}"
         phase = number("harmonics.phase", phase, largest, -MAX_PHASE, MAX_PHASE)
-        found.append((int(order), finite("harmonics.amplitude", amplitude), phase))
-    orders = [order for order, _, _ in found]
+        terms.append((int(order), finite("harmonics.amplitude", amplitude), phase))
+    orders = [order for order, _, _ in terms]
     if len(set(orders)) < len(orders):
         raise wrong("harmonics.order", f"must not hold a value twice, is {orders}")
     if orders == [0]:
         raise wrong("harmonics.order", "must hold one above 0: a mean alone has no period")
-    return tuple(found)
+    return tuple(terms)
 
 
 class Series(NamedTuple):
@@ -95,17 +95,17 @@ def fourier_series(samples: np.ndarray, n_harmonics: int) -> Series:
     tell apart. `samples` must not all be equal.
     """
     size = len(samples)
-    found = np.fft.rfft(samples)[: min(n_harmonics, (size - 1) // 2) + 1] / size
-    found[1:] *= 2
+    coefficients = np.fft.rfft(samples)[: min(n_harmonics, (size - 1) // 2) + 1] / size
+    coefficients[1:] *= 2
     largest = np.abs(samples).max()
-    kept = np.flatnonzero(np.abs(found) > ROUNDING * largest)
+    kept = np.flatnonzero(np.abs(coefficients) > ROUNDING * largest)
     left = np.zeros(size // 2 + 1, complex)
-    left[kept] = found[kept] * np.where(kept > 0, size / 2, size)
+    left[kept] = coefficients[kept] * np.where(kept > 0, size / 2, size)
     error = float(np.abs(np.fft.irfft(left, size) - samples).max() / largest)
     terms = [
-        (order, float(abs(found[order])), cmath.phase(1j * found[order]))
+        (order, float(abs(coefficients[order])), cmath.phase(1j * coefficients[order]))
         for order in kept.tolist()
         if order
     ]
-    mean = [(0, float(found[0].real), MEAN_PHASE)] if 0 in kept else []
+    mean = [(0, float(coefficients[0].real), MEAN_PHASE)] if 0 in kept else []
     return Series((*mean, *terms), error)

@@ -95,12 +95,12 @@ class Isolation:
 
     def _one_of(self, names: tuple[str, ...]) -> tuple[str, float]:
         """Return which attribute of several is given, and its value."""
-        given = [(name, value) for name in names if (value := getattr(self, name)) is not None]
-        if len(given) > 1:
-            raise wrong(_key(given[0][0]), f"and {given[1][0]} must not be given both")
-        if not given:
+        pairs = [(name, value) for name in names if (value := getattr(self, name)) is not None]
+        if len(pairs) > 1:
+            raise wrong(_key(pairs[0][0]), f"and {pairs[1][0]} must not be given both")
+        if not pairs:
             raise wrong(_key(names[0]), f", {names[1]} or {names[2]} must be given")
-        return given[0]
+        return pairs[0]
 
     def bearings(self, mass: float) -> tuple[float, float, float]:
         """Return k, the initial stiffness and Q beneath a whole mass."""
@@ -149,14 +149,15 @@ def isolated_period(structure: Structure) -> float | None:
     modes of the structure are those of stuck bearings.
     """
     named = zip(structure.slider_names, structure.sliders, strict=True)
-    bearings = [one for name, one in named if name.endswith(SLAB)]
+    bearings = [slider for name, slider in named if name.endswith(SLAB)]
     if not bearings:
         return None
-    rows = np.array([one.direction for one in bearings])
-    sliding = structure.stiffness_matrix - (rows.T * [one.spring for one in bearings]) @ rows
+    rows = np.array([slider.direction for slider in bearings])
+    sliding = structure.stiffness_matrix - (rows.T * [slider.spring for slider in bearings]) @ rows
     slabs = np.abs(rows).argmax(axis=1)
-    own = np.ix_(*2 * [np.isin(structure.buildings, structure.buildings[slabs])])
-    return 2.0 * math.pi / float(natural_modes(structure.mass_matrix[own], sliding[own])[0][0])
+    isolated = np.ix_(*2 * [np.isin(structure.buildings, structure.buildings[slabs])])
+    frequencies, _ = natural_modes(structure.mass_matrix[isolated], sliding[isolated])
+    return 2.0 * math.pi / float(frequencies[0])
 
 
 def _key(name: str) -> str:

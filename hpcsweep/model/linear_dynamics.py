@@ -61,8 +61,10 @@ class LinearDynamics(System):
             return 1.0
         stiffness = float(np.trace(self.stiffness_matrix))
         if self.motion_length and self.sliders:
-            shares = [min(1.0, one.limit / self.motion_length) for one in self.sliders]
-            springs = [one.spring * float(np.square(one.direction).sum()) for one in self.sliders]
+            shares = [min(1.0, slider.limit / self.motion_length) for slider in self.sliders]
+            springs = [
+                slider.spring * float(np.square(slider.direction).sum()) for slider in self.sliders
+            ]
             stiffness = max(float(np.trace(self.elastic_stiffness)), 0.0) + np.dot(shares, springs)
         return power_of_two(math.sqrt(stiffness / np.trace(self.mass_matrix)))
 
@@ -105,8 +107,8 @@ class LinearDynamics(System):
             return states
         n, along = self.n_floors, self.free_drifts
         moved = states[..., :n] @ (self.stiffness_matrix @ along @ along.T)
-        own = (moved, np.zeros_like(moved), moved @ self.slider_directions.T)
-        return states - np.concatenate(own, -1)
+        drift = (moved, np.zeros_like(moved), moved @ self.slider_directions.T)
+        return states - np.concatenate(drift, -1)
 
     def slipped(self, states: np.ndarray) -> np.ndarray:
         """Return states (u, u', p), (..., 2n + L), whose sliders have slipped as they must.
@@ -117,7 +119,7 @@ class LinearDynamics(System):
         n, missing = self.n_floors, self.state_units.size - states.shape[-1]
         states = np.concatenate((states, np.zeros((*states.shape[:-1], missing))), axis=-1)
         along = states[..., :n] @ self.slider_directions.T
-        limits = np.array([one.limit for one in self.sliders])
+        limits = np.array([slider.limit for slider in self.sliders])
         states[..., 2 * n :] = np.clip(states[..., 2 * n :], along - limits, along + limits)
         return states
 
@@ -213,7 +215,7 @@ class LinearDynamics(System):
         force = self.switched(self.contact_stiffness * past, past)
         if not np.isfinite(self.sharpness):
             drag = self.contact_damping * (speed @ self.directions.T)
-            lets_go = [bool(one.damping) and not one.tension for one in self.contacts]
+            lets_go = [bool(contact.damping) and not contact.tension for contact in self.contacts]
             force = np.where(past > 0, force + drag, 0.0)
             force = np.where(lets_go, np.maximum(force, 0.0), force)
         return force + 0.0  # of which -0.0 is 0.0
@@ -267,13 +269,13 @@ class LinearDynamics(System):
         from hpcsweep.model.equilibrium import static_equilibrium
 
         u = static_equilibrium(self)
-        for name, one in zip(self.slider_names, self.sliders, strict=True):
-            force = abs(one.spring * float(np.dot(one.direction, u)))
-            if force > one.strength:
+        for name, slider in zip(self.slider_names, self.sliders, strict=True):
+            force = abs(slider.spring * float(np.dot(slider.direction, u)))
+            if force > slider.strength:
                 raise wrong(
                     f"slider {name}",
                     f"would slip at rest: a contact with gap below 0 presses it with "
-                    f"{force:.4g}, its strength is {one.strength:.4g}",
+                    f"{force:.4g}, its strength is {slider.strength:.4g}",
                 )
         return frozen(np.concatenate((u, np.zeros(self.n_floors))))
 
@@ -321,11 +323,11 @@ class LinearDynamics(System):
             return frozen(np.array(self.matrices.damping))
         if self.rayleigh is not None:
             alpha, beta = self.rayleigh_factors
-            found = alpha * self.mass_matrix + beta * self.stiffness_matrix
+            damping = alpha * self.mass_matrix + beta * self.stiffness_matrix
         else:
             back = self.modal_transform.T
-            found = back @ np.diag(2 * self._given_ratios * self.frequencies) @ back.T
-        return frozen(found + self.storey_dashpots if self.storey_dashpots.any() else found)
+            damping = back @ np.diag(2 * self._given_ratios * self.frequencies) @ back.T
+        return frozen(damping + self.storey_dashpots if self.storey_dashpots.any() else damping)
 
     def linear_steady_state(self, omega: float, order: int = 1) -> np.ndarray:
         """Return the complex response U of the free structure at unit amplitude, shape (n,).

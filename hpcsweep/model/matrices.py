@@ -50,39 +50,39 @@ Shares = tuple[tuple[str, float], ...]
 
 def vector(
     name: str,
-    given: Any,
+    value: Any,
     size: int | None,
     what: str = "entries",
     parts: Sequence[str] = (),
     read: Callable[[str, Any], float] = number,
 ) -> Vector:
     """Read a sequence of numbers, of a given size if not None; `parts` are names of its entries."""
-    listed = _listed(given)
+    listed = _listed(value)
     if listed is None:
-        raise refused(name, "a list of numbers", given)
+        raise refused(name, "a list of numbers", value)
     if size is not None and len(listed) != size:
         raise wrong(name, f"must have {size} {what}, has {len(listed)}")
     names = [f"{name}.{part}" for part in parts] or [name] * len(listed)
     return tuple(map(read, names, listed))
 
 
-def each(name: str, given: Any, count: int, what: str) -> Vector:
+def each(name: str, value: Any, count: int, what: str) -> Vector:
     """Read a number for each of `count`, from one finite number or a sequence."""
-    given = plain(given)
-    if hasattr(given, "__len__"):
-        return vector(name, given, count, f"numbers, one per {what}")
-    return (finite(name, given),) * count
+    value = plain(value)
+    if hasattr(value, "__len__"):
+        return vector(name, value, count, f"numbers, one per {what}")
+    return (finite(name, value),) * count
 
 
-def matrix(name: str, given: Any, shape: tuple[int | None, int | None]) -> Matrix:
+def matrix(name: str, value: Any, shape: tuple[int | None, int | None]) -> Matrix:
     """Read a matrix of finite numbers, row by row."""
-    if isinstance(given, np.ndarray) and given.dtype == float and given.ndim == 2 and given.size:
-        sizes = tuple(known or len(given) for known in shape)
-        if given.shape == sizes and np.isfinite(given).all():
-            return tuple(map(tuple, given.tolist()))
-    rows = _listed(given)
+    if isinstance(value, np.ndarray) and value.dtype == float and value.ndim == 2 and value.size:
+        sizes = tuple(size or len(value) for size in shape)
+        if value.shape == sizes and np.isfinite(value).all():
+            return tuple(map(tuple, value.tolist()))
+    rows = _listed(value)
     if rows is None or not rows or any(_listed(row) is None for row in rows):
-        raise refused(name, "a list of rows of numbers", given)
+        raise refused(name, "a list of rows of numbers", value)
     n_rows, n_columns = shape
     if n_rows is not None and len(rows) != n_rows:
         raise wrong(name, f"must have {n_rows} rows, one per mass, has {len(rows)}")
@@ -102,18 +102,18 @@ def check_symmetric(name: str, array: np.ndarray) -> None:
         )
 
 
-def _direction(name: str, given: Any, refusal: str) -> Any:
+def _direction(name: str, direction: Any, refusal: str) -> Any:
     """Read a direction that is not 0: numbers, or names of coordinates of a model, as `Shares`."""
-    if isinstance(given, str | int) and not isinstance(given, bool):
-        text = str(given)
-        given = {text.removeprefix("-"): -1.0 if text.startswith("-") else 1.0}
-    if isinstance(given, Mapping):
-        given = tuple((str(key), value) for key, value in given.items())
-    if is_named(given):
-        read: Any = tuple((key, finite(f"{name}.{key}", value)) for key, value in given)
+    if isinstance(direction, str | int) and not isinstance(direction, bool):
+        text = str(direction)
+        direction = {text.removeprefix("-"): -1.0 if text.startswith("-") else 1.0}
+    if isinstance(direction, Mapping):
+        direction = tuple((str(key), value) for key, value in direction.items())
+    if is_named(direction):
+        read: Any = tuple((key, finite(f"{name}.{key}", value)) for key, value in direction)
         sizes = tuple(share for _, share in read)
     else:
-        read = sizes = vector(name, given, None, read=finite)
+        read = sizes = vector(name, direction, None, read=finite)
     if not any(sizes):
         raise wrong(name, f"must not be 0: {refusal}")
     return read
@@ -124,13 +124,13 @@ def is_named(direction: Any) -> bool:
     return isinstance(direction, tuple) and bool(direction) and isinstance(direction[0], tuple)
 
 
-def _listed(given: Any) -> list | None:
+def _listed(value: Any) -> list | None:
     """Return the items of a sequence, or None if it is not one; a set has no order."""
-    if np.ma.is_masked(given):
+    if np.ma.is_masked(value):
         return None
-    if isinstance(given, np.ndarray):
-        return list(given) if given.ndim else None
-    return list(given) if isinstance(given, list | tuple) else None
+    if isinstance(value, np.ndarray):
+        return list(value) if value.ndim else None
+    return list(value) if isinstance(value, list | tuple) else None
 
 
 @dataclass(frozen=True)
@@ -180,8 +180,8 @@ class Contact:
 
     def __post_init__(self) -> None:
         refusal = "such a contact can never be reached"
-        given = _direction("contact.direction", self.direction, refusal)
-        object.__setattr__(self, "direction", given)
+        direction = _direction("contact.direction", self.direction, refusal)
+        object.__setattr__(self, "direction", direction)
         object.__setattr__(self, "gap", finite("contact.gap", self.gap))
         for name in ("stiffness", "damping"):
             object.__setattr__(self, name, not_negative(f"contact.{name}", getattr(self, name)))
@@ -258,8 +258,8 @@ class Slider:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        given = _direction("slider.direction", self.direction, "such a slider is never moved")
-        object.__setattr__(self, "direction", given)
+        direction = _direction("slider.direction", self.direction, "such a slider is never moved")
+        object.__setattr__(self, "direction", direction)
         for name in ("stiffness", "strength"):
             object.__setattr__(self, name, positive(f"slider.{name}", getattr(self, name)))
         name = self.name if isinstance(self.name, str) else ""
@@ -325,7 +325,9 @@ class Matrices:
     def meaning(self) -> tuple | None:
         """What counts of matrices that are computed from a file, for the fingerprint of a job."""
         elements: tuple[Any, ...] = (*self.contacts, *self.sliders)
-        return (self.origin, *(astuple(one)[1:] for one in elements)) if self.origin else None
+        return (
+            (self.origin, *(astuple(element)[1:] for element in elements)) if self.origin else None
+        )
 
 
 def read_matrices(
@@ -350,7 +352,7 @@ def read_matrices(
         raise wrong("matrices.mass", f"must have {limit}")
     if forcing is not None and influence is not None:
         raise wrong("matrices.forcing", "and influence must not be given both")
-    found = Matrices(
+    read = Matrices(
         checked,
         matrix("matrices.stiffness", stiffness, (n, n)),
         _several(Contact, contacts, n),
@@ -360,27 +362,27 @@ def read_matrices(
         _several(Slider, sliders, n),
         None if influence is None else vector("matrices.influence", influence, n, read=finite),
     )
-    if len(found.contacts) + len(found.sliders) > MAX_CONTACTS:
+    if len(read.contacts) + len(read.sliders) > MAX_CONTACTS:
         raise wrong(
             "contacts",
             f"and sliders must be at most {MAX_CONTACTS} together, "
-            f"are {len(found.contacts)} and {len(found.sliders)}",
+            f"are {len(read.contacts)} and {len(read.sliders)}",
         )
-    if found.damping is not None:
-        _check_damping(np.array(found.damping))
-    return found
+    if read.damping is not None:
+        _check_damping(np.array(read.damping))
+    return read
 
 
 def elements_of(name: str, tables: Iterable[Mapping[str, Any]]) -> list:
     """Make each "contact", or "slider", of a table; errors name it with its place, from 0."""
     kind: Any = {"contact": Contact, "slider": Slider}[name]
-    known = {one.name: one.default for one in fields(kind)}
+    defaults = {parameter.name: parameter.default for parameter in fields(kind)}
     made = []
     for k, table in enumerate(tables):
         place = f"{name}[{k}]"
-        if unknown := [key for key in table if key not in known]:
-            raise wrong(f"{place}.{unknown[0]}", f"is unknown, known are {', '.join(known)}")
-        for key, default in known.items():
+        if unknown := [key for key in table if key not in defaults]:
+            raise wrong(f"{place}.{unknown[0]}", f"is unknown, known are {', '.join(defaults)}")
+        for key, default in defaults.items():
             if default is MISSING and key not in table:
                 raise wrong(f"{place}.{key}", "is missing")
         try:
@@ -390,10 +392,10 @@ def elements_of(name: str, tables: Iterable[Mapping[str, Any]]) -> list:
     return made
 
 
-def _several(kind: Any, given: Any, n: int) -> tuple:
+def _several(kind: Any, elements: Any, n: int) -> tuple:
     """Read contacts or sliders of a structure with n coordinates."""
     name, key = kind.__name__, kind.__name__.lower()
-    listed = tuple(items(f"{key}s", given, f"a list of {name}"))
+    listed = tuple(items(f"{key}s", elements, f"a list of {name}"))
     if len(listed) > MAX_CONTACTS:
         raise wrong(f"{key}s", f"must be at most {MAX_CONTACTS}, are {len(listed)}")
     for place, element in enumerate(listed, 1):

@@ -56,14 +56,14 @@ def chain_periods(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
         Of each floor and each storey, from the lowest on.
     """
     below = np.minimum(*np.indices((mass.shape[1],) * 2))
-    found = np.empty(len(mass))
+    squares = np.empty(len(mass))
     step = max(CHAINS // below.size, 1)
     for at in range(0, len(mass), step):
-        own = slice(at, at + step)
-        root = np.sqrt(mass[own])
-        soft = np.cumsum(1.0 / stiffness[own], axis=1)[:, below]
-        found[own] = np.linalg.eigvalsh(root[:, :, None] * soft * root[:, None, :])[:, -1]
-    return 2.0 * math.pi * np.sqrt(found)
+        batch = slice(at, at + step)
+        root = np.sqrt(mass[batch])
+        soft = np.cumsum(1.0 / stiffness[batch], axis=1)[:, below]
+        squares[batch] = np.linalg.eigvalsh(root[:, :, None] * soft * root[:, None, :])[:, -1]
+    return 2.0 * math.pi * np.sqrt(squares)
 
 
 def damped_response(mass, damping, stiffness, forcing, w: float) -> np.ndarray:

@@ -77,15 +77,15 @@ def _periods(structure: Structure, second: float) -> Iterator[str]:
     mistakes = OF_PERIODS.get(structure.unit_names.mass, ())
     fixed = np.array([not name.endswith(SLAB) for name in structure.floor_names])
     for number, name in enumerate(structure.building_names):
-        own = (structure.buildings == number) & fixed
-        if not own.any():
+        floors = (structure.buildings == number) & fixed
+        if not floors.any():
             continue
-        of_own = np.ix_(own, own)
+        of_own = np.ix_(floors, floors)
         matrices = structure.mass_matrix[of_own], structure.stiffness_matrix[of_own]
         omega = float(natural_modes(*matrices)[0][0])
         if not omega > 0.0:
             continue
-        n = int(structure.drift_rows[:, own].any(axis=1).sum())
+        n = int(structure.drift_rows[:, floors].any(axis=1).sum())
         period = 2.0 * np.pi / omega * second
         low, high = PERIOD[0] * n, PERIOD[1] * (n if n > 1 else OSCILLATOR)
         if not low <= period <= high:
@@ -96,36 +96,36 @@ def _periods(structure: Structure, second: float) -> Iterator[str]:
             )
     sliding = (isolated_period(structure) or 0.0) * second
     if sliding > ISOLATED[1]:
-        told = _were(sliding, *ISOLATED, OF_RADII, " s")
-        yield f"bearings that slide have a period of {sliding:.3g} s, above {ISOLATED[1]:g} s{told}"
+        text = f"bearings that slide have a period of {sliding:.3g} s, above {ISOLATED[1]:g} s"
+        yield text + _were(sliding, *ISOLATED, OF_RADII, " s")
 
 
 def _yield_drifts(structure: Structure) -> Iterator[str]:
     """Judge the drifts at which storeys of known heights yield; one line for all of them."""
-    limits, found = {one.direction: one.limit for one in structure.sliders}, []
+    limits, outside = {slider.direction: slider.limit for slider in structure.sliders}, []
     for i, height in enumerate(structure.names.storey_heights):
         limit = limits.get(tuple(structure.drift_rows[i].tolist()))
         if limit is not None and not YIELDS[0] <= 100.0 * limit / height <= YIELDS[1]:
-            found.append((structure.storey_names[i], limit, height))
-    if not found:
+            outside.append((structure.storey_names[i], limit, height))
+    if not outside:
         return
-    name, limit, height = found[0]
+    name, limit, height = outside[0]
     mistakes = OF_DRIFTS.get(structure.unit_names.length, ())
     ratios = (height / 100.0, "it is a percentage of the height"), (height, "it is a share of it")
-    more = f" and {len(found) - 1} more" * (len(found) > 1)
+    more = f" and {len(outside) - 1} more" * (len(outside) > 1)
     share = 100.0 * limit / height
-    told = _were(share, *YIELDS, (*mistakes, *ratios), " %")
+    mistake = _were(share, *YIELDS, (*mistakes, *ratios), " %")
     yield (
         f"storey {name}{more} yields at a drift of {limit:.4g}, {share:.3g} % of its height "
-        f"{height:g}, outside {YIELDS[0]:g} to {YIELDS[1]:g} %{told}"
+        f"{height:g}, outside {YIELDS[0]:g} to {YIELDS[1]:g} %{mistake}"
     )
 
 
 def _were(value: float, low: float, high: float, mistakes: Mistakes, unit: str) -> str:
     """Write which mistakes would bring a value within its bounds."""
-    told = [
+    explanations = [
         f"{factor * value:.3g}{unit} if {words}"
         for factor, words in mistakes
         if low <= factor * value <= high
     ]
-    return "".join(f": {text}" if not k else f", {text}" for k, text in enumerate(told))
+    return "".join(f": {text}" if not k else f", {text}" for k, text in enumerate(explanations))

@@ -35,35 +35,35 @@ class Rayleigh(NamedTuple):
         return 2.0 * self.ratio * w * v / (w + v), 2.0 * self.ratio / (w + v)
 
 
-def read_rayleigh(name: str, given: Any, n: int) -> tuple[float, float] | Rayleigh | None:
+def read_rayleigh(name: str, damping: Any, n: int) -> tuple[float, float] | Rayleigh | None:
     """Read an argument that gives Rayleigh damping of n modes.
 
     Raises
     ------
     ValueError
     """
-    if isinstance(given, Rayleigh):
-        given = {key: value for key, value in given._asdict().items() if value is not None}
-    if given is None:
+    if isinstance(damping, Rayleigh):
+        damping = {key: value for key, value in damping._asdict().items() if value is not None}
+    if damping is None:
         return None
-    if not isinstance(given, Mapping):
-        alpha, beta = vector(name, given, 2, "numbers: alpha, beta", read=not_negative)
+    if not isinstance(damping, Mapping):
+        alpha, beta = vector(name, damping, 2, "numbers: alpha, beta", read=not_negative)
         return alpha, beta
-    for key in given:
+    for key in damping:
         if key not in Rayleigh._fields:
             raise wrong(name, f"must be {FORM}, has {key!r}")
-    if "ratio" not in given or ("modes" in given) == ("periods" in given):
-        raise refused(name, FORM, dict(given))
-    ratio = number(f"{name}.ratio", given["ratio"], "from 0 to 1, a share of critical", 0.0, 1.0)
-    if "periods" in given:
-        return Rayleigh(ratio, periods=_two(f"{name}.periods", given["periods"], positive))
-    modes = _two(f"{name}.modes", given["modes"], lambda key, mode: count(key, mode, 1, n))
+    if "ratio" not in damping or ("modes" in damping) == ("periods" in damping):
+        raise refused(name, FORM, dict(damping))
+    ratio = number(f"{name}.ratio", damping["ratio"], "from 0 to 1, a share of critical", 0.0, 1.0)
+    if "periods" in damping:
+        return Rayleigh(ratio, periods=_two(f"{name}.periods", damping["periods"], positive))
+    modes = _two(f"{name}.modes", damping["modes"], lambda key, mode: count(key, mode, 1, n))
     return Rayleigh(ratio, modes)
 
 
-def _two(name: str, given: Any, read: Any) -> Any:
+def _two(name: str, value: Any, read: Any) -> Any:
     """Read two different values."""
-    found = vector(name, given, 2, "numbers", read=read)
-    if found[0] == found[1]:
-        raise wrong(name, f"must differ, are both {found[0]:g}")
-    return found
+    pair = vector(name, value, 2, "numbers", read=read)
+    if pair[0] == pair[1]:
+        raise wrong(name, f"must differ, are both {pair[0]:g}")
+    return pair

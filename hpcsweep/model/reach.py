@@ -144,15 +144,15 @@ class MeasuredDynamics(LinearDynamics):
         gaps = np.array([abs(contact.gap) for contact in self.contacts])
         close = np.where(gaps <= reach * size, gaps, 0.0).max(axis=-1, initial=0.0)
         length = np.where(close > 0, close, response.max(axis=-1) * size[..., 0])
-        known = (length > 0) & (length < LONGEST)
-        exponents = np.round(np.log2(np.where(known, length, 1.0)))
-        return np.where(known, np.exp2(exponents), self.length_unit)
+        is_finite = (length > 0) & (length < LONGEST)
+        exponents = np.round(np.log2(np.where(is_finite, length, 1.0)))
+        return np.where(is_finite, np.exp2(exponents), self.length_unit)
 
     def units_at(self, omega: float, amplitudes) -> np.ndarray:
         """Return `state_units`, (k, 2n + L), of motions at k amplitudes."""
         lengths = self.lengths(omega, amplitudes)
-        own = {length: self.measured_by(length).state_units for length in np.unique(lengths)}
-        return np.array([own[length] for length in lengths.ravel()]).reshape(*lengths.shape, -1)
+        units = {length: self.measured_by(length).state_units for length in np.unique(lengths)}
+        return np.array([units[length] for length in lengths.ravel()]).reshape(*lengths.shape, -1)
 
     def _response_bound(self, omega: float) -> np.ndarray:
         """Return L_i of `lengths` at A = 1, shape (n,), of what sticks."""

@@ -37,11 +37,11 @@ class Reduced(NamedTuple):
     ) -> Structure:
         """Return the structure, from tables of its contacts and sliders."""
         if hasattr(damping_ratio, "__len__"):
-            n, given = self.facts["modes"], tuple(damping_ratio)
-            if len(given) != n:
-                limit = f"one number or one per mode: {n} are needed, {len(given)} are given"
+            n, ratios = self.facts["modes"], tuple(damping_ratio)
+            if len(ratios) != n:
+                limit = f"one number or one per mode: {n} are needed, {len(ratios)} are given"
                 raise wrong("damping_ratio", f"must be {limit}")
-            damping_ratio = given + given[-1:] * (len(self.names) - n)
+            damping_ratio = ratios + ratios[-1:] * (len(self.names) - n)
         is_given = damping_ratio is not None or others.get("rayleigh") is not None
 
         def elements(name: str, tables: Sequence[Mapping[str, Any]], rows: list) -> list:

@@ -183,8 +183,8 @@ def basis_of(modes: Modes, k: int) -> Basis:
     weights, turn = np.linalg.eigh(psi.T @ (modes.mass @ psi))
     apart = weights > DEPENDENT
     psi = psi @ (turn[:, apart] / np.sqrt(weights[apart]))
-    own, turn = np.linalg.eigh(psi.T @ (modes.stiffness @ psi))
-    return Basis(np.concatenate((squares, own)), np.hstack((kept, psi @ turn)))
+    residual_squares, turn = np.linalg.eigh(psi.T @ (modes.stiffness @ psi))
+    return Basis(np.concatenate((squares, residual_squares)), np.hstack((kept, psi @ turn)))
 
 
 def error_of(modes: Modes, k: int, rows: np.ndarray, kappa: np.ndarray, whole: Basis) -> float:
@@ -203,11 +203,11 @@ def error_of(modes: Modes, k: int, rows: np.ndarray, kappa: np.ndarray, whole: B
     """
     if modes.is_whole and k >= len(modes.squares):
         return 0.0
-    own = basis_of(modes, k)
+    basis = basis_of(modes, k)
     most = _moves(modes, whole, rows, kappa[:0])[0]
     end, exact = _moves(modes, whole, rows, kappa)[1:]
-    found = _moves(modes, own, rows, kappa, end)[2]
-    return float(np.abs(found - exact).max() / most) if most > 0 else 0.0
+    moved = _moves(modes, basis, rows, kappa, end)[2]
+    return float(np.abs(moved - exact).max() / most) if most > 0 else 0.0
 
 
 def _moves(modes: Modes, basis: Basis, rows, kappa, end: float = 0.0):
@@ -249,8 +249,8 @@ def choose(modes: Modes, wanted: Any, room: int, rows: np.ndarray, kappa: np.nda
     most = min(room, len(modes.squares))
 
     def error(k: int) -> float:
-        known = len(modes.squares) if modes.is_whole else TIMES * k + MORE
-        return error_of(modes, k, rows, kappa, basis_of(modes, known))
+        n_modes = len(modes.squares) if modes.is_whole else TIMES * k + MORE
+        return error_of(modes, k, rows, kappa, basis_of(modes, n_modes))
 
     if by == "modes":
         k = count("reduce.modes", value, 1, most)
@@ -308,13 +308,13 @@ def coordinates(
         if np.linalg.norm(left) > DISTINCT * np.linalg.norm(row) and len(kept) < size:
             kept.append(i)
             span = np.linalg.qr(np.vstack((span, left)).T)[0].T
-    own = along(physical[kept], True)
-    pivots = qr(own[:, :size], mode="r", pivoting=True)[1] if kept else np.arange(size)
+    independent = along(physical[kept], True)
+    pivots = qr(independent[:, :size], mode="r", pivoting=True)[1] if kept else np.arange(size)
     others = sorted(pivots[len(kept) :].tolist())
     unit = np.eye(size + is_more)
     scale = np.append(np.abs(shapes).max(axis=0), 1.0)[: size + is_more]
     others += [size] * is_more
-    back = np.linalg.inv(np.vstack((own, unit[others] * scale[others, None])))
+    back = np.linalg.inv(np.vstack((independent, unit[others] * scale[others, None])))
     weights = np.append(np.ones(size), missing)[: size + is_more]
     squares = np.append(basis.squares, APART * basis.squares.max())[: size + is_more]
     drag = None
@@ -358,13 +358,13 @@ def condensed(mass, stiffness, damping, push, rows, drift, named) -> Coordinates
 
         below = stiffness[~has]
         follow[~has] = -factors(below[:, ~has]).solve(below[:, has].toarray())
-    own = _symmetric(follow.T @ (mass @ follow))
+    condensed_mass = _symmetric(follow.T @ (mass @ follow))
     return Coordinates(
         np.flatnonzero(has).tolist(),
-        own,
+        condensed_mass,
         _symmetric(follow.T @ (stiffness @ follow)),
         None if damping is None else _symmetric(follow.T @ (damping @ follow)),
-        clean(np.linalg.solve(own, follow.T @ push)),
+        clean(np.linalg.solve(condensed_mass, follow.T @ push)),
         rows @ follow,
         clean(drift @ follow),
     )

@@ -53,13 +53,13 @@ def motions_below(stiffness: Any, side: float) -> int:
 
 def sticking(stiffness: Any, slides: np.ndarray, sliders: Sequence[Any]) -> Any:
     """Return K with the springs of sliders; refuse one that leaves motions free."""
-    springs = np.sqrt([one.stiffness for one in sliders])
+    springs = np.sqrt([slider.stiffness for slider in sliders])
     tied = sparse.csr_array(springs[:, None] * slides)
-    found = sparse.csr_array(stiffness + tied.T @ tied)
-    if n_free := motions_below(found, 1.0):
+    held = sparse.csr_array(stiffness + tied.T @ tied)
+    if n_free := motions_below(held, 1.0):
         many = f"{n_free} motion{'s' * (n_free > 1)}"
         raise wrong("stiffness", f"leaves {many} free: fix some coordinates")
-    return found
+    return held
 
 
 def negative(matrix: Any) -> int:
@@ -67,47 +67,47 @@ def negative(matrix: Any) -> int:
     if matrix.nnz <= np.count_nonzero(matrix.diagonal()):
         return int((matrix.diagonal() <= 0).sum())
     try:
-        found = factors(matrix)
+        factorised = factors(matrix)
     except RuntimeError:  # a pivot is 0
         return 1
-    return int((found.U.diagonal() < 0).sum())
+    return int((factorised.U.diagonal() < 0).sum())
 
 
-def symmetric(name: str, given: Any) -> Any:
+def symmetric(name: str, value: Any) -> Any:
     """Return a symmetric sparse matrix, of both triangles."""
     try:
-        found: Any = given if sparse.issparse(given) else np.asarray(given)
-        if sparse.issparse(found) and found.format in ("csr", "csc", "bsr"):
-            found.check_format(full_check=True)  # products would read anywhere in memory
-        if found.dtype.kind not in "iuf":
+        matrix: Any = value if sparse.issparse(value) else np.asarray(value)
+        if sparse.issparse(matrix) and matrix.format in ("csr", "csc", "bsr"):
+            matrix.check_format(full_check=True)  # products would read anywhere in memory
+        if matrix.dtype.kind not in "iuf":
             raise TypeError
     except (TypeError, ValueError):
-        raise refused(name, "a matrix of real numbers", given) from None
-    shape = found.shape
+        raise refused(name, "a matrix of real numbers", value) from None
+    shape = matrix.shape
     if max(shape, default=0) > MAX_COORDINATES:
         limit = f"must have {MAX_COORDINATES} rows at most, has {max(shape)}"
         raise wrong(name, f"{limit}: leave out, or condense, what does not move")
     if len(shape) in (1, 2) and 0 not in shape and math.prod(shape) == max(shape):
         if name != "mass" and max(shape) > 1:
             raise wrong(name, f"must be a square matrix, is a row of {max(shape)} numbers")
-        dense = found if isinstance(found, np.ndarray) else found.toarray()
-        found = sparse.diags_array(dense.ravel().astype(float))
-    if found.ndim != 2 or found.shape[0] != found.shape[1]:
+        dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+        matrix = sparse.diags_array(dense.ravel().astype(float))
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         sizes = " x ".join(map(str, shape)) or "a number"
         raise wrong(name, f"must be a square matrix, is {sizes}")
-    found = sparse.csr_array(found, dtype=float)
-    found.sum_duplicates()
-    if not np.isfinite(found.data).all():
-        raise wrong(name, f"must be finite, holds {found.data[~np.isfinite(found.data)][0]}")
-    found.eliminate_zeros()
-    if not found.nnz:
+    matrix = sparse.csr_array(matrix, dtype=float)
+    matrix.sum_duplicates()
+    if not np.isfinite(matrix.data).all():
+        raise wrong(name, f"must be finite, holds {matrix.data[~np.isfinite(matrix.data)][0]}")
+    matrix.eliminate_zeros()
+    if not matrix.nnz:
         raise wrong(name, "must not be 0")
-    lower, upper = sparse.tril(found, -1), sparse.triu(found, 1)
+    lower, upper = sparse.tril(matrix, -1), sparse.triu(matrix, 1)
     if (lower.nnz == 0) != (upper.nnz == 0):
-        found = sparse.csr_array(found + lower.T + upper.T)
-    off = abs(found - found.T).tocoo()
-    if off.nnz and off.data.max() > ASYMMETRY * abs(found).max():
+        matrix = sparse.csr_array(matrix + lower.T + upper.T)
+    off = abs(matrix - matrix.T).tocoo()
+    if off.nnz and off.data.max() > ASYMMETRY * abs(matrix).max():
         i, j = (int(place[off.data.argmax()]) for place in off.coords)
-        entries = f"({i + 1}, {j + 1}) is {found[i, j]:g}, ({j + 1}, {i + 1}) is {found[j, i]:g}"
+        entries = f"({i + 1}, {j + 1}) is {matrix[i, j]:g}, ({j + 1}, {i + 1}) is {matrix[j, i]:g}"
         raise wrong(name, f"must be symmetric: entry {entries}")
-    return sparse.csr_array((found + found.T) / 2.0)
+    return sparse.csr_array((matrix + matrix.T) / 2.0)

@@ -61,10 +61,10 @@ def _above_0(name: str, value: Any) -> float:
 
 def _gap(name: str, value: Any) -> float:
     """Read the distance of a stop."""
-    found = number(name, value)
-    if found == -math.inf:
+    gap = number(name, value)
+    if gap == -math.inf:
         raise wrong(name, "must not be -inf: the stop would always push")
-    return found
+    return gap
 
 
 PER_FLOOR: dict[str, Callable[[str, Any], float]] = {
@@ -164,8 +164,8 @@ class Structure(MeasuredDynamics):
     def __post_init__(self) -> None:
         if self.matrices is not None:
             instance("matrices", self.matrices, Matrices)
-        given = items("unreached", self.unreached, "numbers of contacts")
-        self._set("unreached", tuple(count("unreached", one, 1) for one in given))
+        value = items("unreached", self.unreached, "numbers of contacts")
+        self._set("unreached", tuple(count("unreached", contact, 1) for contact in value))
         n = count("n_floors", self.n_floors, 1, MAX_ROWS if self.matrices else MAX_FLOORS)
         self._set("n_floors", n)
         self._set(
@@ -175,24 +175,24 @@ class Structure(MeasuredDynamics):
         if not isinstance(self.damping_ratio, Real):
             self._set("damping_ratio", self._ratios)
         for name, read in PER_FLOOR.items():
-            given = plain(getattr(self, name))
-            if hasattr(given, "__len__") and not isinstance(given, str | bytes):
-                self._set(name, vector(name, given, n, "numbers, one per floor", read=read))
-            elif given is not None or getattr(type(self), name) is not None:
-                self._set(name, read(name, given))
+            value = plain(getattr(self, name))
+            if hasattr(value, "__len__") and not isinstance(value, str | bytes):
+                self._set(name, vector(name, value, n, "numbers, one per floor", read=read))
+            elif value is not None or getattr(type(self), name) is not None:
+                self._set(name, read(name, value))
         self._set("harmonics", read_harmonics(self.harmonics))
         if self.storey_height is not None and not self.names.storey_heights:
             heights = np.broadcast_to(self.storey_height, n).tolist()
             self._set("names", self.names._replace(storey_heights=tuple(heights)))
         self._set("rayleigh", read_rayleigh("rayleigh", self.rayleigh, n))
         self._set("tension", flag("tension", self.tension))
-        told = ("restitution", self.restitution) if self.matrices is None else None
-        refuse_smooth(self._all_contacts, self.sharpness, told)
+        said_by = ("restitution", self.restitution) if self.matrices is None else None
+        refuse_smooth(self._all_contacts, self.sharpness, said_by)
         self._set("p_delta", flag("p_delta", self.p_delta))
         for name in ("yield_force", "yield_drift", "hardening", "collapse_drift"):
-            given = plain(getattr(self, name))
-            if hasattr(given, "__len__") and not isinstance(given, str | bytes):
-                self._set(name, tuple(given))
+            value = plain(getattr(self, name))
+            if hasattr(value, "__len__") and not isinstance(value, str | bytes):
+                self._set(name, tuple(value))
         if max(self.contact_numbers, default=0) > MAX_CONTACTS:
             raise wrong(
                 "gap_left",
@@ -265,8 +265,8 @@ class Structure(MeasuredDynamics):
         ValueError
             If a value is of the wrong kind or outside its range; the message names it.
         """
-        given = {"damping_ratio": damping_ratio, "damping": damping, "rayleigh": rayleigh}
-        used = [name for name, value in given.items() if value is not None]
+        dampings = {"damping_ratio": damping_ratio, "damping": damping, "rayleigh": rayleigh}
+        used = [name for name, value in dampings.items() if value is not None]
         if len(used) > 1:
             raise wrong(used[0], f"and {used[1]} must not be given both")
         read = read_matrices(mass, stiffness, contacts, damping, forcing, drift, sliders, influence)
@@ -284,11 +284,13 @@ class Structure(MeasuredDynamics):
 
     def _check_sliders(self) -> None:
         """Refuse sliders that are too stiff beside what bears the structure while they slip."""
-        springs = [one.spring * float(np.square(one.direction).sum()) for one in self.sliders]
+        springs = [
+            slider.spring * float(np.square(slider.direction).sum()) for slider in self.sliders
+        ]
         if self.matrices is None or not springs:
             return
-        own = float(np.trace(self.elastic_stiffness))
-        beside = own if own > 0.0 else min(springs)
+        trace = float(np.trace(self.elastic_stiffness))
+        beside = trace if trace > 0.0 else min(springs)
         for name, slider, spring in zip(self.slider_names, self.sliders, springs, strict=True):
             if spring > MAX_STIFFNESS * beside:
                 most = f"at most {MAX_STIFFNESS:g} times that of what is beside it, {beside:.4g}"
@@ -296,26 +298,26 @@ class Structure(MeasuredDynamics):
 
     def _check_collapse(self) -> None:
         """Check `collapse_drift`, which is needed where sliders that slip leave K indefinite."""
-        given = self.collapse_drift
-        if given is not None:
+        collapse = self.collapse_drift
+        if collapse is not None:
             if not self.sliders:
                 raise wrong("collapse_drift", "goes with yield_drift, yield_force or a slider")
             n = len(self.drift_rows)
-            listed = given if hasattr(given, "__len__") else (given,)
-            size = n if hasattr(given, "__len__") else 1
+            listed = collapse if hasattr(collapse, "__len__") else (collapse,)
+            size = n if hasattr(collapse, "__len__") else 1
             vector("collapse_drift", listed, size, "numbers, one per storey", read=_above_0)
         rows, limits = self.drift_rows, self.drift_limits
-        for one in self.sliders:
-            b = np.array(one.direction)
+        for slider in self.sliders:
+            b = np.array(slider.direction)
             share = rows @ b / (b @ b)  # of the elongation, where the drift is along it
             off = np.abs(rows - np.outer(share, b)).max(axis=1)
             along = off <= ROUNDED * np.abs(rows).max(axis=1)
             least = (limits[along] / np.abs(share[along])).min(initial=math.inf)
-            if least <= one.limit:
+            if least <= slider.limit:
                 raise wrong(
                     "collapse_drift",
                     f"must be above the drift at which the storey yields, "
-                    f"{one.limit:.4g}, is {least:.4g}",
+                    f"{slider.limit:.4g}, is {least:.4g}",
                 )
         if self.sliders:
             # motions whose drifts are bounded may leave in directions that none of these has
@@ -323,7 +325,7 @@ class Structure(MeasuredDynamics):
             free = axes[np.count_nonzero(size_of > ROUNDED * size_of.max(initial=0.0)) :]
             values = np.linalg.eigvalsh(free @ self.elastic_stiffness @ free.T)
             if values.min(initial=0.0) < -ROUNDED * np.trace(self.stiffness_matrix):
-                what = "is missing" if given is None else "must be finite for each that softens"
+                what = "is missing" if collapse is None else "must be finite for each that softens"
                 raise wrong(
                     "collapse_drift",
                     f"{what}: the structure softens once all sliders slip, its "
@@ -334,10 +336,10 @@ class Structure(MeasuredDynamics):
         object.__setattr__(self, name, value)
 
     def _validated_damping(self) -> tuple[float, ...]:
-        given: Any = plain(self.damping_ratio)
-        listed = [given] * self.n_floors if isinstance(given, Real) else given
+        ratio: Any = plain(self.damping_ratio)
+        listed = [ratio] * self.n_floors if isinstance(ratio, Real) else ratio
         if isinstance(listed, str | bytes) or not isinstance(listed, Sequence | np.ndarray):
-            raise refused("damping_ratio", "a number or one per mode", given)
+            raise refused("damping_ratio", "a number or one per mode", ratio)
         if len(listed) != self.n_floors:
             raise wrong(
                 "damping_ratio",
@@ -397,4 +399,4 @@ class Structure(MeasuredDynamics):
         usual = {part.name: part.default for part in fields(self)}
         if not isinstance(self.stiffness_ratio, tuple):  # the paper varies it
             usual["stiffness_ratio"] = self.stiffness_ratio
-        return {name: own for name in FOREIGN if (own := getattr(self, name)) != usual[name]}
+        return {name: value for name in FOREIGN if (value := getattr(self, name)) != usual[name]}

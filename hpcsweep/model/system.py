@@ -31,10 +31,10 @@ def frozen(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def _of_storeys(own: np.ndarray) -> np.ndarray:
+def _of_storeys(stiffness: np.ndarray) -> np.ndarray:
     """Return the matrix of springs, or dashpots, of storeys from the lowest on."""
-    above = np.append(own[1:], 0.0)
-    return np.diag(own + above) - np.diag(own[1:], 1) - np.diag(own[1:], -1)
+    above = np.append(stiffness[1:], 0.0)
+    return np.diag(stiffness + above) - np.diag(stiffness[1:], 1) - np.diag(stiffness[1:], -1)
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,8 +82,8 @@ class System:
     @cached_property
     def is_uniform(self) -> bool:
         """Whether the structure is the chain of equal storeys, whose modes have closed forms."""
-        given = self.matrices, self.mass, self.storey_stiffness
-        return given == (None, None, None) and not self.p_delta
+        parameters = self.matrices, self.mass, self.storey_stiffness
+        return parameters == (None, None, None) and not self.p_delta
 
     @cached_property
     def mass_matrix(self) -> np.ndarray:
@@ -102,26 +102,26 @@ class System:
     @property
     def _springs(self) -> np.ndarray:
         """Stiffness of the springs of all sliders, shape (n, n)."""
-        found = np.zeros((self.n_floors, self.n_floors))
+        stiffness = np.zeros((self.n_floors, self.n_floors))
         for slider in self.sliders:
-            found += slider.spring * np.outer(slider.direction, slider.direction)
-        return found
+            stiffness += slider.spring * np.outer(slider.direction, slider.direction)
+        return stiffness
 
     @cached_property
     def stiffness_matrix(self) -> np.ndarray:
         """K, (3) of equal storeys, with the springs of all sliders, shape (n, n)."""
         if self.matrices is not None:
             return frozen(self.elastic_stiffness + self._springs)
-        own = np.array(self._floors(self.storey_stiffness))
+        storeys = np.array(self._floors(self.storey_stiffness))
         if self.p_delta:
-            own = own - weight_stiffness(own.tolist(), self.weight, self.storey_height)
-        return frozen(_of_storeys(own))
+            storeys = storeys - weight_stiffness(storeys.tolist(), self.weight, self.storey_height)
+        return frozen(_of_storeys(storeys))
 
     @cached_property
     def storey_dashpots(self) -> np.ndarray:
         """Damping matrix of the dashpots of storeys alone, shape (n, n)."""
-        given = 0.0 if self.matrices is not None else self.storey_damping
-        return frozen(_of_storeys(np.array(self._floors(given))))
+        damping = 0.0 if self.matrices is not None else self.storey_damping
+        return frozen(_of_storeys(np.array(self._floors(damping))))
 
     @cached_property
     def sliders(self) -> tuple[Slider, ...]:
@@ -134,8 +134,8 @@ class System:
     @cached_property
     def drift_limits(self) -> np.ndarray:
         """Drift of each of `drift_rows` beyond which a motion has collapsed, inf: none."""
-        given = math.inf if self.collapse_drift is None else self.collapse_drift
-        return frozen(np.array(np.broadcast_to(given, len(self.drift_rows)), float))
+        limits = math.inf if self.collapse_drift is None else self.collapse_drift
+        return frozen(np.array(np.broadcast_to(limits, len(self.drift_rows)), float))
 
     @cached_property
     def slider_directions(self) -> np.ndarray:
@@ -146,7 +146,7 @@ class System:
     @property
     def slider_names(self) -> tuple[str, ...]:
         """Name of each slider: as given, or its number."""
-        return tuple(one.name or str(j) for j, one in enumerate(self.sliders, 1))
+        return tuple(slider.name or str(j) for j, slider in enumerate(self.sliders, 1))
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
@@ -166,17 +166,17 @@ class System:
     def _all_contacts(self) -> tuple[Contact, ...]:
         if self.matrices is not None:
             return self.matrices.contacts
-        found = []
+        contacts = []
         storeys = self._floors(self.storey_stiffness)
         kappa = np.multiply(self._floors(self.stiffness_ratio), storeys).tolist()
-        given = self._floors(self.restitution), kappa, self._floors(self.mass), self.tension
-        dashpots = dashpots_of_floors(*given)
+        stops = self._floors(self.restitution), kappa, self._floors(self.mass), self.tension
+        dashpots = dashpots_of_floors(*stops)
         for sign, gaps in ((1.0, self._floors(self.gap)), (-1.0, self._floors(self.gap_left))):
             for floor, gap in enumerate(gaps):
                 if gap < math.inf:
                     direction = (sign if i == floor else 0.0 for i in range(self.n_floors))
-                    found.append(Contact(tuple(direction), gap, kappa[floor], *dashpots[floor]))
-        return tuple(found)
+                    contacts.append(Contact(tuple(direction), gap, kappa[floor], *dashpots[floor]))
+        return tuple(contacts)
 
     @cached_property
     def all_contact_numbers(self) -> tuple[int, ...]:
@@ -196,8 +196,8 @@ class System:
     @property
     def influence(self) -> np.ndarray:
         """r, displacements that a base gives the coordinates where it moves by 1, shape (n,)."""
-        given = None if self.matrices is None else self.matrices.influence
-        return np.ones(self.n_floors) if given is None else np.array(given)
+        influence = None if self.matrices is None else self.matrices.influence
+        return np.ones(self.n_floors) if influence is None else np.array(influence)
 
     @property
     def load(self) -> dict[str, Any]:
@@ -231,9 +231,9 @@ class System:
     @cached_property
     def base_rows(self) -> np.ndarray:
         """Row over the masses of each building, of its base shear per mass; see `buildings`."""
-        own = self.buildings == np.arange(self.buildings.max() + 1)[:, None]
-        found = (own * self.influence) @ self.mass_matrix
-        return frozen(found / (found * self.influence).sum(axis=1, keepdims=True))
+        is_of_building = self.buildings == np.arange(self.buildings.max() + 1)[:, None]
+        rows = (is_of_building * self.influence) @ self.mass_matrix
+        return frozen(rows / (rows * self.influence).sum(axis=1, keepdims=True))
 
     @property
     def base_masses(self) -> np.ndarray:
@@ -277,8 +277,8 @@ class System:
     @cached_property
     def contact_labels(self) -> tuple[str, ...]:
         """Label of every contact number, e.g. 2 or 2L (left); '' where there is no such contact."""
-        own = {k: self._label(k) for k in self.contact_numbers}
-        return tuple(own.get(k, "") for k in range(1, max(own, default=0) + 1))
+        labels = {k: self._label(k) for k in self.contact_numbers}
+        return tuple(labels.get(k, "") for k in range(1, max(labels, default=0) + 1))
 
     def _label(self, number: int) -> str:
         left = self.matrices is None and number > self.n_floors

@@ -47,8 +47,8 @@ class UnitNames(NamedTuple):
     def of(self, quantity: str) -> str:
         """Return the unit of a quantity, in the user's units."""
         length, mass, time = self.length or "length", self.mass or "mass", self.time or "time"
-        known = NEWTONS.get((length, mass, time))
-        force = known or f"{mass} {length}/{time}^2"
+        newton = NEWTONS.get((length, mass, time))
+        force = newton or f"{mass} {length}/{time}^2"
         return {
             "length": length,
             "velocity": f"{length}/{time}",
@@ -61,8 +61,8 @@ class UnitNames(NamedTuple):
             "impulse": f"{force} {time}",
             "energy": f"{force} {length}",
             "mass": mass,
-            "stiffness": f"{known}/{length}" if known else f"{mass}/{time}^2",
-            "damping": f"{known} {time}/{length}" if known else f"{mass}/{time}",
+            "stiffness": f"{newton}/{length}" if newton else f"{mass}/{time}^2",
+            "damping": f"{newton} {time}/{length}" if newton else f"{mass}/{time}",
         }[quantity]
 
 
@@ -87,8 +87,8 @@ def _unit_of(structure, quantity: str) -> str:
 
 def is_in_gaps(structure) -> bool:
     """Return whether lengths are in gaps and times in 1/omega_0: equal storeys, all stops at 1."""
-    one = _model(structure)
-    return not is_in_own_units(one) and all(contact.gap == 1.0 for contact in one.contacts)
+    model = _model(structure)
+    return not is_in_own_units(model) and all(contact.gap == 1.0 for contact in model.contacts)
 
 
 def is_in_own_units(structure) -> bool:
@@ -103,5 +103,5 @@ def _model(structure):
 
 def known_unit(structure, quantity: str) -> str:
     """Format the unit that follows a number; empty where it has no name."""
-    known = any(structure.unit_names) or is_in_gaps(structure)
-    return f" {unit_of(structure, quantity)}" if known else ""
+    has_name = any(structure.unit_names) or is_in_gaps(structure)
+    return f" {unit_of(structure, quantity)}" if has_name else ""

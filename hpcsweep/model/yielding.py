@@ -44,24 +44,24 @@ def storey_sliders(
     ValueError
         If they are outside their ranges; the message names one.
     """
-    given = {"yield_force": yield_force, "yield_drift": yield_drift}
-    named = [name for name, value in given.items() if value is not None]
+    yields = {"yield_force": yield_force, "yield_drift": yield_drift}
+    named = [name for name, value in yields.items() if value is not None]
     if len(named) > 1:
         raise wrong("yield_force", "and yield_drift must not be given both")
-    n, found = len(stiffness), []
+    n, sliders = len(stiffness), []
     shares = _of_storeys("hardening", hardening, n, HARDENS)
     if not named:
         if any(shares):
             raise wrong("hardening", "goes with yield_force or yield_drift")
         return ()
-    at = _of_storeys(named[0], given[named[0]], n, YIELDS)
+    at = _of_storeys(named[0], yields[named[0]], n, YIELDS)
     steps = np.eye(n) - np.eye(n, k=-1)
     for i, (k, share, limit) in enumerate(zip(stiffness, shares, at, strict=True)):
         if limit < math.inf:
             force = limit * (k if named[0] == "yield_drift" else 1.0)
             row = tuple(steps[i].tolist())
-            found.append(Slider(row, (1.0 - share) * k, (1.0 - share) * force, str(i + 1)))
-    return tuple(found)
+            sliders.append(Slider(row, (1.0 - share) * k, (1.0 - share) * force, str(i + 1)))
+    return tuple(sliders)
 
 
 def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np.ndarray:
@@ -80,8 +80,8 @@ def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np
         If one is missing, or a storey cannot carry what is above it.
     """
     n = len(stiffness)
-    for name, given in (("weight", weight), ("storey_height", height)):
-        if given is None:
+    for name, value in (("weight", weight), ("storey_height", height)):
+        if value is None:
             raise wrong(name, "is missing: p_delta needs it")
     loads = np.broadcast_to(weight, n)[::-1].cumsum()[::-1] / np.broadcast_to(height, n)
     for i, (k, load) in enumerate(zip(stiffness, loads.tolist(), strict=True), 1):
@@ -94,9 +94,9 @@ def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np
     return loads
 
 
-def _of_storeys(name: str, given: Any, n: int, limits: tuple[str, float, float]) -> list[float]:
+def _of_storeys(name: str, values: Any, n: int, limits: tuple[str, float, float]) -> list[float]:
     """Read a number for each storey, from one or a sequence."""
-    listed = plain(given)
+    listed = plain(values)
     listed = listed if hasattr(listed, "__len__") else [listed] * n
     return [
         number(name, value, *limits) for value in vector(name, listed, n, "numbers, one a storey")

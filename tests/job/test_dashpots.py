@@ -48,15 +48,15 @@ def read(text):
     return read_structure(Values("job.toml", tomllib.loads(text)))
 
 
-@pytest.mark.parametrize("form", OF)
+@together("form", OF)
 def test_a_job_with_dashpots_is_read_and_left_to_flow(form):
     assert job(OF[form]).study.structure.contact_damping.min() > 0
     with pytest.raises(JobError, match=r"solver\.method = 'bdf': must be 'flow' where contacts"):
         job(f'{OF[form]}\n[solver]\nmethod = "bdf"\n')
 
 
-@pytest.mark.parametrize(
-    ("form", "damping", "tension"),
+@together(
+    "form, damping, tension",
     [
         ("short", [8.5919864, 8.5919864], True),
         ("matrices", [1.5], True),

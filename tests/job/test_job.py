@@ -86,7 +86,7 @@ def test_missing_key_and_file_are_named(tmp_path):
         load_job(tmp_path / "latin.toml")
 
 
-@pytest.mark.parametrize("given", ["from=0.01, to=0.3, step=0.01", "from=0.01, to=0.3, count=30"])
+@together("given", ["from=0.01, to=0.3, step=0.01", "from=0.01, to=0.3, count=30"])
 def test_values_of_a_range_are_those_that_one_would_write(given):
     found = job(f"[sweep]\nomega=1\namplitude={{{given}}}").study.amplitude
     assert found.tolist() == [float(f"{k / 100:.2f}") for k in range(1, 31)]
@@ -172,8 +172,8 @@ ALONG = {
 """Fields without which another one must not be given."""
 
 
-@pytest.mark.parametrize("kind", ["amplitude_sweep", "points"])
-@pytest.mark.parametrize("part", ["structure", "settings", "study"])
+@together("kind", ["amplitude_sweep", "points"])
+@together("part", ["structure", "settings", "study"])
 def test_every_field_is_part_of_the_fingerprint(part, kind):
     text = f'[study]\nkind = "{kind}"\n[sweep]\nomega = 0.5\namplitude = 0.1\n'
     job = parse_job(text, "", "name")

@@ -205,7 +205,7 @@ def test_supports_in_the_diagonals_are_fixed_and_told(folder):
         assert read_model("wall.npz").structure(outputs=["3.UX"]).n_floors == 3
 
 
-@pytest.mark.parametrize("penalty", [1e8, 1e12, 1e15, 1e18, 1e22])
+@together("penalty", [1e8, 1e12, 1e15, 1e18, 1e22])
 def test_penalty_springs_hold_supports(folder, penalty):
     stiffness = np.array([[2e6 + penalty, -2e6, 0], [-2e6, 3e6, -1e6], [0, -1e6, 1e6]])
     np.savez("penalty.npz", K=stiffness, M=np.diag([1.0, 200.0, 100.0]))

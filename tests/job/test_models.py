@@ -84,7 +84,7 @@ WRITERS = {
 }
 
 
-@pytest.mark.parametrize("names", WRITERS)
+@together("names", WRITERS)
 def test_every_format_gives_the_same_model(folder, names):
     WRITERS[names]()
     paths = names.split()
@@ -109,8 +109,8 @@ def test_a_nastran_matrix_file_is_read(folder):
     assert np.allclose(read_model("beam.op4").mass.toarray(), MASS)
 
 
-@pytest.mark.parametrize(
-    ("name", "library", "package"),
+@together(
+    "name, library, package",
     [
         ("a.op4", "pyyeti.nastran", "pyyeti"),
         ("a.full", "ansys.mapdl.reader.full", "ansys-mapdl-reader"),

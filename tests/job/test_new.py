@@ -3,6 +3,7 @@ import re
 import tomllib
 
 import pytest
+from together import together
 from tools import hpcsweep
 
 from hpcsweep.job import JobError, load_job, parse_job
@@ -95,8 +96,8 @@ def test_every_key_has_a_meaning_and_every_value_is_of_its_type_and_within_its_l
                 assert key.limits[0] <= key.default <= key.limits[1]
 
 
-@pytest.mark.parametrize(
-    ("key", "least", "most"),
+@together(
+    "key, least, most",
     [
         ("n_floors", "1", str(MAX_FLOORS)),
         ("transient_cycles", "0", str(MAX_CYCLES)),
@@ -134,11 +135,11 @@ def test_it_is_written_runs_and_completes(tmp_path):
     assert state["runs_total"] == 198
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@together("kind", KINDS)
 def test_one_of_every_kind_is_valid_small_and_tells_all_its_keys(kind, tmp_path):
-    done = hpcsweep(0, "new", "study.toml", "--kind", kind, cwd=tmp_path)
+    done = hpcsweep(0, "new", f"{kind}.toml", "--kind", kind, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    text = (tmp_path / "study.toml").read_text()
+    text = (tmp_path / f"{kind}.toml").read_text()
     study = parse_job(text, "x", "x").study
     assert (study.kind, study.n_runs < 2000) == (kind, True)
     for table, keys in declared(KINDS[kind]).items():

@@ -182,7 +182,7 @@ def test_a_wrong_structure_is_one_line_that_names_file_key_and_rule(text, old, n
     assert len(message) < 400
 
 
-@pytest.mark.parametrize("place", range(0, len(WRONG), 12))
+@together("place", range(0, len(WRONG), 12))
 def test_it_ends_with_code_2_and_nothing_written(place, tmp_path, monkeypatch, capsys):
     text, old, new, said = WRONG[place]
     monkeypatch.chdir(tmp_path)
@@ -319,8 +319,8 @@ def test_the_file_tells_its_structure(text, tmp_path):
 # --- the shipped ones
 
 
-@pytest.mark.parametrize(
-    ("name", "n", "contacts"),
+@together(
+    "name, n, contacts",
     [
         ("pounding", 8, 3),
         ("clearance", 1, 2),

@@ -248,7 +248,7 @@ def test_each_mistake_in_a_setting_is_one_line_that_names_it(base, setting, word
     assert len(message) < 400
 
 
-@pytest.mark.parametrize(("opened", "closed"), [("[", "]"), ("{a = ", "}")])
+@together("opened, closed", [("[", "]"), ("{a = ", "}")])
 def test_brackets_of_any_depth_are_refused_in_one_line(base, opened, closed):
     for depth in (*range(2, 600, 7), 10_000):
         setting = f"sweep.omega={opened * depth}1{closed * depth}"

@@ -215,8 +215,8 @@ def test_a_contact_that_is_pressed_at_rest_is_a_line():
     assert "at rest" not in dict(describe(parse(SMALL)))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
+@together(
+    "old, new, words",
     [
         ("damping_ratio = 0.05", "damping_ratio = [0.05, 1.5]", "the damping ratio 1.5, above 1"),
         ("from = 0.5, to = 0.8", "from = 50.0, to = 80.0", "more than 3 times off every natural"),

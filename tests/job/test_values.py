@@ -109,9 +109,7 @@ def test_a_range_is_counted_before_its_values_are_made(text, key):
     assert "must be from 2 to" in message or "give at most 100000 values" in message
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "count"), [(0.06, 0.36, 31), (0.1, 0.3, 7), (-1e-300, 1e300, 5), (1e-9, 3, 4)]
-)
+@together("low, high, count", [(0.06, 0.36, 31), (0.1, 0.3, 7), (-1e-300, 1e300, 5), (1e-9, 3, 4)])
 def test_values_of_a_range_are_the_nearest_to_the_exact_ones(low, high, count):
     table = {"from": low, "to": high, "count": count}
     found = Values("", {}).numbers("grid", table, True).tolist()

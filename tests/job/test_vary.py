@@ -97,8 +97,8 @@ def test_a_part_is_a_job_of_its_own():
     assert other.fingerprint != job.fingerprint
 
 
-@pytest.mark.parametrize(
-    ("table", "job", "names"),
+@together(
+    "table, job, names",
     [
         ("sweep.transient_cycles = [10, 20]", SMALL, ("transient_cycles",)),
         ('solver.skip = ["all", "none"]', SMALL, ("skip",)),
@@ -205,7 +205,7 @@ def test_points_of_a_list_are_varied_with_a_key():
         parse("study.points = [[[0.1, 0.5]], [[0.1, 0.6]]]", text)
 
 
-@pytest.mark.parametrize("job", [SMALL, GRID, ATTRACTORS, BASINS])
+@together("job", [SMALL, GRID, ATTRACTORS, BASINS])
 def test_no_key_has_the_name_of_another_or_of_something_in_the_file(job):
     """Why an axis can be called as its key is, without the table."""
     study = parse_job(job, "job.toml", "job").study
@@ -251,8 +251,8 @@ scale = {values = [1.0]}
 RAYLEIGH = re.sub("damping_ratio = .*", "rayleigh = [0.1, 0.1]", SMALL)
 
 
-@pytest.mark.parametrize(
-    ("table", "job", "owner"),
+@together(
+    "table, job, owner",
     [
         ('"building[0].period" = [0.5, 0.8]', PAIR, "building[0]"),
         ("structure.mass = [1.0, 2.0]", RAYLEIGH, "structure"),
@@ -265,8 +265,8 @@ def test_what_changes_the_ratios_of_rayleigh_is_refused(table, job, owner):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("table", "job", "label"),
+@together(
+    "table, job, label",
     [
         ("structure.rayleigh.ratio = [0.02, 0.07]", SMALL, "rayleigh_ratio"),
         ("structure.mass = [1.0, 2.0]", SMALL, "mass"),
@@ -295,8 +295,8 @@ def test_where_the_damping_is_a_ratio_it_stays_one():
         assert "damping_ratio=" not in repr(structure)
 
 
-@pytest.mark.parametrize(
-    ("table", "unit"),
+@together(
+    "table, unit",
     [
         ("structure.gap = [1.0, 2.0]", "length"),
         ("structure.gap = [2.0, 1.0]", "length"),

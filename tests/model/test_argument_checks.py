@@ -117,7 +117,7 @@ REFUSED: dict[str, tuple[Callable, dict]] = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@together("name", REFUSED)
 def test_odd_values_are_refused_in_one_line_by_their_name(name):
     check, values = REFUSED[name]
     for odd, value in values.items():

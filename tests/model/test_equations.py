@@ -83,7 +83,7 @@ def test_jacobian_is_the_derivative(rho, past):
     assert np.abs(exact - differences).max() < 1e-6 + 4 * rounding
 
 
-@pytest.mark.parametrize("rho", [3.0, 1e4, 1e8])
+@together("rho", [3.0, 1e4, 1e8])
 def test_contact_stiffness_against_the_complex_step(rho):
     for y in (-30.0, -2.0, -0.1, 0.0, 0.5, 3.0, 30.0):
         x = y / rho

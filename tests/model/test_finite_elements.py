@@ -37,7 +37,7 @@ def with_stop(reduce, n: int = 30, **more) -> Structure:
     return model(n).structure([stop], influence="UY", reduce=reduce, damping_ratio=0.02, **more)
 
 
-@pytest.mark.parametrize("modes", [1, 6, 20])
+@together("modes", [1, 6, 20])
 def test_a_clamped_beam_has_its_frequencies_and_all_static_flexibility_of_its_tip(modes):
     found = with_stop({"modes": modes}, outputs=["15.UY"])
     exact = ROOTS[:modes] ** 2
@@ -186,8 +186,8 @@ def test_a_damping_matrix_is_projected_as_the_others():
     assert bare.damping_ratios == pytest.approx(0.03)
 
 
-@pytest.mark.parametrize(
-    ("damping", "kept", "said"),
+@together(
+    "damping, kept, said",
     [
         (0.0, None, "mode 40 is 6.8e+03 times as fast as the first"),
         (1e-2, 10, "mode 10 decays 2.3e+03 times as fast as the first"),

@@ -27,7 +27,7 @@ TERMS = (
 )
 
 
-@pytest.mark.parametrize("terms", TERMS)
+@together("terms", TERMS)
 def test_a_forcing_repeats_and_stays_within_its_size(terms):
     forcing, omega = Harmonics(terms), 0.61
     tau = np.linspace(0.0, forcing.period(omega), 1001)
@@ -99,7 +99,7 @@ def test_the_rules_that_spare_periods_hold_with_a_mean_force():
         np.testing.assert_allclose(spared[name][periodic], plain[name][periodic], atol=2e-5)
 
 
-@pytest.mark.parametrize("size", [3, 15, 16, 33])
+@together("size", [3, 15, 16, 33])
 def test_samples_of_a_series_give_it_back(size):
     """Orders up to below half the samples; what does not fit in is told as an error."""
     terms = ((0, 0.25, math.pi / 2), (1, 1.0, -0.4), (7, 0.5, 2.0))

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep import Contact, Structure, stroboscopic_points
 from hpcsweep.dynamics.classify import MotionClass
@@ -67,7 +68,7 @@ def test_the_motions_of_a_bilinear_structure_are_proportional_to_the_amplitude()
     np.testing.assert_allclose(together["drift"], together["drift"][10], rtol=1e-12)
 
 
-@pytest.mark.parametrize("size", [1e-10, 1e-6, 1.0, 1e6])
+@together("size", [1e-10, 1e-6, 1.0, 1e6])
 def test_with_a_smooth_stop_what_is_measured_by_is_the_motion_too(size):
     """Scaled by s, with rho / s, all motions are the same."""
     points = [
@@ -92,8 +93,8 @@ def test_lengths_are_gaps_within_reach_or_else_of_the_linear_response():
     assert twice.gap == 2.0
 
 
-@pytest.mark.parametrize("sharpness", [math.inf, 1e3])
-@pytest.mark.parametrize("seed", range(6))
+@together("sharpness", [math.inf, 1e3])
+@together("seed", range(6))
 def test_no_motion_goes_beyond_the_bound(seed, sharpness):
     chosen = np.random.default_rng(seed)
     n = int(chosen.integers(1, 4))
@@ -151,15 +152,19 @@ def swept(structure, omega, amplitudes):
     return FrameRuns(moving, omega, SETTINGS).follow(amplitudes, state)
 
 
-@pytest.mark.parametrize(
-    "seed",
-    [
-        *(0, 2, 4, 6),
-        *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, 5, *range(7, 16))),
-    ],
-)
+@together("seed", [0, 2, 4, 6])
 def test_units_of_length_mass_and_time_change_no_class_and_no_number(seed):
-    """Up to the first chaotic run: how long chaos lasts is a matter of the last digit."""
+    check_units(seed)
+
+
+@pytest.mark.slow
+@together("seed", [1, 3, 5, *range(7, 16)])
+def test_of_more_structures_units_change_no_class_and_no_number(seed):
+    check_units(seed)
+
+
+def check_units(seed: int) -> None:
+    """Compare up to the first chaotic run: how long chaos lasts is a matter of the last digit."""
     once = swept(*in_units(seed, 1.0, 1.0, 1.0))
     for powers in np.random.default_rng(seed).integers(-12, 13, (3, 3)).tolist():
         length, mass, time = (10.0**power for power in powers)

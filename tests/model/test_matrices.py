@@ -152,7 +152,7 @@ def test_dashpots_of_storeys():
     assert ratios_of(equal) == pytest.approx(right, rel=1e-10)
 
 
-@pytest.mark.parametrize("structure", [of(damping=[[0.3, 0], [0, 0.1]]), Structure(2, mass=(1, 3))])
+@together("structure", [of(damping=[[0.3, 0], [0, 0.1]]), Structure(2, mass=(1, 3))])
 def test_steady_state_solves_the_equation(structure):
     for order in (1, 3):
         w = 0.7 * order

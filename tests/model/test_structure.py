@@ -67,7 +67,7 @@ def test_linear_steady_state_solves_the_equation():
     assert np.abs(residual).max() < 1e-13
 
 
-@pytest.mark.parametrize(("factor", "contact"), [(1 - 1e-6, 0), (1 + 1e-6, 4)])
+@together("factor, contact", [(1 - 1e-6, 0), (1 + 1e-6, 4)])
 def test_contact_begins_at_the_grazing_amplitude(factor, contact):
     structure = Structure(3, 1000.0, math.inf, 0.05)
     amplitude = factor * structure.grazing_amplitude(0.445)

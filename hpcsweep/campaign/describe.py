@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 from scipy.special import expit
 
 from hpcsweep.job import Job
-from hpcsweep.model.description import few, modes_kept, one_line, slow
+from hpcsweep.model.description import SPRINGLESS, few, modes_kept, one_line, slow
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.reduction import absurd
@@ -23,9 +23,6 @@ HEAVIER = 2.0
 """Damping ratio while all slip, over that while all stick, which is warned of."""
 PULLED = 0.01
 """Part of a gap over which smooth contacts may pull at rest without a warning."""
-SPRINGLESS = 10.0
-"""Damping ratio zeta above which the spring hardly counts: speeds decay in 1 / (2 zeta omega), 4
-zeta^2 times as fast as displacements."""
 ROUNDING = 1e-12
 """Entry of a mode, over its largest, that is 0."""
 ENOUGH_MASS = 0.9

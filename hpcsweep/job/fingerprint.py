@@ -25,7 +25,7 @@ samples of records come from, which their checksums identify."""
 
 
 def fingerprint(study: Study) -> str:
-    """Hash what a study means."""
+    """Hash the meaning of a study."""
     meaning: list[object] = [MEANING_VERSION, study.kind]
     if isinstance(study, Varied):
         axes = [
@@ -77,7 +77,7 @@ def _is_default(field: Field, value: object) -> bool:
 
 
 def _is_later(field: Field, value: object) -> bool:
-    """Return whether a field was added to parts of jobs that do not use it."""
+    """Return whether a field was added later and has its default."""
     return bool(field.metadata.get("later")) and _is_default(field, value)
 
 

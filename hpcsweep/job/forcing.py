@@ -23,7 +23,7 @@ MAX_SAMPLES = 100_000
 
 
 def read_forcing(values: Values) -> Harmonics:
-    """Read the table ``forcing``: one key, each a kind of forcing, and what goes with it."""
+    """Read the table ``forcing``: harmonics, or samples with their number of harmonics."""
     table = dict(values.table("forcing"))
     kept = table.pop("n_harmonics", None)
     if kept is not None and "samples" not in table:
@@ -38,7 +38,7 @@ def read_forcing(values: Values) -> Harmonics:
 
 
 def _harmonics(values: Values, listed) -> Harmonics:
-    """Read a sum of harmonics; that of order 0 is the mean, without a phase."""
+    """Read a sum of harmonics; order 0 is the mean and has no phase."""
     if not isinstance(listed, list) or not listed:
         limit = "must be a list of {order = 1, amplitude = 1.0, phase = 0.0}"
         raise values.error("forcing.harmonics", listed, limit)
@@ -74,7 +74,7 @@ FORCINGS: dict[str, Callable[[Values, Any], Harmonics]] = {
 
 
 def forcing_notes(values: Values) -> tuple[str, ...]:
-    """Return what is to be said of the forcing: how well a series meets its samples."""
+    """Return notes on the forcing: how well a Fourier series fits its samples."""
     if not values.has("forcing.samples"):
         return ()
     terms, error = _series(values, values.get("forcing.samples"))

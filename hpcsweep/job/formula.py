@@ -55,7 +55,7 @@ def formula(text: str, names: Collection[str]) -> tuple[Callable[..., float], st
 
 
 def _check(node: ast.AST, names: Collection[str]) -> None:
-    """Refuse what is no arithmetic, or names what is not known; make numbers real."""
+    """Refuse all but arithmetic of known names; make numbers real."""
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
         assert isinstance(node.value, int | float)
         node.value = float(node.value)

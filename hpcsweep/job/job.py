@@ -63,7 +63,7 @@ class Job:
 
     @cached_property
     def growth(self) -> MapGrowth | None:
-        """How the study grows by what its runs are found to be; None if all are computed."""
+        """How results refine the study; None if all its runs are computed."""
         refine = self.study.refine
         return None if refine is None else MapGrowth(self.study, refine)
 

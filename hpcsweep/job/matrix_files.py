@@ -33,7 +33,7 @@ NAMES = "names"
 
 
 def read_file(path: Path) -> Found:
-    """Return the matrices in a file by their names, '' of one without, and `NAMES`.
+    """Return the matrices in a file by their names, '' where there is none, and `NAMES`.
 
     Raises
     ------
@@ -120,8 +120,8 @@ def _read_apart(path: Path, kind: str) -> Found:
     command = [sys.executable, "-P", matrix_reader.__file__, kind, str(path)]
     done = subprocess.run(command, capture_output=True, check=False, stdin=subprocess.DEVNULL)
     if done.returncode < 0 or not done.stdout:
-        why = signal.Signals(-done.returncode).name if done.returncode < 0 else "without a word"
-        raise ValueError(f"{DAMAGED}: what reads {kind} files ended by {why}")
+        why = signal.Signals(-done.returncode).name if done.returncode < 0 else "without output"
+        raise ValueError(f"{DAMAGED}: the reader of {kind} files ended by {why}")
     said, matrices = pickle.loads(done.stdout)  # of our own process
     if said:
         raise ValueError(on_one_line(said))

@@ -1,4 +1,4 @@
-"""Read matrices by libraries that a damaged file may crash: a script, run in a process of its own.
+"""Read matrices with libraries that a damaged file may crash: a script, run as its own process.
 
 It is run by `hpcsweep.job.matrix_files`, and writes what it has found, or what is wrong,
 to its standard output. It imports nothing of the package, so that it starts quickly.
@@ -67,7 +67,7 @@ def _limit_memory() -> None:
 
 
 def main(kind: str, path: str) -> None:
-    """Read a file; a pair goes out: what is wrong, and what was found."""
+    """Read a file and write a pair: an error message, and the matrices."""
     import scipy.sparse
 
     out = os.fdopen(os.dup(1), "wb")

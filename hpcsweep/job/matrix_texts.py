@@ -70,7 +70,7 @@ def _without_comments(lines: Lines) -> Lines:
 
 
 def _numbers(lines: Lines, separators: str = "") -> tuple[np.ndarray, np.ndarray]:
-    """Return all numbers of lines, and how many each line has."""
+    """Return the numbers on all lines, and how many each line has."""
     table = str.maketrans(separators, " " * len(separators))
     cells = [line.translate(table).split() for _, line in lines]
     if not set().union(*map(set, (line.translate(table) for _, line in lines))) <= NUMERIC | set(
@@ -88,7 +88,7 @@ def _numbers(lines: Lines, separators: str = "") -> tuple[np.ndarray, np.ndarray
 
 
 def _refuse_words(lines: Lines, cells: list[list[str]]) -> None:
-    """Refuse the first cell that is no number."""
+    """Refuse the first cell that is not a number."""
     for (i, _), row in zip(lines, cells, strict=True):
         for cell in row:
             try:
@@ -100,7 +100,7 @@ def _refuse_words(lines: Lines, cells: list[list[str]]) -> None:
 
 
 def _market(said: list[str], lines: Lines) -> Any:
-    """Read a matrix of MatrixMarket, of which the banner says object, format, field, symmetry."""
+    """Read a MatrixMarket matrix whose banner gives object, format, field and symmetry."""
     if len(said) != len(KNOWN) or not all(map(tuple.__contains__, KNOWN, said)):
         limit = "coordinate or array, real or integer, general or symmetric"
         raise ValueError(f"its first line must be like {FORM} ({limit}), says {shown(said)}")
@@ -179,7 +179,7 @@ def check_size(n: int, m: int) -> None:
 
 
 def _abaqus(lines: Lines, blocks: list[int], unsymmetric: bool) -> Found:
-    """Read the matrices of a substructure: lower triangles, row by row, or whole."""
+    """Read the matrices of a substructure: lower triangles by rows, or whole matrices."""
     matrices: dict[str, Any] = {}
     for k in blocks:
         header = MATRIX.match(lines[k][1])
@@ -231,7 +231,7 @@ def _rows(lines: Lines) -> np.ndarray:
 
 
 def _refuse_list(matrix: np.ndarray) -> None:
-    """Refuse what is not a matrix, but looks like the places of entries and the entries."""
+    """Refuse a list of rows, columns and entries that is taken for a matrix."""
     places = matrix[:, : INDICES.get(matrix.shape[1], 0)]
     if not places.size or len(matrix) == 1 or np.any((places < 0) | (places != np.floor(places))):
         return

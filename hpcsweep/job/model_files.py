@@ -1,4 +1,4 @@
-"""Read finite element models: matrices M, K and, if wanted, C, from one file or one file each.
+"""Read finite element models: matrices M, K and optionally C, from one file or several.
 
 Which matrix is which says its name in the file, or the end of the name of a file that holds one:
 M or mass, K or stiffness, C or damping. What has another name is not used, and told.
@@ -78,7 +78,7 @@ def read_model(path: Any, names: Sequence[str] | None = None) -> FiniteElements:
 
 
 def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
-    """Read a model from files, as `read_model`; errors name that of what is wrong, or the first."""
+    """Read a model from files, as `read_model`; errors name the file at fault, or the first."""
     whole = paths[0] if paths else Path("path")
     matrices: Found = {}
     read_from: dict[str, Path] = {}
@@ -113,7 +113,7 @@ def load_model(paths: Sequence[Path], names: Any = None) -> FiniteElements:
 
 
 def _files(paths: Sequence[Path]) -> Sequence[Path]:
-    """Return the files, or those of a folder; texts there are matrices if their names say which."""
+    """Return the files, or those in a folder; text files there must be named after a matrix."""
     if len(paths) != 1 or not paths[0].is_dir():
         return paths
     held = [file for file in sorted(paths[0].iterdir()) if file.suffix.lower() in ENDINGS]
@@ -124,7 +124,7 @@ def _files(paths: Sequence[Path]) -> Sequence[Path]:
 
 
 def _named(path: Path, held: Found) -> Found:
-    """Return what a file holds; a single matrix by the name of the file, unless it has its own."""
+    """Return a file's matrices; a single one without a name of its own has the file's."""
     word = _word(path)
     matrices = [name for name in held if name != NAMES]
     if len(matrices) == 1:

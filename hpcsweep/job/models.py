@@ -1,4 +1,4 @@
-"""Reduce the finite element model of a job once: a loaded job holds what came out from then on.
+"""Reduce the finite element model of a job once: from then on the job holds the result.
 
 ``structure.model.found`` then has matrices, rows and names (`hpcsweep.model.reduced`), with the
 hash of the files and of all keys that they depend on. That hash is what the model means; the
@@ -27,7 +27,7 @@ SHAPES_MODES = re.compile(r"\.direction(\[\d+\])?$|slider\[\d+\]\.stiffness$")
 def with_model(
     values: Values, tree: dict, folder: Path | None
 ) -> tuple[dict, Callable[..., dict] | None]:
-    """Return a job with its model reduced, the same where that is there.
+    """Return a job with its model reduced, unchanged where it has been reduced.
 
     Where it is not, and modes are left out, also a function that reduces it otherwise: it takes
     ``reduce``, and whether there shall be the modes that errors are estimated from, and returns
@@ -85,8 +85,9 @@ def with_model(
     before = table.get("found")
     if before is not None:
         if not isinstance(before, Mapping) or before.get("origin") != origin:
-            said = f"{values.source}: structure.model.found: the model is not as it was any more"
-            raise JobError(f"{said}; take structure.model.found away to use what is there")
+            limit = ": the model's files have changed since this job was written"
+            limit += "; delete structure.model.found to reduce them again"
+            raise JobError(limit, "structure.model.found", values.source)
         return tree, None
     influence, outputs, reduce, fixed = (table.get(key) for key in ARGUMENTS)
 
@@ -108,7 +109,7 @@ def with_model(
 
 
 def _stiffest(contacts: list[dict], varied: Mapping[str, tuple[Any, ...]]) -> list[dict]:
-    """Return the tables of contacts, each as stiff as in any part: there the error is largest.
+    """Return the tables of contacts, each with its largest stiffness of all parts.
 
     A wrong value is left to the part that has it.
     """

@@ -103,7 +103,7 @@ INSTEAD = {
 
 
 def _drop_inherited(whole: dict, keys_of_job: set[str]) -> list[str]:
-    """Remove inherited keys that have no use beside the job's own; return messages.
+    """Remove inherited keys that the job's own keys make useless; return messages.
 
     These are keys that another key replaces, and keys of other kinds of study only.
     """
@@ -216,12 +216,12 @@ def _portion(values: Values, study):
     if part is None:
         return study
     if not study.cut(slice(None)):
-        raise values.error("part", part, "cannot be: this job is computed as a whole")
+        raise values.error("part", part, "is not allowed: this study cannot be split")
     if not is_part(part):
         raise values.error("part", part, "must be [k, n], part k of n, from 1 to n")
     if part[1] > study.n_frames:
         frames = count(study.n_frames, study.run_dims[-2])
-        raise values.error("part", part, f"n must be at most that of the {frames}")
+        raise values.error("part", part, f"n must not exceed the {frames}")
     return replace(study, **study.cut(slice(part[0] - 1, None, part[1])))
 
 
@@ -244,7 +244,7 @@ def part_of(job: Job, place: Place) -> Job:
 
 
 def _default_block(values: Values, study) -> int:
-    """Return the number of runs committed together: 1 with a slow solver (seconds a run)."""
+    """Return the number of runs committed together: 1 with a slow solver."""
     slow = [name for name, kind in SOLVERS.items() if not kind.follows_orbits]
     return 1 if values.get("solver.method", "flow") in slow else study.default_block
 
@@ -263,7 +263,7 @@ def _check_extent(values: Values, study: Study) -> None:
 
 
 def _keys_of_others(study) -> dict[str, str]:
-    """Return the keys of other kinds of study only, with these kinds."""
+    """Return the keys that only other kinds of study have, with these kinds."""
     keys_here = keys_of(study)
     homes: dict[str, list[str]] = {}
     for other in KINDS.values():

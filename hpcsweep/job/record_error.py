@@ -33,7 +33,7 @@ def with_record_error(
     reduced: Callable[..., dict],
     read: Callable[[str, Mapping], Any],
 ) -> dict:
-    """Return a job whose model states its errors under records, the same without any.
+    """Return a job whose model states its errors under records; unchanged without records.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def with_record_error(
 
 
 def _with(tree: Mapping, reduction: Mapping) -> dict:
-    """Return a job with what is found of its model; further modes are damped as the last given."""
+    """Return a job with a reduction of its model; further modes are damped as the last given."""
     model = {**tree["structure"]["model"], "found": reduction}
     ratios = model.get("damping_ratio")
     if isinstance(ratios, list):
@@ -86,7 +86,7 @@ def _with(tree: Mapping, reduction: Mapping) -> dict:
 
 
 def _errors(kept: Records, more: Records) -> tuple[float, float]:
-    """Return the errors of displacements and of forces of contacts, of some records."""
+    """Return the errors of displacements and of contact forces under some records."""
     errors = np.zeros(2)
     for i in np.unique(np.linspace(0, kept.n_frames - 1, MAX_RUN).astype(int)):
         try:

@@ -1,4 +1,4 @@
-"""The text of a job with all defaults, for files that are read when these have been forgotten."""
+"""The text of a job with all defaults, for files that outlive these defaults."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
@@ -20,7 +20,7 @@ from hpcsweep.studies.vary import Varied
 
 
 def resolved(job: Job) -> str:
-    """Return the same job as TOML in which every key is given that has a value.
+    """Return the same job as TOML in which every key that has a value is given.
 
     Where keys vary, those are added whose defaults do not depend on one of them.
     """

@@ -1,4 +1,4 @@
-"""Read the rows of ``[vary]``: structures of a portfolio, each with a value of several keys.
+"""Read the rows of ``[vary]``: structures of a portfolio, each with values of several keys.
 
 A job gives them as tables, or names a CSV file, as a spreadsheet saves it: keys in its first line,
 as ``[vary]`` has them, values below as TOML has them, a word without quotes. A loaded job holds the
@@ -28,7 +28,7 @@ FIRST_LINE = 2
 
 
 def with_rows(values: Values, tree: dict, folder: Path | None) -> tuple[dict, str]:
-    """Return a job that holds its rows, and the name of the file they are from; '' if of none.
+    """Return a job that holds its rows, and the file they are from, '' without one.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def _table(text: str, separator: str, path: str) -> list[dict]:
 
 
 def _with_points(rows: list[dict], path: str) -> list[dict]:
-    """Return the rows of a table whose decimals may be commas with decimal points."""
+    """Return the rows of a table, decimal commas replaced by points."""
     try:
         if not has_commas(cell for row in rows for key, cell in row.items() if key != NAME):
             return rows

@@ -1,4 +1,4 @@
-"""Jobs of parts of a job, which together have its frames, and the whole that a part is of."""
+"""Split a job into parts that together have all its frames, and find the whole of a part."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ LINE = re.compile(r"^part = \[\d+, \d+\]\n", re.MULTILINE)
 
 
 def split(job: Job, n_parts: int, path: Path) -> dict[Path, str]:
-    """Return the jobs of all parts, by the names of their files, beside that of the whole.
+    """Return the jobs of all parts by file name, in the folder of the whole.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def split(job: Job, n_parts: int, path: Path) -> dict[Path, str]:
 
 
 class Whole(NamedTuple):
-    """The job that a part is of, and which part of how many it is."""
+    """The whole job of a part, with the number of the part and of all parts."""
 
     job: Job
     k: int
@@ -47,12 +47,12 @@ class Whole(NamedTuple):
 
 
 def whole_of(text: str, source: str, name: str) -> Whole:
-    """Return the job of which a text is a part, named as it; `source` is named in errors.
+    """Return the whole job of a part, by its text; `source` is named in errors.
 
     Raises
     ------
     JobError
-        If it is none of a part.
+        If the text is not that of a part.
     """
     tree = parse_toml(text, source)
     if "part" not in tree:

@@ -97,7 +97,7 @@ def read_structure(values: Values) -> Structure:
 
 
 def _place(error: InputError, side_by_side: bool) -> None:
-    """Give the error of a structure the key that the job has for its parameter."""
+    """Replace the parameter in an error by the job's key for it."""
     if error.key in MATRICES_BESIDE and side_by_side:
         error.key = MATRICES_BESIDE[error.key]
     elif error.table == "harmonics":
@@ -183,12 +183,14 @@ def _of_model(values: Values, structure: dict, contacts, sliders, others: dict) 
     try:
         reduced = Reduced(**reduction)
     except TypeError:
-        raise JobError("is not what a run wrote", "structure.model.found", values.source) from None
+        raise JobError(
+            "is not as hpcsweep wrote it", "structure.model.found", values.source
+        ) from None
     return reduced.structure(contacts, sliders, origin=origin, **others)
 
 
 def _weighed(values: Values, place: str, table: dict) -> dict:
-    """Return a table with the weights that p_delta needs: masses times g, unless they are given."""
+    """Return a table with the weights for p_delta: masses times g unless given."""
     if "weight" in table and "p_delta" not in table:
         raise values.error(f"{place}.weight", table["weight"], "goes with p_delta")
     mass: Any = table.get("mass")
@@ -211,7 +213,7 @@ def _building(name: str, table: Mapping) -> Building:
 
 @dataclass(frozen=True)
 class _Table:
-    """A table as a key, by its text, in which 1, 1.0 and true differ."""
+    """A hashable table, compared by its text, in which 1, 1.0 and true differ."""
 
     text: str
     given: dict = field(compare=False)
@@ -219,7 +221,7 @@ class _Table:
 
 @functools.lru_cache(maxsize=1024)
 def _made(table: _Table) -> Building:
-    """Make a building; the parts of a varied job share most of theirs."""
+    """Make a building, or return an equal one that the parts of a varied job share."""
     made = Building(**table.given)
     _ = made.structure  # which checks what the building itself does not
     return made
@@ -266,7 +268,7 @@ def _of_buildings(values: Values, structure: dict, harmonics) -> Structure:
 
 
 def _with_isolation(values: Values, place: str, table: Mapping) -> Mapping:
-    """Return the table of a building, with g for its isolation where that needs it."""
+    """Return the table of a building, with gravity where its isolation needs it."""
     bearings = table.get("isolation")
     if bearings is None:
         return table

@@ -1,4 +1,4 @@
-"""Establish the facts about a job's records once: a loaded job holds them from then on.
+"""Read the records of a job once: from then on the job holds their facts.
 
 The files that ``records.files`` names are searched for and read, the suite of ``records.synthetic``
 is made; of each record ``records.found`` then has a name, a checksum and the intensity measures.
@@ -26,7 +26,7 @@ from hpcsweep.studies.study import Study, as_kind
 
 
 def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") -> dict:
-    """Return a job with what its records are, the same where that is there or it has none.
+    """Return a job with the facts of its records, unchanged where it has them or has no records.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def _periods(values: Values, tree: dict, file: str, gravity: float) -> list[floa
 
 
 def with_own_period(tree: dict, study: Study) -> dict:
-    """Return the job of a part without what is known of records at the periods of others."""
+    """Return the job of a part with the measures of records at its own period alone."""
     if "part" in tree or not isinstance(tree["records"].get("found"), Mapping):
         return tree
     suite = as_kind(study, Records).suite
@@ -131,16 +131,17 @@ def _period(source: str, tree: Mapping) -> float:
 
 
 def _compare(values: Values, suite: dict[str, Facts]) -> None:
-    """Refuse records that are not those the job was made with."""
+    """Refuse records that differ from those the job was written with."""
     before, _ = keys.read_found(values)
     for old in before:
         if old.name not in suite or suite[old.name].digest != old.digest:
-            said = f"{values.source}: records.found: {old.name} is not there any more as it was"
-            raise JobError(f"{said}; take records.found away to use what is there")
+            limit = f": {old.name} is missing or has changed since this job was written"
+            limit += "; delete records.found to use the records that are there"
+            raise JobError(limit, "records.found", values.source)
 
 
 def _paths(values: Values, folder: Path) -> tuple[str, ...]:
-    """Return the files that names, folders and patterns stand for, each once, in their order."""
+    """Return the files that names, folders and patterns match, each once, in order."""
     patterns = values.get("records.files")
     what = 'names of files or folders, or patterns: ["*.AT2"]'
     paths: dict[str, None] = {}

@@ -1,4 +1,4 @@
-r"""What is known of all parts of a job without a structure of each: tables of thousands of rows.
+r"""Judge tables of thousands of rows without making the structure of each part.
 
 A limit of one key is an interval. Where keys have no limits in common, the parts with the least and
 the largest value of each tell of all whether they are valid. Two limits are common to all keys of
@@ -79,7 +79,7 @@ class Table:
         ]
 
     def telling(self, base: RunGrid) -> list[Place]:
-        """Return the places whose parts tell of all whether they are valid; none: all have to.
+        """Return the places of parts by whose validity all are valid; none: check all.
 
         Base is the first part.
         """
@@ -189,7 +189,7 @@ class Table:
         return chain_periods(mass, stiffness)
 
     def _values(self, key: str, first: Any, n: int) -> np.ndarray:
-        """Return the n values of a key in each part, shape (parts, n); given is that of the first.
+        """Return the n values of a key in each part, (parts, n), from those of the first.
 
         Raises
         ------

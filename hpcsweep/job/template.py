@@ -1,4 +1,4 @@
-"""The commented job that `hpcsweep new` writes, made of the declarations of its keys."""
+"""The commented job that `hpcsweep new` writes, made from the declarations of keys."""
 
 import re
 import textwrap
@@ -14,7 +14,7 @@ HEAD = """\
 #     hpcsweep plot FILE.h5 -o FILE.png        draws it
 #     hpcsweep run FILE.toml --dry-run         predicts the cost of a larger one
 #
-# A key behind a # has its default, which is shown; take the # away to give it another value.
+# A key behind a # has its default, which is shown; remove the # to give it another value.
 #
 {}
 # Another job, whose path is relative to this file: what is given here replaces what is there.
@@ -98,7 +98,7 @@ POINTERS = (
 
 
 def template(kind: str = DEFAULT_KIND) -> str:
-    """Write a job of a kind of study; that of an amplitude sweep tells the keys of others, too."""
+    """Write a job for a kind of study; the default one lists the keys of others too."""
     every, shaken = declared(KINDS[kind]), kind == "records"
     completing = GIVEN[kind] if kind == DEFAULT_KIND else {"study.kind": f'"{kind}"', **GIVEN[kind]}
     parts = [HEAD.format(SEEDS * (kind == "branches") + (IN_OWN if shaken else IN_GAPS))]
@@ -143,7 +143,7 @@ def _of_others(every: Tables) -> list[str]:
 
 
 def _given(table: str, keys: Iterable[Key], completing: Mapping[str, str]) -> Iterator[str]:
-    """Write keys, each after its comment; of one without a value only the comment."""
+    """Write keys, each below its comment, or the comment alone where there is no value."""
     for key in keys:
         name = f"{table}.{key.name}"
         value = completing.get(name) or key.example or key.shown
@@ -156,7 +156,7 @@ def _given(table: str, keys: Iterable[Key], completing: Mapping[str, str]) -> It
 
 
 def _mentioned(prefix: str, key: Key) -> str:
-    """Write a key of other jobs, and what it means, as a comment."""
+    """Write a key of other jobs and its meaning as a comment."""
     default = key.shown or key.told
     return _comment(
         f"{prefix}{key.name}: {key.description}" + f"; default: {default}" * bool(default), "#     "

@@ -1,4 +1,4 @@
-"""Merge job files as trees: with what they extend and the command line sets, back into TOML.
+"""Merge a job file with the files it extends and the settings of the command line.
 
 A tree is what ``tomllib`` makes of a job file: keys at the top, and tables of keys. Trees are
 merged key by key, and so are `TABLES_WITHIN`; the value of a key, even a range table, is replaced
@@ -122,7 +122,7 @@ def resolve(
 
 
 def _without_unset(tree: Mapping, order: Order, keys: Sequence[str] | None = None) -> dict:
-    """Return a tree without unset keys, unknown ones stay, and without tables left empty."""
+    """Return a tree without unset keys and tables left empty; unknown keys stay."""
     kept = {
         key: _without_unset(value, {}, order.get(key)) if isinstance(value, Mapping) else value
         for key, value in tree.items()
@@ -143,7 +143,7 @@ def with_value(whole: Mapping, key: str, value: object, said: str) -> dict:
 
 
 def _replaced(below: Any, steps: list[str], value: object, said: str, owner: str) -> Any:
-    """Return what is at a key, `owner`, with a new value at the end of the steps below it."""
+    """Return the content of the key `owner` with a new value at the end of the steps below it."""
     if not steps:
         return value
     step, *rest = steps
@@ -232,7 +232,7 @@ def parse_toml(text: str, source: str, otherwise: str = "") -> dict:
 
 
 def _unreadable(text: str) -> str:
-    """Return the key whose value the parser gives up, or nothing: of other values it says where."""
+    """Return the key whose value the parser gives up on without saying where, or nothing."""
     for run in RUN.finditer(text):
         if run.end() - run.start() > LONGEST_RUN:
             key, equals, _ = text[text.rfind("\n", 0, run.start()) + 1 :][:MAX_SHOWN].partition("=")

@@ -1,4 +1,4 @@
-"""Read values of a job file, one type a method; errors name file, key, value and limit."""
+"""Read values of a job file, a method per type; errors name file, key, value and limit."""
 
 import difflib
 import math
@@ -175,7 +175,7 @@ class Values:
     def positive(
         self, key: str, value: object, least: float = LEAST, most: float = LARGEST
     ) -> float:
-        """Return a number above 0; by default of a size that some unit gives it."""
+        """Return a number above 0, by default within the range that any unit gives it."""
         return self.within(key, value, least, most, "above 0, ")
 
     def whole(self, key: str, value: object, least: int, most: int) -> int:
@@ -207,7 +207,7 @@ class Values:
         return tuple(value)
 
     def names(self, key: str, value: object, what: str) -> tuple[str, ...]:
-        """Return the names of one file or several; `what` they are is said in the error."""
+        """Return the names of one file or several; `what` describes them in the error."""
         listed = value if isinstance(value, list) else [value]
         if not listed or not all(isinstance(x, str) and x and x.isprintable() for x in listed):
             raise self.error(key, value, f"must be {what}")
@@ -241,11 +241,11 @@ class Values:
         return values
 
     def frequencies(self, key: str) -> np.ndarray:
-        """Read forcing frequencies Omega, or ``frequency`` in their place: cycles per time."""
+        """Read forcing frequencies Omega, or in their place ``frequency`` in cycles per time."""
         cycles = f"{key.split('.')[0]}.frequency"
         if self.has(cycles):
             if self.has(key):
-                limit = f'does not go with {key}: take one away (= "unset" where it is inherited)'
+                limit = f'does not go with {key}: remove one (= "unset" where it is inherited)'
                 raise self.error(cycles, self.get(cycles), limit)
             key = cycles
         frequencies = self.numbers(key, self._no_formula(key), ascending=False)
@@ -282,7 +282,7 @@ class Values:
         return amplitude
 
     def _no_formula(self, key: str) -> object:
-        """Return the value of a key that is a formula in sweeps alone."""
+        """Return the value of a key; a formula, which only paths have, is refused."""
         value = self.get(key)
         if isinstance(value, str):
             limit = "must be numbers: formulas are of paths (sweeps, attractors), no single points"
@@ -290,7 +290,7 @@ class Values:
         return value
 
     def tie(self, key: str, text: str, names: Collection[str]) -> Tie:
-        """Read a formula of some names that gives Omega or A."""
+        """Read a formula that gives Omega or A from named parameters."""
         try:
             value, text = formula(text, names)
         except ValueError as error:
@@ -298,7 +298,7 @@ class Values:
         return Tie(key.removeprefix("sweep."), text, value)
 
     def tied(self, key: str, text: str, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return what a formula gives Omega or A, where other values are known."""
+        """Return Omega or A by a formula at each value of its parameters."""
         value = self.tie(key, text, parameters).of
         is_omega = key == "sweep.omega"
         least, most = (MIN_OMEGA, MAX_OMEGA) if is_omega else (MIN_AMPLITUDE, MAX_AMPLITUDE)
@@ -351,7 +351,7 @@ class Values:
 
 
 def _hint(key: str, allowed: Sequence[str], keys: Mapping[str, Sequence[str]]) -> str:
-    """Say which key may be meant by an unknown one: by its meaning, its place, its spelling."""
+    """Suggest the key meant by an unknown one: by meaning, by place, by spelling."""
     meant = MEANT.get(key)
     if meant in allowed:
         return f"did you mean {meant!r}?"

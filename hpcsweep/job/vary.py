@@ -35,10 +35,10 @@ STRUCTURAL = ("structure", "pounding")
 TABLES = ("study", *STRUCTURAL, "sweep", "solver")
 """Tables whose keys may be varied: all runs must store the same variables."""
 NEVER = {
-    "study.kind.": "must be one and the same of all runs",
+    "study.kind.": "must be the same for all runs",
     "sweep.omega.": "is an axis of every study; give sweep.omega its values",
     "sweep.amplitude.": "is an axis of every study; give sweep.amplitude its values",
-    "sweep.initial_state.": "must be one and the same of all runs",
+    "sweep.initial_state.": "must be the same for all runs",
     "structure.model.": "is not offered: a model is read and reduced once, for all runs",
 }
 OF_ALL = ("records.", "output.", "units.", "part")
@@ -91,7 +91,7 @@ class Parts:
             raise self.error(place, error) from None
 
     def visit(self, function: Callable[[Place], None], places: Sequence[Place] = ()) -> None:
-        """Call a function for each part in order, or for some that tell of all (`Table`).
+        """Call a function for each part in order, or for the extreme ones (`Table`).
 
         Raises
         ------
@@ -118,7 +118,7 @@ class Parts:
             raise wrong[first]
 
     def error(self, place: Place, error: JobError) -> JobError:
-        """Return the error of a part, with the row that it is about, if any."""
+        """Return the error of a part, with the row that it is about if there is one."""
         if error.key.startswith(OF_ALL):
             return error
         for axis, at in zip(self.axes, place, strict=True):
@@ -132,7 +132,7 @@ class Parts:
 
     @property
     def table(self) -> Table:
-        """What is known of all parts without a structure of each."""
+        """Parts as columns, of which much is known without their structures."""
         return Table(self.tree_at((0,) * len(self.axes)), self.axes)
 
     def tree_at(self, place: Place) -> dict:
@@ -141,7 +141,7 @@ class Parts:
         return self._with((column, at) for axis, at in chosen for column in axis.keys)
 
     def tree_as_given(self) -> dict:
-        """Return the job with its own values of the keys that are varied, the first of others."""
+        """Return the job with its own values of varied keys, or else with their first ones."""
         varied = (column for axis in self.axes for column in axis.keys)
         return self._with((column, 0) for column in varied if not _is_given(self.tree, column.key))
 
@@ -156,7 +156,7 @@ class Parts:
 def parts_of(
     values: Values, tree: Mapping, read: Callable[[str, Mapping], Any], file: str = ""
 ) -> Parts:
-    """Return what makes the parts of a job, with what `read` returns of each.
+    """Return the factory of the parts of a job, in which `read` reads each.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def parts_of(
 
 
 def _axes(values: Values, varied: Mapping, file: str) -> tuple[Axis, ...]:
-    """Read the axes of a table without tables within; `file` is that of their rows."""
+    """Read the axes of a flat table; `file` is the origin of their rows."""
     table = Values(file, {}) if file else values
     return tuple(
         _rows(table, value) if key == ROWS else _axis(values, key, value)
@@ -191,7 +191,7 @@ def _axes(values: Values, varied: Mapping, file: str) -> tuple[Axis, ...]:
 
 
 def varied_values(values: Values, tree: Mapping) -> dict[str, tuple[Any, ...]]:
-    """Return the values of each key that a job varies, along a path, too."""
+    """Return the values of each key that a job varies, also along a path."""
     axes = _axes(values, _flat(values, tree["vary"]), "") if "vary" in tree else ()
     return {column.key: column.given for axis in axes for column in axis.keys}
 
@@ -203,7 +203,7 @@ def read_varied(
     file: str = "",
     is_stored: bool = False,
 ) -> RunGrid | Varied:
-    """Read the study of a job at all values of its varied keys; `file` is that of their rows.
+    """Read the study of a job at all values of its varied keys; `file` is the origin of rows.
 
     Parts of a stored job were validated before it was stored.
 
@@ -306,7 +306,7 @@ def _table(tree: Mapping, owner: str) -> Mapping:
 
 
 def _is_given(tree: Mapping, key: str) -> bool:
-    """Return whether a job has a value of its own of a varied key."""
+    """Return whether a job gives a varied key its own value, too."""
     owner, _, name = key.rpartition(".")
     return name in _table(tree, owner)
 
@@ -332,7 +332,7 @@ def _flat(values: Values, table: object) -> dict[str, object]:
 
 
 def _rows(values: Values, tables: Any) -> Axis:
-    """Read keys that vary together: a table of their values a row."""
+    """Read keys that vary together, a table of their values for each row."""
     key = f"vary.{ROWS}"
     is_list = isinstance(tables, list) and all(isinstance(row, Mapping) for row in tables)
     if not is_list or not tables:
@@ -350,7 +350,7 @@ def _rows(values: Values, tables: Any) -> Axis:
 
 
 def _axis(values: Values, key: str, content: object, together: bool = False) -> Axis:
-    """Read a key with its values, those of rows `together` with other keys."""
+    """Read a key with its values: an axis, or `together` with others a column of rows."""
     table, _, name = key.partition(".")
     if indexed := INDEXED.fullmatch(key):
         table = key.partition("[")[0].partition(".")[0]
@@ -374,7 +374,7 @@ def _axis(values: Values, key: str, content: object, together: bool = False) -> 
 
 
 def _listed(values: Values, key: str, content: object, together: bool) -> tuple[Any, ...]:
-    """Return the values of a key as the job of each part has them; each part judges its own."""
+    """Return the values of a key as the parts have them, which validate them."""
     if isinstance(content, Mapping):
         return tuple(values.numbers(f"vary.{key}", content, False, MAX_PARTS).tolist())
     listed = content if isinstance(content, list) else [content]
@@ -391,7 +391,7 @@ def _listed(values: Values, key: str, content: object, together: bool) -> tuple[
 
 
 def _labels(listed: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return values as the file holds them: numbers, or words as they are written in TOML."""
+    """Return values as the file stores them: numbers, or text in TOML's form."""
     if {type(value) for value in listed} <= {int, float}:
         return listed
     return tuple(value if isinstance(value, str) else write_value(value) for value in listed)

@@ -66,7 +66,7 @@ class InputError(ValueError):
 
 
 def wrong(name: str, limit: str) -> InputError:
-    """Return the error for an argument of which a limit is said."""
+    """Return the error for an argument that breaks a limit."""
     return InputError(limit, name)
 
 
@@ -249,7 +249,7 @@ def rows(name: str, value: object) -> np.ndarray:
 
 
 def items(name: str, value: Any, limit: str) -> list:
-    """Return the items of a sequence, or of another iterable; a text is none."""
+    """Return the items of a sequence or another iterable; text is refused."""
     text = isinstance(value, str | bytes | Mapping)
     if text or not isinstance(value, Iterable) or getattr(value, "shape", None) == ():
         raise refused(name, limit, value)

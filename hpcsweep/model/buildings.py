@@ -33,7 +33,7 @@ COLUMN = "column at"
 
 
 class Column(NamedTuple):
-    """Column of each storey that floors of a neighbour hit between two floors.
+    """The column that floors of a neighbour hit between two floors, alike in each storey.
 
     A beam fixed at both ends, of the share s of the stiffness k of its storey, 12 EI/h^3 = s k. At
     the part x of its height a free point moves as the floors say, by 1 - H of the lower and H of
@@ -313,7 +313,7 @@ def adjacent(
 
 
 def _blocks(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the matrix with matrices along its diagonal; 20 times as fast as scipy's."""
+    """Return a block diagonal matrix; 20 times as fast as scipy's."""
     ends = np.cumsum([block.shape for block in parts], axis=0)
     whole = np.zeros(ends[-1])
     for block, (row, column) in zip(parts, ends.tolist(), strict=True):
@@ -329,7 +329,7 @@ def _rebounding(contact: Contact, e: float, masses: np.ndarray) -> Contact:
 
 
 def _labels(alone: Sequence[Structure], names: Sequence[str], what: str) -> list[str]:
-    """Return the labels of the floors, say, of buildings with the names of the buildings."""
+    """Return labels of buildings, of floors for instance, behind the buildings' names."""
     pairs = zip(names, map(attrgetter(what), alone), strict=True)
     return [
         f"{name}{label}" if label.isdigit() else f"{name} {label}"
@@ -339,7 +339,7 @@ def _labels(alone: Sequence[Structure], names: Sequence[str], what: str) -> list
 
 
 def _beside(elements: Sequence[Sequence[Any]], first: Sequence[int]) -> list[Any]:
-    """Return contacts or sliders of buildings, the coordinates of each from a first one on."""
+    """Return contacts or sliders of buildings in the coordinates of all."""
     n = first[-1]
     return [
         replace(element, direction=(0.0,) * before + element.direction + (0.0,) * (n - after))
@@ -351,7 +351,7 @@ def _beside(elements: Sequence[Sequence[Any]], first: Sequence[int]) -> list[Any
 def _names(buildings: Sequence[Building]) -> list[str]:
     """Return the names of two or more buildings, by default letters."""
     if len(buildings) < 2:
-        raise wrong("building", f"must be given twice or more, is given {len(buildings)} times")
+        raise wrong("building", f"must be given at least twice, is given {len(buildings)} times")
     names = [building.name or chr(ord("A") + k) for k, building in enumerate(buildings)]
     if len(set(names)) < len(names):
         raise wrong("building.name", f"must be of one building each, are {names}")
@@ -359,7 +359,7 @@ def _names(buildings: Sequence[Building]) -> list[str]:
 
 
 def _facing(first: tuple[Building, str], second: tuple[Building, str]) -> list[list[Any]]:
-    """Return what meets of two buildings, upwards: floors, and heights of points of columns."""
+    """Return what meets between two buildings, upwards: floors, and heights on columns."""
     (left, _), (right, _) = first, second
     if (left.storey_height is None) != (right.storey_height is None):
         raise wrong("building.storey_height", "must be given of all buildings or of none")
@@ -389,14 +389,14 @@ def _facing(first: tuple[Building, str], second: tuple[Building, str]) -> list[l
 
 
 def _floor(end: int | float) -> str:
-    """Return the name of a floor of a building, from its number, or of a point of a column."""
+    """Return the name of a floor, from its number, or of a point of a column."""
     return f"{COLUMN} {end:g}" if isinstance(end, float) else str(end + 1)
 
 
 def _side_by_side(
     buildings: Sequence[Building], names: Sequence[str]
 ) -> tuple[list[Structure], list[int], list[list[list[int]]]]:
-    """Return buildings alone, their first coordinates, and the coordinates that meet, by gap."""
+    """Return the structures alone, their first coordinates, and pairs of coordinates that meet."""
     levels = [_facing(*pair) for pair in pairwise(zip(buildings, names, strict=True))]
     points: list[set[float]] = [set() for _ in buildings]
     for k, ends in enumerate(levels):
@@ -418,7 +418,7 @@ def _side_by_side(
 
 
 def _column(column: Any) -> Column:
-    """Read what is known of the columns of a building."""
+    """Read the columns of a building."""
     column = column._asdict() if isinstance(column, Column) else column
     if not isinstance(column, Mapping) or set(column) != set(Column._fields):
         raise refused("building.column", "share and mass", column)

@@ -111,7 +111,7 @@ def damping_of_restitution(
 
 
 def dashpots_of_floors(restitutions, stiffnesses, masses, tension) -> list[tuple[float, bool]]:
-    """Return c and the rule of the stops of each floor."""
+    """Return the dashpot of each floor's stops: c, and whether it may pull."""
     coefficients = [
         damping_of_restitution(e, kappa, mass, tension)
         for e, kappa, mass in zip(restitutions, stiffnesses, masses, strict=True)

@@ -1,4 +1,4 @@
-"""Describe a structure in plain values, for files read without their job, and in words."""
+"""Describe a structure in words, and in plain values for files read without their job."""
 
 import json
 import math
@@ -15,6 +15,9 @@ MAX_LISTED = 4
 """Most values listed individually."""
 FAST = 1e3
 """Highest natural frequency of storeys, bearings and masses over the lowest, without a warning."""
+SPRINGLESS = 10.0
+"""Damping ratio zeta above which the spring hardly counts: speeds decay in 1 / (2 zeta omega), 4
+zeta^2 times as fast as displacements."""
 DASHPOT = ("damping", "tension")
 """What is told of a dashpot."""
 MOTION = """\
@@ -41,7 +44,7 @@ harmonics; forces and accelerations are positive as their displacements. Contact
 
 
 def contacts_named(structure: Structure) -> str:
-    """Name the contacts behind the numbers of contact sets; empty where the numbers say all."""
+    """Name the contacts behind the numbers of contact sets; empty where they have no names."""
     named = structure.contact_names.items() if structure.names.contacts else ()
     return ", ".join(f"{number} is {name}" for number, name in named)
 
@@ -136,7 +139,8 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
     else:
         ratios = structure.damping_ratios[: modes_kept(structure)].tolist()
         same = all(value == ratios[0] for value in ratios)
-        words.append(("zeta" if same else "zeta_i", _listed(ratios[:1] if same else ratios)))
+        if max(ratios) <= SPRINGLESS:
+            words.append(("zeta" if same else "zeta_i", _listed(ratios[:1] if same else ratios)))
     if structure.storey_dashpots.any():
         words.append(("", "dashpots of storeys"))
     if structure.harmonics != ONE_HARMONIC:
@@ -175,7 +179,7 @@ def modes_kept(structure: Structure) -> int:
 
 
 def slow(structure) -> Iterator[str]:
-    """Yield one line if a mode is so fast that runs take long: its frequency, or how it decays."""
+    """Yield one line if a mode oscillates or decays so fast that runs take long."""
     ratios = structure.damping_ratios[: modes_kept(structure)]
     frequencies = structure.frequencies[: ratios.size]
     rates = frequencies

@@ -100,7 +100,7 @@ def _solved(structure, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarra
 
 
 def _descent(stiffness, rows, stiff, residual) -> np.ndarray:
-    """Return Newton's step, with stiffnesses of the contacts that make its matrix definite."""
+    """Return Newton's step; contacts whose stiffness makes K indefinite count as 0."""
     for contact_stiffness in (stiff, np.maximum(stiff, 0.0)):
         try:
             return -cho_solve(cho_factor(stiffness + (rows.T * contact_stiffness) @ rows), residual)

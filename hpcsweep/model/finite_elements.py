@@ -1,4 +1,4 @@
-"""A linear model of any size, by its sparse matrices, and structures that are made of it."""
+"""A linear model of any size, in sparse matrices, and structures made from it."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -101,7 +101,7 @@ class FiniteElements:
 
     @property
     def problems(self) -> Iterator[str]:
-        """Yield one line for what is not used, joins nothing, or looks like mixed units."""
+        """Yield one line for each matrix or coordinate without use, and for mixed units."""
         yield from self._told(self._grounded(), self._alone & ~self.is_empty)
         used = ~self.is_empty & ~self._grounded()
         held, stiffness = _part(self.mass, used), _part(self.stiffness, used)
@@ -112,7 +112,7 @@ class FiniteElements:
                 yield text
 
     def _told(self, grounded: np.ndarray, alone: np.ndarray) -> Iterator[str]:
-        """Yield what is told of matrices and coordinates: those taken as fixed, and others."""
+        """Yield a line for unused matrices, supports, and coordinates joined to no other."""
         for matrix in self.unused:
             yield f"{matrix} is not used: names are M or mass, K or stiffness, C or damping"
         for places, said in (
@@ -140,7 +140,7 @@ class FiniteElements:
         return ~several
 
     def _grounded(self) -> np.ndarray:
-        """Whether a coordinate is one of a support, as some programs leave it: 1 in K and M."""
+        """Whether a coordinate is a support as some programs write it, equal in K and M."""
         alone = self._alone
         if alone[~self.is_empty].all():
             return np.zeros_like(alone)
@@ -182,7 +182,7 @@ class FiniteElements:
         raise refused(name, limit, key)
 
     def label(self, row: np.ndarray) -> str:
-        """Return a name of a row."""
+        """Name a row by its coordinates."""
         entries = np.flatnonzero(row)
         if entries.size > 2 or np.any(np.abs(row[entries]) != 1.0):
             most = self.names[int(np.abs(row).argmax())]
@@ -219,7 +219,7 @@ class FiniteElements:
         fixed: Sequence[Any] = (),
         **others: Any,
     ) -> Structure:
-        """Return a structure of the model, reduced if wanted.
+        """Return a structure of the model, reduced on request.
 
         Parameters
         ----------
@@ -259,7 +259,7 @@ class FiniteElements:
     def reduced(
         self, contacts, sliders, influence=None, outputs=(), reduce=None, fixed=(), more=False
     ) -> Reduced:
-        """Return what a structure is made of, from tables of its contacts and sliders.
+        """Return the reduced model, from tables of contacts and sliders.
 
         With `more` it has all modes that the error is estimated from.
         """
@@ -308,8 +308,8 @@ class FiniteElements:
             basis = basis_of(modes, k)
             x = coordinates(modes, basis, _array(rows, used), drift, missing, drag)
             if sum(0 <= j < len(alone) for j in x.names) < len(alone):
-                limit = f"fewer, or modes more: they are not told apart by {k} modes"
-                raise wrong("outputs", f"must be {limit}, are {len(alone)}")
+                cannot = f": {k} mode{'s' * (k > 1)} cannot distinguish these {len(alone)} outputs"
+                raise wrong("outputs", f"{cannot}: give fewer outputs or more reduce.modes")
             size = basis.squares.size
             names = [
                 self.label(rows[j]) if j >= 0 else modal_name(-1 - j, k, size) for j in x.names
@@ -357,7 +357,7 @@ class FiniteElements:
         return [self._moving(*direction, used) for direction in directions]
 
     def _moving(self, name: str, direction: Any, used: np.ndarray) -> np.ndarray:
-        """Return `row` of coordinates that move."""
+        """Return `row`, which must be of coordinates that move."""
         row = self.row(name, direction)
         if np.any(row[~used]):
             key = self.names[int(np.flatnonzero(row * ~used)[0])]

@@ -94,7 +94,7 @@ class Isolation:
             raise wrong(_key("wall_stiffness"), "must be given with gap, and above 0")
 
     def _one_of(self, names: tuple[str, ...]) -> tuple[str, float]:
-        """Return which attribute of several is given, and its value."""
+        """Return the one attribute given out of several, and its value."""
         pairs = [(name, value) for name in names if (value := getattr(self, name)) is not None]
         if len(pairs) > 1:
             raise wrong(_key(pairs[0][0]), f"and {pairs[1][0]} must not be given both")
@@ -118,7 +118,7 @@ class Isolation:
         return after, initial, force
 
     def beneath(self, fixed: Structure) -> Structure:
-        """Return the structure on the slab on its bearings, from that on a fixed base."""
+        """Return the structure on slab and bearings, from that on a fixed base."""
         slab = np.eye(1, fixed.n_floors + 1)[0]
         relative = np.hstack((np.full((fixed.n_floors, 1), -1.0), np.eye(fixed.n_floors)))
         mass = np.append(self.slab_mass, np.diag(fixed.mass_matrix))

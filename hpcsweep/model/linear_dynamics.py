@@ -34,7 +34,7 @@ class LinearDynamics(System):
 
     @property
     def shakes(self) -> bool:
-        """Whether the forcing is the motion of a base, b = -M r, and not forces on one at rest."""
+        """Whether the base moves, b = -M r, rather than forces act on the structure."""
         if "influence" in self.load:
             return True
         return bool(np.array_equal(self.forcing_vector, -self.mass_matrix.sum(axis=1)))
@@ -52,7 +52,7 @@ class LinearDynamics(System):
 
     @cached_property
     def frequency_unit(self) -> float:
-        """Unit of frequency, a power of two, likewise.
+        """Unit of frequency, a power of two.
 
         Of motions that are longer than a slider is before it slips, its stiffness is F over their
         length.
@@ -111,7 +111,7 @@ class LinearDynamics(System):
         return states - np.concatenate(drift, -1)
 
     def slipped(self, states: np.ndarray) -> np.ndarray:
-        """Return states (u, u', p), (..., 2n + L), whose sliders have slipped as they must.
+        """Return states (u, u', p), (..., 2n + L), with sliders slipped until within strength.
 
         As far as their strengths demand at these displacements, from the p that is given, or from 0
         of states (u, u').
@@ -146,7 +146,7 @@ class LinearDynamics(System):
 
     @property
     def _is_by_ratios(self) -> bool:
-        """Whether damping is given by ratios of the modes, or Rayleigh's, alone."""
+        """Whether damping is given by modal ratios, or by Rayleigh's, alone."""
         of_matrix = self.matrices is not None and self.matrices.damping is not None
         return not (of_matrix or self.storey_dashpots.any())
 
@@ -191,7 +191,7 @@ class LinearDynamics(System):
 
     @property
     def force_per_length(self) -> np.ndarray:
-        """By which the kernels measure the force of every contact, shape (m,).
+        """Force per length by which kernels measure the force of each contact, shape (m,).
 
         That is kappa; of a dashpot without a spring c times the unit of frequency.
         """
@@ -250,7 +250,7 @@ class LinearDynamics(System):
 
     @property
     def stiffest_contact(self) -> float:
-        """Largest stiffness that the distance of a contact feels, in units of frequency: beta."""
+        """Largest beta = kappa d . M^-1 d of the contacts, in units of frequency."""
         felt = self.contact_stiffness * self.contact_softness / self.frequency_unit**2
         return float(felt.max(initial=0.0))
 

@@ -40,6 +40,14 @@ IN_METRES: Mistakes = (
 )
 OF_DRIFTS = {"": IN_METRES, "m": IN_METRES, "mm": ((1e3, "yield drifts are in m"),)}
 """Likewise of yield drifts, by the unit of length."""
+RATIOS: Mistakes = (0.01, "it is a percentage of the height"), (1.0, "it is a share of it")
+"""What a share is multiplied by beside the height, and why."""
+GAPS = 3e-3, 100.0
+"""Distance of two floors, or of a floor and a stop, in percent of the height of a storey."""
+GAPS_IN_METRES: Mistakes = (1e-3, "gaps are in mm"), (1e-2, "gaps are in cm")
+OF_GAPS = {"": GAPS_IN_METRES, "m": GAPS_IN_METRES, "mm": ((1e3, "gaps are in m"),)}
+STOREY = {"m": 3.0, "mm": 3e3}
+"""Height of a storey, by the unit of length, where it is not known."""
 OF_HEIGHTS = (1e3, "mm"), (1e2, "cm")
 
 
@@ -61,10 +69,11 @@ def implausible(structure: Structure, second: float | Fraction | None) -> Iterat
     if second is not None:
         yield from _periods(structure, float(second))
     yield from _yield_drifts(structure)
+    yield from _gaps(structure)
 
 
 def heights_apart(heights: Sequence[float] | np.ndarray) -> str:
-    """Return words about heights that cannot be in one unit; empty if they can."""
+    """Return a warning of heights in different units; empty without."""
     low, high = min(heights, default=1.0), max(heights, default=1.0)
     if high <= HEIGHTS * low:
         return ""
@@ -101,23 +110,44 @@ def _periods(structure: Structure, second: float) -> Iterator[str]:
 
 
 def _yield_drifts(structure: Structure) -> Iterator[str]:
-    """Judge the drifts at which storeys of known heights yield; one line for all of them."""
-    limits, outside = {slider.direction: slider.limit for slider in structure.sliders}, []
-    for i, height in enumerate(structure.names.storey_heights):
-        limit = limits.get(tuple(structure.drift_rows[i].tolist()))
-        if limit is not None and not YIELDS[0] <= 100.0 * limit / height <= YIELDS[1]:
-            outside.append((structure.storey_names[i], limit, height))
+    """Judge the drifts at which storeys of known heights yield."""
+    limits = {slider.direction: slider.limit for slider in structure.sliders}
+    rows = map(tuple, structure.drift_rows.tolist())
+    storeys = zip(structure.storey_names, rows, structure.names.storey_heights, strict=False)
+    drifts = [(name, limits[row], height) for name, row, height in storeys if row in limits]
+    mistakes = OF_DRIFTS.get(structure.unit_names.length, ())
+    words = "storey {} yields at a drift of {:.4g}, {} of its"
+    yield from _shares(drifts, words, YIELDS, mistakes, RATIOS)
+
+
+def _gaps(structure: Structure) -> Iterator[str]:
+    """Judge gaps by the height of the highest storey, or a usual one where none is known."""
+    length = structure.unit_names.length
+    height = max(structure.names.storey_heights, default=STOREY.get(length, 0.0))
+    stops = zip(structure.contact_numbers, structure.contacts, strict=True)
+    names = structure.contact_names
+    gaps = [(names[k], abs(stop.gap), height) for k, stop in stops if stop.gap and height]
+    mistakes = OF_GAPS.get(length, ())
+    yield from _shares(gaps, "contact {} has a gap of {:.4g}, {} of the storey", GAPS, mistakes)
+
+
+def _shares(
+    lengths: Sequence[tuple[str, float, float]],
+    words: str,
+    bounds: tuple[float, float],
+    mistakes: Mistakes,
+    of_height: Mistakes = (),
+) -> Iterator[str]:
+    """Yield one line for all lengths (name, length, height) that are implausible."""
+    outside = [each for each in lengths if not bounds[0] <= 100.0 * each[1] / each[2] <= bounds[1]]
     if not outside:
         return
-    name, limit, height = outside[0]
-    mistakes = OF_DRIFTS.get(structure.unit_names.length, ())
-    ratios = (height / 100.0, "it is a percentage of the height"), (height, "it is a share of it")
-    more = f" and {len(outside) - 1} more" * (len(outside) > 1)
-    share = 100.0 * limit / height
-    mistake = _were(share, *YIELDS, (*mistakes, *ratios), " %")
+    name, length, height = outside[0]
+    share, more = 100.0 * length / height, f" and {len(outside) - 1} more" * (len(outside) > 1)
+    mistakes = (*mistakes, *((height * factor, text) for factor, text in of_height))
     yield (
-        f"storey {name}{more} yields at a drift of {limit:.4g}, {share:.3g} % of its height "
-        f"{height:g}, outside {YIELDS[0]:g} to {YIELDS[1]:g} %{mistake}"
+        f"{words.format(name + more, length, f'{share:.3g} %')} height {height:g}, outside "
+        f"{bounds[0]:g} to {bounds[1]:g} %{_were(share, *bounds, mistakes, ' %')}"
     )
 
 

@@ -1,4 +1,4 @@
-r"""Lengths to which motions are relative, the contacts within their reach, and a bound of motions.
+r"""The lengths that motions are measured by, the contacts within reach, and a bound.
 
 The bound is that of the energy, including contacts.
 
@@ -155,12 +155,12 @@ class MeasuredDynamics(LinearDynamics):
         return np.array([units[length] for length in lengths.ravel()]).reshape(*lengths.shape, -1)
 
     def _response_bound(self, omega: float) -> np.ndarray:
-        """Return L_i of `lengths` at A = 1, shape (n,), of what sticks."""
+        """Return L_i of `lengths` at A = 1, shape (n,), while sliders stick."""
         ratios = np.maximum(self.damping_ratios, MIN_DAMPING)
         return self._bound_of(self.frequencies**2, self.modes, ratios, omega)
 
     def _slipping(self, omega: float) -> np.ndarray:
-        """Return the same without sliders."""
+        """Return L_i while all sliders slip."""
         if not self.sliders:
             return np.zeros(self.n_floors)
         from scipy.linalg import eigh

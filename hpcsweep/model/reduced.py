@@ -1,4 +1,4 @@
-"""A reduced model in plain values, as a job holds it, and the structure that is made of it."""
+"""A reduced model in plain values, as a job stores it, and its structure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

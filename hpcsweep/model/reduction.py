@@ -10,7 +10,7 @@ that are left out. The equations are projected on it (Ritz), with the mass of Ps
 flexibilities D K^-1 D^T are exact, M and K stay definite, and forces of any law act on it, of
 several contacts at once. Without that mass, f = D Psi would only make the spring of a contact
 softer, k / (1 + k f): one row less, but it holds for a single contact that is a spring (not for a
-dashpot, a smooth stop or coupled contacts), and the error is ten times as large on a cantilever.
+dashpot, a smooth stop or several contacts), and the error is ten times as large on a cantilever.
 
 Phi and Psi are orthogonal with respect to M and K, since D Phi = Psi^T K Phi + D Phi, and so are
 the modes of Psi alone, so that q and p are modal coordinates of the reduced structure.
@@ -105,7 +105,7 @@ class Reduction:
     told: tuple[str, ...] = ()
 
 
-class Modes(NamedTuple):
+class NaturalModes(NamedTuple):
     """Lowest modes of a model, and static deflections."""
 
     squares: np.ndarray
@@ -137,7 +137,7 @@ class Basis(NamedTuple):
     """(n, k + ...)"""
 
 
-def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -> Modes:
+def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -> NaturalModes:
     """Find the lowest modes of sparse matrices, `most` or all of them.
 
     Massless rows are condensed: 1 / omega^2 is an eigenvalue of M - mu K, of these 0.
@@ -169,10 +169,12 @@ def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -
     static = solve(np.ascontiguousarray(rows.T)) if len(rows) else np.zeros((n, 0))
     memory = float(ENTRY * factorised.nnz + COPIES * shapes.nbytes)
     speeds = solve(push)
-    return Modes(squares, shapes, is_whole, rows, static, mass, stiffness, push, speeds, memory)
+    return NaturalModes(
+        squares, shapes, is_whole, rows, static, mass, stiffness, push, speeds, memory
+    )
 
 
-def basis_of(modes: Modes, k: int) -> Basis:
+def basis_of(modes: NaturalModes, k: int) -> Basis:
     """Return the basis of k modes with their residual flexibility."""
     squares, kept = modes.squares[:k], modes.shapes[:, :k]
     psi = modes.static - kept @ ((modes.rows @ kept).T / squares[:, None])
@@ -187,12 +189,14 @@ def basis_of(modes: Modes, k: int) -> Basis:
     return Basis(np.concatenate((squares, residual_squares)), np.hstack((kept, psi @ turn)))
 
 
-def error_of(modes: Modes, k: int, rows: np.ndarray, kappa: np.ndarray, whole: Basis) -> float:
+def error_of(
+    modes: NaturalModes, k: int, rows: np.ndarray, kappa: np.ndarray, whole: Basis
+) -> float:
     """Estimate the error of k modes.
 
     Parameters
     ----------
-    modes : Modes
+    modes : NaturalModes
     k : int
     rows : ndarray, shape (m + any, n)
         Of the m contacts, then others.
@@ -210,8 +214,8 @@ def error_of(modes: Modes, k: int, rows: np.ndarray, kappa: np.ndarray, whole: B
     return float(np.abs(moved - exact).max() / most) if most > 0 else 0.0
 
 
-def _moves(modes: Modes, basis: Basis, rows, kappa, end: float = 0.0):
-    """Return the largest displacement, the end of the motion, and displacements until then."""
+def _moves(modes: NaturalModes, basis: Basis, rows, kappa, end: float = 0.0):
+    """Return the largest displacement of a motion, its end, and its displacements."""
     along = rows @ basis.shapes
     pushed = along[: len(kappa)] * np.sqrt(kappa)[:, None]
     squares, turn = np.linalg.eigh(np.diag(basis.squares) + pushed.T @ pushed)
@@ -229,12 +233,12 @@ def most_modes(wanted: Any, room: int) -> int:
     return TIMES * most + MORE
 
 
-def choose(modes: Modes, wanted: Any, room: int, rows: np.ndarray, kappa: np.ndarray):
+def choose(modes: NaturalModes, wanted: Any, room: int, rows: np.ndarray, kappa: np.ndarray):
     """Return the number of modes that a reduction asks for, and its error; see `error_of`.
 
     Parameters
     ----------
-    modes : Modes
+    modes : NaturalModes
         As many as `most_modes`.
     wanted : dict
         ``{"modes": k}``, ``{"error": e}`` or ``{"up_to": f}``.
@@ -284,9 +288,9 @@ class Coordinates(NamedTuple):
 
 
 def coordinates(
-    modes: Modes, basis: Basis, physical: np.ndarray, drift: np.ndarray, r: Any, damping: Any
+    modes: NaturalModes, basis: Basis, physical: np.ndarray, drift: np.ndarray, r: Any, damping: Any
 ) -> Coordinates:
-    """Make rows coordinates, as many as differ; with r the missing mass is one more."""
+    """Make independent rows coordinates; with r, add the missing mass."""
     from scipy.linalg import qr
 
     shapes = basis.shapes
@@ -371,7 +375,7 @@ def condensed(mass, stiffness, damping, push, rows, drift, named) -> Coordinates
 
 
 def absurd(first: float) -> str:
-    """Return a warning where the first natural frequency looks like mixed units, else nothing."""
+    """Return a warning if the first frequency looks like mixed units, else ''."""
     period = 2 * math.pi / first
     if MIN_PERIOD <= period <= MAX_PERIOD:
         return ""
@@ -379,7 +383,7 @@ def absurd(first: float) -> str:
 
 
 def physical(names: Sequence[str]) -> list[int]:
-    """Return the places of names that are no amounts of modes; all where there is no other."""
+    """Return the places of names that are not modal; all where there is no other."""
     return [i for i, name in enumerate(names) if not MODAL.fullmatch(name)] or [*range(len(names))]
 
 

@@ -283,7 +283,7 @@ class Structure(MeasuredDynamics):
         )
 
     def _check_sliders(self) -> None:
-        """Refuse sliders that are too stiff beside what bears the structure while they slip."""
+        """Refuse sliders too stiff beside what carries the structure while they slip."""
         springs = [
             slider.spring * float(np.square(slider.direction).sum()) for slider in self.sliders
         ]
@@ -297,7 +297,7 @@ class Structure(MeasuredDynamics):
                 raise refused(f"slider.stiffness of {name!r}", most, slider.stiffness)
 
     def _check_collapse(self) -> None:
-        """Check `collapse_drift`, which is needed where sliders that slip leave K indefinite."""
+        """Check `collapse_drift`, which is required if K is indefinite while sliders slip."""
         collapse = self.collapse_drift
         if collapse is not None:
             if not self.sliders:
@@ -370,7 +370,7 @@ class Structure(MeasuredDynamics):
         return f"Structure({', '.join(shown)})"
 
     def named(self, *names: Sequence[Any]) -> "Structure":
-        """Return the same structure with names, see `Names`, from those of floors on."""
+        """Return the same structure with the fields of `Names`, in order."""
         return self.labelled(names=Names(*(tuple(listed) for listed in names)))
 
     def labelled(self, **labels: "Names | UnitNames | Structure") -> "Structure":

@@ -20,8 +20,8 @@ from hpcsweep.model.reduction import Reduction
 from hpcsweep.model.unit_names import Names, UnitNames
 from hpcsweep.model.yielding import storey_sliders, weight_stiffness
 
-COUPLED = 1e-12
-"""Entry of a damping matrix, over the largest, that couples two coordinates: less is rounding."""
+LINKED = 1e-12
+"""Entry of a damping matrix, over the largest, that links two coordinates: less is rounding."""
 PerFloor = float | tuple[float, ...]
 
 
@@ -223,7 +223,7 @@ class System:
         linked = (self.mass_matrix != 0.0) | (self.stiffness_matrix != 0.0)
         if self.matrices is not None and self.matrices.damping is not None:
             damping = np.abs(self.matrices.damping)
-            linked = linked | (damping > COUPLED * damping.max())
+            linked = linked | (damping > LINKED * damping.max())
         for _ in range(self.n_floors.bit_length()):
             linked = linked @ linked
         return np.unique(linked.argmax(axis=1), return_inverse=True)[1]

@@ -1,4 +1,4 @@
-"""Names of the units of a structure, for labels; of records they also give g and the time.
+"""Names of the units of a structure for labels, and for g and the time of records.
 
 Quantities are identified by their dimension (`length`, `velocity`, ...). The building of the paper
 has units of its own: lengths in gaps, time in 1/omega_0. Any other structure is in consistent units
@@ -97,7 +97,7 @@ def is_in_own_units(structure) -> bool:
 
 
 def _model(structure):
-    """Return the structure in whose units another one is told, see `Structure.labelled`."""
+    """Return the structure whose units another is described in, see `Structure.labelled`."""
     return getattr(structure, "in_units_of", structure)
 
 

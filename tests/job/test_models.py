@@ -214,7 +214,7 @@ def test_a_model_that_has_changed_is_not_taken_for_the_one_of_a_job(folder):
     (folder / "stored.toml").write_text(load_job("beam.toml").text)
     load_job("stored.toml")
     np.savez("beam.npz", M=MASS, K=1.001 * STIFFNESS, names=NAMES)
-    with pytest.raises(JobError, match=r"model.found: the model is not as it was any more"):
+    with pytest.raises(JobError, match=r"model.found: the model's files have changed since"):
         load_job("stored.toml")
 
 

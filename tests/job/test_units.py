@@ -11,6 +11,7 @@ from hpcsweep import Building, adjacent, load_job, response, synthetic_records
 from hpcsweep.campaign.describe import describe, warnings
 from hpcsweep.commands.cli import main
 from hpcsweep.job import JobError, parse_job
+from hpcsweep.model.description import one_line
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.store import Layout
@@ -372,6 +373,8 @@ def test_a_motion_that_hardly_has_a_spring_has_no_damping_ratio():
     told = [text for name, text in describe(parse(FREE)) if name in ("mode 1", "warning")]
     words = "hardly a spring: speeds decay in 10, displacements in 1e+05"
     assert [words in text for text in told] == [True, True, False]
+    assert "zeta" not in one_line(parse(FREE).structure)
+    assert "zeta = 1.581" in one_line(parse(FREE.replace("-6", "-3")).structure)
     assert "mode 1 has the damping ratio 1.581, above 1" in warnings(
         parse(FREE.replace("-6", "-3"))
     )

@@ -262,7 +262,10 @@ WRONG = [
     (lambda: of().structure(outputs=["1"], reduce={"error": 0}), "reduce.error must be finite and"),
     (lambda: of().structure(outputs=["1"], reduce={"up_to": 9}), r"first frequency, 0.12\d*, to"),
     (lambda: of().structure(outputs=["1"], reduce={"n": 9}), "must be one of modes, error, up_to"),
-    (lambda: of().structure(outputs=[1, 2], reduce={"modes": 1}), "not told apart by 1 modes"),
+    (
+        lambda: of().structure(outputs=[1, 2], reduce={"modes": 1}),
+        "1 mode cannot distinguish these 2 outputs: give",
+    ),
     (lambda: of().structure(outputs=["1", 1]), "outputs must not hold a coordinate twice, as 1"),
     (lambda: model().structure(outputs=["1.UY"]), "influence is missing: .* one of RZ, UY"),
     (lambda: of((1.0,) * 513, np.eye(513)).structure(outputs=[1]), "reduce is missing: .* has 513"),

@@ -108,10 +108,10 @@ def test_a_name_that_a_job_gives_is_that_of_the_whole(tmp_path):
 @together(
     "text, n, said",
     [
-        (SMALL, 5, "-n 5: n must be at most that of the 4 omegas"),
+        (SMALL, 5, "-n 5: n must not exceed the 4 omegas"),
         (SMALL, 1, "-n 1: must be from 2 to 10000"),
         (f"part = [1, 2]\n{SMALL}", 2, "is a part already"),
-        (REFINED, 2, "-n 2: cannot be: this job is computed as a whole"),
+        (REFINED, 2, "-n 2: is not allowed: this study cannot be split"),
         (BASINS, 2, "-n 2: cannot be"),
     ],
 )  # fmt: skip

@@ -307,7 +307,7 @@ def test_files_are_read_once_and_not_needed_to_read_results(tmp_path):
     assert load_job(tmp_path / "stored.toml").fingerprint == job.fingerprint
     changed = tmp_path / "suite" / "synthetic-3-2.txt"
     np.savetxt(changed, 1.01 * np.loadtxt(changed), fmt="%.17g")
-    with pytest.raises(JobError, match="synthetic-3-2 is not there any more as it was"):
+    with pytest.raises(JobError, match="synthetic-3-2 is missing or has changed since"):
         load_job(tmp_path / "stored.toml")
     (tmp_path / "suite").rename(tmp_path / "elsewhere")
     assert open_results(path).equals(results)
@@ -711,6 +711,14 @@ friction = 0.05
 radius = {}
 [records]
 gravity = 9.80665"""
+BESIDE = """[[building]]
+mass = [2.5e5]
+storey_stiffness = 3e8
+storey_height = 3.2
+[pounding]
+gap = {}
+stiffness = 1e9
+[records]"""
 BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
 
 
@@ -752,6 +760,15 @@ BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
             {"[records]": BEARINGS.format(2240.0)},
             ["bearings that slide have a period of 95 s, above 12 s: 3 s if the radius is in mm"],
         ),
+        (
+            {"[records]": BESIDE.format(20)},
+            [
+                "contact A1-B1 has a gap of 20, 625 % of the storey height 3.2, outside 0.003 to "
+                "100 %: 0.625 % if gaps are in mm, 6.25 % if gaps are in cm$"
+            ],
+        ),
+        ({"[records]": BESIDE.format(0.02)}, []),
+        ({"[records]": BESIDE.format(0.0)}, []),
     ],
 )
 def test_units_that_are_mistaken_are_told_with_the_one_that_would_be_right(new, said):

@@ -125,7 +125,7 @@ def moved_inward(solver, state: np.ndarray, amplitude: float, period: int) -> np
     for j, one in enumerate(structure.sliders):
         step = np.zeros(state.size)
         step[2 * n + j] = moved = INWARD * one.limit
-        push = structure.slider_directions[j] * (one.spring * moved)
+        push = structure.slider_directions[j] * (one.stiffness * moved)
         step[:n] = np.linalg.solve(structure.stiffness_matrix, push)
         ends = [
             solver.advance(state + way, amplitude, RELAXED * period).state for way in (step, -step)

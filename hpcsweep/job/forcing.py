@@ -1,8 +1,6 @@
 """Read the forcing of a job: harmonics, or samples of a period."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -31,10 +29,9 @@ def read_forcing(values: Values) -> Harmonics:
     if len(table) > 1:
         first, second = list(table)[:2]
         raise values.error(f"forcing.{second}", table[second], f"does not go with {first}")
-    for key, value in table.items():
-        if key in FORCINGS:
-            return FORCINGS[key](values, value)
-    return ONE_HARMONIC
+    if "samples" in table:
+        return _series(values, table["samples"]).terms
+    return _harmonics(values, table["harmonics"]) if "harmonics" in table else ONE_HARMONIC
 
 
 def _harmonics(values: Values, listed) -> Harmonics:
@@ -64,13 +61,6 @@ def _series(values: Values, content) -> Series:
     kept = values.get("forcing.n_harmonics", N_HARMONICS)
     kept = values.whole("forcing.n_harmonics", kept, 1, MAX_HARMONICS - 1)
     return fourier_series(samples, kept)
-
-
-FORCINGS: dict[str, Callable[[Values, Any], Harmonics]] = {
-    "harmonics": _harmonics,
-    "samples": lambda values, given: _series(values, given).terms,
-}
-"""By the key of the table ``forcing``: what reads its value, as (order, amplitude, phase) each."""
 
 
 def forcing_notes(values: Values) -> tuple[str, ...]:

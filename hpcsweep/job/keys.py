@@ -31,11 +31,13 @@ OF_LEVELS = (
 STRUCTURE: Tables = {
     "structure": (
         Key("n_floors", "storeys n on a fixed base", 3, (1, MAX_FLOORS)),
-        Key("mass", "mass of each floor" + OF_STOREYS, told="1", units="mass"),
+        Key("mass", "mass of each floor" + OF_STOREYS, told="1", units="mass", alone=True),
         Key(
-            *("storey_stiffness", "stiffness of each storey" + OF_STOREYS),
+            "storey_stiffness",
+            "stiffness of each storey" + OF_STOREYS,
             told="1",
             units="stiffness",
+            alone=True,
         ),
         Key("gap", SIDES.format("right"), 1.0, units="length"),
         Key("gap_left", SIDES.format("left"), math.inf, units="length"),
@@ -44,6 +46,7 @@ STRUCTURE: Tables = {
             "beta, stiffness of a stop over that of a storey, at least 0; 0: no stop; a number, or "
             "a list of n",
             1000.0,
+            alone=True,
         ),
         Key(
             "sharpness",
@@ -57,6 +60,7 @@ STRUCTURE: Tables = {
             "zeta of all modes of the free structure, at least 0, or a list with one per mode, "
             "lowest frequency first",
             0.05,
+            alone=True,
         ),
         Key(
             "rayleigh",
@@ -84,8 +88,14 @@ STRUCTURE: Tables = {
             "([how](yielding.md)); a number, or a list of n",
             told="none yields",
             units="length",
+            alone=True,
         ),
-        Key("yield_force", "force at which it yields, in place of `yield_drift`", units="force"),
+        Key(
+            "yield_force",
+            "force at which it yields, in place of `yield_drift`",
+            units="force",
+            alone=True,
+        ),
         Key(
             "hardening",
             "stiffness of a storey that yields over that before, from -0.1 to below 1",
@@ -98,12 +108,14 @@ STRUCTURE: Tables = {
             False,
         ),
         Key(
-            *("weight", "weight of each floor, of p_delta" + OF_STOREYS),
+            "weight",
+            "weight of each floor, of p_delta" + OF_STOREYS,
             told="mass times g",
             units="force",
         ),
         Key(
-            *("storey_height", "height of each storey" + OF_STOREYS),
+            "storey_height",
+            "height of each storey" + OF_STOREYS,
             told="not known",
             units="length",
         ),
@@ -156,7 +168,7 @@ STRUCTURE: Tables = {
             f"of samples: harmonics besides the mean, from 1 to {MAX_HARMONICS - 1}",
             told=f"{N_HARMONICS}",
         ),
-    ),  # those of `FORCINGS`
+    ),
     "units": tuple(
         Key(
             name,
@@ -166,19 +178,22 @@ STRUCTURE: Tables = {
         for name, unit in zip(UnitNames._fields, ("m", "kg", "s"), strict=True)
     ),
     "pounding": (
-        Key("gap", f"distance at rest {OF_LEVELS}", units="length"),
-        Key("stiffness", f"stiffness {OF_LEVELS}", units="stiffness"),
+        Key("gap", f"distance at rest {OF_LEVELS}", units="length", alone=True),
+        Key("stiffness", f"stiffness {OF_LEVELS}", units="stiffness", alone=True),
         Key("sharpness", "rho of these contacts", told="inf"),
         Key(
             "restitution",
             "coefficient of restitution of two floors that collide, above 0 and at most 1: a "
             "number, or a list with one per level",
             told="no dashpot",
+            alone=True,
         ),
         Key(
-            *("damping", "in its place c of the dashpots themselves"),
+            "damping",
+            "in its place c of the dashpots themselves",
             told="no dashpot",
             units="damping",
+            alone=True,
         ),
         Key("tension", "whether the dashpots may pull", told="false"),
     ),
@@ -293,12 +308,25 @@ KEYS: Tables = {
 """Keys of every study; each adds its own (`keys` of its class)."""
 
 
-UNITS = {
-    **{key.name: key.units for table in ("structure", "pounding") for key in STRUCTURE[table]},
-    **{"strength": "force", "period": "time", "slab_mass": "mass", "radius": "length"},
-    **{"initial_stiffness": "stiffness", "wall_stiffness": "stiffness"},
-}
+BUILDING = (
+    *STRUCTURE["structure"],
+    Key("period", "", units="time", alone=True),
+    Key("slab_mass", "", units="mass", alone=True),
+    Key("stiffness", "", units="stiffness", alone=True),
+    Key("radius", "", units="length", alone=True),
+    Key("strength", "", units="force", alone=True),
+    Key("friction", "", alone=True),
+    Key("initial_stiffness", "", units="stiffness"),
+    Key("wall_stiffness", "", units="stiffness"),
+)
+"""Keys of a building and of its bearings, and the strength of a slider."""
+UNITS = {key.name: key.units for key in (*STRUCTURE["pounding"], *BUILDING)}
 """Quantity of a key of a structure, a building, a contact, a slider or bearings, by its name."""
+ALONE = {
+    table: {key.name for key in keys if key.alone}
+    for table, keys in {**STRUCTURE, "building": BUILDING}.items()
+}
+"""Names of keys whose limits, for numbers above 0, depend on no other key, by their tables."""
 
 
 def declared(study) -> Tables:

@@ -16,7 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.job.keys import ALONE
 from hpcsweep.job.structures import MAX_DAMPING
+from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.modes import chain_periods
 from hpcsweep.model.structure import MAX_STIFFNESS
@@ -25,14 +27,6 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Axis, as_kind
 from hpcsweep.studies.variable import Variable
 
-BEARINGS = "slab_mass|period|stiffness|radius|strength|yield_drift|friction|damping_ratio"
-SEPARATE = re.compile(
-    r"building\[\d+\]\.("
-    r"(mass|storey_stiffness|period|damping_ratio|yield_force|yield_drift)(\[\d+\])?|"
-    rf"isolation\.({BEARINGS}))|pounding\.(gap|stiffness|restitution|damping)(\[\d+\])?|"
-    r"structure\.(damping_ratio|stiffness_ratio)(\[\d+\])?"
-)
-"""Keys whose limits, for numbers above 0, depend on no other key."""
 COMMON = {
     *("p_delta", "collapse_drift", "storey_damping", "column", "initial_stiffness"),
     *("along", "points", "model", "matrices"),
@@ -85,7 +79,7 @@ class Table:
         """
         columns = {key: values for axis in self._numbers for key, values in axis.items()}
         is_separate = all(
-            column.key in columns and SEPARATE.fullmatch(column.key)
+            column.key in columns and _is_alone(column.key)
             for axis in self.axes
             for column in axis.keys
         )
@@ -212,14 +206,18 @@ class Table:
         return values
 
 
+def _is_alone(key: str) -> bool:
+    """Return whether the limits of a key depend on no other."""
+    table, *_, name = re.sub(r"\[\d+\]", "", key).split(".")
+    return name in ALONE.get(table, ())
+
+
 def _keeps_far(base: RunGrid, columns: Mapping[str, np.ndarray]) -> bool:
     """Return whether no part comes near a limit that several keys have in common."""
     structure = base.structure
-    springs = [
-        slider.spring * float(np.square(slider.direction).sum()) for slider in structure.sliders
-    ]
-    if springs and not base.starts_at_rest:
-        return False  # whose initial states are limited by strengths over stiffnesses
+    springs = structure.slider_stiffness.tolist()
+    if springs and (pressed(structure).any() or not base.starts_at_rest):
+        return False  # whose states at rest are limited by strengths over stiffnesses
     with np.errstate(all="ignore"):
         ratios = [(column.max(axis=0) / column.min(axis=0)).max() for column in columns.values()]
         room = float(np.prod(ratios)) ** 2

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import refused, wrong
-from hpcsweep.model.matrices import MAX_ROWS, Slider, elements_of, is_named, vector
+from hpcsweep.model.matrices import MAX_ROWS, Slider, elements_of, is_named, shares_of, vector
 from hpcsweep.model.reduced import Reduced
 from hpcsweep.model.reduction import (
     MORE,
@@ -157,13 +157,9 @@ class FiniteElements:
             A pair is the first less the second.
         """
         n = len(self.names)
-        if isinstance(direction, str | int):
-            key = str(direction)
-            direction = ((key.removeprefix("-"), -1.0 if key.startswith("-") else 1.0),)
-        elif isinstance(direction, Mapping):
-            direction = tuple((str(key), value) for key, value in direction.items())
-        elif _is_pair(direction):
+        if _is_pair(direction):
             direction = (str(direction[0]), 1.0), (str(direction[1]), -1.0)
+        direction = shares_of(direction)
         if not is_named(direction):
             return np.array(vector(name, direction, n))
         row = np.zeros(n)

@@ -62,10 +62,8 @@ class LinearDynamics(System):
         stiffness = float(np.trace(self.stiffness_matrix))
         if self.motion_length and self.sliders:
             shares = [min(1.0, slider.limit / self.motion_length) for slider in self.sliders]
-            springs = [
-                slider.spring * float(np.square(slider.direction).sum()) for slider in self.sliders
-            ]
-            stiffness = max(float(np.trace(self.elastic_stiffness)), 0.0) + np.dot(shares, springs)
+            elastic = max(float(np.trace(self.elastic_stiffness)), 0.0)
+            stiffness = elastic + np.dot(shares, self.slider_stiffness)
         return power_of_two(math.sqrt(stiffness / np.trace(self.mass_matrix)))
 
     @cached_property
@@ -270,7 +268,7 @@ class LinearDynamics(System):
 
         u = static_equilibrium(self)
         for name, slider in zip(self.slider_names, self.sliders, strict=True):
-            force = abs(slider.spring * float(np.dot(slider.direction, u)))
+            force = abs(slider.stiffness * float(np.dot(slider.direction, u)))
             if force > slider.strength:
                 raise wrong(
                     f"slider {name}",

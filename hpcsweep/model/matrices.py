@@ -66,6 +66,20 @@ def vector(
     return tuple(map(read, names, listed))
 
 
+def one_or_each(
+    name: str, value: Any, count: int, what: str, limits: tuple[str, float, float]
+) -> float | Vector:
+    """Read one number, or a sequence with one for each of `count`, within limits."""
+    value = plain(value)
+    if not hasattr(value, "__len__") or isinstance(value, str | bytes):
+        return number(name, value, *limits)
+
+    def read(name: str, entry: Any) -> float:
+        return number(name, entry, *limits)
+
+    return vector(name, value, count, f"numbers, one per {what}", read=read)
+
+
 def each(name: str, value: Any, count: int, what: str) -> Vector:
     """Read a number for each of `count`, from one finite number or a sequence."""
     value = plain(value)
@@ -104,11 +118,7 @@ def check_symmetric(name: str, array: np.ndarray) -> None:
 
 def _direction(name: str, direction: Any, refusal: str) -> Any:
     """Read a direction that is not 0: numbers, or names of coordinates of a model, as `Shares`."""
-    if isinstance(direction, str | int) and not isinstance(direction, bool):
-        text = str(direction)
-        direction = {text.removeprefix("-"): -1.0 if text.startswith("-") else 1.0}
-    if isinstance(direction, Mapping):
-        direction = tuple((str(key), value) for key, value in direction.items())
+    direction = shares_of(direction)
     if is_named(direction):
         read: Any = tuple((key, finite(f"{name}.{key}", value)) for key, value in direction)
         sizes = tuple(share for _, share in read)
@@ -117,6 +127,16 @@ def _direction(name: str, direction: Any, refusal: str) -> Any:
     if not any(sizes):
         raise wrong(name, f"must not be 0: {refusal}")
     return read
+
+
+def shares_of(direction: Any) -> Any:
+    """Return a direction that names coordinates of a model as `Shares`, another one unchanged."""
+    if isinstance(direction, str | int) and not isinstance(direction, bool):
+        name = str(direction)
+        direction = {name.removeprefix("-"): -1.0 if name.startswith("-") else 1.0}
+    if isinstance(direction, Mapping):
+        return tuple((str(key), share) for key, share in direction.items())
+    return direction
 
 
 def is_named(direction: Any) -> bool:
@@ -271,11 +291,6 @@ class Slider:
     def limit(self) -> float:
         """Elongation F / k at which it first slips."""
         return self.strength / self.stiffness
-
-    @property
-    def spring(self) -> float:
-        """Stiffness in its first mode: a part of the stiffness matrix of the structure."""
-        return self.stiffness
 
     @property
     def taken(self) -> float:

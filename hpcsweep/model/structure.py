@@ -9,7 +9,7 @@ Rigid Stop".
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from numbers import Real
@@ -37,8 +37,8 @@ from hpcsweep.model.matrices import (
     MAX_ROWS,
     Matrices,
     check_definite,
+    one_or_each,
     read_matrices,
-    vector,
 )
 from hpcsweep.model.rayleigh import read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
@@ -53,33 +53,17 @@ MAX_STIFFNESS = 1e12
 """Of a slider, in what is left of the structure while it slips."""
 AT_LEAST_0 = "finite and at least 0", 0.0, LARGEST
 ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
-
-
-def _above_0(name: str, value: Any) -> float:
-    return number(name, value, "above 0 (inf: none)", math.ulp(0.0))
-
-
-def _gap(name: str, value: Any) -> float:
-    """Read the distance of a stop."""
-    gap = number(name, value)
-    if gap == -math.inf:
-        raise wrong(name, "must not be -inf: the stop would always push")
-    return gap
-
-
-PER_FLOOR: dict[str, Callable[[str, Any], float]] = {
-    **dict.fromkeys(
-        ("stiffness_ratio", "storey_damping"),
-        lambda name, value: number(name, value, *AT_LEAST_0),
-    ),
-    **dict.fromkeys(
-        ("mass", "storey_stiffness", "weight", "storey_height"),
-        lambda name, value: number(name, value, *ABOVE_0),
-    ),
-    **dict.fromkeys(("gap", "gap_left"), _gap),
-    "restitution": number,
+ANY = "a number", -math.inf, math.inf
+YIELDS = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
+LIMITS = {
+    **dict.fromkeys(("stiffness_ratio", "storey_damping"), AT_LEAST_0),
+    **dict.fromkeys(("mass", "storey_stiffness", "weight", "storey_height"), ABOVE_0),
+    **dict.fromkeys(("gap", "gap_left", "restitution"), ANY),
+    **dict.fromkeys(("yield_force", "yield_drift"), YIELDS),
+    "hardening": ("from -0.1 to below 1", -0.1, math.nextafter(1.0, 0.0)),
 }
-"""Readers of the parameters with one value or one per floor."""
+"""Words, least and most of the parameters with one value or one per floor."""
+COLLAPSE = "above 0 (inf: none)", math.ulp(0.0), math.inf
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,12 +158,14 @@ class Structure(MeasuredDynamics):
         self._set("_ratios", self._validated_damping())
         if not isinstance(self.damping_ratio, Real):
             self._set("damping_ratio", self._ratios)
-        for name, read in PER_FLOOR.items():
-            value = plain(getattr(self, name))
-            if hasattr(value, "__len__") and not isinstance(value, str | bytes):
-                self._set(name, vector(name, value, n, "numbers, one per floor", read=read))
-            elif value is not None or getattr(type(self), name) is not None:
-                self._set(name, read(name, value))
+        for name, limits in LIMITS.items():
+            value = getattr(self, name)
+            if value is not None or getattr(type(self), name) is not None:
+                what = "storey" if limits is YIELDS else "floor"
+                self._set(name, one_or_each(name, value, n, what, limits))
+        for name in ("gap", "gap_left"):
+            if -math.inf in self._floors(getattr(self, name)):
+                raise wrong(name, "must not be -inf: the stop would always push")
         self._set("harmonics", read_harmonics(self.harmonics))
         if self.storey_height is not None and not self.names.storey_heights:
             heights = np.broadcast_to(self.storey_height, n).tolist()
@@ -189,10 +175,6 @@ class Structure(MeasuredDynamics):
         said_by = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth(self._all_contacts, self.sharpness, said_by)
         self._set("p_delta", flag("p_delta", self.p_delta))
-        for name in ("yield_force", "yield_drift", "hardening", "collapse_drift"):
-            value = plain(getattr(self, name))
-            if hasattr(value, "__len__") and not isinstance(value, str | bytes):
-                self._set(name, tuple(value))
         if max(self.contact_numbers, default=0) > MAX_CONTACTS:
             raise wrong(
                 "gap_left",
@@ -284,9 +266,7 @@ class Structure(MeasuredDynamics):
 
     def _check_sliders(self) -> None:
         """Refuse sliders too stiff beside what carries the structure while they slip."""
-        springs = [
-            slider.spring * float(np.square(slider.direction).sum()) for slider in self.sliders
-        ]
+        springs = self.slider_stiffness.tolist()
         if self.matrices is None or not springs:
             return
         trace = float(np.trace(self.elastic_stiffness))
@@ -303,9 +283,8 @@ class Structure(MeasuredDynamics):
             if not self.sliders:
                 raise wrong("collapse_drift", "goes with yield_drift, yield_force or a slider")
             n = len(self.drift_rows)
-            listed = collapse if hasattr(collapse, "__len__") else (collapse,)
-            size = n if hasattr(collapse, "__len__") else 1
-            vector("collapse_drift", listed, size, "numbers, one per storey", read=_above_0)
+            limits = one_or_each("collapse_drift", collapse, n, "storey", COLLAPSE)
+            self._set("collapse_drift", limits)
         rows, limits = self.drift_rows, self.drift_limits
         for slider in self.sliders:
             b = np.array(slider.direction)

@@ -17,11 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import number, plain, wrong
-from hpcsweep.model.matrices import Slider, vector
-
-YIELDS = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
-HARDENS = "from -0.1 to below 1", -0.1, math.nextafter(1.0, 0.0)
+from hpcsweep.model.arguments import wrong
+from hpcsweep.model.matrices import Slider
 
 
 def storey_sliders(
@@ -42,26 +39,23 @@ def storey_sliders(
     Raises
     ------
     ValueError
-        If they are outside their ranges; the message names one.
+        If they do not go together; the message names one.
     """
-    yields = {"yield_force": yield_force, "yield_drift": yield_drift}
-    named = [name for name, value in yields.items() if value is not None]
-    if len(named) > 1:
+    n, by_force = len(stiffness), yield_force is not None
+    if by_force and yield_drift is not None:
         raise wrong("yield_force", "and yield_drift must not be given both")
-    n, sliders = len(stiffness), []
-    shares = _of_storeys("hardening", hardening, n, HARDENS)
-    if not named:
+    shares = np.broadcast_to(hardening, n).tolist()
+    if not by_force and yield_drift is None:
         if any(shares):
             raise wrong("hardening", "goes with yield_force or yield_drift")
         return ()
-    at = _of_storeys(named[0], yields[named[0]], n, YIELDS)
-    steps = np.eye(n) - np.eye(n, k=-1)
-    for i, (k, share, limit) in enumerate(zip(stiffness, shares, at, strict=True)):
-        if limit < math.inf:
-            force = limit * (k if named[0] == "yield_drift" else 1.0)
-            row = tuple(steps[i].tolist())
-            sliders.append(Slider(row, (1.0 - share) * k, (1.0 - share) * force, str(i + 1)))
-    return tuple(sliders)
+    forces = np.broadcast_to(yield_force if by_force else np.multiply(yield_drift, stiffness), n)
+    steps = (np.eye(n) - np.eye(n, k=-1)).tolist()
+    return tuple(
+        Slider(tuple(steps[i]), (1.0 - share) * k, (1.0 - share) * force, str(i + 1))
+        for i, (k, share, force) in enumerate(zip(stiffness, shares, forces.tolist(), strict=True))
+        if force < math.inf
+    )
 
 
 def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np.ndarray:
@@ -92,12 +86,3 @@ def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np
                 f"{load:.4g}, must be below its stiffness, {k:.4g}",
             )
     return loads
-
-
-def _of_storeys(name: str, values: Any, n: int, limits: tuple[str, float, float]) -> list[float]:
-    """Read a number for each storey, from one or a sequence."""
-    listed = plain(values)
-    listed = listed if hasattr(listed, "__len__") else [listed] * n
-    return [
-        number(name, value, *limits) for value in vector(name, listed, n, "numbers, one a storey")
-    ]

@@ -23,7 +23,7 @@ class Sliders:
 
     def __init__(self, structure: Structure, elements: Elements):
         self._elements, count = elements, len(structure.sliders)
-        springs = [(one.spring, one.taken) for one in structure.sliders]
+        springs = [(one.stiffness, one.taken) for one in structure.sliders]
         self._spring, self._taken = np.array(springs).reshape(-1, 2).T
         self._unit = structure.length_unit
         self.own = slice(len(elements.rows) - count, None)

@@ -33,6 +33,8 @@ class Key:
         Value in the commented job where there is no default, in TOML.
     units : str
         Quantity of a number, as `hpcsweep.model.unit_names` has it.
+    alone : bool
+        Whether the limits of its numbers above 0 depend on no other key.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Key:
     told: str = ""
     example: str = ""
     units: str = "1"
+    alone: bool = False
 
     @property
     def shown(self) -> str:

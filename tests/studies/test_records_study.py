@@ -635,7 +635,7 @@ WRONG_YIELD = [
         '"A"\nyield_drift = 0.1\nhardening = 1.0',
         "building[0].hardening must be from -0.1 to below 1",
     ),
-    ('"A"\nyield_drift = [0.1]', "building[0].yield_drift must have 2 numbers, one a storey"),
+    ('"A"\nyield_drift = [0.1]', "building[0].yield_drift must have 2 numbers, one per storey"),
     ('"A"\nyield_drift = "soft"', "building[0].yield_drift"),
 ]
 

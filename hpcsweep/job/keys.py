@@ -1,6 +1,7 @@
 """The keys of every study, and those of each: names, meanings, defaults and limits."""
 
 import math
+import re
 
 from hpcsweep.job.forcing import N_HARMONICS
 from hpcsweep.model.forcing import MAX_HARMONICS
@@ -327,6 +328,11 @@ ALONE = {
     for table, keys in {**STRUCTURE, "building": BUILDING}.items()
 }
 """Names of keys whose limits, for numbers above 0, depend on no other key, by their tables."""
+
+
+def bare(key: str) -> str:
+    """Return the name of a key without its tables and its place in a list."""
+    return re.sub(r"\[\d+\]", "", key).rpartition(".")[2]
 
 
 def declared(study) -> Tables:

@@ -20,7 +20,7 @@ from hpcsweep.job.job import ABOUT, Job, JobError
 from hpcsweep.job.keys import every_key, keys_of
 from hpcsweep.job.paths import path_of
 from hpcsweep.job.rows import with_rows
-from hpcsweep.job.tree import TreeError, parse_toml, resolve, write
+from hpcsweep.job.tree import parse_toml, resolve, write
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts, read_followed, read_varied, unused
 from hpcsweep.model import arguments
@@ -85,10 +85,7 @@ def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
     """
     path = path_of("path", path)
     settings = arguments.words("settings", settings)
-    try:
-        text, source, notes = resolve(path, settings, every_key, _drop_inherited)
-    except TreeError as error:
-        raise JobError(str(error)) from None
+    text, source, notes = resolve(path, settings, every_key, _drop_inherited)
     job = parse_job(text, source, path.stem, path.parent)
     return replace(job, notes=(*notes, *job.notes))
 
@@ -136,10 +133,7 @@ def parse_job(
     JobError
         If it is not a valid job.
     """
-    try:
-        tree = parse_toml(text, source)
-    except TreeError as error:
-        raise JobError(str(error)) from None
+    tree = parse_toml(text, source)
     whole, file = with_rows(Values(source, tree), tree, folder)
     structure, reduced = whole.get("structure"), None
     if isinstance(structure, Mapping) and "model" in structure:

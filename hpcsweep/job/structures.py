@@ -16,6 +16,7 @@ import numpy as np
 
 from hpcsweep.job.forcing import read_forcing
 from hpcsweep.job.job import JobError
+from hpcsweep.job.keys import UNITS, bare
 from hpcsweep.job.values import Values
 from hpcsweep.model.arguments import InputError
 from hpcsweep.model.buildings import Building, Column, adjacent
@@ -49,12 +50,10 @@ MAX_SHARPNESS = 1e300
 """Of the contact, where it is finite."""
 MAX_DAMPING = 1e6
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
-SIZED = re.compile(
-    r"(mass|stiffness|samples|gap(_left)?|direction|amplitude|(contact\[\d+\]\.|pounding\.|storey_)damping|"
-    r"strength|yield_(force|drift)|weight|storey_height|collapse_drift|"
-    r"isolation\.(period|radius|friction))$"
-)
-"""Ends of the keys whose values, where they are not 0, are of such a size."""
+SIZED = ("samples", "direction", "amplitude", "friction")
+"""Keys whose values, where they are not 0, are of such a size, besides those with a unit."""
+OF_ANY_SIZE = re.compile(r"structure\.matrices\.damping|building\[\d+\]\.period")
+"""Keys with limits of their own."""
 
 
 def read_structure(values: Values) -> Structure:
@@ -292,8 +291,11 @@ def _check_sizes(values: Values) -> None:
     """Refuse values that no structure can be made of."""
     for name in ("structure", "forcing", "building", "pounding"):
         for key, value in _numbers(name, values.top(name, {})):
-            is_size = SIZED.search(key) and 0 < abs(value) < math.inf
-            if is_size and not MIN_SIZE <= abs(value) <= MAX_SIZE:
+            last = bare(key)
+            is_size = last in SIZED or UNITS.get(last, "1") != "1"
+            if not is_size or OF_ANY_SIZE.fullmatch(key) or not 0 < abs(value) < math.inf:
+                continue
+            if not MIN_SIZE <= abs(value) <= MAX_SIZE:
                 limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
                 raise values.error(key, value, limit)
 

@@ -9,14 +9,14 @@ the product of all r^2.
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.job.keys import ALONE
+from hpcsweep.job.keys import ALONE, bare
 from hpcsweep.job.structures import MAX_DAMPING
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.isolation import Isolation
@@ -78,11 +78,8 @@ class Table:
         Base is the first part.
         """
         columns = {key: values for axis in self._numbers for key, values in axis.items()}
-        is_separate = all(
-            column.key in columns and _is_alone(column.key)
-            for axis in self.axes
-            for column in axis.keys
-        )
+        keys = [column.key for column in columns_of(self.axes)]
+        is_separate = all(key in columns and _is_alone(key) for key in keys)
         if base.kind not in KINDS or not is_separate or COMMON & self._names:
             return []
         if not _keeps_far(base, columns):
@@ -97,7 +94,7 @@ class Table:
 
     def by_part(self, base: RunGrid) -> dict[str, tuple[Variable, np.ndarray]] | None:
         """Return the variables known beforehand in which parts differ; None: parts must be made."""
-        if any("storey_height" in column.key for axis in self.axes for column in axis.keys):
+        if any("storey_height" in column.key for column in columns_of(self.axes)):
             return None
         if base.kind != "records":
             return {}
@@ -131,17 +128,15 @@ class Table:
         Masses, stiffnesses and periods tell it of storeys on the ground or on bearings; else, or
         where there may be a mistake, it is None: structures have to be made.
         """
-        varied = {column.key for axis in self.axes for column in axis.keys}
+        varied = {column.key for column in columns_of(self.axes)}
         if OTHERS & self._names or "structure.n_floors" in varied:
             return None
-        tables = {
-            f"building[{k}]": building for k, building in enumerate(self.tree.get("building", []))
-        }
+        buildings = enumerate(self.tree.get("building", []))
+        tables = {f"building[{k}]": table for k, table in buildings}
         tables = tables or {"structure": self.tree.get("structure", {})}
         try:
-            return np.max(
-                [self._periods_of(*building, gravity) for building in tables.items()], axis=0
-            )
+            periods = [self._periods_of(*building, gravity) for building in tables.items()]
+            return np.max(periods, axis=0)
         except (KeyError, ValueError):
             return None
 
@@ -206,10 +201,14 @@ class Table:
         return values
 
 
+def columns_of(axes: Iterable[Axis]) -> list[Axis]:
+    """Return the varied keys of axes, those of rows one by one."""
+    return [column for axis in axes for column in axis.keys]
+
+
 def _is_alone(key: str) -> bool:
     """Return whether the limits of a key depend on no other."""
-    table, *_, name = re.sub(r"\[\d+\]", "", key).split(".")
-    return name in ALONE.get(table, ())
+    return bare(key) in ALONE.get(re.split(r"\W", key, maxsplit=1)[0], ())
 
 
 def _keeps_far(base: RunGrid, columns: Mapping[str, np.ndarray]) -> bool:
@@ -239,13 +238,9 @@ def _names(table: Any) -> Iterator[str]:
 def _positive(values: tuple[Any, ...]) -> np.ndarray | None:
     """Return values as numbers, shape (n, any), if all are numbers above 0, or lists of as many."""
     lists = [value if isinstance(value, list) else [value] for value in values]
-    forms = {
-        (type(value) is list, len(entries)) for value, entries in zip(values, lists, strict=True)
-    }
-    if len(forms) > 1 or not {type(entry) for entries in lists for entry in entries} <= {
-        int,
-        float,
-    }:
+    forms = {type(value) is list and len(value) for value in values}
+    kinds = {type(entry) for entries in lists for entry in entries}
+    if len(forms) > 1 or not kinds <= {int, float}:
         return None
     numbers = np.array(lists, float)
     return numbers if numbers.size and np.all((numbers > 0.0) & np.isfinite(numbers)) else None

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hpcsweep.model.arguments import InputError
+from hpcsweep.job.job import JobError
 
 EXTENDS = "extends"
 UNSET = "unset"
@@ -45,10 +45,6 @@ BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 Order = Mapping[str, Sequence[str]]
 """Keys in the order in which they are written: of the top (``""``) and of each table."""
-
-
-class TreeError(InputError):
-    """Raised for trees that cannot be merged; the message is one line for the user."""
 
 
 def resolve(
@@ -80,7 +76,7 @@ def resolve(
 
     Raises
     ------
-    TreeError
+    JobError
         If a file cannot be read or is not TOML, if the files are circular or too many, or if a
         setting is not of the form above.
     """
@@ -116,7 +112,7 @@ def resolve(
     try:
         text = write(whole, keys)
     except (ValueError, RecursionError) as error:  # numbers too long, brackets nested too deeply
-        raise TreeError(f"{source}: cannot be written as TOML: {error}") from None
+        raise JobError(f"{source}: cannot be written as TOML: {error}") from None
     made_of += notes
     return "".join(f"# {_printable(line)}\n" for line in made_of) + text, source, notes
 
@@ -136,7 +132,7 @@ def with_value(whole: Mapping, key: str, value: object, said: str) -> dict:
 
     Raises
     ------
-    TreeError
+    JobError
         If there is no such place; the message begins with `said`.
     """
     return _replaced(whole, re.findall(r"\w+|\[\d+\]", key), value, said, "")
@@ -149,16 +145,16 @@ def _replaced(below: Any, steps: list[str], value: object, said: str, owner: str
     step, *rest = steps
     if step[0] != "[":
         if below is not None and not isinstance(below, Mapping):
-            raise TreeError("must be a table", owner, said)
+            raise JobError("must be a table", owner, said)
         table, full = below or {}, f"{owner}.{step}" if owner else step
         return {**table, step: _replaced(table.get(step), rest, value, said, full)}
     place, listed = int(step[1:-1]), below if isinstance(below, list) else []
     count, full = len(listed), owner + step
     if rest and rest[0][0] != "[" and place >= count:
         there = "is 1 table" if count == 1 else f"are {count} tables"
-        raise TreeError(f"there {there} {owner}, counted from 0", "", said)
+        raise JobError(f"there {there} {owner}, counted from 0", "", said)
     if place > count or (below is not None and not isinstance(below, list)):
-        raise TreeError(f": {owner} must be a list with that place, is {below!r:.60}", full, said)
+        raise JobError(f": {owner} must be a list with that place, is {below!r:.60}", full, said)
     inner = _replaced(listed[place] if place < count else None, rest, value, said, full)
     return [*listed[:place], inner, *listed[place + 1 :]]
 
@@ -196,17 +192,17 @@ def _read(path: Path) -> tuple[str, dict]:
     try:
         if path.exists() and not stat.S_ISREG(path.stat().st_mode):
             # a folder, a pipe without a writer, an endless device
-            raise TreeError(f"{path}: cannot be read: it is no regular file")
+            raise JobError(f"{path}: cannot be read: it is no regular file")
         with path.open("rb") as file:
             raw = file.read(MAX_TEXT + 1)
         text = raw.decode("utf-8")
     except (OSError, ValueError) as error:
-        if isinstance(error, TreeError):
+        if isinstance(error, JobError):
             raise
         if isinstance(error, UnicodeDecodeError):
-            raise TreeError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
+            raise JobError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
         said = getattr(error, "strerror", None) or error
-        raise TreeError(f"{path}: cannot be read: {said}") from None
+        raise JobError(f"{path}: cannot be read: {said}") from None
     return text, parse_toml(text, str(path))
 
 
@@ -215,18 +211,18 @@ def parse_toml(text: str, source: str, otherwise: str = "") -> dict:
 
     Raises
     ------
-    TreeError
+    JobError
         If it is not TOML, of which `otherwise` is said, or exceeds the limits.
     """
     if len(text) > MAX_TEXT:
-        raise TreeError(f"{source}: has more than {MAX_TEXT} characters, the most a job may have")
+        raise JobError(f"{source}: has more than {MAX_TEXT} characters, the most a job may have")
     if LONG_DOTS.search(text):
-        raise TreeError(f"{source}: a key has more than {MAX_DEPTH} parts")
+        raise JobError(f"{source}: a key has more than {MAX_DEPTH} parts")
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # RecursionError: brackets nested too deeply
         fault = otherwise or f"not valid TOML: {_unreadable(text)}{str(error)[:200]}"
-        raise TreeError(f"{source}: {fault}") from None
+        raise JobError(f"{source}: {fault}") from None
     _check_size(tree, source)
     return tree
 
@@ -246,11 +242,11 @@ def _check_size(tree: dict, source: str) -> None:
     while waiting:
         full, value, depth = waiting.pop()
         if depth > MAX_DEPTH:
-            raise TreeError(f"{source}: {full}: its brackets are more than {MAX_DEPTH} deep")
+            raise JobError(f"{source}: {full}: its brackets are more than {MAX_DEPTH} deep")
         if isinstance(value, dict):
             for key, item in value.items():
                 if len(key) > MAX_WORD:
-                    raise TreeError(f"{source}: key {key[:20]!r}...: {_too_long(key)}")
+                    raise JobError(f"{source}: key {key[:20]!r}...: {_too_long(key)}")
                 waiting.append((f"{full}.{key}" if full else key, item, depth + 1))
         elif isinstance(value, list):
             tables = any(isinstance(item, dict) for item in value)
@@ -259,10 +255,10 @@ def _check_size(tree: dict, source: str) -> None:
                 for i, item in enumerate(value)
             ]
         elif isinstance(value, str) and len(value) > MAX_WORD:
-            raise TreeError(f"{source}: {full} = {value[:20]!r}...: {_too_long(value)}")
+            raise JobError(f"{source}: {full} = {value[:20]!r}...: {_too_long(value)}")
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:
             bits = value.bit_length()
-            raise TreeError(f"{source}: {full}: a whole number of {bits} bits does not fit into 64")
+            raise JobError(f"{source}: {full}: a whole number of {bits} bits does not fit into 64")
 
 
 def _too_long(word: str) -> str:
@@ -279,24 +275,24 @@ def _read_bases(path: Path, tree: dict) -> list[tuple[Path, dict]]:
     while True:
         for key in tree:  # a misspelt one, which later validation does not know
             if key != EXTENDS and difflib.get_close_matches(key, [EXTENDS], cutoff=0.8):
-                raise TreeError(f"{path}: unknown key {key!r}; did you mean {EXTENDS!r}?")
+                raise JobError(f"{path}: unknown key {key!r}; did you mean {EXTENDS!r}?")
         if EXTENDS not in tree:
             return bases
         base = tree.pop(EXTENDS)
         where = f"{path}: {EXTENDS} = {base!r}"
         if not isinstance(base, str) or not base.isprintable() or not base:
-            raise TreeError(f"{where}: must be the name of one job file")
+            raise JobError(f"{where}: must be the name of one job file")
         if len(bases) == MAX_BASES:
-            raise TreeError(f"{where}: a job may be built on {MAX_BASES} files at most")
+            raise JobError(f"{where}: a job may be built on {MAX_BASES} files at most")
         path = path.parent / base
         try:
             _, tree = _read(path)
-        except TreeError as error:
-            raise TreeError(f"{where}: {error}") from None
+        except JobError as error:
+            raise JobError(f"{where}: {error}") from None
         met.append(path.resolve())
         if met[-1] in met[:-1]:
             circle = " -> ".join(file.name for file in met[met.index(met[-1]) :])
-            raise TreeError(f"{where}: must not lead back to a file before it: {circle}")
+            raise JobError(f"{where}: must not lead back to a file before it: {circle}")
         for key in NOT_INHERITED:
             tree.pop(key, None)
         bases.append((path, tree))
@@ -307,16 +303,16 @@ def _parse_setting(setting: str) -> dict:
     option = _option(setting)
     key, equals, value = (part.strip() for part in setting.partition("="))
     if not setting.isprintable() or not equals or not key or key.startswith("#"):
-        raise TreeError(f"{option}: must be TABLE.KEY=VALUE")
+        raise JobError(f"{option}: must be TABLE.KEY=VALUE")
     if key == EXTENDS:
-        raise TreeError(f"{option}: {EXTENDS!r} can only be said in a job file")
+        raise JobError(f"{option}: {EXTENDS!r} can only be said in a job file")
     if INDEXED.fullmatch(key):
         parse_toml(f"x = {value}", option)
         return {}
     parts = PART.findall(key)
     if len(parts) > 2:
         whole = ".".join(parts[:2])
-        raise TreeError(f"{option}: must be TABLE.KEY=VALUE; the value of {whole} is set whole")
+        raise JobError(f"{option}: must be TABLE.KEY=VALUE; the value of {whole} is set whole")
     is_word = value[:1].isalpha() and BARE_KEY.fullmatch(value) and len(value) <= MAX_SHOWN
     hint = f"; a string needs quotes: --set '{key}=\"{value}\"'" if is_word else ""
     return parse_toml(setting, option, f"not a key and a value of TOML{hint}")

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.job.job import JobError
-from hpcsweep.job.keys import UNITS
+from hpcsweep.job.keys import UNITS, bare
 from hpcsweep.job.rows import FIRST_LINE, NAME
-from hpcsweep.job.table import Table, difference, shape_of
-from hpcsweep.job.tree import INDEXED, MAX_WORD, TreeError, with_value, write_value
+from hpcsweep.job.table import Table, columns_of, difference, shape_of
+from hpcsweep.job.tree import INDEXED, MAX_WORD, with_value, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
@@ -84,9 +84,6 @@ class Parts:
         """
         try:
             return self.read(self.source, self.tree_at(place))
-        except TreeError as error:
-            said = JobError(f"{error.limit}, in vary", error.key, error.place)
-            raise self.error(place, said) from None
         except JobError as error:
             raise self.error(place, error) from None
 
@@ -142,14 +139,14 @@ class Parts:
 
     def tree_as_given(self) -> dict:
         """Return the job with its own values of varied keys, or else with their first ones."""
-        varied = (column for axis in self.axes for column in axis.keys)
-        return self._with((column, 0) for column in varied if not _is_given(self.tree, column.key))
+        columns = columns_of(self.axes)
+        return self._with((column, 0) for column in columns if not _is_given(self.tree, column.key))
 
     def _with(self, chosen: Iterable[tuple[Axis, int]]) -> dict:
         """Return the job with values of some keys."""
         tree = dict(self.tree)
         for axis, at in chosen:
-            tree = with_value(tree, axis.key, axis.given[at], self.source)
+            tree = _with_varied(tree, axis.key, axis.given[at], self.source)
         return tree
 
 
@@ -174,7 +171,7 @@ def parts_of(
     n_parts = int(np.prod([len(axis.values) for axis in axes], dtype=object))
     if n_parts > MAX_PARTS:
         raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MAX_PARTS}")
-    keys = [column.key for axis in axes for column in axis.keys]
+    keys = [column.key for column in columns_of(axes)]
     for key in keys:
         if keys.count(key) > 1:
             raise JobError(f"{values.source}: vary.{key}: is in vary.{ROWS}, too")
@@ -193,7 +190,7 @@ def _axes(values: Values, varied: Mapping, file: str) -> tuple[Axis, ...]:
 def varied_values(values: Values, tree: Mapping) -> dict[str, tuple[Any, ...]]:
     """Return the values of each key that a job varies, also along a path."""
     axes = _axes(values, _flat(values, tree["vary"]), "") if "vary" in tree else ()
-    return {column.key: column.given for axis in axes for column in axis.keys}
+    return {column.key: column.given for column in columns_of(axes)}
 
 
 def read_varied(
@@ -221,7 +218,7 @@ def read_varied(
     if unused(parts.axes, tree):
         # what is given beside vary is not used, but has to be right
         read(values.source, parts.tree_as_given())
-    for column in (column for axis in parts.axes for column in axis.keys):
+    for column in columns_of(parts.axes):
         owner, _, name = column.key.rpartition(".")
         sets = name.split("[")[0] in SETS_FREQUENCIES
         if sets and isinstance(_table(parts.tree, owner).get("rayleigh"), list):
@@ -286,14 +283,20 @@ def read_followed(
     axis = _axis(values, key, steps.tolist())
     structures: list[Structure] = []
     for step in steps.tolist():
-        try:
-            structures.append(structure_of(with_value(tree, key, step, values.source)))
-        except TreeError as error:
-            raise JobError(f"{error}, in vary") from None
+        structures.append(structure_of(_with_varied(tree, key, step, values.source)))
         if any(getattr(structures[-1], name) != getattr(structures[0], name) for name in SHAPE):
             limit = "must leave the structure the floors, contacts and heights that it has before"
             raise values.error(f"vary.{key}", step, limit)
     return Followed(axis.name, key, axis.units, steps, tuple(structures))
+
+
+def _with_varied(tree: Mapping, key: str, value: object, source: str) -> dict:
+    """Return a job with a value of a key that it varies."""
+    try:
+        return with_value(tree, key, value, source)
+    except JobError as error:
+        error.limit += ", in vary"
+        raise
 
 
 def _table(tree: Mapping, owner: str) -> Mapping:
@@ -313,7 +316,7 @@ def _is_given(tree: Mapping, key: str) -> bool:
 
 def unused(axes: Iterable[Axis], tree: Mapping) -> tuple[str, ...]:
     """Return a message for each key that is given beside ``vary``."""
-    keys = (column.key for axis in axes for column in axis.keys)
+    keys = (column.key for column in columns_of(axes))
     return tuple(f"not used: {k} ([vary] gives its values)" for k in keys if _is_given(tree, k))
 
 
@@ -369,7 +372,7 @@ def _axis(values: Values, key: str, content: object, together: bool = False) -> 
     if len(set(labels)) < len(labels) and not together:
         raise values.error(f"vary.{key}", content, "must not hold a value twice")
     quantities = UNITS if table in STRUCTURAL or is_building else {}
-    units = quantities.get(re.sub(r"\[\d+\]$", "", key).rpartition(".")[2], "1")
+    units = quantities.get(bare(key), "1")
     return Axis(name, key, labels, units, listed)
 
 

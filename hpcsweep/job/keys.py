@@ -309,16 +309,14 @@ KEYS: Tables = {
 """Keys of every study; each adds its own (`keys` of its class)."""
 
 
+OF_BEARINGS = {
+    **{"period": "time", "slab_mass": "mass", "stiffness": "stiffness", "radius": "length"},
+    **{"strength": "force", "friction": "1"},
+}
 BUILDING = (
     *STRUCTURE["structure"],
-    Key("period", "", units="time", alone=True),
-    Key("slab_mass", "", units="mass", alone=True),
-    Key("stiffness", "", units="stiffness", alone=True),
-    Key("radius", "", units="length", alone=True),
-    Key("strength", "", units="force", alone=True),
-    Key("friction", "", alone=True),
-    Key("initial_stiffness", "", units="stiffness"),
-    Key("wall_stiffness", "", units="stiffness"),
+    *(Key(name, "", units=units, alone=True) for name, units in OF_BEARINGS.items()),
+    *(Key(name, "", units="stiffness") for name in ("initial_stiffness", "wall_stiffness")),
 )
 """Keys of a building and of its bearings, and the strength of a slider."""
 UNITS = {key.name: key.units for key in (*STRUCTURE["pounding"], *BUILDING)}

@@ -256,11 +256,7 @@ def difference(base: tuple, part: tuple) -> str:
     labels, variables, coordinates, known_first = base
     if part[0] != labels:
         return "has other contacts than the first"
-    sizes, part_sizes = (
-        {name: coordinate.values.size for name, coordinate in shape[2].items()}
-        for shape in (base, part)
-    )
-    if part[1] != variables or part_sizes != sizes:
+    if part[1] != variables or _sizes(part[2]) != _sizes(coordinates):
         return "has not the dimensions of the first"
     for name, coordinate in coordinates.items():
         if not _equal(part[2][name].values, coordinate.values):
@@ -269,6 +265,10 @@ def difference(base: tuple, part: tuple) -> str:
         if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
             return f"has another {variable.name} than the first"
     return ""
+
+
+def _sizes(coordinates: Mapping[str, Any]) -> dict[str, int]:
+    return {name: coordinate.values.size for name, coordinate in coordinates.items()}
 
 
 def _equal(first: np.ndarray, second: np.ndarray) -> bool:

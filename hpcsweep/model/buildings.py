@@ -153,13 +153,10 @@ class Building:
     @functools.cached_property
     def structure(self) -> Structure:
         """Structure of the building alone, on its bearings if it has some."""
-        return self._struck([])
+        return self.struck([])
 
     def struck(self, heights: Sequence[float]) -> Structure:
         """Return the structure with a coordinate for each point of its columns at some heights."""
-        return self._struck(heights) if heights else self.structure
-
-    def _struck(self, heights: Sequence[float]) -> Structure:
         fixed = self._with_points(heights) if heights else self.on_fixed_base
         made = fixed if self.isolation is None else self.isolation.beneath(fixed)
         return made.named(*made.names[:2], fixed.names.storey_heights, fixed.storey_names)
@@ -378,12 +375,11 @@ def _facing(first: tuple[Building, str], second: tuple[Building, str]) -> list[l
             if i in met or height > lower * (1.0 + SAME_HEIGHT):
                 continue
             if hit.column is None:
-                raise wrong(
-                    "building.storey_height",
-                    f": floor {i + 1} of {name} at height {height:g} faces a "
-                    f"column of {hit_name}: "
-                    + (apart or f"give {hit_name} column = {{share, mass}}, {SHARE_AND_MASS}"),
+                faces = (
+                    f": floor {i + 1} of {name} at height {height:g} faces a column of {hit_name}: "
                 )
+                remedy = apart or f"give {hit_name} column = {{share, mass}}, {SHARE_AND_MASS}"
+                raise wrong("building.storey_height", faces + remedy)
             meets.append((height, [height, i] if side else [i, height]))
     return [ends for _, ends in sorted(meets, key=lambda level: level[0])]
 
@@ -403,7 +399,7 @@ def _side_by_side(
         for side in (0, 1):
             points[k + side] |= {end[side] for end in ends if isinstance(end[side], float)}
     alone = [
-        building.struck(sorted(heights))
+        building.struck(sorted(heights)) if heights else building.structure
         for building, heights in zip(buildings, points, strict=True)
     ]
     first = np.cumsum([0, *(structure.n_floors for structure in alone)]).tolist()

@@ -52,11 +52,8 @@ def refuse_smooth(contacts: Sequence, sharpness: float, said_by: tuple[str, Any]
     damping = max((contact.damping for contact in contacts), default=0.0)
     if damping and sharpness != math.inf:
         name, value = said_by or ("contact.damping", damping)
-        raise wrong(
-            name,
-            f"= {value!r} needs sharpness = inf: a dashpot goes with a sharp stop, "
-            f"sharpness is {sharpness:g}",
-        )
+        limit = f"= {value!r} needs sharpness = inf: a dashpot goes with a sharp stop"
+        raise wrong(name, f"{limit}, sharpness is {sharpness:g}")
 
 
 def restitution_of(ratio: float) -> float:

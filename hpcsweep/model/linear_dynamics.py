@@ -270,11 +270,10 @@ class LinearDynamics(System):
         for name, slider in zip(self.slider_names, self.sliders, strict=True):
             force = abs(slider.stiffness * float(np.dot(slider.direction, u)))
             if force > slider.strength:
-                raise wrong(
-                    f"slider {name}",
-                    f"would slip at rest: a contact with gap below 0 presses it with "
-                    f"{force:.4g}, its strength is {slider.strength:.4g}",
+                limit = (
+                    f"would slip at rest: a contact with gap below 0 presses it with {force:.4g}"
                 )
+                raise wrong(f"slider {name}", f"{limit}, its strength is {slider.strength:.4g}")
         return frozen(np.concatenate((u, np.zeros(self.n_floors))))
 
     @cached_property

@@ -109,11 +109,8 @@ def check_symmetric(name: str, array: np.ndarray) -> None:
     off = np.abs(array - array.T)
     if off.max() > SYMMETRY * np.abs(array).max():
         i, j = np.unravel_index(int(off.argmax()), off.shape)
-        raise wrong(
-            name,
-            f"must be symmetric: entry ({i + 1}, {j + 1}) is {array[i, j]:g}, "
-            f"({j + 1}, {i + 1}) is {array[j, i]:g}",
-        )
+        entries = f"({i + 1}, {j + 1}) is {array[i, j]:g}, ({j + 1}, {i + 1}) is {array[j, i]:g}"
+        raise wrong(name, f"must be symmetric: entry {entries}")
 
 
 def _direction(name: str, direction: Any, refusal: str) -> Any:
@@ -378,11 +375,8 @@ def read_matrices(
         None if influence is None else vector("matrices.influence", influence, n, read=finite),
     )
     if len(read.contacts) + len(read.sliders) > MAX_CONTACTS:
-        raise wrong(
-            "contacts",
-            f"and sliders must be at most {MAX_CONTACTS} together, "
-            f"are {len(read.contacts)} and {len(read.sliders)}",
-        )
+        limit = f"and sliders must be at most {MAX_CONTACTS} together"
+        raise wrong("contacts", f"{limit}, are {len(read.contacts)} and {len(read.sliders)}")
     if read.damping is not None:
         _check_damping(np.array(read.damping))
     return read
@@ -432,17 +426,13 @@ def check_definite(name: str, array: np.ndarray) -> None:
     if not values[0] > 0:
         raise wrong(name, f"must be positive definite, has the eigenvalue {values[0]:.3g}")
     if values[-1] / MAX_SPREAD > values[0]:
-        raise wrong(
-            name,
-            f"has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}: "
-            f"a ratio above {MAX_SPREAD:g} looks like mixed units",
-        )
+        limit = f"has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}"
+        raise wrong(name, f"{limit}: a ratio above {MAX_SPREAD:g} looks like mixed units")
 
 
 def _check_damping(array: np.ndarray) -> None:
     check_symmetric("matrices.damping", array)
     values = np.linalg.eigvalsh(array)
     if values[0] < -SYMMETRY * max(values[-1], 0.0):
-        raise wrong(
-            "matrices.damping", f"must not feed energy in, has the eigenvalue {values[0]:.3g}"
-        )
+        limit = f"must not feed energy in, has the eigenvalue {values[0]:.3g}"
+        raise wrong("matrices.damping", limit)

@@ -38,10 +38,8 @@ def factors(matrix: Any) -> Any:
     try:
         return splu(matrix.tocsc(), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=kept)
     except MemoryError:
-        n = matrix.shape[0]
-        raise wrong(
-            "stiffness", f"of {n} coordinates needs more memory than there is for its factors"
-        ) from None
+        limit = "needs more memory than there is for its factors"
+        raise wrong("stiffness", f"of {matrix.shape[0]} coordinates {limit}") from None
 
 
 def motions_below(stiffness: Any, side: float) -> int:

@@ -175,12 +175,9 @@ class Structure(MeasuredDynamics):
         said_by = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth(self._all_contacts, self.sharpness, said_by)
         self._set("p_delta", flag("p_delta", self.p_delta))
-        if max(self.contact_numbers, default=0) > MAX_CONTACTS:
-            raise wrong(
-                "gap_left",
-                f": {n} floors have stops on the left numbered up to "
-                f"{max(self.contact_numbers)}, the most are {MAX_CONTACTS}",
-            )
+        if (last := max(self.contact_numbers, default=0)) > MAX_CONTACTS:
+            limit = f"stops on the left numbered up to {last}, the most are {MAX_CONTACTS}"
+            raise wrong("gap_left", f": {n} floors have {limit}")
         if not self.is_uniform:
             check_definite("mass" if self.matrices is None else "matrices.mass", self.mass_matrix)
             name = "storey_stiffness" if self.matrices is None else "matrices.stiffness"
@@ -293,11 +290,8 @@ class Structure(MeasuredDynamics):
             along = off <= ROUNDED * np.abs(rows).max(axis=1)
             least = (limits[along] / np.abs(share[along])).min(initial=math.inf)
             if least <= slider.limit:
-                raise wrong(
-                    "collapse_drift",
-                    f"must be above the drift at which the storey yields, "
-                    f"{slider.limit:.4g}, is {least:.4g}",
-                )
+                limit = f"above the drift at which the storey yields, {slider.limit:.4g}"
+                raise wrong("collapse_drift", f"must be {limit}, is {least:.4g}")
         if self.sliders:
             # motions whose drifts are bounded may leave in directions that none of these has
             _, size_of, axes = np.linalg.svd(rows[np.isfinite(limits)])
@@ -305,11 +299,8 @@ class Structure(MeasuredDynamics):
             values = np.linalg.eigvalsh(free @ self.elastic_stiffness @ free.T)
             if values.min(initial=0.0) < -ROUNDED * np.trace(self.stiffness_matrix):
                 what = "is missing" if collapse is None else "must be finite for each that softens"
-                raise wrong(
-                    "collapse_drift",
-                    f"{what}: the structure softens once all sliders slip, its "
-                    f"stiffness then has the eigenvalue {values[0]:.4g}",
-                )
+                why = "the structure softens once all sliders slip, its stiffness then has the"
+                raise wrong("collapse_drift", f"{what}: {why} eigenvalue {values[0]:.4g}")
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
@@ -320,11 +311,10 @@ class Structure(MeasuredDynamics):
         if isinstance(listed, str | bytes) or not isinstance(listed, Sequence | np.ndarray):
             raise refused("damping_ratio", "a number or one per mode", ratio)
         if len(listed) != self.n_floors:
-            raise wrong(
-                "damping_ratio",
-                f"must be one number or one per mode: {self.n_floors} are needed, "
-                f"{len(listed)} are given",
+            limit = (
+                f"one number or one per mode: {self.n_floors} are needed, {len(listed)} are given"
             )
+            raise wrong("damping_ratio", f"must be {limit}")
         return tuple(number("damping_ratio", value, *AT_LEAST_0) for value in listed)
 
     def __repr__(self) -> str:

@@ -80,9 +80,6 @@ def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np
     loads = np.broadcast_to(weight, n)[::-1].cumsum()[::-1] / np.broadcast_to(height, n)
     for i, (k, load) in enumerate(zip(stiffness, loads.tolist(), strict=True), 1):
         if load >= k:
-            raise wrong(
-                "p_delta",
-                f": storey {i} does not stand: the weight above it over its height, "
-                f"{load:.4g}, must be below its stiffness, {k:.4g}",
-            )
+            limit = f"the weight above it over its height, {load:.4g}, must be below its stiffness"
+            raise wrong("p_delta", f": storey {i} does not stand: {limit}, {k:.4g}")
     return loads

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 import tomllib
 
 import h5py
@@ -254,6 +255,13 @@ def test_every_new_field_is_part_of_the_fingerprint():
         study = dataclasses.replace(job.study, structure=changed)
         found.add(dataclasses.replace(job, study=study).fingerprint)
     assert len(found) == len(other) + 1
+
+
+@together("key, whole", [("yield_drift", "2"), ("yield_force", "[2, 3, 4]"), ("gap", "2")])
+def test_a_whole_number_means_what_it_does_with_a_point(key, whole):
+    texts = (whole, re.sub(r"(\d)", r"\1.0", whole))
+    first, second = (f"[structure]\n{key} = {text}\nsharpness = inf\n{SWEEP}" for text in texts)
+    assert parse_job(first, "", "x").fingerprint == parse_job(second, "", "x").fingerprint
 
 
 @together(

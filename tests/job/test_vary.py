@@ -13,6 +13,7 @@ from hpcsweep.job import JobError, load_job, parse_job, part_of
 from hpcsweep.job.keys import every_key
 from hpcsweep.job.tree import write
 from hpcsweep.job.vary import NEVER, TABLES
+from hpcsweep.model.structure import Structure
 from hpcsweep.store.layout import Layout
 
 TWO = """
@@ -195,6 +196,26 @@ def test_a_value_is_what_the_key_itself_takes(key, given, values, job):
         alone[table] = {**alone.get(table, {}), name: value}
         own = parse_job(write(alone, every_key()), "job.toml", "job")
         assert part_of(whole, (place,)).fingerprint == own.fingerprint
+
+
+@together(
+    "key, wrong, said",
+    [
+        ("structure.mass", "1e31", "must be 0 or of a size"),
+        ("structure.storey_stiffness", "-1.0", "must be finite and above 0"),
+        ("structure.stiffness_ratio", "1e13", r"must be at most 1e\+12"),
+        ("structure.gap", "nan", "must be numbers"),
+    ],
+)
+def test_extremes_of_a_key_with_limits_of_its_own_stand_for_all(monkeypatch, key, wrong, said):
+    made, plain = [], Structure.__post_init__
+    monkeypatch.setattr(Structure, "__post_init__", lambda own: [made.append(1), plain(own)][1])
+    values = [str(0.5 + k / 64) for k in range(60)]
+    assert len(parse(f"{key} = [{', '.join(values)}]").axes[0].values) == 60
+    assert (len(made) < 30) == (key != "structure.gap")
+    monkeypatch.undo()
+    with pytest.raises(JobError, match=said):
+        parse(f"{key} = [{', '.join([*values[:30], wrong, *values[30:]])}]")
 
 
 def test_points_of_a_list_are_varied_with_a_key():

@@ -21,8 +21,8 @@ from hpcsweep.job.values import Values
 from hpcsweep.model.arguments import InputError
 from hpcsweep.model.buildings import Building, Column, adjacent
 from hpcsweep.model.isolation import Isolation
-from hpcsweep.model.matrices import MAX_LABEL, elements_of
-from hpcsweep.model.reduced import Reduced
+from hpcsweep.model.matrices import MAX_LABEL
+from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.studies.ground_motion.keys import known_gravity

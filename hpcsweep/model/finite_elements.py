@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.arguments import refused, wrong
-from hpcsweep.model.matrices import MAX_ROWS, Slider, elements_of, is_named, shares_of, vector
-from hpcsweep.model.reduced import Reduced
+from hpcsweep.model.matrices import MAX_ROWS, Slider, is_named, shares_of, vector
+from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.reduction import (
     MORE,
     TIMES,

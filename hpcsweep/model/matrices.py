@@ -7,15 +7,14 @@ right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound w
 A sharp stop may have a dashpot beside its spring (`hpcsweep.model.dashpot`).
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, astuple, dataclass, field, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.model.arguments import (
-    InputError,
     finite,
     flag,
     items,
@@ -380,25 +379,6 @@ def read_matrices(
     if read.damping is not None:
         _check_damping(np.array(read.damping))
     return read
-
-
-def elements_of(name: str, tables: Iterable[Mapping[str, Any]]) -> list:
-    """Make each "contact", or "slider", of a table; errors name it with its place, from 0."""
-    kind: Any = {"contact": Contact, "slider": Slider}[name]
-    defaults = {parameter.name: parameter.default for parameter in fields(kind)}
-    made = []
-    for k, table in enumerate(tables):
-        place = f"{name}[{k}]"
-        if unknown := [key for key in table if key not in defaults]:
-            raise wrong(f"{place}.{unknown[0]}", f"is unknown, known are {', '.join(defaults)}")
-        for key, default in defaults.items():
-            if default is MISSING and key not in table:
-                raise wrong(f"{place}.{key}", "is missing")
-        try:
-            made.append(kind(**table))
-        except InputError as error:
-            raise error.within(place) from None
-    return made
 
 
 def _several(kind: Any, elements: Any, n: int) -> tuple:

@@ -1,13 +1,32 @@
 """A reduced model in plain values, as a job stores it, and its structure."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import MISSING, fields, replace
 from typing import Any, NamedTuple
 
-from hpcsweep.model.arguments import wrong
-from hpcsweep.model.matrices import elements_of
+from hpcsweep.model.arguments import InputError, wrong
+from hpcsweep.model.matrices import Contact, Slider
 from hpcsweep.model.reduction import Reduction
 from hpcsweep.model.structure import Structure
+
+
+def elements_of(name: str, tables: Iterable[Mapping[str, Any]]) -> list:
+    """Make each "contact", or "slider", of a table; errors name it with its place, from 0."""
+    kind: Any = {"contact": Contact, "slider": Slider}[name]
+    defaults = {parameter.name: parameter.default for parameter in fields(kind)}
+    made = []
+    for k, table in enumerate(tables):
+        place = f"{name}[{k}]"
+        if unknown := [key for key in table if key not in defaults]:
+            raise wrong(f"{place}.{unknown[0]}", f"is unknown, known are {', '.join(defaults)}")
+        for key, default in defaults.items():
+            if default is MISSING and key not in table:
+                raise wrong(f"{place}.{key}", "is missing")
+        try:
+            made.append(kind(**table))
+        except InputError as error:
+            raise error.within(place) from None
+    return made
 
 
 class Reduced(NamedTuple):

@@ -128,13 +128,11 @@ def _named(path: Path, held: Found) -> Found:
     word = _word(path)
     matrices = [name for name in held if name != NAMES]
     if len(matrices) == 1:
-        (name_inside,) = matrices
-        if (role := _role(name_inside)) and _role(word) not in ("", role):
-            raise ValueError(f"holds the {role}, {name_inside}, and its name says {_role(word)}")
+        (inside,) = matrices
+        if (role := _role(inside)) and _role(word) not in ("", role):
+            raise ValueError(f"holds the {role}, {inside}, and its name says {_role(word)}")
         if not role:
-            return {
-                word if name == name_inside else name: content for name, content in held.items()
-            }
+            return {word if name == inside else name: matrix for name, matrix in held.items()}
     return held
 
 

@@ -71,25 +71,20 @@ def _table(text: str, separator: str, path: str) -> list[dict]:
         raise JobError(f"{path}: {limit}, one has more") from None
     if len(cells) < FIRST_LINE or len(cells) != len(lines) or not cells[0]:
         raise JobError(f"{path}: must have a line of keys and a line for each row below it")
-    cells = [[cell.strip() for cell in line_cells] for line_cells in cells]
-    if not cells[0][-1] and not any(
-        line_cells[-1] for line_cells in cells if len(line_cells) == len(cells[0])
-    ):
-        cells = [
-            line_cells[:-1] if len(line_cells) == len(cells[0]) else line_cells
-            for line_cells in cells
-        ]
+    cells = [[cell.strip() for cell in row] for row in cells]
+    if not cells[0][-1] and not any(row[-1] for row in cells if len(row) == len(cells[0])):
+        cells = [row[:-1] if len(row) == len(cells[0]) else row for row in cells]
     keys = cells[0]
     for key in keys:
         if not key or keys.count(key) > 1:
             raise JobError(f"{path}: line 1: {key!r} must be the key of one column")
     if keys == [NAME]:
         raise JobError(f"{path}: must have a column of a key beside {NAME}, has none")
-    for line, line_cells in enumerate(cells[1:], FIRST_LINE):
-        if len(line_cells) != len(keys):
+    for line, row in enumerate(cells[1:], FIRST_LINE):
+        if len(row) != len(keys):
             limit = f"must have {len(keys)} cells as line 1"
-            raise JobError(f"{path}: line {line}: {limit}, has {len(line_cells)}")
-    rows = [dict(zip(keys, line_cells, strict=True)) for line_cells in cells[1:]]
+            raise JobError(f"{path}: line {line}: {limit}, has {len(row)}")
+    rows = [dict(zip(keys, row, strict=True)) for row in cells[1:]]
     if separator != ",":
         rows = _with_points(rows, path)
     return [_values(row, f"{path}: line {k}") for k, row in enumerate(rows, FIRST_LINE)]

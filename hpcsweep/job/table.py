@@ -64,11 +64,7 @@ class Table:
     def _numbers(self) -> list[dict[str, np.ndarray]]:
         """Values of the keys of each axis that are numbers above 0, or lists of them: (n, any)."""
         return [
-            {
-                column.key: numbers
-                for column in axis.keys
-                if (numbers := _positive(column.given)) is not None
-            }
+            {key.key: n for key in axis.keys if (n := _positive(key.given)) is not None}
             for axis in self.axes
         ]
 

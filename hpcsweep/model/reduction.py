@@ -346,10 +346,8 @@ def condensed(mass, stiffness, damping, push, rows, drift, named) -> Coordinates
     """
     has = np.asarray(abs(mass).sum(axis=1)).ravel() > 0
     if len(rows) and rows[:, ~has].any():
-        limit = (
-            "a contact or slider acts on coordinates without mass, which are condensed without it"
-        )
-        raise wrong("reduce", f"is missing: {limit}")
+        limit = "a contact or slider acts on coordinates without mass, which are condensed"
+        raise wrong("reduce", f"is missing: {limit} without it")
     diagonal = stiffness.diagonal()
     ratio = np.full(len(push), np.inf)
     np.divide(mass.diagonal(), diagonal, where=has & (diagonal > 0), out=ratio)

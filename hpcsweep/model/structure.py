@@ -280,8 +280,8 @@ class Structure(MeasuredDynamics):
             if not self.sliders:
                 raise wrong("collapse_drift", "goes with yield_drift, yield_force or a slider")
             n = len(self.drift_rows)
-            limits = one_or_each("collapse_drift", collapse, n, "storey", COLLAPSE)
-            self._set("collapse_drift", limits)
+            drifts = one_or_each("collapse_drift", collapse, n, "storey", COLLAPSE)
+            self._set("collapse_drift", drifts)
         rows, limits = self.drift_rows, self.drift_limits
         for slider in self.sliders:
             b = np.array(slider.direction)

@@ -112,7 +112,7 @@ def test_a_name_that_a_job_gives_is_that_of_the_whole(tmp_path):
         (SMALL, 1, "-n 1: must be from 2 to 10000"),
         (f"part = [1, 2]\n{SMALL}", 2, "is a part already"),
         (REFINED, 2, "-n 2: is not allowed: this study cannot be split"),
-        (BASINS, 2, "-n 2: cannot be"),
+        (BASINS, 2, "-n 2: is not allowed"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_cut_is_refused(text, n, said, tmp_path):

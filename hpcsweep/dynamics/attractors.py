@@ -95,11 +95,11 @@ class AttractorSearch:
 
     def fork(self, poll: Callable[[], None] | None = None) -> "AttractorSearch":
         """Return a copy of the search, independent of this one."""
-        own = copy(self)
-        own._poll, own._rng = poll, np.random.default_rng(0)
-        own._known, own.failures, own.cycles = self._known.copy(), Counter(), 0
-        own.transient, own.n_transient = Survival(), 0
-        return own
+        other = copy(self)
+        other._poll, other._rng = poll, np.random.default_rng(0)
+        other._known, other.failures, other.cycles = self._known.copy(), Counter(), 0
+        other.transient, other.n_transient = Survival(), 0
+        return other
 
     @property
     def attractors(self) -> list[Attractor]:
@@ -135,25 +135,25 @@ class AttractorSearch:
         labels, cycles : ndarray of int, shape (N,)
             As of `labels`, and the forcing periods integrated for each start.
         """
-        found = self._approach(starts)
-        for k, window in found.windows.items():
-            own = self.fork(self._poll)
-            label = np.array([own._place(window)])
-            found.labels[k] = own._tested(label, window[-1:])[0]
-            found.cycles[k] += own.cycles
-        return found.labels, found.cycles
+        approached = self._approach(starts)
+        for k, window in approached.windows.items():
+            search = self.fork(self._poll)
+            label = np.array([search._place(window)])
+            approached.labels[k] = search._tested(label, window[-1:])[0]
+            approached.cycles[k] += search.cycles
+        return approached.labels, approached.cycles
 
     def _follow(self, starts: np.ndarray) -> np.ndarray:
         """Return the labels of a group of starts; replace those near no orbit by their last state.
 
         Labels beyond the tested attractors are of motions that are still to be tested.
         """
-        found = self._approach(starts)
-        self.failures.update(found.failures)
-        self.cycles += int(found.cycles.sum())
-        for k, window in found.windows.items():
-            found.labels[k], starts[k] = self._place(window), window[-1]
-        return found.labels
+        approached = self._approach(starts)
+        self.failures.update(approached.failures)
+        self.cycles += int(approached.cycles.sum())
+        for k, window in approached.windows.items():
+            approached.labels[k], starts[k] = self._place(window), window[-1]
+        return approached.labels
 
     def _tested(self, labels: np.ndarray, last: np.ndarray) -> np.ndarray:
         """Test the lifetimes of motions without a period; return the labels of the starts.
@@ -166,26 +166,26 @@ class AttractorSearch:
         last : ndarray, shape (N, 2n)
             State from which each start is followed.
         """
-        known = np.flatnonzero(labels == TRANSIENT)
-        labels[known] = self._to_their_ends(last[known], UNDECIDED)
+        ending = np.flatnonzero(labels == TRANSIENT)
+        labels[ending] = self._to_their_ends(last[ending], UNDECIDED)
         replaced: dict[int, int] = {}
         place = self._n_tested
         while place < len(self.attractors):
-            one, own = self.attractors[place], np.flatnonzero(labels == place)
-            decided = one.kind is not MotionClass.UNDECIDED
-            if not one.orbit_period:
-                growth = self._outlived(one, last[own])
+            attractor, reached = self.attractors[place], np.flatnonzero(labels == place)
+            decided = attractor.kind is not MotionClass.UNDECIDED
+            if not attractor.orbit_period:
+                growth = self._outlived(attractor, last[reached])
                 if growth is None:
                     # its record is one of its motions, too, and may be on what is left
-                    states = np.concatenate((last[own], one.points[-1:]))
+                    states = np.concatenate((last[reached], attractor.points[-1:]))
                     ends = self._to_their_ends(states, place if decided else UNDECIDED)
-                    labels[own] = ends[:-1]
+                    labels[reached] = ends[:-1]
                     if np.any(ends == place):
-                        growth = self._outlived(one, states[ends == place])
+                        growth = self._outlived(attractor, states[ends == place])
                     else:
                         replaced[place] = TRANSIENT
                 elif not decided:
-                    labels[own], replaced[place] = UNDECIDED, UNDECIDED
+                    labels[reached], replaced[place] = UNDECIDED, UNDECIDED
                 if growth is not None and not math.isnan(growth.mean):
                     self._known.measured(place, growth)
             place += 1
@@ -193,25 +193,25 @@ class AttractorSearch:
         self._n_tested = len(self.attractors)
         return labels
 
-    def _outlived(self, one: Attractor, states: np.ndarray) -> MeanInterval | None:
+    def _outlived(self, attractor: Attractor, states: np.ndarray) -> MeanInterval | None:
         """Follow a sample of motions: of its starts, else from its record; None if any ends.
 
         Otherwise the growth a period, NaN but of chaos, whose record is one motion: its points tell
         the same until rounding has grown, for 10,000 periods where chaos is weak.
         """
-        size, chaotic = SAMPLE[one.kind], one.kind is MotionClass.CHAOTIC
+        size, chaotic = SAMPLE[attractor.kind], attractor.kind is MotionClass.CHAOTIC
         evenly = np.unique(np.linspace(0, len(states), size, endpoint=False).astype(int))
         drawn = states[evenly[: len(states)]]  # none where only a seed came to it
         more = int(not len(drawn)) if chaotic else size - len(drawn)
-        later = np.linspace(len(one.points) // 2, len(one.points) - 1, more)
-        sample = np.concatenate((drawn, one.points[later.astype(int)]))
+        later = np.linspace(len(attractor.points) // 2, len(attractor.points) - 1, more)
+        sample = np.concatenate((drawn, attractor.points[later.astype(int)]))
         length, grown = math.ceil(self._at_risk / len(sample)), [np.empty(0)]
         for state in sample:
-            own: list[np.ndarray] = []
-            stretch = self._growing(own) if chaotic else self._stretch
+            logarithms: list[np.ndarray] = []
+            stretch = self._growing(logarithms) if chaotic else self._stretch
             if self._outlive(state, length, stretch)[2] is not None:
                 return None
-            grown.append(aligned(np.concatenate(own or grown[:1])))
+            grown.append(aligned(np.concatenate(logarithms or grown[:1])))
         return growth_interval(np.concatenate(grown))
 
     def _growing(self, grown: list[np.ndarray]) -> Stretch:

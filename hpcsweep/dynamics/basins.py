@@ -57,13 +57,13 @@ class StateBasins:
     ):
         self._search = AttractorSearch(solver, amplitude, settings, max_cycles, CONFIDENCE, poll)
         labels = self._search.labels(starts)
-        found = self._search.attractors
-        hits = np.bincount(labels[labels >= 0], minlength=len(found))
+        attractors = self._search.attractors
+        hits = np.bincount(labels[labels >= 0], minlength=len(attractors))
         order = np.argsort(-hits, kind="stable")[:most]
         self.attractors: list[Attractor] = [
-            replace(found[place], hits=int(hits[place])) for place in order.tolist()
+            replace(attractors[place], hits=int(hits[place])) for place in order.tolist()
         ]
-        self._listed = np.full(len(found), ELSEWHERE)
+        self._listed = np.full(len(attractors), ELSEWHERE)
         self._listed[order] = np.arange(order.size)
 
     def labels(
@@ -102,9 +102,9 @@ class StateBasins:
 
     def _of_list(self, labels: np.ndarray) -> np.ndarray:
         """Return the labels of a search as indices in `attractors`."""
-        known = (labels >= 0) & (labels < self._listed.size)
+        listed = (labels >= 0) & (labels < self._listed.size)
         labels[labels >= self._listed.size] = ELSEWHERE
-        labels[known] = self._listed[labels[known]]
+        labels[listed] = self._listed[labels[listed]]
         return labels
 
 
@@ -140,14 +140,16 @@ def portrait(
     for seed in seeds:
         search.classify(seed)
     labels = search.labels(starts)
-    found = []
+    attractors = []
     for place, attractor in enumerate(search.attractors):
         hits, total = int((labels == place).sum()), len(starts)
         low, high = share_interval(hits, total, confidence)
         share = hits / total if total else 0.0
-        found.append(replace(attractor, hits=hits, share=share, share_low=low, share_high=high))
+        attractors.append(
+            replace(attractor, hits=hits, share=share, share_low=low, share_high=high)
+        )
     outcome = Outcome.COMPLETE
-    if search.failures and not found and not np.any(labels == UNDECIDED):
+    if search.failures and not attractors and not np.any(labels == UNDECIDED):
         outcome = search.failures.most_common(1)[0][0]
     transient = search.n_transient, search.transient.lifetime(confidence)
-    return Portrait(found, labels, search.cycles, outcome, *transient)
+    return Portrait(attractors, labels, search.cycles, outcome, *transient)

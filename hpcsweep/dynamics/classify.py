@@ -163,8 +163,8 @@ def classify(results, settings, units_at: Callable | None = None) -> np.ndarray:
         points, counts = results["poincare"].values, results["n_points"].values
         omega = _of_runs(results, "omega")
         # the points of a list have amplitudes of their own
-        own = "forcing_amplitude" if "forcing_amplitude" in results else "amplitude"
-        amplitude = _of_runs(results, own)
+        variable = "forcing_amplitude" if "forcing_amplitude" in results else "amplitude"
+        amplitude = _of_runs(results, variable)
         for at in np.argwhere((classes == MotionClass.UNDECIDED) & (period == 0)):
             run = tuple(at.tolist())
             units = units_at(float(omega[run]), float(amplitude[run]), run[-1]) if units_at else 1.0
@@ -311,11 +311,11 @@ def contact_name(contact: int, labels: int | Sequence[str], room: int | None = N
     many = any(len(label.rstrip("L")) > 1 for label in labels)
     items = []
     for side in ("", "L"):
-        own = [int(m.rstrip("L")) for m in members if m.endswith("L") == bool(side)]
+        numbers = [int(m.rstrip("L")) for m in members if m.endswith("L") == bool(side)]
         if many:
-            items += [part + side for part in ranges(own)]
-        elif own:
-            items.append("".join(map(str, own)) + side)
+            items += [part + side for part in ranges(numbers)]
+        elif numbers:
+            items.append("".join(map(str, numbers)) + side)
     name = "C" + ",".join(items)
     while room is not None and len(name) > room and len(items) > 1:
         items.pop()

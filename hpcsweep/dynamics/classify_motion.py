@@ -246,12 +246,12 @@ class _Classifier:
         It is also claimed where each of the last two turns has closed on the previous one.
         """
         points, size, end = stretch / self._units, len(stretch), stretch[-1]
-        found = orbit.closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
-        period = found.period
+        closing = orbit.closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
+        period = closing.period
         if not period:
             return end, None
         last = points[-3 * period :]
-        if found.distance <= self._same and self._closed(last, 3 * period // 2):
+        if closing.distance <= self._same and self._closed(last, 3 * period // 2):
             return self._arrive(end, period)
         soon = orbit.limit_of_approach(last, period) is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
@@ -332,13 +332,13 @@ class _Classifier:
 
     def _verified(self, z: np.ndarray, period: int, reach: float = REACH) -> VerifiedOrbit | None:
         """Return the orbit near a state, if there is one."""
-        found = verify_orbit(self._solver, z, self._amplitude, period, reach, self._poll)
-        self.cycles += found.cycles
-        if found.orbit is None and not TANGENTS.of(self._solver.structure):
+        verdict = verify_orbit(self._solver, z, self._amplitude, period, reach, self._poll)
+        self.cycles += verdict.cycles
+        if verdict.orbit is None and not TANGENTS.of(self._solver.structure):
             inner = moved_inward(self._solver, z, self._amplitude, period)
-            found = verify_orbit(self._solver, inner, self._amplitude, period, reach, self._poll)
-            self.cycles += found.cycles
-        return found.orbit
+            verdict = verify_orbit(self._solver, inner, self._amplitude, period, reach, self._poll)
+            self.cycles += verdict.cycles
+        return verdict.orbit
 
     def _periodic(self, there: VerifiedOrbit) -> Motion:
         """Return the motion that has come to an orbit, whose first point is near its state."""

@@ -63,20 +63,20 @@ def slipping(
     structure: Structure, slid: Mapping[str, np.ndarray], period: int, tolerance: float
 ) -> tuple[int, ...]:
     """Return the sliders, from 0, that slip over an orbit."""
-    strength = np.array([one.strength for one in structure.sliders])
+    strength = np.array([slider.strength for slider in structure.sliders])
     path = slid["slider_energy"] * period / strength
     return tuple(np.flatnonzero(path > tolerance * structure.length_unit).tolist())
 
 
-def separation(structure: Structure, one: np.ndarray, other: np.ndarray) -> float:
+def separation(structure: Structure, orbit: np.ndarray, other: np.ndarray) -> float:
     """Return the distance of orbits, shape (p, 2n + L), in units of the state."""
-    return float(np.abs(structure.without_drift(one - other) / structure.state_units).max())
+    return float(np.abs(structure.without_drift(orbit - other) / structure.state_units).max())
 
 
 def are_joined(
     solver,
     amplitude: float,
-    one: np.ndarray,
+    orbit: np.ndarray,
     other: np.ndarray,
     families: int,
     poll: Callable[[], None] | None = None,
@@ -88,7 +88,7 @@ def are_joined(
     ----------
     solver : Solver
     amplitude : float
-    one, other : ndarray, shape (p, 2n + L)
+    orbit, other : ndarray, shape (p, 2n + L)
         Points of orbits of the same period, on which the same sliders slip.
     families : int
         Dimensions of the family.
@@ -97,19 +97,19 @@ def are_joined(
     depth : int
         How often the line between them is halved.
     """
-    structure, chord = solver.structure, separation(solver.structure, one, other)
+    structure, chord = solver.structure, separation(solver.structure, orbit, other)
     if chord <= SAME:
         return True
-    middle = 0.5 * (one + other)
-    found = verify_orbit(solver, middle, amplitude, len(one), FAR * chord, poll).orbit
-    if found is None or (found.period, found.families) != (len(one), families):
+    middle = 0.5 * (orbit + other)
+    between = verify_orbit(solver, middle, amplitude, len(orbit), FAR * chord, poll).orbit
+    if between is None or (between.period, between.families) != (len(orbit), families):
         return False
-    bent = separation(structure, found.points, middle)
-    if not found.multiplier < 1.0 or bent > FAR * chord:
+    bent = separation(structure, between.points, middle)
+    if not between.multiplier < 1.0 or bent > FAR * chord:
         return False
     if bent <= max(STRAIGHT * chord, NEAR):
         return True
-    halves = (one, found.points), (found.points, other)
+    halves = (orbit, between.points), (between.points, other)
     return depth > 0 and all(
         are_joined(solver, amplitude, *half, families, poll, depth - 1) for half in halves
     )
@@ -122,10 +122,10 @@ def moved_inward(solver, state: np.ndarray, amplitude: float, period: int) -> np
     it slips back. One that slips keeps none, and one that is off its strength both.
     """
     structure, n = solver.structure, solver.structure.n_floors
-    for j, one in enumerate(structure.sliders):
+    for j, slider in enumerate(structure.sliders):
         step = np.zeros(state.size)
-        step[2 * n + j] = moved = INWARD * one.limit
-        push = structure.slider_directions[j] * (one.stiffness * moved)
+        step[2 * n + j] = moved = INWARD * slider.limit
+        push = structure.slider_directions[j] * (slider.stiffness * moved)
         step[:n] = np.linalg.solve(structure.stiffness_matrix, push)
         ends = [
             solver.advance(state + way, amplitude, RELAXED * period).state for way in (step, -step)

@@ -54,19 +54,19 @@ PARTS = 4
 """Windows of a length begin this many times in that length."""
 
 
-def same_orbit(one: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
+def same_orbit(orbit: np.ndarray, other: np.ndarray, tolerance: float) -> bool:
     """Return whether orbits are the same, by the smallest distance over cyclic shifts.
 
     Parameters
     ----------
-    one, other : ndarray, shapes (p, 2n) and (q, 2n)
+    orbit, other : ndarray, shapes (p, 2n) and (q, 2n)
         Points in order, in units of the state.
     tolerance : float
     """
-    if one.shape != other.shape:
+    if orbit.shape != other.shape:
         return False
     return any(
-        np.abs(one - np.roll(other, shift, axis=0)).max() <= tolerance for shift in range(len(one))
+        np.abs(orbit - np.roll(other, k, axis=0)).max() <= tolerance for k in range(len(orbit))
     )
 
 
@@ -82,8 +82,8 @@ class Signature:
     def __init__(self, points: np.ndarray):
         half = len(points) // 2
         first = cKDTree(points[:half])
-        own, _ = first.query(points[half:])
-        self._reach = SAFETY * float(np.quantile(own, REACH))
+        distances, _ = first.query(points[half:])
+        self._reach = SAFETY * float(np.quantile(distances, REACH))
         self._tree = cKDTree(points)
         self._mean = points.mean(axis=0)
         self._sums = np.concatenate((np.zeros((1, points.shape[1])), points.cumsum(axis=0)))
@@ -116,7 +116,7 @@ class Signature:
         return self._farthest[size]
 
 
-def distance(one: np.ndarray, other: np.ndarray) -> float:
+def distance(points: np.ndarray, other: np.ndarray) -> float:
     """Return the distance of two attractors by their points, in units of the state.
 
     The mean distance from a point of one to the nearest of the other, in the direction in which it
@@ -127,7 +127,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
     ----------
     one, other : ndarray, shape (k, 2n), (m, 2n)
     """
-    apart = np.abs(one[:, None] - other).max(axis=2)
+    apart = np.abs(points[:, None] - other).max(axis=2)
     return float(min(apart.min(axis=0).mean(), apart.min(axis=1).mean()))
 
 
@@ -149,11 +149,13 @@ def matched(
         Indices in `before` and in `now`.
     """
     near = sorted(
-        (distance(one, other), i, j) for i, one in enumerate(before) for j, other in enumerate(now)
+        (distance(points, other), i, j)
+        for i, points in enumerate(before)
+        for j, other in enumerate(now)
     )
     pairs: list[tuple[int, int]] = []
     for apart, i, j in near:
-        free = all(i != taken and j != found for taken, found in pairs)
+        free = all(i != taken and j != matching for taken, matching in pairs)
         if apart <= farthest and free:
             pairs.append((i, j))
     return pairs
@@ -186,10 +188,11 @@ class KnownMotions:
 
     def copy(self) -> "KnownMotions":
         """Return an independent copy."""
-        own = copy(self)
-        own._records, own._members = list(self._records), [list(m) for m in self._members]
-        own.attractors, own.neighbourhoods = list(self.attractors), list(self.neighbourhoods)
-        return own
+        motions = copy(self)
+        motions._records, motions._members = list(self._records), [list(m) for m in self._members]
+        motions.attractors = list(self.attractors)
+        motions.neighbourhoods = list(self.neighbourhoods)
+        return motions
 
     @property
     def all_orbits(self) -> bool:
@@ -199,16 +202,16 @@ class KnownMotions:
     @property
     def longest(self) -> int:
         """Longest orbit period, 0 if there is none."""
-        return max((one.orbit_period for one in self.attractors), default=0)
+        return max((attractor.orbit_period for attractor in self.attractors), default=0)
 
     def near(self, state: np.ndarray) -> int | None:
         """Return the index of the orbit in whose neighbourhood, or on which, a state lies."""
         there = int(inside(state[None], self.neighbourhoods)[0])
         if there >= 0:
             return there
-        for place, one in enumerate(self.attractors):
-            away = np.abs(self._scaled(one.points - state)).max(axis=1)
-            if one.orbit_period and np.any(away <= self._same):
+        for place, attractor in enumerate(self.attractors):
+            away = np.abs(self._scaled(attractor.points - state)).max(axis=1)
+            if attractor.orbit_period and np.any(away <= self._same):
                 return place
         return None
 
@@ -219,8 +222,8 @@ class KnownMotions:
     def orbit(self, points: np.ndarray) -> int | None:
         """Return the index of an orbit, by its points."""
         scaled, same = self._scaled(points), max(self._same, UNCERTAIN)
-        for place, known in enumerate(self.attractors):
-            if known.orbit_period and same_orbit(scaled, self._scaled(known.points), same):
+        for place, attractor in enumerate(self.attractors):
+            if attractor.orbit_period and same_orbit(scaled, self._scaled(attractor.points), same):
                 return place
         return None
 
@@ -232,20 +235,20 @@ class KnownMotions:
         slips = slipping(structure, seen.slid, len(seen.points), self._same)
         if not motion.families and len(slips) == len(structure.sliders):
             return None
-        for place, known in enumerate(self.attractors):
-            kind = known.orbit_period, known.families, known.contact, known.kind
+        for place, attractor in enumerate(self.attractors):
+            kind = attractor.orbit_period, attractor.families, attractor.contact, attractor.kind
             if kind != (period, motion.families, seen.contact, motion.kind):
                 continue
-            if slipping(structure, known.sliders, len(seen.points), self._same) != slips:
+            if slipping(structure, attractor.sliders, len(seen.points), self._same) != slips:
                 continue
             if not period:
                 return place
             turned = [
-                np.roll(one, k, axis=0) for one in self._members[place] for k in range(period)
+                np.roll(turn, k, axis=0) for turn in self._members[place] for k in range(period)
             ]
-            turned.sort(key=lambda one: separation(structure, one, points))
-            for one in turned[: max(2, period)]:
-                where = self._solver, self._amplitude, one, points, motion.families, poll
+            turned.sort(key=lambda turn: separation(structure, turn, points))
+            for turn in turned[: max(2, period)]:
+                where = self._solver, self._amplitude, turn, points, motion.families, poll
                 if are_joined(*where):
                     if len(self._members[place]) < MAX_MEMBERS:
                         self._members[place].append(points)
@@ -255,18 +258,20 @@ class KnownMotions:
     def resembling(self, points: np.ndarray) -> int | None:
         """Return the index of the motion, not an orbit, to which points belong."""
         scaled = self._scaled(points)
-        return next((place for own, _, place in self._records if own.holds(scaled)), None)
+        return next(
+            (place for signature, _, place in self._records if signature.holds(scaled)), None
+        )
 
     def record(self, motion: Motion, seen: Observation) -> int:
         """Return the index of a motion that is no orbit, by a record of it; add it if it is new."""
         scaled = self._scaled(seen.points)
-        own = Signature(scaled)
+        latest = Signature(scaled)
         for signature, points, there in self._records:
             is_torus = motion.kind is MotionClass.QUASI_PERIODIC and self._is_torus(there)
             if (
                 signature.holds(scaled)
-                or own.holds(points)
-                or (is_torus and own.same_torus(signature))
+                or latest.holds(points)
+                or (is_torus and latest.same_torus(signature))
             ):
                 self.remember(seen.points, there)
                 return there
@@ -275,7 +280,7 @@ class KnownMotions:
             self.remember(seen.points, member)
             return member
         place = self.add(motion, seen.points, seen, None)
-        self._records.append((own, scaled, place))
+        self._records.append((latest, scaled, place))
         return place
 
     def _is_torus(self, place: int) -> bool:
@@ -294,9 +299,9 @@ class KnownMotions:
         drift = normalised_drift(seen.peak_drift, self._amplitude, self._solver.omega)
         decided = motion.kind, points, motion.period, motion.multiplier, *motion.interval
         observed = seen.contact, float(drift), seen.modal_norm
-        told = told_of_sliders(self._structure, seen.slid, motion.period, self._same)
-        known: dict[str, Any] = {"measures": seen.measures, "families": motion.families}
-        self.attractors.append(Attractor(*decided, *observed, **known, sliders=told))
+        sliders = told_of_sliders(self._structure, seen.slid, motion.period, self._same)
+        measured: dict[str, Any] = {"measures": seen.measures, "families": motion.families}
+        self.attractors.append(Attractor(*decided, *observed, **measured, sliders=sliders))
         self._members.append([points])
         self.neighbourhoods.append(near)
         return len(self.attractors) - 1
@@ -305,8 +310,10 @@ class KnownMotions:
         """Replace the exponent of a motion by its growth a period, measured for longer."""
         time = self._structure.forcing.period(self._solver.omega)
         mean, low, high = growth.times(1.0 / time)
-        one = self.attractors[place]
-        self.attractors[place] = replace(one, lyapunov=mean, lyapunov_low=low, lyapunov_high=high)
+        attractor = self.attractors[place]
+        self.attractors[place] = replace(
+            attractor, lyapunov=mean, lyapunov_low=low, lyapunov_high=high
+        )
 
     def without(self, replaced: dict[int, int], labels: np.ndarray) -> np.ndarray:
         """Remove motions that are no attractors; return the labels by the indices of the others.
@@ -319,6 +326,6 @@ class KnownMotions:
         self.neighbourhoods = [self.neighbourhoods[place] for place in kept]
         self._members = [self._members[place] for place in kept]
         self._records = [
-            (own, points, now.get(place, place)) for own, points, place in self._records
+            (signature, points, now.get(place, place)) for signature, points, place in self._records
         ]
         return np.array([now.get(label, label) for label in labels.tolist()], int)

@@ -60,7 +60,7 @@ class LyapunovSpectrum(NamedTuple):
         order = np.argsort(-exponents, kind="stable")
         exponents, errors = exponents[order], errors[order]
         ends = (exponents, exponents - errors, exponents + errors)
-        dimension = MeanInterval(*(kaplan_yorke_dimension(np.sort(own)[::-1]) for own in ends))
+        dimension = MeanInterval(*(kaplan_yorke_dimension(np.sort(end)[::-1]) for end in ends))
         return cls(exponents, errors, dimension, n_periods)
 
 
@@ -94,8 +94,8 @@ def spectrum_of_orbit(solver, points: np.ndarray, amplitude: float) -> LyapunovS
         norm = np.linalg.norm(matrices, 2, axis=(1, 2)).max()
     else:
         sizes, norm, time = np.abs(maps.multipliers), np.linalg.norm(maps.product, 2), p * time
-    known = sizes > ROUNDED * norm
-    sizes[~known] = np.nan
+    exact = sizes > ROUNDED * norm
+    sizes[~exact] = np.nan
     return LyapunovSpectrum.of(np.log(sizes) / time, EPSILON * norm / sizes / time)
 
 
@@ -147,9 +147,9 @@ def spectrum_of_motion(
         done += length
         if done < judged:
             continue
-        growths = [growth_interval(own) for own in aligned(np.concatenate(parts)).T]
-        means = np.array([own.mean for own in growths]) / time
-        errors = np.array([own.high - own.mean for own in growths]) / time
+        growths = [growth_interval(growth) for growth in aligned(np.concatenate(parts)).T]
+        means = np.array([growth.mean for growth in growths]) / time
+        errors = np.array([growth.high - growth.mean for growth in growths]) / time
         if done >= max_cycles or np.nanmax(errors, initial=0.0) <= error:
             return LyapunovSpectrum.of(means, errors, done)
         judged = min(math.ceil(GROWTH * judged), max_cycles)

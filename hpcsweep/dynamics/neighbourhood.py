@@ -104,22 +104,22 @@ def lyapunov_forms(tangents: list[np.ndarray], form: np.ndarray) -> np.ndarray:
     return np.array([forms[0], *forms[:0:-1]])
 
 
-def inside(states: np.ndarray, known: list[Neighbourhood | None]) -> np.ndarray:
-    """Return the index in `known` of the neighbourhood of each state, -1 for none.
+def inside(states: np.ndarray, neighbourhoods: list[Neighbourhood | None]) -> np.ndarray:
+    """Return the index in `neighbourhoods` of the neighbourhood of each state, -1 for none.
 
     Parameters
     ----------
     states : ndarray, shape (k, 2n)
-    known : list of Neighbourhood or None
+    neighbourhoods : list of Neighbourhood or None
     """
-    found = np.full(len(states), -1)
-    for place, each in enumerate(known):
+    places = np.full(len(states), -1)
+    for place, each in enumerate(neighbourhoods):
         if each is None:
             continue
         away = states[:, None] - each.points
         level = np.einsum("ski,kij,skj->sk", away, each.forms, away).min(axis=1)
-        found[(level <= 1.0) & (found < 0)] = place
-    return found
+        places[(level <= 1.0) & (places < 0)] = place
+    return places
 
 
 def _falls(solver, amplitude, points, forms, surfaces, level: float) -> bool:
@@ -159,7 +159,7 @@ def approach(
     solver,
     amplitude: float,
     starts: np.ndarray,
-    known: list[Neighbourhood | None],
+    neighbourhoods: list[Neighbourhood | None],
     longest: int,
     poll: Callable[[], None] | None = None,
 ) -> Approached:
@@ -170,7 +170,7 @@ def approach(
     solver : Solver
     amplitude : float
     starts : ndarray, shape (k, 2n)
-    known : list of Neighbourhood or None
+    neighbourhoods : list of Neighbourhood or None
         Of the known attractors.
     longest : int
         Forcing periods after which a start is left at the next test.
@@ -183,7 +183,7 @@ def approach(
     trail = np.empty((len(starts), longest + STRIDE, starts.shape[1]))
     trail[:, 0] = starts
     while left.size:
-        there = inside(trail[left, gone], known)
+        there = inside(trail[left, gone], neighbourhoods)
         labels[left[there >= 0]] = there[there >= 0]
         left = left[there < 0]
         if gone >= longest:

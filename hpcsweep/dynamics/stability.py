@@ -259,7 +259,7 @@ def growth_interval(logarithms: np.ndarray) -> MeanInterval:
     kept = logarithms[len(logarithms) - length * BATCHES :]
     means = (kept.reshape(BATCHES, length).sum(axis=1) / length).tolist()
     mean = math.fsum(means) / BATCHES
-    variance = math.fsum((one - mean) ** 2 for one in means) / (BATCHES - 1)
+    variance = math.fsum((batch - mean) ** 2 for batch in means) / (BATCHES - 1)
     half = math.sqrt(variance / BATCHES) * student_quantile(BATCHES - 1, 0.5 + 0.5 * CONFIDENCE)
     return MeanInterval(mean, mean - half, mean + half)
 

@@ -106,8 +106,8 @@ class VerifiedOrbit(NamedTuple):
     @property
     def multiplier(self) -> float:
         """Modulus of the largest multiplier: of the product of tangent maps, which keeps it."""
-        known = self.maps.product if self.transverse is None else self.transverse
-        return float(abs(floquet_multipliers(known)[0]))
+        product = self.maps.product if self.transverse is None else self.transverse
+        return float(abs(floquet_multipliers(product)[0]))
 
 
 class Verdict(NamedTuple):
@@ -160,23 +160,23 @@ def verify_orbit(
         Its orbit begins with the point near the state.
     """
     search = _Search(solver, amplitude, poll)
-    given = np.atleast_2d(state) / search.units
+    points = np.atleast_2d(state) / search.units
     least, away = math.inf, math.inf
     for marched in (False, True):
         try:
-            found = search.converge(search.continued(given, period), marched)
-            found = None if found is None else search.shortened(found)
+            verified = search.converge(search.continued(points, period), marched)
+            verified = None if verified is None else search.shortened(verified)
         except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError):
-            found = None
+            verified = None
         least = min(least, search.least)
-        if found is not None:
-            away = min(away, float(np.abs(found.points[0] - given[0]).max()))
+        if verified is not None:
+            away = min(away, float(np.abs(verified.points[0] - points[0]).max()))
             if away <= reach:
-                orbit = found._replace(points=found.points * search.units)
+                orbit = verified._replace(points=verified.points * search.units)
                 if not ISOLATED.of(solver.structure):
-                    left = without_families(solver.structure, found.maps.product)
+                    left = without_families(solver.structure, verified.maps.product)
                     orbit = orbit._replace(transverse=left)
-                return Verdict(orbit, found.residual, away, search.cycles)
+                return Verdict(orbit, verified.residual, away, search.cycles)
     return Verdict(None, least, away, search.cycles)
 
 
@@ -255,20 +255,20 @@ class _Search:
             before, shift, points = matrices, points - moved, moved
         return None
 
-    def shortened(self, found: VerifiedOrbit) -> VerifiedOrbit:
+    def shortened(self, orbit: VerifiedOrbit) -> VerifiedOrbit:
         """Return one turn of an orbit that repeats within the turn that was solved for."""
-        same = max(SAME, UNCERTAIN * found.uncertainty)
-        shortest = smallest_period(self.closed(found.points), same)
-        if shortest == found.period:
-            return found
-        return self.converge(found.points[:shortest]) or found
+        same = max(SAME, UNCERTAIN * orbit.uncertainty)
+        shortest = smallest_period(self.closed(orbit.points), same)
+        if shortest == orbit.period:
+            return orbit
+        return self.converge(orbit.points[:shortest]) or orbit
 
 
 def _gathered(matrices: np.ndarray, bent: np.ndarray) -> np.ndarray:
     """Return the sum of what the periods of a turn contribute to its end, shape (N,)."""
     total = np.zeros(bent.shape[1])
-    for matrix, own in zip(matrices, bent, strict=True):
-        total = matrix @ total + own
+    for matrix, defect in zip(matrices, bent, strict=True):
+        total = matrix @ total + defect
     return total
 
 
@@ -281,7 +281,7 @@ def _factored(matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     from scipy.sparse import bsr_array  # reading results does not need it
     from scipy.sparse.linalg import splu
 
-    own = bsr_array((matrices, np.arange(p), np.arange(p + 1)), shape=(p * n, p * n))
+    blocks = bsr_array((matrices, np.arange(p), np.arange(p + 1)), shape=(p * n, p * n))
     ahead = bsr_array((np.tile(np.eye(n), (p, 1, 1)), (np.arange(p) + 1) % p, np.arange(p + 1)))
-    factors = splu((own - ahead).tocsc())
+    factors = splu((blocks - ahead).tocsc())
     return lambda misses: factors.solve(misses.ravel()).reshape(p, n)

@@ -63,10 +63,10 @@ def check_hardening(structure: Structure) -> None:
         )
 
 
-def catalogue_of(forced: ForcedMap, *given) -> Catalogue:
-    """Return an empty catalogue of branches of a structure; `given` as for `Catalogue`."""
+def catalogue_of(forced: ForcedMap, *settings) -> Catalogue:
+    """Return an empty catalogue of branches of a structure; `settings` as for `Catalogue`."""
     kind: Any = Catalogue if ISOLATED.of(forced.structure) else YieldingCatalogue
-    return kind(forced, *given, costly=forced.is_costly)
+    return kind(forced, *settings, costly=forced.is_costly)
 
 
 def step_up_to_border(
@@ -76,9 +76,9 @@ def step_up_to_border(
     with contextlib.suppress(ArithmeticError):
         point = sought(curve, last, bend, step)
         if curve.signature(point) == curve.signature(last):
-            found = step_of_branch(curve, last, bend, step, limits, point)
-            if found is not None:
-                return found
+            taken = step_of_branch(curve, last, bend, step, limits, point)
+            if taken is not None:
+                return taken
     if step > NEAR:
         return None
     try:
@@ -97,8 +97,8 @@ class YieldingCatalogue(Catalogue):
         if super().is_on(arc, points, value):
             return True
         turns = [np.roll(points, k, axis=0) for k in range(len(points))]
-        found = product(orbits_on(arc, value), turns)
-        return any(_forced(arc.curve).joins(*both, value) for both in found)
+        pairs = product(orbits_on(arc, value), turns)
+        return any(_forced(arc.curve).joins(*both, value) for both in pairs)
 
 
 def _across(curve: Curve, last: Solution, step: float, limits: Limits) -> Step | None:
@@ -106,33 +106,33 @@ def _across(curve: Curve, last: Solution, step: float, limits: Limits) -> Step |
     edge, share = _edge(curve, last, 2.0 * step)
     if share == 1.0:
         return None
-    own = _regime(curve, edge)
+    regime = _regime(curve, edge)
     for length in BEYOND:
         for point in _beyond(curve, edge, length):
             if not limits.low <= curve.split(point.y)[1] <= limits.high:
                 return last, [], 0.0, "end of the span"
             there = _regime(curve, point)
-            if there != own:
-                specials = _special(curve, edge, share, own[0], there[0])
+            if there != regime:
+                specials = _special(curve, edge, share, regime[0], there[0])
                 turns = point.tangent[-1] * edge.tangent[-1] < 0.0
-                if turns and [one.kind for one in specials] == [Kind.GRAZING]:
+                if turns and [special.kind for special in specials] == [Kind.GRAZING]:
                     specials.append(Special(Kind.FOLD, edge, share))
                 return point, specials, 0.0, ""
     ahead = curve.map.signature(*curve.split(edge.y + BEYOND[0] * edge.tangent))
-    specials = _special(curve, edge, share, own[0], ahead)
+    specials = _special(curve, edge, share, regime[0], ahead)
     return (last, specials, 0.0, "border") if specials else None
 
 
 def _edge(curve: Curve, last: Solution, length: float) -> tuple[Solution, float]:
     """Return the last point along a tangent before another regime, and its share of a length."""
-    near, own = curve.solve(last.y, last.tangent), _regime(curve, last)
+    near, regime = curve.solve(last.y, last.tangent), _regime(curve, last)
     low, high, edge = 0.0, 2.0, near
     for _ in range(BISECTIONS):
         place, same = 0.5 * (low + high), False
         with contextlib.suppress(ArithmeticError):
             ahead = near.y + place * length * near.tangent
             point = curve.solve(ahead, near.tangent, near, keeps=True)
-            same = _regime(curve, point) == own
+            same = _regime(curve, point) == regime
         if same and place == 1.0:
             return point, place
         low, high, edge = (place, high, point) if same else (low, place, edge)
@@ -163,9 +163,9 @@ def _regime(curve: Curve, point: Solution) -> Regime:
     return forced.counted(seen), tuple(seen.slid["slipping"].tolist())
 
 
-def _special(curve: Curve, edge: Solution, share: float, own, there) -> list[Special]:
+def _special(curve: Curve, edge: Solution, share: float, before, after) -> list[Special]:
     """Return the special point at a border; none where a slip begins as a period does."""
-    change = tuple(b - a for a, b in zip(own, there, strict=True))
+    change = tuple(b - a for a, b in zip(before, after, strict=True))
     slips = any(change[len(_forced(curve).structure.contacts) :])
     kind = Kind.SLIP if slips else Kind.GRAZING
     return [Special(kind, edge, share, change)] if any(change) else []

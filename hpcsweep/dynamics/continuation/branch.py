@@ -80,7 +80,7 @@ class Arc:
     @cached_property
     def heights(self) -> np.ndarray:
         """The last component of y of all points, once they are found."""
-        return np.array([one.y[-1] for one in self.points])
+        return np.array([point.y[-1] for point in self.points])
 
 
 Step = tuple[Solution, list[Special], float, str]
@@ -113,9 +113,9 @@ def follow(
     points = [turned(point) for point in reversed(back.points[1:])] + ahead.points
     offset, count = len(back.points) - 1, len(back.points)
     specials = [
-        (count - place - (one.kind in events.CORNERS), _turned_special(one))
-        for place, one in reversed(back.specials)
-    ] + [(place + offset, one) for place, one in ahead.specials]
+        (count - place - (special.kind in events.CORNERS), _turned_special(special))
+        for place, special in reversed(back.specials)
+    ] + [(place + offset, special) for place, special in ahead.specials]
     return Arc(curve, points, specials, (back.ends[1], ahead.ends[1]))
 
 
@@ -124,9 +124,9 @@ def turned(point: Solution) -> Solution:
     return point._replace(tangent=-point.tangent)
 
 
-def _turned_special(one: Special) -> Special:
-    change = tuple(-c for c in one.change)
-    return one._replace(at=turned(one.at), change=change)
+def _turned_special(special: Special) -> Special:
+    change = tuple(-c for c in special.change)
+    return special._replace(at=turned(special.at), change=change)
 
 
 def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
@@ -138,7 +138,7 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
     span = limits.low, limits.high, limits.largest, limits.smallest, limits.reach
     while (room := limits.most_steps + 1 - len(arc.points)) > 0:
         if tracer is None:
-            found = take(curve, last, bend, step, limits)
+            taken = take(curve, last, bend, step, limits)
         else:
             walked, bend, step, there = tracer.walk(start, last, bend, step, span, room)
             if walked:
@@ -146,32 +146,32 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
                 arc.points += [*walked[:-1], last._replace(inverse=None)]
             if len(walked) == room:
                 break
-            found = step_of_branch(curve, last, bend, step, limits, there)
-        if found is None:
+            taken = step_of_branch(curve, last, bend, step, limits, there)
+        if taken is None:
             step *= 0.5
             if step < limits.smallest:
                 grazes = take is step_of_branch and _grazes(curve, last)
                 why = "grazing" if grazes else "not followed on"
                 break
             continue
-        point, specials, angle, end = found
+        point, specials, angle, end = taken
         share, shift = _passes_start(curve, start, last, point)
         if share > 0.0 and len(arc.points) > 2:
             point, end = _shifted(curve, start, shift), "closed"
-            specials = [one for one in specials if one.fraction <= share]
-        for one in specials:
-            if one.kind in events.CORNERS:
-                arc.points.append(one.at)
-                arc.specials.append((len(arc.points) - 1, one))
+            specials = [special for special in specials if special.fraction <= share]
+        for special in specials:
+            if special.kind in events.CORNERS:
+                arc.points.append(special.at)
+                arc.specials.append((len(arc.points) - 1, special))
             else:
-                arc.specials.append((len(arc.points), one))
+                arc.specials.append((len(arc.points), special))
         if point is not last:
             arc.points.append(point._replace(inverse=None))
         if end == "halving":  # there the branch turns round, which rounding can show as a fold
             arc.specials = [
-                (place, one)
-                for place, one in arc.specials
-                if one.kind is not Kind.FOLD or np.abs(one.at.y - last.y).max() > COLLAPSED
+                (place, special)
+                for place, special in arc.specials
+                if special.kind is not Kind.FOLD or np.abs(special.at.y - last.y).max() > COLLAPSED
             ]
         if end:
             why = end
@@ -252,7 +252,7 @@ def _explained(specials: list[Special], last: Solution, point: Solution) -> bool
     Outside it a complex pair can take the place of two real ones, but not on the step of a special
     point: there a neutral saddle may hide a torus.
     """
-    kinds = [one.kind for one in specials]
+    kinds = [special.kind for special in specials]
     real, paired = (b - a for a, b in zip(_outside(last), _outside(point), strict=True))
     n_real, n_pairs = sum(kind in events.REAL for kind in kinds), kinds.count(Kind.TORUS)
     if n_real + n_pairs == 0:
@@ -269,9 +269,11 @@ def _outside(point: Solution) -> tuple[int, int]:
 
 def _has_pole(specials: list[Special]) -> bool:
     """Return whether a multiplier goes from +infinity to -infinity among special points."""
-    flips = [one.fraction for one in specials if one.kind is Kind.DOUBLING]
-    ones = [one.fraction for one in specials if one.kind in (Kind.FOLD, Kind.BRANCH_POINT)]
-    return any(abs(flip - one) <= 2.0 * events.PRECISION for flip in flips for one in ones)
+    flips = [special.fraction for special in specials if special.kind is Kind.DOUBLING]
+    folds = [
+        special.fraction for special in specials if special.kind in (Kind.FOLD, Kind.BRANCH_POINT)
+    ]
+    return any(abs(flip - fold) <= 2.0 * events.PRECISION for flip in flips for fold in folds)
 
 
 def angle_of_step(last: Solution, guess: np.ndarray, point: Solution, step: float) -> float | None:
@@ -289,12 +291,13 @@ def on_cubic(
     Between them a curve is Hermite's cubic through both, with their tangents.
     """
     length = float(np.linalg.norm(last.y - first.y))
-    own, other = length * first.tangent[component], length * last.tangent[component]
+    slope, last_slope = length * first.tangent[component], length * last.tangent[component]
     low, high = 0.0, 1.0
     rises = last.y[component] > first.y[component]
     for _ in range(HALVINGS):
         s = 0.5 * (low + high)
-        if (events.cubic(s, first.y[component], last.y[component], own, other) < value) == rises:
+        there = events.cubic(s, first.y[component], last.y[component], slope, last_slope)
+        if (there < value) == rises:
             low = s
         else:
             high = s

@@ -127,7 +127,7 @@ class Catalogue:
     @property
     def is_full(self) -> bool:
         """Whether the catalogue has no room for another branch."""
-        points = sum(len(one.arc.points) for one in self.branches)
+        points = sum(len(branch.arc.points) for branch in self.branches)
         longest = 2 * (self._limits.most_steps + FOLDS_OF_A_STEP) + 1
         full = len(self.branches) >= self._most_branches
         return full or points + longest > self._most_points
@@ -141,16 +141,16 @@ class Catalogue:
             If there is no orbit at these points.
         """
         curve = Curve(self._map, len(points), self._scale, costly=self._costly)
-        found = solve_at(curve, points, value)
-        there = curve.split(found.y)[0]
+        orbit = solve_at(curve, points, value)
+        there = curve.split(orbit.y)[0]
         distance = float(np.abs(there - points).max())
         shortest = smallest_period(there, 1e-7)
         if shortest < len(points):
             return Place(self.add(there[:shortest], value, searched).branch, distance)
-        known = self.branch_of(there, value)
-        if known < 0:
-            known = self._follow(curve, found, -1, searched)
-        return Place(known, distance)
+        number = self.branch_of(there, value)
+        if number < 0:
+            number = self._follow(curve, orbit, -1, searched)
+        return Place(number, distance)
 
     def branch_of(self, points: np.ndarray, value: float) -> int:
         """Return the branch on which an orbit lies to `SAME`, -1 for none."""
@@ -184,9 +184,9 @@ class Catalogue:
         if self.is_full:
             return -1
         arc = follow(curve, start, self._limits, parent >= 0, self.step)
-        arc, known = self.own_part(arc, start)
-        if len(arc.points) == 1 and known >= 0:
-            return known
+        arc, number = self.own_part(arc, start)
+        if len(arc.points) == 1 and number >= 0:
+            return number
         self.branches.append(Branch(arc, parent, searched))
         return len(self.branches) - 1
 
@@ -197,27 +197,30 @@ class Catalogue:
         followed again, to its end or until a step jumps away; every `STRIDE`-th orbit is tested.
         Also return the known branch, -1 if there is none.
         """
-        own = next(k for k, one in enumerate(arc.points) if one is start)
-        first, before = self._last_own(arc, own, 0)
-        last, after = self._last_own(arc, own, len(arc.points) - 1)
+        centre = next(k for k, point in enumerate(arc.points) if point is start)
+        first, before = self._last_own(arc, centre, 0)
+        last, after = self._last_own(arc, centre, len(arc.points) - 1)
         if before < 0 and after < 0:
             return arc, -1
-        specials = [(k - first, one) for k, one in arc.specials if first < k <= last]
+        specials = [(k - first, special) for k, special in arc.specials if first < k <= last]
         ends = "known" if before >= 0 else arc.ends[0], "known" if after >= 0 else arc.ends[1]
         return Arc(arc.curve, arc.points[first : last + 1], specials, ends), max(before, after)
 
-    def _last_own(self, arc: Arc, own: int, end: int) -> tuple[int, int]:
-        """Return the last place from `own` to `end` before a known branch, and that, or -1."""
-        way = 1 if end > own else -1
-        for outside in (*range(own + way * STRIDE, end, way * STRIDE), *([end] * (end != own))):
-            known = self._known_at(arc, outside)
-            if known >= 0:
-                while abs(outside - own) > 1:
-                    middle = (own + outside) // 2
+    def _last_own(self, arc: Arc, inside: int, end: int) -> tuple[int, int]:
+        """Return the last place from `inside` to `end` before a known branch, and that, or -1."""
+        way = 1 if end > inside else -1
+        for outside in (
+            *range(inside + way * STRIDE, end, way * STRIDE),
+            *([end] * (end != inside)),
+        ):
+            number = self._known_at(arc, outside)
+            if number >= 0:
+                while abs(outside - inside) > 1:
+                    middle = (inside + outside) // 2
                     known_there = self._known_at(arc, middle) >= 0
-                    own, outside = (own, middle) if known_there else (middle, outside)
-                return own, known
-            own = outside
+                    inside, outside = (inside, middle) if known_there else (middle, outside)
+                return inside, number
+            inside = outside
         return end, -1
 
     def _known_at(self, arc: Arc, place: int) -> int:
@@ -250,13 +253,13 @@ class Catalogue:
         It ends before the orbits that leave there nearest to it.
         """
         points = np.tile(curve.split(special.at.y)[0], (period // curve.period, 1))
-        own = [np.roll(points, shift, axis=0) for shift in range(curve.period)]
+        turns = [np.roll(points, shift, axis=0) for shift in range(curve.period)]
         for number, branch in enumerate(self.branches):
             arc = branch.arc
             if arc.curve.period == period:
                 for why, end in zip(arc.ends, (arc.points[0], arc.points[-1]), strict=True):
                     there = arc.curve.split(end.y)[0]
-                    near = min(float(np.abs(there - x).max()) for x in own) <= 2.0 * COLLAPSED
+                    near = min(float(np.abs(there - x).max()) for x in turns) <= 2.0 * COLLAPSED
                     if why == "halving" and near and abs(end.y[-1] - special.at.y[-1]) <= COLLAPSED:
                         return number
         return -1
@@ -301,14 +304,14 @@ def places_at(arc: Arc, at: float) -> list[tuple[np.ndarray, np.ndarray, float]]
     on it.
     """
     ends = arc.heights
-    found = []
+    places = []
     for piece in np.flatnonzero((ends[:-1] - at) * (ends[1:] - at) <= 0.0).tolist():
         first, last = arc.points[piece], arc.points[piece + 1]
         y, s = on_cubic(first, last, -1, at)
         tangent = (1.0 - s) * first.tangent + s * last.tangent
         chord = float(np.abs(last.y - first.y).max())
-        found.append((y, tangent / np.linalg.norm(tangent), chord))
-    return found
+        places.append((y, tangent / np.linalg.norm(tangent), chord))
+    return places
 
 
 def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
@@ -339,12 +342,12 @@ def switch(curve: Curve, special: Special) -> tuple[Curve, Solution] | None:
     for distance in DISTANCES:
         eps = distance * np.sqrt(len(points))
         try:
-            found = new.solve(start + eps * border, border)
+            leaving = new.solve(start + eps * border, border)
         except NotConvergedError:
             continue
-        is_apart = float((found.y - start) @ border) > (1.0 - APART) * eps
-        if is_apart and found.tests.doubling * sign > 0:
-            return new, found
+        is_apart = float((leaving.y - start) @ border) > (1.0 - APART) * eps
+        if is_apart and leaving.tests.doubling * sign > 0:
+            return new, leaving
     return None
 
 

@@ -310,10 +310,10 @@ def unit(size: int, place: int, length: float = 1.0) -> np.ndarray:
 
 def continued(map_: Map, points: np.ndarray, value: Any, period: int) -> np.ndarray:
     """Return the first points of an orbit, shape (k, N), and the images of the last, (p, N)."""
-    found = list(points)
-    while len(found) < period:
-        found.append(map_.images(found[-1][None], value)[0])
-    return np.array(found)
+    chain = list(points)
+    while len(chain) < period:
+        chain.append(map_.images(chain[-1][None], value)[0])
+    return np.array(chain)
 
 
 def jacobian(matrices: np.ndarray) -> np.ndarray:

@@ -98,15 +98,15 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
     NotConvergedError
         If the branch between the two cannot be followed: they are too far apart.
     """
-    found = []
+    specials = []
     for kind, test in FUNCTIONS.items():
         if (test(first) < 0) != (test(last) < 0):
             at, fraction = locate(curve, first, last, test)
             if kind is not Kind.TORUS or on_unit_circle(at.multipliers):
-                found.append(Special(kind, at, fraction))
+                specials.append(Special(kind, at, fraction))
     precision = PRECISION / min(1.0, float(np.linalg.norm(last.y - first.y)))
-    found += grazings(curve, first, last, Kind.GRAZING, precision)
-    return sorted(found, key=lambda one: one.fraction)
+    specials += grazings(curve, first, last, Kind.GRAZING, precision)
+    return sorted(specials, key=lambda special: special.fraction)
 
 
 FUNCTIONS: dict[Kind, Callable[[Solution], float]] = {
@@ -159,17 +159,17 @@ def locate(
     point, and its fraction of the chord, which is known to `precision`.
     """
     chord, (low, high), move = Chord(curve, first, last), (0.0, 1.0), 1.0
-    own, other = test(first), test(last)
+    low_value, high_value = test(first), test(last)
     for _ in range(MOVES):
-        place = high - other * (high - low) / (other - own)
+        place = high - high_value * (high - low) / (high_value - low_value)
         point, before, move = chord.along(place), move, abs(place - high)
         value = test(point)
-        if (value < 0) != (other < 0):
-            low, own = high, other
+        if (value < 0) != (high_value < 0):
+            low, low_value = high, high_value
         else:
-            rest = 1.0 - value / other if other else 0.0
-            own *= rest if rest > 0.0 else 0.5
-        high, other = place, value
+            rest = 1.0 - value / high_value if high_value else 0.0
+            low_value *= rest if rest > 0.0 else 0.5
+        high, high_value = place, value
         falls = move <= FALLS * before and move * before <= precision
         if value == 0.0 or move <= precision or falls:
             return point, place
@@ -182,10 +182,10 @@ def locate_change(
     last: Solution,
     label: Callable[[Solution], tuple],
     low: float,
-    own: tuple,
+    before: tuple,
     precision: float = PRECISION,
 ) -> tuple[Solution, float, tuple]:
-    """Find by bisection where a label of the points of a curve is no longer `own`.
+    """Find by bisection where a label of the points of a curve is no longer `before`.
 
     It is that at the fraction `low` of the chord, and another at its end. Return the point on the
     far side, its fraction, and its label.
@@ -196,7 +196,7 @@ def locate_change(
         if not low < middle < high or high - low <= precision:
             break
         there = label(chord.along(middle, True))
-        if there == own:
+        if there == before:
             low = middle
         else:
             high, after = middle, there
@@ -214,10 +214,10 @@ def grazings(
 ) -> list[Special]:
     """Find where the signature changes between two points."""
     specials: list[Special] = []
-    low, own, end = 0.0, curve.signature(first), curve.signature(last)
-    while own != end:
-        at, low, after = locate_change(curve, first, last, curve.signature, low, own, precision)
-        change = tuple(b - a for a, b in zip(own, after, strict=True))
+    low, before, end = 0.0, curve.signature(first), curve.signature(last)
+    while before != end:
+        at, low, after = locate_change(curve, first, last, curve.signature, low, before, precision)
+        change = tuple(b - a for a, b in zip(before, after, strict=True))
         specials.append(Special(kind, at, low, change))
-        own = after
+        before = after
     return specials

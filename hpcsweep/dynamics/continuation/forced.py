@@ -47,11 +47,11 @@ def check_parameter(structure: Structure, parameter: str) -> None:
     """
     choice("parameter", parameter, PARAMETERS)
     if parameter not in FORCING_PARAMETERS:
-        given = getattr(structure, parameter)
-        is_number = isinstance(given, Real) and math.isfinite(given)
+        number = getattr(structure, parameter)
+        is_number = isinstance(number, Real) and math.isfinite(number)
         if structure.matrices is not None or not is_number:
             what = f"parameter {parameter} must be one finite number of the structure"
-            raise ValueError(f"{what}, is {shown(given)}")
+            raise ValueError(f"{what}, is {shown(number)}")
 
 
 class ForcedMap:
@@ -104,8 +104,8 @@ class ForcedMap:
         """Return what finds points of branches by compiled kernels, None unless along A."""
         if self.is_costly or not BATCHES.of(self.structure):
             return None
-        own = self.structure.length_unit, made, self._poll, self._count
-        return self.solver(self.amplitude)[0].tracer(period, scale, *own)
+        rest = self.structure.length_unit, made, self._poll, self._count
+        return self.solver(self.amplitude)[0].tracer(period, scale, *rest)
 
     @property
     def is_costly(self) -> bool:
@@ -115,11 +115,11 @@ class ForcedMap:
     @property
     def value(self) -> Any:
         """Given value of the parameter, or of both."""
-        given = (
+        values = (
             float(getattr(self if name in FORCING_PARAMETERS else self.structure, name))
             for name in self.parameters
         )
-        return next(given) if isinstance(self.parameter, str) else tuple(given)
+        return next(values) if isinstance(self.parameter, str) else tuple(values)
 
     def _values(self, value: Any) -> dict[str, float]:
         """Return the values of all parameters: `value` is a number for one, a tuple for two."""
@@ -181,9 +181,9 @@ class ForcedMap:
         """Return the signature of an orbit that has been observed."""
         count = len(self.structure.contacts)
         first = seen.measures.size - 4 * count
-        own = seen.measures[first : first + count] * len(seen.points)
-        slips = seen.slid.get("excursions", own[:0])
-        return tuple(np.rint(np.append(own, slips)).astype(int).tolist())
+        closings = seen.measures[first : first + count] * len(seen.points)
+        slips = seen.slid.get("excursions", closings[:0])
+        return tuple(np.rint(np.append(closings, slips)).astype(int).tolist())
 
     def observe(self, points: np.ndarray, value: Any, measures: int = 0) -> Observation:
         """Return the observation of an orbit, shape (p, N), with impacts and other measures."""
@@ -197,16 +197,18 @@ class ForcedMap:
             raise ArithmeticError(f"flow: {seen.outcome.name}")
         return seen
 
-    def joins(self, one: np.ndarray, other: np.ndarray, value: Any) -> bool:
+    def joins(self, orbit: np.ndarray, other: np.ndarray, value: Any) -> bool:
         """Return whether two orbits that attract, shape (p, N), differ in p of sliders that stick.
 
         And are of one family: see `hpcsweep.dynamics.families`.
         """
         solver, amplitude = self.solver(value)
-        sticks, own = (self.observe(x, value).slid["excursions"] == 0 for x in (one, other))
-        if not sticks.any() or (sticks != own).any():
+        sticks, sticks_too = (
+            self.observe(x, value).slid["excursions"] == 0 for x in (orbit, other)
+        )
+        if not sticks.any() or (sticks != sticks_too).any():
             return False
-        orbits, count = (one * self.units, other * self.units), int(sticks.sum())
+        orbits, count = (orbit * self.units, other * self.units), int(sticks.sum())
         return are_joined(solver, amplitude, *orbits, count, self._poll)
 
     def _count(self, periods: int) -> None:

@@ -170,12 +170,12 @@ class Locus(Curve):
         steep = abs(border[-1]) >= max(STEEP * math.hypot(*border[-2:]), FLAT)
         across = unit(border.size, -1) if steep else border / np.linalg.norm(border)
         step = max(float(np.linalg.norm(guess - near.y)), MIN_APART)
-        found = self._cross(guess, near.inverse[:, -1], across, near, step)
-        chord, way = found.y - near.y, near.tangent
+        point = self._cross(guess, near.inverse[:, -1], across, near, step)
+        chord, way = point.y - near.y, near.tangent
         if np.linalg.norm(chord) > MIN_APART:  # that of a circle through both points
             way = 2.0 * (chord @ way) / (chord @ chord) * chord - way
         way = way if way @ border > 0 else -way
-        return self._with_tangent(found, border, across, step, way)
+        return self._with_tangent(point, border, across, step, way)
 
     def clipped(self, last: Solution, point: Solution) -> tuple[Solution, str]:
         """Return the point where a step leaves the spans, and that it does; else the step's."""
@@ -183,14 +183,14 @@ class Locus(Curve):
         for k, (low, high) in enumerate(self.spans):
             if not low <= values[k] <= high:
                 border = (low if values[k] < low else high) / self.scale[k]
-                own = k - 2
-                guess, _ = on_cubic(last, point, own, border)
-                guess[own] = border
+                component = k - 2
+                guess, _ = on_cubic(last, point, component, border)
+                guess[component] = border
                 assert point.inverse is not None
-                across = unit(guess.size, own)
+                across = unit(guess.size, component)
                 step = float(np.linalg.norm(point.y - last.y))
                 at = self._cross(guess, point.inverse[:, -1], across, point, step)
-                at.y[own] = border
+                at.y[component] = border
                 return at._replace(tangent=point.tangent), "end of the span"
         return point, ""
 
@@ -224,20 +224,20 @@ class Locus(Curve):
         normal = normal - (across @ normal) * across
         normal = normal / np.linalg.norm(normal)
         centre = cut.solve(guess, normal, near)
-        found = None if self.kind is Kind.GRAZING else self._secant(cut, centre, step, rough)
-        for share in WIDTHS if found is None else ():
+        point = None if self.kind is Kind.GRAZING else self._secant(cut, centre, step, rough)
+        for share in WIDTHS if point is None else ():
             low, high = (
                 cut.solve(centre.y + way * share * step * centre.tangent, centre.tangent, centre)
                 for way in (-1.0, 1.0)
             )
-            found = self._between(cut, low, high, centre if share <= rough else None)
-            if found is not None:
+            point = self._between(cut, low, high, centre if share <= rough else None)
+            if point is not None:
                 break
-        if found is None:
+        if point is None:
             raise NotConvergedError("the locus is not near")
         if cut.is_fixed:
-            found.y[-1] = guess[-1]
-        return found
+            point.y[-1] = guess[-1]
+        return point
 
     def _secant(self, cut: Slice, centre: Solution, step: float, rough: float) -> Solution | None:
         """Find the point of the locus on a slice by the secant method, None if it fails."""
@@ -280,10 +280,10 @@ class Locus(Curve):
                 whole = self.map.signature(*cut.split(point.y))
                 return tuple(n for n, c in zip(whole, self.change, strict=True) if c)
 
-            own = np.array([c for c in self.change if c])
+            graze = np.array([c for c in self.change if c])
             before, after = counted(low), counted(high)
             change = np.subtract(after, before)
-            if not (np.array_equal(change, own) or np.array_equal(change, -own)):
+            if not (np.array_equal(change, graze) or np.array_equal(change, -graze)):
                 return None
             if middle is not None:
                 return middle

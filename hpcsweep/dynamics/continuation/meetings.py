@@ -83,34 +83,34 @@ def step_of_locus(
         point, end = locus.clipped(last, point)
         if not np.linalg.norm(point.y - last.y) > 0:
             return last, [], 0.0, end
-        found = meetings(locus, last, point)
+        specials = meetings(locus, last, point)
     except ArithmeticError:  # not converged, or the map has no image
         return None
-    for place, one in enumerate(found):
-        if locus.kind is Kind.TORUS and one.kind in ENDS:
-            return one.at, found[: place + 1], angle, one.kind.value
-    return point, found, angle, end
+    for place, special in enumerate(specials):
+        if locus.kind is Kind.TORUS and special.kind in ENDS:
+            return special.at, specials[: place + 1], angle, special.kind.value
+    return point, specials, angle, end
 
 
 def meetings(locus: Locus, first: Solution, last: Solution) -> list[Special]:
     """Find the ends and meetings between two neighbouring points of a locus, in their order."""
-    found = []
+    specials = []
     for meeting, test in _tests(locus.kind, first, last).items():
         if (test(first) < 0) != (test(last) < 0):
             at, fraction = events.locate(locus, first, last, test, PRECISION)
             pair = meeting is WITH[locus.kind][2]
             if not pair or events.on_unit_circle(np.array(others(locus.kind, at.multipliers))):
-                found.append(Special(meeting, at, fraction))
-    found += events.grazings(locus, first, last, WITH[locus.kind][3], ROUGH)
-    return sorted(found, key=lambda one: one.fraction)
+                specials.append(Special(meeting, at, fraction))
+    specials += events.grazings(locus, first, last, WITH[locus.kind][3], ROUGH)
+    return sorted(specials, key=lambda special: special.fraction)
 
 
 def others(kind: Kind | None, multipliers: np.ndarray) -> list[complex]:
     """Return the multipliers without the one, or the pair, that the locus of a kind is about."""
     rest = multipliers.tolist()
     if kind is Kind.TORUS:
-        for one in _pair(rest):
-            rest.remove(one)
+        for multiplier in _pair(rest):
+            rest.remove(multiplier)
     elif kind in (Kind.FOLD, Kind.DOUBLING):
         at = 1.0 if kind is Kind.FOLD else -1.0
         rest.remove(min(rest, key=lambda mu: abs(mu - at)))
@@ -119,7 +119,7 @@ def others(kind: Kind | None, multipliers: np.ndarray) -> list[complex]:
 
 def _pair(multipliers: list[complex]) -> tuple[complex, complex]:
     """Return the two multipliers whose product is nearest to 1."""
-    pairs = [(one, mu) for i, mu in enumerate(multipliers) for one in multipliers[:i]]
+    pairs = [(multiplier, mu) for i, mu in enumerate(multipliers) for multiplier in multipliers[:i]]
     return min(pairs, key=lambda pair: abs(pair[0] * pair[1] - 1.0))
 
 
@@ -135,8 +135,8 @@ def _again(at: float, point: Solution) -> float:
 
 def _off_angle(meeting: Meeting, point: Solution) -> float:
     """Return how far the cosine of the angle of a torus' pair is from that of a resonance."""
-    one, other = _pair(point.multipliers.tolist())
-    return (one + other).real / 2 - ANGLES[meeting]
+    multiplier, other = _pair(point.multipliers.tolist())
+    return (multiplier + other).real / 2 - ANGLES[meeting]
 
 
 def _tests(kind: Kind | None, first: Solution, last: Solution) -> dict[Meeting, Test]:

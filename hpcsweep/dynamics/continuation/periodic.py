@@ -60,8 +60,8 @@ class Orbit:
 
     def __repr__(self) -> str:
         events = [
-            f"{'+' if one.closes else '-'}{one.contact}@{one.phase:.4g}"
-            for one in self.signature[:SHOWN]
+            f"{'+' if crossing.closes else '-'}{crossing.contact}@{crossing.phase:.4g}"
+            for crossing in self.signature[:SHOWN]
         ]
         if len(self.signature) > SHOWN:
             events.append(f"... {len(self.signature)} in all")
@@ -116,16 +116,16 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
     >>> bool(np.isclose(abs(orbit.multipliers[0]), math.exp(-2.0 * math.pi * 0.05), rtol=1e-12))
     True
     """
-    _, found = find(structure, amplitude, omega, state, period)
-    if found.transverse is not None:
-        transverse = floquet_multipliers(found.transverse)
-        return Orbit(found.points, transverse, found.residual, (), found.families)
+    _, verified = find(structure, amplitude, omega, state, period)
+    if verified.transverse is not None:
+        transverse = floquet_multipliers(verified.transverse)
+        return Orbit(verified.points, transverse, verified.residual, (), verified.families)
     signature = [
-        one._replace(phase=one.phase + turn)
-        for turn, z in enumerate(found.points)
-        for one in crossings(structure, amplitude, omega, z)
+        crossing._replace(phase=crossing.phase + turn)
+        for turn, z in enumerate(verified.points)
+        for crossing in crossings(structure, amplitude, omega, z)
     ]
-    return Orbit(found.points, found.multipliers, found.residual, tuple(signature))
+    return Orbit(verified.points, verified.multipliers, verified.residual, tuple(signature))
 
 
 def find(
@@ -145,17 +145,17 @@ def find(
     solver, amplitude = forced.solver(forced.value)
     if BATCHES.of(structure):
         loaded(structure, branches=True)
-    found = verify_orbit(solver, z, amplitude, period)
-    if found.orbit is None:
+    verdict = verify_orbit(solver, z, amplitude, period)
+    if verdict.orbit is None:
         near = f"no orbit of period {period} within {REACH} of the state"
-        raise ArithmeticError(f"{near}: {_why(found)}")
-    return forced, found.orbit
+        raise ArithmeticError(f"{near}: {_why(verdict)}")
+    return forced, verdict.orbit
 
 
-def _why(found: Verdict) -> str:
+def _why(verdict: Verdict) -> str:
     """Return what Newton's method has come to where there is no orbit."""
-    if found.away < math.inf:
-        return f"the one found is {found.away:.3g} away"
-    if found.residual < math.inf:
-        return f"the residual of Newton's method falls to {found.residual:.3g} and no further"
+    if verdict.away < math.inf:
+        return f"the one found is {verdict.away:.3g} away"
+    if verdict.residual < math.inf:
+        return f"the residual of Newton's method falls to {verdict.residual:.3g} and no further"
     return "the solver has failed"

@@ -93,22 +93,22 @@ def curves_through(
                 continue
             points, first = branch.arc.curve.split(special.at.y)
             locus, value = plane.locus(len(points), special), (first, plane.second)
-            known = [
+            passed = [
                 c
                 for c, arc in enumerate(curves)
                 if (arc.curve.kind, arc.curve.period) == (locus.kind, locus.period)
                 and passes(arc, points, value, SAME)
             ]
             room = most_points - sum(len(arc.points) for arc in curves)
-            if not known and len(curves) < most_curves and room >= SHORTEST:
+            if not passed and len(curves) < most_curves and room >= SHORTEST:
                 steps = min(limits.most_steps, (room - 1) // 2)
                 try:
                     start = locus.start(points, value)
-                    own = limits._replace(most_steps=steps, smallest=SMALLEST)
-                    curves.append(follow(locus, start, own, step=step_of_locus))
+                    shorter = limits._replace(most_steps=steps, smallest=SMALLEST)
+                    curves.append(follow(locus, start, shorter, step=step_of_locus))
                 except ArithmeticError:
                     continue
-                known = [len(curves) - 1]
-            if known:
-                on[number, k] = known[0]
+                passed = [len(curves) - 1]
+            if passed:
+                on[number, k] = passed[0]
     return curves, on

@@ -62,30 +62,30 @@ def search(
     most_period : int
         The longest period is this or `PERIODS`.
     """
-    known: dict[tuple[int, float], list[np.ndarray]] = {}
+    orbits: dict[tuple[int, float], list[np.ndarray]] = {}
     reach = FARTHEST * float(np.abs(starts).max(initial=1.0))
     seen = -1
     for number, value, period in places(*span, most_period, len(starts)):
         if len(catalogue.branches) != seen:
-            known, seen = {}, len(catalogue.branches)
+            orbits, seen = {}, len(catalogue.branches)
         key = period, value
-        if key not in known:
-            known[key] = [
+        if key not in orbits:
+            orbits[key] = [
                 np.roll(np.tile(orbit, (period // p, 1)), shift, axis=0)
                 for p in divisors(period)
                 for orbit in catalogue.orbits_at(p, value)
                 for shift in range(p)
             ]
-        found = deflated(Curve(map_, period, 1.0), starts[number], value, known[key], reach)
-        if found is not None:
+        points = deflated(Curve(map_, period, 1.0), starts[number], value, orbits[key], reach)
+        if points is not None:
             try:
-                catalogue.add(found, value, searched=True)
+                catalogue.add(points, value, searched=True)
             except NotConvergedError:
                 continue
 
 
 def deflated(
-    curve: Curve, start: np.ndarray, value: float, known: list[np.ndarray], reach: float
+    curve: Curve, start: np.ndarray, value: float, orbits: list[np.ndarray], reach: float
 ) -> np.ndarray | None:
     """Seek an orbit other than those known, from a start; return its points, shape (p, N)."""
     map_ = curve.map
@@ -96,12 +96,12 @@ def deflated(
             images, matrices = map_.tangents(x, value)
             step = -np.linalg.solve(cycle.jacobian(matrices), curve.misses(images, x, y))
             if np.abs(step).max() <= NEAR:
-                found = curve.split(cycle.solve_at(curve, x, value).y)[0]
-                others = [np.abs(found - one).max() for one in known]
-                return found if min(others, default=np.inf) > OTHER else None
+                points = curve.split(cycle.solve_at(curve, x, value).y)[0]
+                others = [np.abs(points - orbit).max() for orbit in orbits]
+                return points if min(others, default=np.inf) > OTHER else None
             turn = 0.0
-            for one in known:
-                away = y[:-1] - one.ravel()
+            for orbit in orbits:
+                away = y[:-1] - orbit.ravel()
                 square = float(away @ away) + np.finfo(float).tiny
                 turn -= 2.0 * float(step @ away) / (square * (square + 1.0))
             step /= 1.0 - turn

@@ -140,8 +140,8 @@ class Branches(BranchGrid):
     @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the lines, in the order of the file."""
-        own = variables.variables_of(self.structure)
-        return [*own, *(variables.CURVE_VARIABLES if self.curves else ())]
+        of_branches = variables.variables_of(self.structure)
+        return [*of_branches, *(variables.CURVE_VARIABLES if self.curves else ())]
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -174,10 +174,10 @@ class Branches(BranchGrid):
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Frequency and amplitude of each line, NaN where they change along it."""
         lines = variables.LINE_OMEGA, variables.LINE_AMPLITUDE
-        told = zip(FORCING_PARAMETERS[::-1], lines, (self.omega, self.amplitude), strict=True)
+        rows = zip(FORCING_PARAMETERS[::-1], lines, (self.omega, self.amplitude), strict=True)
         return [
             (variable, np.full_like(values, np.nan) if name in self.moves else values)
-            for name, variable, values in told
+            for name, variable, values in rows
         ]
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
@@ -213,11 +213,11 @@ class Branches(BranchGrid):
         ]
 
     def _placed_at(self, value: float) -> dict[str, Any]:
-        own: dict[str, Any] = {self.parameter: value}
-        found: dict[str, Any] = {name: of(**own) for name, of in self.given_by.items()}
+        varied: dict[str, Any] = {self.parameter: value}
+        tied: dict[str, Any] = {name: of(**varied) for name, of in self.given_by.items()}
         if self.parameter in FORCING_PARAMETERS:
-            return found | own
-        return found | {"structure": replace(self.structure, **own)}
+            return tied | varied
+        return tied | {"structure": replace(self.structure, **varied)}
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count branches, and the seeds that lie on them."""
@@ -249,5 +249,5 @@ class Branches(BranchGrid):
     def describe_task(self, task: int) -> str:
         """Describe a line by what is fixed on it."""
         values = {"omega": ("Omega", self.omega), "amplitude": ("A", self.amplitude)}
-        fixed = [one for name, one in values.items() if name not in self.moves]
+        fixed = [pair for name, pair in values.items() if name not in self.moves]
         return ", ".join(f"{symbol} = {each[task]:.6g}" for symbol, each in fixed) or "the line"

@@ -143,11 +143,11 @@ class BranchGrid(RunGrid):
     def forcing(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the frequencies and amplitudes of lines at values, shapes (n_lines, n_values)."""
         shape = self.omega.size, len(values)
-        known = {name: np.tile(getattr(self, name)[:, None], shape[1]) for name in FORCING}
-        known[self.parameter] = np.tile(values, (shape[0], 1))
+        numbers = {name: np.tile(getattr(self, name)[:, None], shape[1]) for name in FORCING}
+        numbers[self.parameter] = np.tile(values, (shape[0], 1))
         for name, of in self.given_by.items():
-            known[name][:] = [of(**{self.parameter: value}) for value in values.tolist()]
-        return known["omega"], known["amplitude"]
+            numbers[name][:] = [of(**{self.parameter: value}) for value in values.tolist()]
+        return numbers["omega"], numbers["amplitude"]
 
 
 def _tied(values: Any, key: str, text: str, parameter: str, along: np.ndarray) -> np.ndarray:
@@ -158,9 +158,9 @@ def _tied(values: Any, key: str, text: str, parameter: str, along: np.ndarray) -
         side = np.sign(top - tied[turn - 1]) or np.sign(top - tied[turn + 1])
         for _ in range(ZOOMS):
             near = np.linspace(low, high, 9)
-            found = values.tied(key, text, {parameter: near})
-            k = min(max(int(np.argmax(side * found)), 1), near.size - 2)
-            if not abs(found[k]) <= POLE * np.abs(tied).max():
+            curve = values.tied(key, text, {parameter: near})
+            k = min(max(int(np.argmax(side * curve)), 1), near.size - 2)
+            if not abs(curve[k]) <= POLE * np.abs(tied).max():
                 raise values.error(key, text, f"must have no pole, has one at {near[k]:.4g}")
             low, high = near[k - 1], near[k + 1]
     return tied
@@ -168,18 +168,18 @@ def _tied(values: Any, key: str, text: str, parameter: str, along: np.ndarray) -
 
 def _read_curves(values, structure: Structure, parameter: str, omega: np.ndarray) -> dict:
     """Read which curves are followed, and over which frequencies."""
-    given = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
-    if given and (parameter != "amplitude" or omega.size == 0):
+    names = values.choices("branches.curves", values.get("branches.curves", []), KINDS)
+    if names and (parameter != "amplitude" or omega.size == 0):
         limit = 'must be "amplitude", without formulas, where branches.curves are followed'
         raise values.error("branches.parameter", parameter, limit)
-    if given and not CURVES.of(structure):
-        raise values.error("branches.curves", given, f"must be [] {CURVES.lacks}")
+    if names and not CURVES.of(structure):
+        raise values.error("branches.curves", names, f"must be [] {CURVES.lacks}")
     whole = [float(omega.min()), float(omega.max())] if omega.size else [1.0, 1.0]
     span, low, high = _pair_of(values, "branches.curve_span", whole)
     values.check_range("branches.curve_span", omega=(low, high))
-    if given and not (low < high and low <= omega.min() and omega.max() <= high):
+    if names and not (low < high and low <= omega.min() and omega.max() <= high):
         raise values.error("branches.curve_span", span, "must be two ends that hold sweep.omega")
-    kinds = tuple(name for name in KINDS if name in given)
+    kinds = tuple(name for name in KINDS if name in names)
     return {"curves": kinds, "curve_span": (low, high)} if kinds else {}
 
 
@@ -200,9 +200,9 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
         limit = "must be numbers: the branches are along it"
         raise values.error(f"sweep.{parameter}", texts[parameter], limit)
     if listed and parameter in FORCING_PARAMETERS:
-        given = values.get("study.points")
+        chosen = values.get("study.points")
         limit = f"must not be given along {parameter}: sweep.omega and sweep.amplitude make lines"
-        raise values.error("study.points", given, limit)
+        raise values.error("study.points", chosen, limit)
     if listed:
         omega, amplitude = read_points(values)
     else:
@@ -213,17 +213,17 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
     span = _span_of(values, parameter, omega, amplitude)
     # the parameter of a line is at the end of its span
     ends = np.array(span[1:])
-    own = {"omega": omega, "amplitude": amplitude} | ({} if listed else {parameter: ends})
-    given = {name: each for name, each in own.items() if name not in texts}
+    axes = {"omega": omega, "amplitude": amplitude} | ({} if listed else {parameter: ends})
+    chosen = {name: each for name, each in axes.items() if name not in texts}
     if not listed:
-        mesh = np.meshgrid(*given.values(), indexing="ij")
-        given = {name: each.ravel() for name, each in zip(given, mesh, strict=True)}
-    formulas, n_lines = [], next(iter(given.values())).size
+        mesh = np.meshgrid(*chosen.values(), indexing="ij")
+        chosen = {name: each.ravel() for name, each in zip(chosen, mesh, strict=True)}
+    formulas, n_lines = [], next(iter(chosen.values())).size
     for name, text in texts.items():
         formulas.append(values.tie(f"sweep.{name}", text, (parameter,)))
         tied = _tied(values, f"sweep.{name}", text, parameter, np.linspace(*span, CHECKED))
-        given[name] = np.full(n_lines, tied[-1])
-    lines = [given[name] for name in FORCING]
+        chosen[name] = np.full(n_lines, tied[-1])
+    lines = [chosen[name] for name in FORCING]
     seeds = values.get("branches.seeds")
     return {
         "omega": lines[0],
@@ -239,24 +239,24 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
 
 def _pair_of(values, key: str, default: list[float] | None) -> tuple[list, float, float]:
     """Read two numbers; return them as they are given, too."""
-    given = values.get(key, default)
-    if not isinstance(given, list) or len(given) != 2:
-        raise values.error(key, given, "must be [low, high]")
-    low, high = (values.number(key, one) for one in given)
-    return given, low, high
+    pair = values.get(key, default)
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise values.error(key, pair, "must be [low, high]")
+    low, high = (values.number(key, end) for end in pair)
+    return pair, low, high
 
 
 def _span_of(
     values, parameter: str, omega: np.ndarray, amplitude: np.ndarray
 ) -> tuple[float, float]:
     """Read the span; default, along A and Omega, that of the job's own."""
-    own = {"omega": omega, "amplitude": amplitude}.get(parameter, np.empty(0))
-    default = [float(own.min()), float(own.max())] if own.size > 1 else None
-    given, low, high = _pair_of(values, "branches.span", default)
+    axis = {"omega": omega, "amplitude": amplitude}.get(parameter, np.empty(0))
+    default = [float(axis.min()), float(axis.max())] if axis.size > 1 else None
+    pair, low, high = _pair_of(values, "branches.span", default)
     if not -1e200 <= low < high <= 1e200:
-        raise values.error("branches.span", given, "must have low below high, both at most 1e200")
+        raise values.error("branches.span", pair, "must have low below high, both at most 1e200")
     if parameter in ("omega", "amplitude"):
         values.check_range("branches.span", **{parameter: (low, high)})
     elif low < 0:
-        raise values.error("branches.span", given, f"{parameter} must be at least 0")
+        raise values.error("branches.span", pair, f"{parameter} must be at least 0")
     return low, high

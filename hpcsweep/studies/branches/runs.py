@@ -97,8 +97,8 @@ def _take(
         rows["seed_value"][0, k], rows["seed_period"][0, k] = value, seed.period
         rows["seed_point"][0, k] = seed.points[0]
         try:
-            known = seed.points[: seed.period] / forced.units
-            place = catalogue.add(continued(forced, known, value, seed.period), value)
+            points = seed.points[: seed.period] / forced.units
+            place = catalogue.add(continued(forced, points, value, seed.period), value)
         except ArithmeticError:
             rows["seed_reason"][0, k] = Reason.NO_ORBIT
             continue
@@ -139,20 +139,20 @@ def store_branches(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
 def _store_points(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
     at = 0
     for k, branch in enumerate(catalogue.branches):
-        for one in branch.arc.points:
-            points, value = branch.arc.curve.split(one.y)
+        for orbit in branch.arc.points:
+            points, value = branch.arc.curve.split(orbit.y)
             seen = forced.observe(points, value)
             rows["step_branch"][0, at], rows["value"][0, at] = k + 1, value
-            rows["stable"][0, at] = abs(one.multipliers[0]) < 1.0
+            rows["stable"][0, at] = abs(orbit.multipliers[0]) < 1.0
             rows["contact"][0, at] = seen.contact
             drift = normalised_drift(seen.peak_drift, *forced.at(value)[1:])
             rows["drift"][0, at] = drift
-            told = told_of_sliders(forced.structure, seen.slid, len(points), NO_SLIP)
-            for name in told.keys() & rows.keys():
-                rows[name][0, at] = told[name]
+            sliders = told_of_sliders(forced.structure, seen.slid, len(points), NO_SLIP)
+            for name in sliders.keys() & rows.keys():
+                rows[name][0, at] = sliders[name]
             rows["point"][0, at] = points[0] * forced.units
-            rows["multiplier_real"][0, at] = one.multipliers.real
-            rows["multiplier_imag"][0, at] = one.multipliers.imag
+            rows["multiplier_real"][0, at] = orbit.multipliers.real
+            rows["multiplier_imag"][0, at] = orbit.multipliers.imag
             at += 1
 
 
@@ -160,18 +160,18 @@ def _store_specials(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None
     at = first = 0
     numbers = forced.structure.contact_numbers
     for k, branch in enumerate(catalogue.branches):
-        for step, one in branch.arc.specials:
+        for step, special in branch.arc.specials:
             if at < rows["special_kind"].shape[1]:
-                points, value = branch.arc.curve.split(one.at.y)
-                rows["special_branch"][0, at], rows["special_kind"][0, at] = k + 1, one.kind
+                points, value = branch.arc.curve.split(special.at.y)
+                rows["special_branch"][0, at], rows["special_kind"][0, at] = k + 1, special.kind
                 rows["special_value"][0, at], rows["special_step"][0, at] = value, first + step
                 rows["special_point"][0, at] = points[0] * forced.units
-                rows["criticality"][0, at] = one.criticality
-                rows["leads_to"][0, at] = one.leads_to + 1
-                if one.change:
-                    closed, slid = one.change[: len(numbers)], one.change[len(numbers) :]
+                rows["criticality"][0, at] = special.criticality
+                rows["leads_to"][0, at] = special.leads_to + 1
+                if special.change:
+                    closed, slid = special.change[: len(numbers)], special.change[len(numbers) :]
                     grazing = [1 << (n - 1) for n, c in zip(numbers, closed, strict=True) if c]
-                    rows["change"][0, at] = sum(closed if one.kind is Kind.GRAZING else slid)
+                    rows["change"][0, at] = sum(closed if special.kind is Kind.GRAZING else slid)
                     rows["special_contact"][0, at] = sum(grazing)
                 at += 1
         first += len(branch.arc.points)
@@ -179,11 +179,11 @@ def _store_specials(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None
 
 def _strip(study: BranchGrid, line: int) -> tuple[float, float]:
     """Return the lowest and highest frequency of the strip of a line."""
-    own, (low, high) = float(study.omega[line]), study.curve_span
-    below, above = study.omega[study.omega < own], study.omega[study.omega > own]
+    omega, (low, high) = float(study.omega[line]), study.curve_span
+    below, above = study.omega[study.omega < omega], study.omega[study.omega > omega]
     return (
-        0.5 * (own + float(below.max())) if below.size else low,
-        0.5 * (own + float(above.min())) if above.size else high,
+        0.5 * (omega + float(below.max())) if below.size else low,
+        0.5 * (omega + float(above.min())) if above.size else high,
     )
 
 
@@ -216,23 +216,23 @@ def _store_curves(
     rows["n_curves"][0] = len(curves)
     at = met = 0
     for number, arc in enumerate(curves, 1):
-        own = arc.curve
+        locus = arc.curve
         rows["curve_id"][0, number - 1] = number
-        rows["curve_kind"][0, number - 1] = own.kind
-        rows["curve_period"][0, number - 1] = own.period
+        rows["curve_kind"][0, number - 1] = locus.kind
+        rows["curve_period"][0, number - 1] = locus.period
         for name, why in zip(("curve_begins", "curve_ends"), arc.ends, strict=True):
             rows[name][0, number - 1] = End[why.split(" 1:")[0].upper().replace(" ", "_")]
-        for one in arc.points:
-            points, value = own.split(one.y)
+        for point in arc.points:
+            points, value = locus.split(point.y)
             rows["curve_of_step"][0, at] = number
             rows["curve_amplitude"][0, at], rows["curve_omega"][0, at] = value
             rows["curve_point"][0, at] = points[0] * pair.units
-            rows["curve_unstable"][0, at] = n_unstable(one.multipliers)
+            rows["curve_unstable"][0, at] = n_unstable(point.multipliers)
             at += 1
         for _, special in arc.specials[: rows["meeting_curve"].shape[1] - met]:
             rows["meeting_curve"][0, met] = number
             rows["meeting_kind"][0, met] = Met[special.kind.name]
-            value = own.split(special.at.y)[1]
+            value = locus.split(special.at.y)[1]
             rows["meeting_amplitude"][0, met], rows["meeting_omega"][0, met] = value
             met += 1
     return pair.periods

@@ -67,9 +67,9 @@ class BranchTally(BaseTally):
             "branches": branches,
             "parameter": as_kind(self._study, BranchGrid).parameter,
             "sources": {
-                one.name.lower(): share(sources[one], branches)
-                for one in Origin
-                if one is not Origin.NONE
+                origin.name.lower(): share(sources[origin], branches)
+                for origin in Origin
+                if origin is not Origin.NONE
             },
             "points": points,
             "points_stable": share(sums["stable"], points),
@@ -91,7 +91,7 @@ class BranchTally(BaseTally):
             "points": sums["curve_of_step"],
             "special_points": sums["asked"],
             "followed": share(sums["special_curve"], sums["asked"]),
-            "meetings": {one.value: meetings[k] for k, one in enumerate(Meeting, 1)},
+            "meetings": {meeting.value: meetings[k] for k, meeting in enumerate(Meeting, 1)},
         }
 
 

@@ -15,6 +15,7 @@ All are functions along the arc, found by false position, the last one by bisect
 is a point of the branch. A point is known to about `PRECISION` of the step.
 """
 
+import math
 from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -26,6 +27,9 @@ from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solut
 PRECISION = 1e-12
 BISECTIONS, MOVES = 44, 100
 FALLS = 1e-2
+SINGULAR = 1e-8
+"""Error of a prediction that is taken as a branch point: next to one the Jacobian is singular, and
+rounding can be all that Newton's method finds."""
 COMPLEX = 1e-6
 """Imaginary part from which a multiplier is no real one, and distance from the unit circle up to
 which it is on it."""
@@ -101,7 +105,8 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
     specials = []
     for kind, test in FUNCTIONS.items():
         if (test(first) < 0) != (test(last) < 0):
-            at, fraction = locate(curve, first, last, test)
+            singular = SINGULAR if kind is Kind.BRANCH_POINT else 0.0
+            at, fraction = locate(curve, first, last, test, singular=singular)
             if kind is not Kind.TORUS or on_unit_circle(at.multipliers):
                 specials.append(Special(kind, at, fraction))
     precision = PRECISION / min(1.0, float(np.linalg.norm(last.y - first.y)))
@@ -111,7 +116,7 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
 
 FUNCTIONS: dict[Kind, Callable[[Solution], float]] = {
     Kind.FOLD: lambda point: float(point.tangent[-1]),
-    Kind.BRANCH_POINT: lambda point: point.tests.fold * np.sign(point.tangent[-1]),
+    Kind.BRANCH_POINT: lambda point: point.tests.fold * math.copysign(1.0, point.tangent[-1]),
     Kind.DOUBLING: lambda point: point.tests.doubling,
     Kind.TORUS: lambda point: point.tests.torus,
 }
@@ -126,22 +131,32 @@ class Chord:
     """
 
     def __init__(self, curve: Curve, first: Solution, last: Solution):
-        self._curve, self._first, self._last, self._near = curve, first, last, last
+        self._curve, self._first, self._last, self.near = curve, first, last, last
         self._chord = last.y - first.y
         self._length = float(np.linalg.norm(self._chord))
         self._border = curve.border(self._chord / self._length, first.tangent, last.tangent)
 
-    def along(self, fraction: float, keeps: bool = False) -> Solution:
-        """Move to a fraction of the chord; `keeps`: with the Jacobian of the point before."""
-        first, last, near, border = self._first, self._last, self._near, self._border
+    def ahead(self, fraction: float) -> np.ndarray:
+        """Predict y at a fraction of the chord."""
+        first, last, near = self._first, self._last, self.near
         on, way = near.y, near.tangent
         if near is last:
             slopes = self._length * first.tangent, self._length * last.tangent
-            on, way = cubic(fraction, first.y, last.y, *slopes), border
-        off = border @ (first.y + fraction * self._chord - on) / (border @ way)
-        keeps = keeps and near is not last
-        self._near = self._curve.solve(on + off * way, border, near, keeps=keeps)
-        return self._near
+            on, way = cubic(fraction, first.y, last.y, *slopes), self._border
+        off = first.y + fraction * self._chord - on
+        predicted: np.ndarray = on + self._border.dot(off) / self._border.dot(way) * way
+        return predicted
+
+    def error(self, move: float) -> float:
+        """Return about how far off a prediction is, a share of the chord from the point before."""
+        return self._length**4 if self.near is self._last else (move * self._length) ** 2
+
+    def along(self, fraction: float, keeps: bool = False) -> Solution:
+        """Move to a fraction of the chord; `keeps`: with the Jacobian of the point before."""
+        keeps = keeps and self.near is not self._last
+        ahead = self.ahead(fraction)
+        self.near = self._curve.solve(ahead, self._border, self.near, keeps=keeps)
+        return self.near
 
 
 def locate(
@@ -150,19 +165,27 @@ def locate(
     last: Solution,
     test: Callable[[Solution], float],
     precision: float = PRECISION,
+    singular: float = 0.0,
 ) -> tuple[Solution, float]:
     """Find where a function of the points of a curve changes its sign between two of them.
 
     By the rule of false position with the weights of Anderson and Bjorck (BIT 13 (1973) 253), of
     order 1.7: where moves fall as fast as `FALLS`, what is left is less than their product. It
     takes 7 points where Brent's method, which closes in from both sides, takes 12. Return the
-    point, and its fraction of the chord, which is known to `precision`.
+    point, and its fraction of the chord, which is known to `precision`; where Newton's method does
+    not converge the prediction, if its error is `singular` at most.
     """
     chord, (low, high), move = Chord(curve, first, last), (0.0, 1.0), 1.0
     low_value, high_value = test(first), test(last)
     for _ in range(MOVES):
         place = high - high_value * (high - low) / (high_value - low_value)
-        point, before, move = chord.along(place), move, abs(place - high)
+        before, move = move, abs(place - high)
+        try:
+            point = chord.along(place)
+        except NotConvergedError:
+            if chord.error(move) > singular:
+                raise
+            return chord.near._replace(y=chord.ahead(place)), place
         value = test(point)
         if (value < 0) != (high_value < 0):
             low, low_value = high, high_value

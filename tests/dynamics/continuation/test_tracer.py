@@ -8,6 +8,7 @@ import pytest
 from hpcsweep import Structure, load_job, stroboscopic_points
 from hpcsweep.dynamics.continuation import cycle
 from hpcsweep.dynamics.continuation.branch import Limits, follow
+from hpcsweep.dynamics.continuation.catalogue import orbits_on
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, solve_at
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.forced import ForcedMap
@@ -141,3 +142,28 @@ def test_steps_of_a_walk_lead_along_the_branch():
         step = last.y - first.y
         assert step @ first.tangent > 0.9 * np.linalg.norm(step)
         np.testing.assert_allclose(compiled.residual(last.y), 0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("omega", [0.9, 1.0])
+def test_branches_cross_where_a_pair_of_mirrored_orbits_leaves(omega):
+    # the Jacobian is singular there; rounding breaks the symmetry of a map in Python
+    stops = Structure(1, 50.0, np.inf, gap=0.5, gap_left=0.5)
+    at = []
+    for kind in (ForcedMap, InPython):
+        curve = Curve(kind(stops, 0.4, omega), 1, 0.5)
+        z = stroboscopic_points(stops, 0.4, omega, np.zeros(2), 300)[-1]
+        start = solve_at(curve, z[None] / curve.map.units, 0.4)
+        arc = follow(curve, start, Limits(0.2, 0.7, 300))
+        assert arc.ends == ("end of the span", "end of the span")
+        ((_, special),) = arc.specials
+        assert special.kind is Kind.BRANCH_POINT
+        at.append(curve.split(special.at.y)[1])
+    assert at[0] == pytest.approx(at[1], abs=1e-7)
+    # motions go to the orbits of the branch below, above to one of the pair
+    away = []
+    for amplitude in (0.98 * at[0], 1.02 * at[0]):
+        z = stroboscopic_points(stops, amplitude, omega, np.array([0.1, 0.0]), 1500)[-1]
+        (orbit,) = orbits_on(arc, amplitude)
+        away.append(np.abs(orbit * curve.map.units - z).max())
+    assert away[0] < 1e-9
+    assert away[1] > 1e-2

@@ -15,8 +15,8 @@ from hpcsweep.job.keys import declared, every_key, keys_of
 from hpcsweep.job.tree import resolve
 from hpcsweep.model.unit_names import GAPS
 from hpcsweep.studies.kinds import KINDS
+from hpcsweep.studies.quantities import MEASURES
 from hpcsweep.studies.refine.growth import MapGrowth
-from hpcsweep.studies.settings import MEASURES
 
 ROOT = Path(__file__).resolve().parents[1]
 ALL = [f"output.{name} = true" for name in (*MEASURES, "lyapunov", "times", "alone")]

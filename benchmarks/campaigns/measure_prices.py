@@ -24,7 +24,7 @@ from hpcsweep.studies.settings import METRICS, SweepSettings
 
 FLAGS = dict(
     zip(
-        ("storey_drift", "displacement", "acceleration", "contact_force", "impacts"),
+        ("storey_drift", "displacement", "floor_acceleration", "contact_force", "impacts"),
         (*PEAK_FLAGS, IMPACT_FLAG),
         strict=True,
     )

@@ -31,12 +31,12 @@ from hpcsweep.solvers.outcome import Outcome
 KINDS = (
     "storey_drift",
     "displacement",
-    "acceleration",
+    "floor_acceleration",
     "contact_force",
     "impacts",
     "impact_velocity",
     "impulse",
-    "contact_time",
+    "contact_share",
 )
 SAMPLES = np.linspace(0.0, 1.0, 17)
 POWERS = np.vander(SAMPLES, ORDER + 1, increasing=True)

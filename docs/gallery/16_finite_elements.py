@@ -50,7 +50,7 @@ amplitude = {from = 0.1, to = 12.0, count = 120}
 
 [output]
 displacement = true
-acceleration = true
+floor_acceleration = true
 contact_force = true
 """)
 shell("hpcsweep describe strip.toml")

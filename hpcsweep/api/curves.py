@@ -15,10 +15,12 @@ from hpcsweep.dynamics.continuation.locus import Locus
 from hpcsweep.dynamics.continuation.meetings import step_of_locus
 from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
 from hpcsweep.model.arguments import choice, count, finite, finite_vector, items, positive, refused
+from hpcsweep.model.kernel_model import PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import CURVES
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.store import meanings
+from hpcsweep.studies.quantities import FLAGS
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variables import RUN_VARIABLES, empty_results, store_measures
 
@@ -51,7 +53,8 @@ def curve(
         Largest number of points on either side of the special point.
     largest_step : float
         Largest step between neighbouring points, in units of the state and of the spans.
-    measure : {"drift", "storey_drift", "displacement", "acceleration", "contact_force"}, optional
+    measure : str, optional
+        ``drift``, ``storey_drift``, ``displacement``, ``floor_acceleration`` or ``contact_force``.
         Largest over an orbit, and over storeys, floors or contacts; in the units of a job's output.
     limit : float, optional
         Value of the measure on the curve, which begins at the first step of the branch that
@@ -188,7 +191,7 @@ def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[flo
     return first, second
 
 
-PEAKS = ("drift", "storey_drift", "displacement", "acceleration", "contact_force")
+PEAKS = ("drift", *(name for name, flag in FLAGS.items() if flag in PEAK_FLAGS))
 """Measures of which an orbit has one largest value."""
 
 
@@ -209,7 +212,7 @@ def measure_of(forced: ForcedMap, name: str) -> Callable[[np.ndarray, Any], floa
         if name == "drift":
             return float(normalised_drift(seen.peak_drift, amplitude, omega))
         rows = empty_results(wanted, structure, 1)
-        store_measures(rows, structure, seen.measures[None])
+        store_measures(rows, structure, seen.measures)
         return float(np.nanmax(rows[name]))
 
     return measure

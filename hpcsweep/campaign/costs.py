@@ -23,7 +23,7 @@ import numpy as np
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.store import read_history
 from hpcsweep.store.journal import BlockCost, CampaignHistory, PilotCost
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import Study, Work
 
 STRATA = 8
 PILOT_SHARE = 0.01
@@ -63,7 +63,7 @@ class TaskCosts:
         axis = dims.index("direction") if "direction" in dims else None
         direction = np.zeros_like(number[..., :1]) if axis is None else outer.pop(axis)
         # the other axes count frames, in their order
-        frame = np.ravel_multi_index(tuple(outer), [one.size for one in outer])
+        frame = np.ravel_multi_index(tuple(outer), [places.size for places in outer])
         size, count = study.block_size, study.dimensions[study.run_dims[-1]]
         middle = np.minimum((number + 0.5) * size, count) / count
         middle = np.where(np.vectorize(study.descends)(direction), 1.0 - middle, middle)
@@ -202,15 +202,15 @@ def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
     runs, seconds : ndarray, shape (n_strata, n_frames)
     """
     n_strata, n_frames = runs.shape
-    known = np.flatnonzero(runs.any(axis=1))
-    if not known.size:
+    sampled = np.flatnonzero(runs.any(axis=1))
+    if not sampled.size:
         return np.ones(runs.shape)
-    filled = np.empty((known.size, n_frames))
-    for row, stratum in zip(filled, known, strict=True):
+    filled = np.empty((sampled.size, n_frames))
+    for row, stratum in zip(filled, sampled, strict=True):
         at = np.flatnonzero(runs[stratum])
         values = np.maximum(seconds[stratum, at] / runs[stratum, at], 1e-12)
         row[:] = np.interp(np.arange(n_frames), at, values)
-    return np.array([np.interp(np.arange(n_strata), known, column) for column in filled.T]).T
+    return np.array([np.interp(np.arange(n_strata), sampled, column) for column in filled.T]).T
 
 
 def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:
@@ -220,7 +220,7 @@ def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:
     )
 
 
-def n_samples(study: Study) -> int:
+def n_samples(study: Work) -> int:
     """Return the number of samples of a campaign's pilot: at most 1 % of the job's runs."""
     affordable = PILOT_SHARE * study.n_runs / (PILOT_TIMED + 1)
     return int(min(affordable, PILOT_PER_FRAME * study.n_frames, MAX_SAMPLES))
@@ -233,7 +233,7 @@ def sample_place(index: int) -> tuple[float, float]:
 
 
 def time_sample(
-    study: Study, index: int, poll: Callable[[], None] | None = None, n_runs: int = PILOT_TIMED
+    study: Work, index: int, poll: Callable[[], None] | None = None, n_runs: int = PILOT_TIMED
 ) -> PilotCost:
     """Time the runs of a sample."""
     (frame, along), runs, seconds = study.time_runs(*sample_place(index), n_runs, poll)

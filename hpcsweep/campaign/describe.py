@@ -100,25 +100,26 @@ def _cycles(structure, omega: float) -> str:
 
 def _model(structure) -> Lines:
     """Yield what became of the coordinates of a finite element model, and effective masses."""
-    if (found := structure.reduction) is None:
+    if (reduction := structure.reduction) is None:
         return
     yield (
         "model",
-        f"{found.coordinates} coordinates, {found.empty} of them fixed or empty, {found.massless} "
-        f"without mass condensed{_memory(found.memory)}",
+        f"{reduction.coordinates} coordinates, {reduction.empty} of them fixed or empty, "
+        f"{reduction.massless} without mass condensed{_memory(reduction.memory)}",
     )
-    highest = found.frequencies[-1]
+    highest = reduction.frequencies[-1]
     where = "in a motion with contact"
-    if found.force_error is not None:
-        where = f"and {found.force_error:.2g} of forces of contacts under the records"
+    if reduction.force_error is not None:
+        where = f"and {reduction.force_error:.2g} of forces of contacts under the records"
     yield (
         "reduced to",
-        f"{found.modes} modes, up to omega = {highest:.6g}{_cycles(structure, highest)}; estimated "
-        f"error {found.error:.2g} of displacements {where}",
+        f"{reduction.modes} modes, up to omega = {highest:.6g}{_cycles(structure, highest)}; "
+        f"estimated error {reduction.error:.2g} of displacements {where}",
     )
-    shares = ", ".join(f"{share:.3g}" for share in found.shares[:MAX_MODES])
-    more = ", ..." if found.modes > MAX_MODES else ""
-    yield "mass", f"effective shares of the modes {shares}{more}, together {sum(found.shares):.4g}"
+    shares = ", ".join(f"{share:.3g}" for share in reduction.shares[:MAX_MODES])
+    more = ", ..." if reduction.modes > MAX_MODES else ""
+    total = sum(reduction.shares)
+    yield "mass", f"effective shares of the modes {shares}{more}, together {total:.4g}"
 
 
 def _memory(n_bytes: float) -> str:
@@ -170,9 +171,9 @@ def _contacts(structure) -> list[str]:
 def _sliders(structure) -> list[str]:
     length, force = (known_unit(structure, name) for name in ("length", "force"))
     return [
-        f"{name}: stiffness {one.stiffness:.6g}, slips at {one.strength:.6g}{force}, "
-        f"{one.limit:.6g}{length}"
-        for name, one in zip(structure.slider_names, structure.sliders, strict=True)
+        f"{name}: stiffness {slider.stiffness:.6g}, slips at {slider.strength:.6g}{force}, "
+        f"{slider.limit:.6g}{length}"
+        for name, slider in zip(structure.slider_names, structure.sliders, strict=True)
     ]
 
 
@@ -207,9 +208,9 @@ def _at_rest(structure, study: Study) -> Iterator[str]:
 def _warnings(structure) -> Iterator[str]:
     ratios = structure.damping_ratios[: modes_kept(structure)]
     yield from slow(structure)
-    if (found := structure.reduction) is not None:
-        yield from found.told
-        if (share := sum(found.shares)) < ENOUGH_MASS:
+    if (reduction := structure.reduction) is not None:
+        yield from reduction.told
+        if (share := sum(reduction.shares)) < ENOUGH_MASS:
             yield (
                 f"the modes that are kept have {share:.3g} of the mass that the base moves: "
                 f"structure.model.reduce with more modes, for {ENOUGH_MASS:g} of it"
@@ -245,12 +246,12 @@ def _sticking_dashpots(structure) -> Iterator[str]:
     omega, shape = np.sqrt(abs(squares[first])), shapes[:, first]
     ratio, meant = shape @ structure.damping_matrix @ shape / (2 * omega), structure.damping_ratios
     if ratio > HEAVIER * meant[0] > 0.0:
-        own = "" if structure.reduction is not None else ", or structure.matrices.damping,"
+        more = "" if structure.reduction is not None else ", or structure.matrices.damping,"
         factor = "alpha" if structure.rayleigh else f"{2 * meant[0] * omega:.4g}"
         yield (
             f"the damping ratio {meant[0]:.4g} is that of mode 1 while all sliders stick: its "
             f"dashpots are {ratio:.3g} of critical while all slip; structure.rayleigh = "
-            f"[{factor}, 0.0]{own} gives the frame its own"
+            f"[{factor}, 0.0]{more} gives the frame its own"
         )
 
 
@@ -273,11 +274,11 @@ def _pulling_contacts(structure) -> Iterator[str]:
 
 def _soft_contacts(structure) -> Iterator[str]:
     """Yield one line if contacts are softer than the structure is to a force along them."""
-    directions, given = structure.directions, structure.contact_stiffness
+    directions, stiffness = structure.directions, structure.contact_stiffness
     flexible = np.linalg.pinv(structure.stiffness_matrix)
-    yielding = given * np.einsum("ki,ij,kj->k", directions, flexible, directions)
+    yielding = stiffness * np.einsum("ki,ij,kj->k", directions, flexible, directions)
     soft = (yielding > 0) & (yielding < 1)
     if soft.any():
         names = ", ".join(np.array([*structure.contact_names.values()])[soft].tolist())
-        least = given[soft].min()
+        least = stiffness[soft].min()
         yield f"contact {names}: softer than the structure along it, stiffness {least:.4g}"

@@ -80,11 +80,11 @@ def _runs_done(path: Path, attributes: dict, committed: np.ndarray, outcome: np.
 
 def _lines(rows: Sequence[dict]) -> list[tuple[str, ...]]:
     """Format rows, and their sums as the last, in the columns `HEADS`."""
-    known = [row for row in rows if row["state"] != "unreadable"]
+    readable = [row for row in rows if row["state"] != "unreadable"]
     counts = ("runs_done", "runs_total", "n_failed", "core_seconds")
-    lefts = [row["core_seconds_remaining"] for row in known]
-    heards = [row["last_heard"] for row in known if row["last_heard"] is not None]
-    summed = {key: sum(row[key] for row in known) for key in counts} | {
+    lefts = [row["core_seconds_remaining"] for row in readable]
+    heards = [row["last_heard"] for row in readable if row["last_heard"] is not None]
+    summed = {key: sum(row[key] for row in readable) for key in counts} | {
         "file": f"{len(rows)} files",
         "state": f"{sum(row['state'] == 'complete' for row in rows)} complete",
         "core_seconds_remaining": None if None in lefts else sum(lefts),

@@ -51,7 +51,7 @@ class RoundsWork(RankWork):
         self.todo, self._complete, self.scanned = [], False, True
         inferred, sound = Inferred(blocks), True
         audit = inferred.audit()
-        known = []
+        labelled = []
         try:
             for place in inferred.places[self._comm.rank :: self._comm.size]:
                 if self._flag.is_set():
@@ -59,10 +59,10 @@ class RoundsWork(RankWork):
                 runs, labels = inferred.labels(place)
                 sound &= inferred.agrees(place, runs, audit)
                 if runs.size:
-                    known.append((runs, labels))
+                    labelled.append((runs, labels))
         except farm.Stop:
             self.scanned = False
-        gathered = self._comm.gather((known, sound, self.scanned))
+        gathered = self._comm.gather((labelled, sound, self.scanned))
         self.scanned = self._comm.bcast(all(part[2] for part in gathered or []))
         if gathered is None:
             return
@@ -126,15 +126,15 @@ class RoundsWork(RankWork):
         start = self.study.initial_state
         begun = instant()
         taken = [self._reuse.rows(block, start) for block in blocks]
-        new = [block for block, found in zip(blocks, taken, strict=True) if found is None]
+        new = [block for block, kept in zip(blocks, taken, strict=True) if kept is None]
         computed = iter(self._growth.compute(new, start, poll) if new else ())
-        rows = [next(computed) if found is None else found for found in taken]
-        whole = {name: np.concatenate([own[name] for own in rows]) for name in rows[0]}
+        rows = [next(computed) if kept is None else kept for kept in taken]
+        whole = {name: np.concatenate([values[name] for values in rows]) for name in rows[0]}
         labels, failures = self._growth.refinement.labels(whole), Failures()
-        for block, own, failed in zip(blocks, rows, labels[:, 0], strict=True):
-            self._campaign.write_block(block, start, own)
+        for block, values, failed in zip(blocks, rows, labels[:, 0], strict=True):
+            self._campaign.write_block(block, start, values)
             if failed:
-                failures.add(self._failed(block, own))
+                failures.add(self._failed(block, values))
         cost = spent(new[0].place, len(new), begun) if new else None
         report((task, labels, cost, failures))
 

@@ -96,12 +96,12 @@ def _runs(
     n_done = int(done.sum())
     failed = np.argwhere(done & (outcome != Outcome.COMPLETE))
     audit: dict = {}
-    known = done
+    is_known = done
     if inferred is not None:
         mask = inferred.mask()
         audit = inferred.summary(mask)
-        known = done if mask is None else done | mask
-    frames = known.all(axis=_axes(study.run_dims, "direction", study.run_dims[-1]))
+        is_known = done if mask is None else done | mask
+    frames = is_known.all(axis=_axes(study.run_dims, "direction", study.run_dims[-1]))
     return {
         "name": layout.name,
         "study": study.kind,
@@ -213,14 +213,14 @@ def _master(session: Session | None) -> dict | None:
 
 def _session(session: Session) -> dict:
     """Return one session as a dict."""
-    told = ("started", "ranks", "hosts", "transport", "ended")
+    names = ("started", "ranks", "hosts", "transport", "ended")
     written, rate, part = session.written_bytes or None, None, None
     seconds = session.write_seconds
     if written and session.rank_seconds and seconds is not None:
         rate, part = written / seconds if seconds else None, seconds / session.rank_seconds
     else:
         written = None
-    return {name: getattr(session, name) for name in told} | {
+    return {name: getattr(session, name) for name in names} | {
         "written_bytes": written,
         "write_bytes_per_second": rate,
         "write_share": part,

@@ -134,15 +134,15 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Findings:
 
 def _place(study: Study, block: Block) -> str:
     """Return the frame and the direction of a block, or its record, in words."""
-    found = study.describe(block.first)
-    del found[study.run_dims[-1]]
+    described = study.describe(block.first)
+    del described[study.run_dims[-1]]
     if "direction" not in study.run_dims:
-        return run_name(found)
+        return run_name(described)
     frame = block.first[study.run_dims.index("direction") + 1]
-    where = "".join(f"{axis.name} = {found[axis.name]}, " for axis in study.axes)
+    where = "".join(f"{axis.name} = {described[axis.name]}, " for axis in study.axes)
     name = "amplitude" if study.run_dims[-2] == "amplitude" else "omega"
-    value = f" ({run_name({name: found[name]})})" if name in found else ""
-    return f"{where}frame {frame}{value}, {found['direction']}"
+    value = f" ({run_name({name: described[name]})})" if name in described else ""
+    return f"{where}frame {frame}{value}, {described['direction']}"
 
 
 def _along(study: Study, block: Block, row: int) -> str:
@@ -326,7 +326,7 @@ def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:
     for k, place in enumerate(inferred.places):
         rows = inferred.frame(place, audit) or {}
         for name, row in rows.items():
-            own = values[name].reshape(-1, *row.shape)[k]
-            if own.astype(row.dtype).tobytes() != row.tobytes():
+            expected = values[name].reshape(-1, *row.shape)[k]
+            if expected.astype(row.dtype).tobytes() != row.tobytes():
                 problems.append((place, f"{name} does not follow from the computed points"))
     return problems

@@ -35,7 +35,7 @@ OPTIONS = (
     Option(
         "--show",
         "measure drawn in place of stroboscopic displacements: storey_drift, displacement, "
-        "acceleration, contact_force, impacts, impact_velocity, impulse or contact_time",
+        "floor_acceleration, contact_force, impacts, impact_velocity, impulse or contact_share",
         default="",
         metavar="MEASURE",
     ),

@@ -123,7 +123,7 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
     fit = [
         name for name, variable in held.items() if len({*variable.dims} - {*study.run_dims}) <= 1
     ]
-    offered = {key: name for key, (name, *_) in RESPONSES.items() if is_records and name in fit}
+    offered = {key: each.name for key, each in RESPONSES.items() if is_records and each.name in fit}
     offered |= {name: name for name in fit if name not in offered}
     if what is None:
         names = (name for name in fit if name in frames and held[name].dims == study.run_dims)

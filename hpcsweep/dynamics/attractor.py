@@ -85,7 +85,7 @@ class Attractor:
         Of sliders: in how many directions an orbit is one of a family, which is the attractor
         (`hpcsweep.dynamics.families`); points, peaks and multiplier are those of one member.
     sliders : dict
-        ``ductility``, ``slider_energy``, ``plastic_drift`` and ``shakedown``, as files have them;
+        ``ductility``, ``slider_energy``, ``plastic`` and ``shakedown``, as files have them;
         empty without sliders.
     """
 

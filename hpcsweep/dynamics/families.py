@@ -53,10 +53,10 @@ def told_of_sliders(
     if not (period and slid):
         return dict(slid)
     limit = tolerance * structure.length_unit
-    drift = np.where(np.abs(slid["plastic_drift"]) * period > limit, slid["plastic_drift"], 0.0)
+    drift = np.where(np.abs(slid["plastic"]) * period > limit, slid["plastic"], 0.0)
     kind = Shakedown.PLASTIC if slipping(structure, slid, period, tolerance) else Shakedown.ELASTIC
     kind = Shakedown.RATCHETING if drift.any() else kind
-    return {**slid, "plastic_drift": drift, "shakedown": kind}
+    return {**slid, "plastic": drift, "shakedown": kind}
 
 
 def slipping(

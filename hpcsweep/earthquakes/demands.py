@@ -90,11 +90,11 @@ def write_demands(
     choice("unit", unit, ACCELERATION_UNITS)
     instance("note", note, str)
     names, units, columns = [], [], []
-    for kind, first, given, its_unit in (
+    for kind, first, values, its_unit in (
         ("PFA", 0, np.hstack([ground, floors]), unit),
         ("PID", 1, drift, "rad"),
     ):
-        for location, column in enumerate(given.T, first):
+        for location, column in enumerate(values.T, first):
             name = f"{event}-{kind}-{location}-{direction}"
             if not np.all((column >= 0) & (column < np.inf)):
                 wrong = column[~((column >= 0) & (column < np.inf))][0]

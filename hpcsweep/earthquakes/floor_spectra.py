@@ -149,7 +149,7 @@ def _signals(structure: Structure, record: Record, run: tuple, parts: int, floor
     shaken = [structure.shakes * g for g in (after[:-1], pushed[1:])]
     for floor in floors:
         u, v = seen.states[:, [floor, structure.n_floors + floor]].T
-        yield Signal(seen.place, dt, (u, v), [one[:, floor] for one in absolute], shaken)
+        yield Signal(seen.place, dt, (u, v), [a[:, floor] for a in absolute], shaken)
 
 
 class Signal:
@@ -181,7 +181,7 @@ class Signal:
         s = omega * complex(-ratio, math.sqrt(1.0 - ratio**2))
         q = self._filtered(s)
         u, v = q.imag / s.imag, (s * q).imag / s.imag
-        a, z = (-one - 2.0 * ratio * omega * v - omega**2 * u for one in self.absolute)
+        a, z = (-pushed - 2.0 * ratio * omega * v - omega**2 * u for pushed in self.absolute)
         size, curve = np.abs(u), np.maximum(np.abs(a), np.abs(z))
         largest = float(size.max())
         bulge = 0.125 * self.span**2 * (curve[:-1] + curve[1:])

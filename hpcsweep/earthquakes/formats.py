@@ -46,7 +46,7 @@ class Channel(NamedTuple):
             raise ValueError(f"every sample must be a number, has {shown(wrong[0])}")
         read = [number(cell) for cell in cells]
         mean = sum(read) / max(len(read), 1)
-        return [self.factor * (one - mean) for one in read] if self.factor else read
+        return [self.factor * (sample - mean) for sample in read] if self.factor else read
 
 
 def _cells(lines: list[str], width: int) -> list[str]:
@@ -84,8 +84,8 @@ def _cosmos(lines: list[str]) -> Iterator[Channel]:
     for i, line in enumerate(lines):
         if head := re.match(r"\s*\d+\s+Real-header\D+(\d+) lines\D+\d+F(\d+)", line):
             real = _cells(lines[i + 1 : i + 1 + int(head[1])], int(head[2]))
-            given = float(real[61])
-            step = float(real[33]) if given == UNKNOWN else given / MILLISECONDS
+            milliseconds = float(real[61])
+            step = float(real[33]) if milliseconds == UNKNOWN else milliseconds / MILLISECONDS
         what = re.match(
             r"\s*(\d+)\s+accel\w*\.?\s+pts.*units\s*=\s*([^,(]+).*\(\s*\d+[A-Z]+(\d+)", line, re.I
         )
@@ -139,13 +139,13 @@ def read_format(name: str, text: str, channel: int | None) -> tuple[list[float],
             raise ValueError("must have channels of acceleration, has none")
         if channel is None and n > 1:
             raise ValueError(f"channel must be given, from 1 to {n}, the channels of acceleration")
-        found = channels[count("channel", 1 if channel is None else channel, 1, n) - 1]
-        unit = unit_of(found.unit)
+        chosen = channels[count("channel", 1 if channel is None else channel, 1, n) - 1]
+        unit = unit_of(chosen.unit)
         if unit is None or unit.kind != "acceleration":
-            raise ValueError(f"must be in a unit of acceleration, is in {found.unit.strip()}")
-        if not found.step > 0:
+            raise ValueError(f"must be in a unit of acceleration, is in {chosen.unit.strip()}")
+        if not chosen.step > 0:
             raise ValueError("must tell the time between samples, does not")
-        return found.values(), Header({}, {name: found.step}, {unit: found.unit}, None, None)
+        return chosen.values(), Header({}, {name: chosen.step}, {unit: chosen.unit}, None, None)
     except (ValueError, IndexError, ZeroDivisionError) as error:
         said = str(error) if isinstance(error, ValueError) else "is cut off or damaged"
         raise ValueError(f"{name} file: {said}") from None

@@ -202,23 +202,23 @@ def capacity_fragility(
     (2.960421, 0.575766)
     """
     instance("found", found, Capacity)
-    known = ~np.isnan(found.scale)
-    scale, below, above = (getattr(found, name)[known] for name in ("scale", "below", "above"))
+    is_known = ~np.isnan(found.scale)
+    scale, below, above = (getattr(found, name)[is_known] for name in ("scale", "below", "above"))
     never = np.isinf(scale)
-    own = scale[~never]
-    if np.any(own <= 0):
-        raise ValueError(f"capacities must be above 0, is {own.min():g}")
-    if np.unique(own).size < 2:
+    reached = scale[~never]
+    if np.any(reached <= 0):
+        raise ValueError(f"capacities must be above 0, is {reached.min():g}")
+    if np.unique(reached).size < 2:
         raise ValueError(
-            f"two different capacities are needed: of {scale.size} records {own.size} {event}"
+            f"two different capacities are needed: of {scale.size} records {reached.size} {event}"
         )
-    logs = np.log(own)
+    logs = np.log(reached)
     zeros = np.zeros(never.sum())
     fit = Likelihood(np.log(below[never]), zeros, zeros + 1.0, logs)
     b = fit.largest(np.array([-logs.mean(), 1.0]) / logs.std(), np.eye(2))
     # the lowest stripe is that which the first reach, or lies below what none reaches
     ends = below.min() or above.min(), np.where(never, below, above).max()
-    shares = np.array([0.0, own.size / scale.size])
+    shares = np.array([0.0, reached.size / scale.size])
     return _fragility(fit, b, fit.slopes(b)[1], confidence, ends, shares, event)
 
 
@@ -269,14 +269,14 @@ def _fragility(
 def _caution(median: float, lowest: float, highest: float, shares: np.ndarray, event: str) -> str:
     """Write why a median is extrapolated, empty if it is not."""
     if median > highest or shares.max() < 0.5:
-        told = "above the highest" if median > highest else "not bounded by the highest"
+        where = "above the highest" if median > highest else "not bounded by the highest"
         return (
-            f"the median is an extrapolation, {told} stripe, {highest:.4g}: "
+            f"the median is an extrapolation, {where} stripe, {highest:.4g}: "
             f"at most {100 * shares.max():.3g} % of the records {event}"
         )
     if median < lowest or shares.min() > 0.5:
-        told = "below the lowest" if median < lowest else "not bounded by the lowest"
-        return f"the median is an extrapolation, {told} stripe, {lowest:.4g}"
+        where = "below the lowest" if median < lowest else "not bounded by the lowest"
+        return f"the median is an extrapolation, {where} stripe, {lowest:.4g}"
     return ""
 
 
@@ -352,12 +352,12 @@ def _stripes(
     k, n = array("exceeded", exceeded), array("total", total)
     if n.ndim == 0:
         n = np.full(x.shape, float(n))
-    for name, given in (("exceeded", k), ("total", n)):
-        if given.shape != x.shape:
+    for name, counts in (("exceeded", k), ("total", n)):
+        if counts.shape != x.shape:
             raise ValueError(
-                f"{name} must have the shape of intensity, {x.shape}, has {given.shape}"
+                f"{name} must have the shape of intensity, {x.shape}, has {counts.shape}"
             )
-        if not np.all(given == np.floor(given)):
+        if not np.all(counts == np.floor(counts)):
             raise ValueError(f"{name} must be whole numbers")
     if not np.all((n >= 1) & (k >= 0) & (k <= n)):
         i = int(np.argmin((n >= 1) & (k >= 0) & (k <= n)))
@@ -375,12 +375,12 @@ def _stripes(
     return x, k, n
 
 
-def _positive(name: str, given: Any) -> np.ndarray:
+def _positive(name: str, values: Any) -> np.ndarray:
     """Return validated finite numbers above 0, shape (m,)."""
-    found = array(name, given)
-    if found.ndim != 1:
-        raise ValueError(f"{name} must have one dimension, has shape {found.shape}")
-    wrong = found[~((found > 0) & (found < math.inf))]
+    numbers = array(name, values)
+    if numbers.ndim != 1:
+        raise ValueError(f"{name} must have one dimension, has shape {numbers.shape}")
+    wrong = numbers[~((numbers > 0) & (numbers < math.inf))]
     if wrong.size:
         raise ValueError(f"{name} must be finite and above 0, is {wrong[0]:g}")
-    return found
+    return numbers

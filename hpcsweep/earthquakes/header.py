@@ -129,41 +129,41 @@ def read_header(lines: list[str]) -> Header:
         if BOTH.search(line) and not (COUNT.search(line) and STEP.search(line)):
             counts["NPTS"], steps["DT"] = _both(line)
         else:
-            told = (found for pattern in (COUNT, COUNTED) for found in pattern.finditer(line))
-            counts |= {found["label"]: int(found["value"]) for found in told}
+            matches = (named for pattern in (COUNT, COUNTED) for named in pattern.finditer(line))
+            counts |= {named["label"]: int(named["value"]) for named in matches}
             steps |= _steps(line)
         for words, unit in _named(line, i == len(lines) - 1):
             if unit is None:
                 unknown = words
             else:
                 (times if unit.kind == "time" else units).setdefault(unit, words)
-    for found in (units, times):
-        if len(found) > 1:
-            raise ValueError(f"must name one unit, names {' and '.join(found.values())}")
+    for named in (units, times):
+        if len(named) > 1:
+            raise ValueError(f"must name one unit, names {' and '.join(named.values())}")
     return Header(counts, steps, units, next(iter(times), None), unknown)
 
 
 def _both(line: str) -> tuple[int, float]:
     """Find NPTS and DT before or after both names."""
     before, _, after = re.split(r"(NPTS)", line, maxsplit=1, flags=re.IGNORECASE)
-    found = NUMBERS.findall(before)[-2:] or NUMBERS.findall(after)[:2]
-    if len(found) != 2 or not found[0].isdigit():
+    pair = NUMBERS.findall(before)[-2:] or NUMBERS.findall(after)[:2]
+    if len(pair) != 2 or not pair[0].isdigit():
         raise ValueError(f"NPTS and DT must be a count and a time, are {shown(line.strip())}")
-    return int(found[0]), number(found[1])
+    return int(pair[0]), number(pair[1])
 
 
 def _steps(line: str) -> dict[str, float]:
     steps = {}
     for pattern in (STEP, RATE, RATED):
-        for found in pattern.finditer(line):
-            value, label = number(found["value"]), found["label"]
+        for match in pattern.finditer(line):
+            value, label = number(match["value"]), match["label"]
             if not 0 < value < math.inf:
                 raise ValueError(f"{label} must be above 0, is {value!r}")
-            unit = unit_of(found["after"] or "")
-            if unit is None and found["before"]:
-                unit = unit_of(found["before"].replace("_", " "))
+            unit = unit_of(match["after"] or "")
+            if unit is None and match["before"]:
+                unit = unit_of(match["before"].replace("_", " "))
                 if unit is None:
-                    raise ValueError(f"the unit of {label} is not known: {found['before'].strip()}")
+                    raise ValueError(f"the unit of {label} is not known: {match['before'].strip()}")
             kind = unit.kind if unit else ""
             if unit is not None and kind in ("time", "frequency"):
                 value = in_seconds(value, unit)
@@ -194,8 +194,8 @@ def _named(line: str, is_last: bool) -> Iterator[Said]:
         yield from _of_clause(clause, line)
         line = line[: clause.start()]
         parts = line.split(", ")
-    for found in IN.finditer(line):
-        yield from _of_words(found["what"], found["rest"])
+    for match in IN.finditer(line):
+        yield from _of_words(match["what"], match["rest"])
     in_columns = bool(IN_COLUMNS.match(line))
     about = in_columns or bool(re.search(r"\bacc", line, re.IGNORECASE))
     for j, part in enumerate(parts):
@@ -208,10 +208,10 @@ def _named(line: str, is_last: bool) -> Iterator[Said]:
 
 
 def _without_peaks(part: str) -> str:
-    found = PEAK.search(part)
-    if found is None:
+    match = PEAK.search(part)
+    if match is None:
         return part
-    said = part[: found.start()]
+    said = part[: match.start()]
     return said if CLAUSE.search(said) else ""
 
 
@@ -264,10 +264,10 @@ def _of_words(what: str, rest: str) -> Iterator[Said]:
 def _of_brackets(part: str, in_columns: bool) -> Iterator[Said]:
     """Read what stands in brackets behind the name of a column."""
     at = 0
-    for found in BRACKETED.finditer(part):
-        before, words = part[at : found.start()], found[1]
-        at, unit = found.end(), unit_of(words)
-        if found[2]:  # a number: the value of something else
+    for match in BRACKETED.finditer(part):
+        before, words = part[at : match.start()], match[1]
+        at, unit = match.end(), unit_of(words)
+        if match[2]:  # a number: the value of something else
             continue
         if TIME.fullmatch(before):
             if unit is not None and unit.kind == "time":

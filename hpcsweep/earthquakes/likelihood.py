@@ -14,21 +14,21 @@ CONVERGED = 1e-12
 class Likelihood:
     """Likelihood of stripes and of known capacities as a function of b_0 and b_1."""
 
-    def __init__(self, log_x: np.ndarray, k: np.ndarray, n: np.ndarray, known=()):
+    def __init__(self, log_x: np.ndarray, k: np.ndarray, n: np.ndarray, capacities=()):
         self.rows, self.known = (
-            np.stack([np.ones(len(p)), p], axis=1) for p in (log_x, np.asarray(known, float))
+            np.stack([np.ones(len(p)), p], axis=1) for p in (log_x, np.asarray(capacities, float))
         )
         self.k, self.n = k, n
 
     def value(self, b: np.ndarray) -> float:
         """Return the logarithm of the likelihood, up to a constant."""
         h = self.rows @ b
-        found = float(self.k @ log_ndtr(h) + (self.n - self.k) @ log_ndtr(-h))
+        total = float(self.k @ log_ndtr(h) + (self.n - self.k) @ log_ndtr(-h))
         if len(self.known):
             if not b[1] > 0:
                 return -math.inf
-            found += len(self.known) * math.log(b[1]) - 0.5 * float(np.sum((self.known @ b) ** 2))
-        return found
+            total += len(self.known) * math.log(b[1]) - 0.5 * float(np.sum((self.known @ b) ** 2))
+        return total
 
     def expected(self, b: np.ndarray) -> np.ndarray:
         """Return Fisher's expected information of the stripes, shape (2, 2)."""

@@ -154,7 +154,9 @@ def _compare_units(header: Header, asked: Unit, name: str) -> None:
         raise ValueError(f"{limit}: with unit = {OWN!r} values are taken as they are")
     for unit, words in header.units.items():
         if unit != asked:
-            said = next((one for one in UNITS[:-1] if unit_of(one) == unit), plain(words))
+            said = next(
+                (spelling for spelling in UNITS[:-1] if unit_of(spelling) == unit), plain(words)
+            )
             raise ValueError(f"unit must be that of the file, {said}, is {name}")
 
 
@@ -274,9 +276,9 @@ def _table(rows: list[Row], header: Header, known: float | None) -> Table:
     return Table(values, next(iter(said.values())), header)
 
 
-def _compare_steps(known: float | None, steps: dict[str, float]) -> dict[str, float]:
+def _compare_steps(dt: float | None, steps: dict[str, float]) -> dict[str, float]:
     """Return all steps that are known, which must be one."""
-    said = {**({} if known is None else {"dt": known}), **steps}
+    said = {**({} if dt is None else {"dt": dt}), **steps}
     for label, step in steps.items():
         first, value = next(iter(said.items()))
         if abs(value - step) > SAME_STEP * step:
@@ -334,16 +336,16 @@ def _step(cells: list[str], unit: Unit, said: dict[str, float]) -> float:
         )
     exponents = [Decimal(re.sub("[dD]", "E", cell)).as_tuple().exponent for cell in cells]
     written = max(10.0 ** min(map(int, exponents)), SAME_STEP * step)
-    own, apart = step, UNEVEN * step
+    nice, apart = step, UNEVEN * step
     for candidate, within in _steps_near(step, (written, single)):
         if np.abs(times - times[0] - candidate * np.arange(n)).max() <= within:
-            own, apart = candidate, max(within, single)
+            nice, apart = candidate, max(within, single)
             break
-    own = in_seconds(own, unit)
+    nice = in_seconds(nice, unit)
     for label, value in said.items():
-        if abs(value - own) * (n - 1) > apart * float(unit.size):
-            raise ValueError(f"{label} must be that of the times, {own!r}, is {value!r}")
-    return next(iter(said.values()), own)
+        if abs(value - nice) * (n - 1) > apart * float(unit.size):
+            raise ValueError(f"{label} must be that of the times, {nice!r}, is {value!r}")
+    return next(iter(said.values()), nice)
 
 
 def _steps_near(step: float, within: tuple[float, ...]) -> Iterator[tuple[float, float]]:

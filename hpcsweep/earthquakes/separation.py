@@ -91,8 +91,8 @@ def separation(
 
 def _above(name: str, value: Any, least: float = TINY, below: float = np.inf) -> np.ndarray:
     """Return numbers of any shape within limits."""
-    found = array(name, value)
-    if not np.all((found >= least) & (found < below)):
+    numbers = array(name, value)
+    if not np.all((numbers >= least) & (numbers < below)):
         limit = "finite and at least 0" if least == 0.0 else "above 0 and finite"
         raise refused(name, "above 0 and below 1" if below == 1.0 else limit, value)
-    return found
+    return numbers

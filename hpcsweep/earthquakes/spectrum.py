@@ -107,15 +107,15 @@ def spectrum(
     n_pieces = math.ceil(record.dt * omegas.max(initial=0.0) / math.pi)
     size = max(BATCH // (record.n_samples * max(n_pieces, 1)), 1)
     for first in range(0, omegas.size, size):
-        own = slice(first, first + size)
-        found = Oscillators(record.acceleration, record.dt, omegas[own], ratio)
-        displacement[own] = found.peaks(bool(at_samples))
+        batch = slice(first, first + size)
+        oscillators = Oscillators(record.acceleration, record.dt, omegas[batch], ratio)
+        displacement[batch] = oscillators.peaks(bool(at_samples))
     return Spectrum(displacement, omegas * displacement, omegas**2 * displacement)
 
 
-def periods_of(given: Any, dt: float, limits: tuple[float, float]) -> np.ndarray:
+def periods_of(values: Any, dt: float, limits: tuple[float, float]) -> np.ndarray:
     """Take natural periods within limits, shape (p,)."""
-    periods = array("periods", given)
+    periods = array("periods", values)
     if periods.ndim != 1:
         raise wrong("periods", f"must have one dimension, has shape {periods.shape}")
     least, most = limits
@@ -215,8 +215,8 @@ class Oscillators:
         motion, k = motion.of(chosen), k[chosen]
         if k.size:
             ends, step = _monotone_pieces(motion.s, motion.free, self.dt)
-            turns, found = motion.of(step).extrema(ends, self.dt)
-            np.maximum.at(largest, k[step][turns], found)
+            turns, extrema = motion.of(step).extrema(ends, self.dt)
+            np.maximum.at(largest, k[step][turns], extrema)
         return largest
 
 
@@ -230,7 +230,7 @@ class Motions(NamedTuple):
 
     def of(self, chosen: np.ndarray) -> "Motions":
         """Return some of them."""
-        return Motions(*(one[chosen] for one in self))
+        return Motions(*(values[chosen] for values in self))
 
     @property
     def free(self) -> np.ndarray:
@@ -250,22 +250,22 @@ class Motions(NamedTuple):
         """Return which have a root of u' between ends, shape (k, 2), and their |u| at it."""
         first = self.velocity(ends[:, 0])
         turns = first * self.velocity(ends[:, 1]) < 0
-        own, (low, high), first = self.of(turns), ends[turns].T, first[turns]
-        s, _, a, b = own
+        turning, (low, high), first = self.of(turns), ends[turns].T, first[turns]
+        s, _, a, b = turning
         t = 0.5 * (low + high)
         for _ in range(ITERATIONS):
-            state = own.after(t)
+            state = turning.after(t)
             v = (s * state).imag / s.imag
             before = (v < 0) == (first < 0)
             low, high = np.where(before, t, low), np.where(before, high, t)
             rate = 2.0 * s.real * v - np.abs(s) ** 2 * state.imag / s.imag - a - b * t
             newton = t - np.divide(v, rate, out=np.full_like(v, np.inf), where=rate != 0)
-            found = np.abs(newton - t) <= 1e-10 * dt
-            inside = found | ((newton > low) & (newton < high))
+            is_root = np.abs(newton - t) <= 1e-10 * dt
+            inside = is_root | ((newton > low) & (newton < high))
             t = np.where(inside, newton, 0.5 * (low + high))
-            if found.all():
+            if is_root.all():
                 break
-        return turns, np.abs(own.after(t).imag) / s.imag
+        return turns, np.abs(turning.after(t).imag) / s.imag
 
 
 def _monotone_pieces(s: np.ndarray, c: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

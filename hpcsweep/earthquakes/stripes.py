@@ -68,20 +68,20 @@ def fractiles(values: Any, parts: Sequence[float] = PARTS, axis: int = 0) -> np.
     >>> hpcsweep.fractiles([1.0, 2.0, 3.0, 4.0, math.inf])
     array([ 1.,  3., inf])
     """
-    given = array("values", values)
-    if not given.ndim:
+    responses = array("values", values)
+    if not responses.ndim:
         raise refused("values", "an array of one axis or more", values)
-    axis = count("axis", axis, -given.ndim, given.ndim - 1)
-    if not given.shape[axis]:
-        raise ValueError(f"values must have an entry along the axis, have shape {given.shape}")
-    own = np.moveaxis(np.sort(given, axis=axis), axis, 0)
-    known = np.count_nonzero(~np.isnan(own), axis=0)
-    found = []
+    axis = count("axis", axis, -responses.ndim, responses.ndim - 1)
+    if not responses.shape[axis]:
+        raise ValueError(f"values must have an entry along the axis, have shape {responses.shape}")
+    ordered = np.moveaxis(np.sort(responses, axis=axis), axis, 0)
+    n_known = np.count_nonzero(~np.isnan(ordered), axis=0)
+    counted = []
     for part in np.atleast_1d(array("parts", parts)).tolist():
         part = number("parts", part, "from 0 to 1", 0.0, 1.0)
-        place = np.maximum(np.ceil(part * known - ROUNDED).astype(int), 1) - 1
-        found.append(np.take_along_axis(own, place[None], axis=0)[0])
-    return np.array(found)
+        place = np.maximum(np.ceil(part * n_known - ROUNDED).astype(int), 1) - 1
+        counted.append(np.take_along_axis(ordered, place[None], axis=0)[0])
+    return np.array(counted)
 
 
 def response_fractiles(values: Any, parts: Sequence[float] = PARTS) -> np.ndarray:
@@ -153,19 +153,19 @@ def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
     >>> found.scale
     array([1.5, 3. ])
     """
-    own, curves = array("scales", scales), array("responses", responses)
-    if own.ndim != 1 or own.size == 0 or not np.all(np.diff(own, prepend=0.0) > 0):
+    stripes, curves = array("scales", scales), array("responses", responses)
+    if stripes.ndim != 1 or stripes.size == 0 or not np.all(np.diff(stripes, prepend=0.0) > 0):
         raise ValueError("scales must be above 0 and increase, one after the other")
-    if curves.ndim == 0 or curves.shape[-1] != own.size:
+    if curves.ndim == 0 or curves.shape[-1] != stripes.size:
         raise ValueError(
-            f"responses must have the {own.size} scales as their last axis, "
+            f"responses must have the {stripes.size} scales as their last axis, "
             f"have shape {curves.shape}"
         )
     threshold = finite("threshold", threshold)
     reached = curves >= threshold
     any_reached = reached.any(axis=-1)
-    first = np.where(any_reached, reached.argmax(axis=-1), own.size)[..., None]
-    unknown = np.isnan(curves) & (np.arange(own.size) < first)
+    first = np.where(any_reached, reached.argmax(axis=-1), stripes.size)[..., None]
+    unknown = np.isnan(curves) & (np.arange(stripes.size) < first)
 
     def around(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the values at the stripes before and at the first that reaches it."""
@@ -174,7 +174,7 @@ def capacity(scales: Any, responses: Any, threshold: float) -> Capacity:
 
     ends = np.zeros((*curves.shape[:-1], 1))
     low, high = around(np.concatenate([ends, curves, ends + math.inf], axis=-1))
-    below, above = around(np.concatenate([ends, ends + own, ends + math.inf], axis=-1))
+    below, above = around(np.concatenate([ends, ends + stripes, ends + math.inf], axis=-1))
     # a response of 0 at the scale 0 may be the threshold itself
     part = np.clip((threshold - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0)
     part = np.where(np.isinf(high), 0.5, part)
@@ -198,7 +198,7 @@ def linear_capacity(scale: float, responses: Any, threshold: float) -> Capacity:
     threshold : float
         Above 0.
     """
-    own = np.asarray(responses, float)
+    largest = np.asarray(responses, float)
     with np.errstate(divide="ignore"):
-        exact = positive("threshold", threshold) * scale / own
-    return Capacity(exact, np.minimum(exact, scale), exact, np.zeros(own.shape, int))
+        exact = positive("threshold", threshold) * scale / largest
+    return Capacity(exact, np.minimum(exact, scale), exact, np.zeros(largest.shape, int))

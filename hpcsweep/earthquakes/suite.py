@@ -60,7 +60,8 @@ class Measure:
     def named(self, time: str = "") -> str:
         """Return the name with its periods, in a unit of time."""
         periods = ", ".join(
-            one if isinstance(one, str) else f"{one:.6g} {time}".strip() for one in self.periods
+            period if isinstance(period, str) else f"{period:.6g} {time}".strip()
+            for period in self.periods
         )
         names = {"factor": "scale factor", "avgsa": "AvgSA", "sa": "Sa"}
         name = names.get(self.by, self.by.upper())
@@ -98,8 +99,8 @@ class Facts(NamedTuple):
     def is_sound(self) -> bool:
         """Whether all but the measure are of their types."""
         words, numbers = self[:2], self[3:-1]
-        typed = all(isinstance(one, str) for one in words) and type(self.samples) is int
-        return typed and all(isinstance(one, float) for one in numbers) and self.dt > 0
+        typed = all(isinstance(word, str) for word in words) and type(self.samples) is int
+        return typed and all(isinstance(word, float) for word in numbers) and self.dt > 0
 
 
 def facts_of(record: Record, measure: Measure, gravity: float) -> Facts:
@@ -108,7 +109,7 @@ def facts_of(record: Record, measure: Measure, gravity: float) -> Facts:
     return Facts(record.name, record.digest, record.n_samples, record.dt, *map(rounded, numbers))
 
 
-def nearest(periods: list[float], own: Any) -> Any:
+def nearest(periods: list[float], sought: Any) -> Any:
     """Return the places of periods among known ones, which ascend.
 
     Raises
@@ -116,10 +117,10 @@ def nearest(periods: list[float], own: Any) -> Any:
     ValueError
         If one is not known.
     """
-    known = np.asarray(periods, float)
-    after = np.minimum(np.searchsorted(known, own), known.size - 1)
-    at = np.where(abs(known[after - 1] - own) <= abs(known[after] - own), after - 1, after)
-    if not np.all(abs(known[at] - own) <= SAME * own):
+    held = np.asarray(periods, float)
+    after = np.minimum(np.searchsorted(held, sought), held.size - 1)
+    at = np.where(abs(held[after - 1] - sought) <= abs(held[after] - sought), after - 1, after)
+    if not np.all(abs(held[at] - sought) <= SAME * sought):
         raise ValueError
     return at
 
@@ -207,4 +208,4 @@ def _made(suite: Synthetic) -> list[Record]:
     made = synthetic_records(
         suite.count, suite.seed, suite.dt, suite.duration, suite.rms, suite.soil
     )
-    return [Record(one.acceleration, dt, one.name) for one in made]
+    return [Record(record.acceleration, dt, record.name) for record in made]

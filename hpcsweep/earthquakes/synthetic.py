@@ -126,12 +126,12 @@ def synthetic_records(
     return [Record(_at_rest(motion[:, i], dt), dt, f"synthetic-{seed}-{i + 1}") for i in range(n)]
 
 
-def _soil(given: str | Soil) -> Soil:
+def _soil(soil: str | Soil) -> Soil:
     """Take a soil by its name, or its four numbers."""
-    if isinstance(given, tuple) and len(given) == len(Soil._fields):
-        named = zip(Soil._fields, given, strict=True)
+    if isinstance(soil, tuple) and len(soil) == len(Soil._fields):
+        named = zip(Soil._fields, soil, strict=True)
         return Soil(*(positive(f"soil.{name}", value) for name, value in named))
-    return SOILS[choice("soil", given, SOILS)]
+    return SOILS[choice("soil", soil, SOILS)]
 
 
 def _parts(rise: float, strong: float) -> tuple[float, float]:
@@ -171,11 +171,11 @@ def _filtered(x: np.ndarray, by: Filter) -> np.ndarray:
     """
     b0, b1, b2, a1, a2 = by
     y = np.empty_like(x)
-    one = two = np.zeros(x.shape[1])
-    for row, given in zip(y, x, strict=True):
-        row[:] = b0 * given + one
-        one = b1 * given - a1 * row + two
-        two = b2 * given - a2 * row
+    first = two = np.zeros(x.shape[1])
+    for row, sample in zip(y, x, strict=True):
+        row[:] = b0 * sample + first
+        first = b1 * sample - a1 * row + two
+        two = b2 * sample - a2 * row
     return y
 
 
@@ -188,8 +188,8 @@ def _deviation(filters: tuple[Filter, Filter]) -> float:
 
     def step(x: list[float], n: float) -> tuple[list[float], float]:
         after = []
-        for (b0, b1, b2, a1, a2), one, two in zip(filters, x[::2], x[1::2], strict=True):
-            y = b0 * n + one
+        for (b0, b1, b2, a1, a2), first, two in zip(filters, x[::2], x[1::2], strict=True):
+            y = b0 * n + first
             after += [b1 * n - a1 * y + two, b2 * n - a2 * y]
             n = y
         return after, n
@@ -228,8 +228,8 @@ def _noise(seed: int, i: int, size: int) -> np.ndarray:
     bits = np.random.PCG64(np.random.SeedSequence([seed, i]))
     uniform = (bits.random_raw(UNIFORMS * size) >> np.uint64(11)).astype(float) * 2.0**-53
     total = np.full(size, -0.5 * UNIFORMS)
-    for one in uniform.reshape(UNIFORMS, size):
-        total = total + one
+    for numbers in uniform.reshape(UNIFORMS, size):
+        total = total + numbers
     return total
 
 

@@ -102,15 +102,15 @@ def unit_of(text: str) -> Unit | None:
     text = re.sub(r"[()\[\]{}]", " ", plain(text)).strip(' \t.,:;"')
     size, powers, sign, at = Fraction(1), [0, 0, 0], 1, 0
     while at < len(text):
-        found = FACTOR.match(text, at)
-        if found is None or found[2] not in NAMED:
+        match = FACTOR.match(text, at)
+        if match is None or match[2] not in NAMED:
             return None
-        sign = -1 if found[1] == "/" else sign
-        power = sign * int(found[3] or 1)
-        one = NAMED[found[2]]
-        size *= one.size**power
-        powers = [old + power * new for old, new in zip(powers, one[1:], strict=True)]
-        at = found.end()
+        sign = -1 if match[1] == "/" else sign
+        power = sign * int(match[3] or 1)
+        named = NAMED[match[2]]
+        size *= named.size**power
+        powers = [old + power * new for old, new in zip(powers, named[1:], strict=True)]
+        at = match.end()
     unit = Unit(size, *powers)
     return unit if unit.kind else None
 
@@ -118,8 +118,8 @@ def unit_of(text: str) -> Unit | None:
 def leading_unit(text: str) -> Unit | None:
     """Return the unit at the beginning of a text: that of as many words as can be."""
     words = plain(text).split()[:MAX_WORDS]
-    found = (unit_of(" ".join(words[:n])) for n in range(len(words), 0, -1))
-    return next((unit for unit in found if unit), None)
+    units = (unit_of(" ".join(words[:n])) for n in range(len(words), 0, -1))
+    return next((unit for unit in units if unit), None)
 
 
 def in_seconds(value: float, unit: Unit) -> float:
@@ -191,8 +191,8 @@ def factor_of(unit: Unit, name: str, gravity: float) -> float:
     gravity = positive("gravity", gravity)
     if unit.gravity:
         return float(unit.size) * gravity
-    for own in _own_units():
-        if abs(gravity * float(own) / STANDARD_GRAVITY - 1.0) <= NEAR:
-            return float(unit.size / own)
+    for base in _own_units():
+        if abs(gravity * float(base) / STANDARD_GRAVITY - 1.0) <= NEAR:
+            return float(unit.size / base)
     limit = f"one g in known units of length and time, as 9.80665 in m and s, to convert {name}"
     raise refused("gravity", limit, gravity)

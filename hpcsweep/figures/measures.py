@@ -5,19 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.figures import labels
-from hpcsweep.studies.variables import DRIFT_RATIO, measures_of_each, percent_of_height
-
-LABELS = {
-    "storey_drift": "peak storey drift",
-    "displacement": "peak displacement",
-    "acceleration": "peak floor acceleration",
-    "contact_force": "peak contact force",
-    "impacts": "impacts a forcing period",
-    "impact_velocity": "largest closing speed",
-    "impulse": "impulse a forcing period",
-    "contact_time": "share of time in contact",
-}
-"""What each measure is."""
+from hpcsweep.studies.quantities import MEASURES, of_motions
+from hpcsweep.studies.variables import percent_of_height
 
 
 class ShownMeasure(NamedTuple):
@@ -36,7 +25,7 @@ class ShownMeasure(NamedTuple):
 
 def held_measures(results) -> list[str]:
     """Return the names of the measures that results hold."""
-    return [name for name in LABELS if name in results]
+    return [name for name in MEASURES if name in results]
 
 
 def measure_of(results, structure, name: str) -> ShownMeasure:
@@ -49,12 +38,12 @@ def measure_of(results, structure, name: str) -> ShownMeasure:
     name : str
         One of `held_measures`.
     """
-    (variable,) = (each for each in measures_of_each(()) if each.name == name)
-    quantity, dim = variable.units, variable.dims[-1]
+    variable = of_motions(name)
+    (dim,) = variable.dims
     word = "contact" if dim == "stop" else dim
     places = tuple(f"{word} {place}" for place in results[dim].values.tolist())
     percent = percent_of_height(results)
     if name == "storey_drift" and percent is not None:
-        return ShownMeasure(DRIFT_RATIO, "  [%]", dim, places, percent)
-    unit = labels.unit(structure, quantity)
-    return ShownMeasure(LABELS[name], unit, dim, places, np.ones(len(places)))
+        return ShownMeasure(f"{variable.label} ratio", "  [%]", dim, places, percent)
+    unit = labels.unit(structure, variable.units)
+    return ShownMeasure(variable.label, unit, dim, places, np.ones(len(places)))

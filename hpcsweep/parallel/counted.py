@@ -10,14 +10,14 @@ SILENCE = 0.5
 
 def counted(doing: str) -> Callable[[int, int], None]:
     """Return what tells the number done and their total, in one line that the last one erases."""
-    last, is_terminal, told = time.monotonic(), sys.stderr.isatty(), ""
+    last, is_terminal, shown = time.monotonic(), sys.stderr.isatty(), ""
 
     def tell(done: int, total: int) -> None:
-        nonlocal last, told
-        if done == total and told:
-            print(" " * len(told), end="\r", file=sys.stderr, flush=True)
+        nonlocal last, shown
+        if done == total and shown:
+            print(" " * len(shown), end="\r", file=sys.stderr, flush=True)
         elif is_terminal and done < total and time.monotonic() - last >= SILENCE:
-            last, told = time.monotonic(), f"{doing} {done} of {total}"
-            print(told, end="\r", file=sys.stderr, flush=True)
+            last, shown = time.monotonic(), f"{doing} {done} of {total}"
+            print(shown, end="\r", file=sys.stderr, flush=True)
 
     return tell

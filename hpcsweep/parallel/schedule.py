@@ -124,7 +124,7 @@ class Schedule:
         self._next_balance = now + max(every, share / BALANCES)
         victims = iter(sorted((left, task) for task, left in rest.items()))
         coming = len(self.recalled)
-        found: list[int] = []
+        tasks: list[int] = []
         first = bisect_right(self._waiting, (CRITICAL * share, 1))
         for left, _ in reversed(self._waiting[first:]):
             if coming > 0:
@@ -136,6 +136,6 @@ class Schedule:
             if least >= (1 - SOON) * left:
                 break
             if least > SOON * left:
-                found.append(victim)
-        self.recalled.update(found)
-        return found
+                tasks.append(victim)
+        self.recalled.update(tasks)
+        return tasks

@@ -97,7 +97,7 @@ class LinearOrbit:
         ways = self.largest[:, len(self._structure.contacts) :].max(axis=0)
         ductility = np.maximum(*np.split(ways, 2)) / [one.limit for one in sliders]
         nothing = np.zeros(len(sliders))
-        rest = {"slider_energy": nothing, "plastic_drift": nothing}
+        rest = {"slider_energy": nothing, "plastic": nothing}
         return {"ductility": abs(amplitude) * ductility, **rest}
 
     def peak_drift(self, amplitude):

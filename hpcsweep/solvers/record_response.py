@@ -8,6 +8,7 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, SPEED, TIME
+from hpcsweep.solvers.named_measures import ContactMeasures
 from hpcsweep.solvers.outcome import Outcome
 
 SAME_TIME = 1e-9
@@ -68,7 +69,7 @@ class Energy(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class Response(ContactMeasures):
     """Peaks of the response to a record, from its first sample to the end of its tail.
 
     Peaks are over continuous time unless they are asked for at the samples, where those of contacts
@@ -85,14 +86,10 @@ class Response:
         Largest absolute acceleration, |u_i'' + a| of a base that shakes.
     force : ndarray, shape (k,)
         Largest force of each contact; 0 if it has not closed.
-    impacts : ndarray of int, shape (k,)
-        How often each contact has closed, having been open by more than rounding (`measures`).
-    impact_velocity : ndarray, shape (k,)
-        Largest speed with which each contact has closed.
+    impacts, impact_velocity, impulse : ndarray, shape (k,)
+        What each contact has done, see `hpcsweep.solvers.named_measures.ContactMeasures`.
     contact_time : ndarray, shape (k,)
         Time in which each contact was closed.
-    impulse : ndarray, shape (k,)
-        Integral of the force of each contact over time.
     dissipated : ndarray, shape (k,)
         Energy that the dashpot of each contact has taken; 0 without one.
     residual : ndarray, shape (n,)
@@ -146,10 +143,7 @@ class Response:
     drift: np.ndarray
     floor_acceleration: np.ndarray
     force: np.ndarray
-    impacts: np.ndarray
-    impact_velocity: np.ndarray
     contact_time: np.ndarray
-    impulse: np.ndarray
     dissipated: np.ndarray
     residual: np.ndarray
     final_state: np.ndarray

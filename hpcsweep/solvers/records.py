@@ -137,7 +137,8 @@ class Observation:
         (`window_growth`); NaN unless it was requested.
     logarithms : ndarray, shape (k,)
         Natural logarithm of that factor in each forcing period; empty unless it was requested.
-    measures : ndarray, shape (D + 2 n + 5 m,)
+    measures : ndarray, shape (M,)
+        Read by `hpcsweep.solvers.named_measures`.
         Largest |drift| of each drift row, largest |u_i| and largest absolute acceleration of each
         floor, and largest distance past its stop, at least 0, of each contact of the structure;
         then of each contact its closings a forcing
@@ -146,7 +147,7 @@ class Observation:
         `IMPACT_FLAG`) do not request have their initial values; empty if none is requested.
     slid : dict of str to ndarray, shape (L,)
         Of each slider, if there are any: ``ductility``, its largest elongation over that at which
-        it first slips; ``slider_energy``, what it dissipates a forcing period; ``plastic_drift``,
+        it first slips; ``slider_energy``, what it dissipates a forcing period; ``plastic``,
         the growth of its lasting elongation a forcing period; ``excursions``, how often it slips,
         and ``slipping``, at the end of how many periods it does.
     """

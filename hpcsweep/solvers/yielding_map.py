@@ -102,15 +102,15 @@ class YieldingMap(FlowMap):
         """Integrate `n_periods` and gather; without the growth of a tangent vector."""
         self._path[:], self._excursions[:], self._slipping[:] = 0.0, 0, 0
         seen = super().observe(state, amplitude, n_periods, modal_norm, False, poll, measures)
-        return self._told(seen, state, measures)
+        return self._told(seen, state)
 
     def observe_each(self, states, amplitude, measures=0, poll=None) -> Observation:
         """Integrate states over one forcing period each, and gather."""
         self._path[:], self._excursions[:], self._slipping[:] = 0.0, 0, 0
         seen = super().observe_each(states, amplitude, measures, poll)
-        return self._told(seen, states[0], measures)
+        return self._told(seen, states[0])
 
-    def _told(self, seen: Observation, state, measures: int) -> Observation:
+    def _told(self, seen: Observation, state) -> Observation:
         """Return an observation with what sliders have done, its drifts those of the structure."""
         tally, model, structure = self._shared.tally, self._shared.model, self.structure
         # drifts of the kernels are those of the structure, then elongations of sliders
@@ -122,12 +122,11 @@ class YieldingMap(FlowMap):
         slid = {
             "ductility": drifts[own] / limits,
             "slider_energy": self._strength * self._path * structure.length_unit / max(periods, 1),
-            "plastic_drift": change[2 * structure.n_floors :] / max(periods, 1),
+            "plastic": change[2 * structure.n_floors :] / max(periods, 1),
             "excursions": self._excursions.copy(),
             "slipping": self._slipping.copy(),
         }
-        cut = np.delete(seen.measures, np.s_[n : len(rows)]) if measures else seen.measures
-        return replace(seen, peak_drift=float(drifts[:n].max()), measures=cut, slid=slid)
+        return replace(seen, peak_drift=float(drifts[:n].max()), slid=slid)
 
     def _wanted(self, modal_norm: bool, measures: int) -> int:
         return (NORMS if modal_norm else MAXIMA) + (measures & ANY_MEASURE | DRIFT)

@@ -48,8 +48,8 @@ def file_problems(file: h5py.File, layout: Layout, size: int) -> list[str]:
         return problems  # the variables' scales point nowhere
     for variable in layout.datasets:
         problems += _variable_problems(file, variable, layout)
-    known = set(layout.coordinates) | {variable.name for variable in layout.datasets}
-    problems += [f"{name!s:.60}: not part of the layout" for name in file if name not in known]
+    expected = set(layout.coordinates) | {variable.name for variable in layout.datasets}
+    problems += [f"{name!s:.60}: not part of the layout" for name in file if name not in expected]
     if not problems:
         problems += [
             f"{variable.name}: its values are not those of the job"
@@ -63,15 +63,15 @@ def file_problems(file: h5py.File, layout: Layout, size: int) -> list[str]:
     return problems
 
 
-def _attribute_problems(found: Mapping[str, object], layout: Layout) -> list[str]:
+def _attribute_problems(attributes: Mapping[str, object], layout: Layout) -> list[str]:
     needed = (*PROVENANCE, *ATTRIBUTES)
-    problems = [f"attribute {key}: missing" for key in needed if key not in found]
+    problems = [f"attribute {key}: missing" for key in needed if key not in attributes]
     for key in ("solver", "rtol"):
         value = getattr(layout.study.settings, key)
-        if found.get(key) != value:
-            problems.append(f"attribute {key}: is {found.get(key)!r}, the job says {value!r}")
-    known = {*needed, *IF_KNOWN, *OPTIONAL}
-    problems += [f"attribute {key!s:.60}: not known" for key in found if key not in known]
+        if attributes.get(key) != value:
+            problems.append(f"attribute {key}: is {attributes.get(key)!r}, the job says {value!r}")
+    allowed = {*needed, *IF_KNOWN, *OPTIONAL}
+    problems += [f"attribute {key!s:.60}: not known" for key in attributes if key not in allowed]
     return problems
 
 

@@ -108,9 +108,9 @@ class Blocks:
 
     def begun(self) -> list[int]:
         """Return the tasks that have a block with a checksum, ascending."""
-        found = self.have_checksum()
-        tasks = self.study.task_of(*np.ogrid[tuple(map(slice, found.shape))])
-        return np.unique(np.broadcast_to(tasks, found.shape)[found]).tolist()
+        committed = self.have_checksum()
+        tasks = self.study.task_of(*np.ogrid[tuple(map(slice, committed.shape))])
+        return np.unique(np.broadcast_to(tasks, committed.shape)[committed]).tolist()
 
     def whole(self, variable: str) -> np.ndarray:
         """Read a whole variable of the runs, or ``commit``, whether committed or not."""

@@ -34,8 +34,8 @@ class Grid:
 
     def dataset(self, row: int):
         """Read one row as `Frames.dataset` reads a frame."""
-        found = np.flatnonzero(self._study.frames == self.rows[row]).tolist()
-        parts = [self._frames.dataset(frame) for frame in found]
+        frames = np.flatnonzero(self._study.frames == self.rows[row]).tolist()
+        parts = [self._frames.dataset(frame) for frame in frames]
         missing = {variable.name: variable.missing for variable in self._frames.variables}
         last = self._study.run_dims[-1]
         whole = parts[0].reindex({last: self.along}, fill_value=missing)

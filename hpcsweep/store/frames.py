@@ -144,12 +144,12 @@ class Frames:
                 raise StoreError(
                     f"{self.path}: holds no {name}: set output.{name} = true in the job"
                 )
-        found: dict[str, np.ndarray] = {}
+        rows_of: dict[str, np.ndarray] = {}
         for name in names:
             variable = self._variables[name]
             shape = list(self._own.shape(variable))
             del shape[self._axis]
-            found[name] = np.full(shape, variable.missing, variable.dtype)
+            rows_of[name] = np.full(shape, variable.missing, variable.dtype)
         derived = [v.name for v in frame_variables(self._own) if v.name in names]
         begun = self._begun(frame)
         for task in begun:
@@ -159,12 +159,12 @@ class Frames:
                     for name in names:
                         if name not in derived:
                             rows = self._blocks.read_rows(name, block.first, block.n_runs)
-                            found[name][tuple(at)] = rows
+                            rows_of[name][tuple(at)] = rows
         if derived:
             inferred = self._inferred.frame((*self.place, 0, frame)) or {}
             for name in derived:
-                found[name][0] = inferred.get(name, found[name][0])
-        return found
+                rows_of[name][0] = inferred.get(name, rows_of[name][0])
+        return rows_of
 
     def audit(self) -> dict:
         """Return ``runs_inferred`` and ``audit`` (a `Look`) of a refined map; of others nothing."""
@@ -176,13 +176,13 @@ class Frames:
 
     def _begun(self, frame: int) -> list[int]:
         """Return the tasks with a block of a frame that has a checksum, ascending."""
-        *shape, n_blocks, found = *self._own.shape(self._own.commit), set()
+        *shape, n_blocks, tasks = *self._own.shape(self._own.commit), set()
         for before in np.ndindex(*shape[: self._axis]):
             place = (*self.place, *before, frame)
             stored = self._blocks.read_rows("commit", (*place, 0), n_blocks)
             numbers = np.flatnonzero(stored).tolist()
-            found |= {self.whole.study.block((*place, number)).task for number in numbers}
-        return sorted(found)
+            tasks |= {self.whole.study.block((*place, number)).task for number in numbers}
+        return sorted(tasks)
 
     def _frame(self, frame: int) -> int:
         return arguments.count("frame", frame, 0, self.study.n_frames - 1)
@@ -208,7 +208,7 @@ class Frames:
 
         study = self.study
         frame_dim, last = study.run_dims[-2:]
-        given = {
+        fixed = {
             variable.name: (
                 variable.dims,
                 values[list(frames)] if variable.dims[0] == frame_dim else values,
@@ -222,23 +222,23 @@ class Frames:
         if last == "amplitude" and len(frames) == 1:
             # the amplitudes of one frame are its own even where frames share none
             along = as_kind(study, RunGrid).amplitudes_of(frames[0])
-        known = self._own.coordinates
+        coordinates = self._own.coordinates
         # frequency and amplitude of each run, where they are no dimension
-        steps = {name: given.pop(name) for name in ("omega", "amplitude") if name in given}
+        steps = {name: fixed.pop(name) for name in ("omega", "amplitude") if name in fixed}
         values = {"direction": np.array(study.directions)[directions]} if self._axis else {}
-        values |= {frame_dim: known[frame_dim].values[list(frames)], last: along}
+        values |= {frame_dim: coordinates[frame_dim].values[list(frames)], last: along}
         held = {"block", "direction", *values}  # with values of the frames, or none
-        values |= {name: own.values for name, own in known.items() if name not in held}
-        texts = {name: own.astype(str) for name, own in values.items() if own.dtype == object}
+        values |= {name: each.values for name, each in coordinates.items() if name not in held}
+        texts = {name: each.astype(str) for name, each in values.items() if each.dtype == object}
         marks = {
-            name: {"units": known[name].units, "long_name": known[name].long_name}
+            name: {"units": coordinates[name].units, "long_name": coordinates[name].long_name}
             for name in values
         }
         return xarray.Dataset(
-            {**given, **arrays},
+            {**fixed, **arrays},
             coords={
                 **steps,
-                **{name: (name, own, marks[name]) for name, own in (values | texts).items()},
+                **{name: (name, each, marks[name]) for name, each in (values | texts).items()},
             },
             attrs={"job": self.job.text, "name": self.job.name, "part": self.part},
         )
@@ -287,11 +287,11 @@ class Frames:
         arrays: dict[str, np.ndarray] = {}
         axis = self._axis
         for place, frame in enumerate(frames):
-            found = self.read(frame, tuple(v.name for v in kept))
+            read = self.read(frame, tuple(v.name for v in kept))
             if derive:
-                one = self.dataset(frame)
-                found |= {n: np.take(function(one), 0, axis) for n, function in derive.items()}
-            for name, values in found.items():
+                dataset = self.dataset(frame)
+                read |= {n: np.take(function(dataset), 0, axis) for n, function in derive.items()}
+            for name, values in read.items():
                 values = values[chosen] if axis else values
                 if name not in arrays:
                     arrays[name] = np.empty((len(frames), *values.shape), values.dtype)
@@ -321,6 +321,6 @@ def _nearest(path: Path, axis: Axis, value: float | str) -> int:
         raise StoreError(f"{path}: {axis.name} = {value}: must be one of {there}")
     place = int(np.argmin(np.abs(np.array(axis.values) - value)))
     if not math.isclose(axis.values[place], value, rel_tol=NEAR_ENOUGH):
-        there = ", ".join(f"{one:.6g}" for one in axis.values[:MAX_TOLD])
+        there = ", ".join(f"{number:.6g}" for number in axis.values[:MAX_TOLD])
         raise StoreError(f"{path}: {axis.name} = {value:g}: must be one of {there}")
     return place

@@ -75,8 +75,8 @@ class Inferred:
             if rows is not None:
                 points.append(first + at)
                 labels.append(growth.refinement.labels(rows))
-        found = np.concatenate(labels) if labels else np.zeros((0, 2), np.uint64)
-        return np.array(points, int), found
+        labelled = np.concatenate(labels) if labels else np.zeros((0, 2), np.uint64)
+        return np.array(points, int), labelled
 
     def agrees(self, place: Place, points: np.ndarray, audit: np.ndarray) -> bool:
         """Return whether a frame is complete, with these points of all as the computed ones."""
@@ -94,10 +94,10 @@ class Inferred:
     def mask(self) -> np.ndarray | None:
         """Return which points are inferred, shape of the runs; None if the map is not complete."""
         audit = self.audit()
-        found = [self.frame(place, audit) for place in self.places]
-        if any(rows is None for rows in found):
+        frames = [self.frame(place, audit) for place in self.places]
+        if any(rows is None for rows in frames):
             return None
-        inferred = [rows[SOURCE] == Source.INFERRED for rows in found if rows is not None]
+        inferred = [rows[SOURCE] == Source.INFERRED for rows in frames if rows is not None]
         return np.array(inferred).reshape(*self._shape, self._n)
 
     def summary(self, mask: np.ndarray | None) -> dict:

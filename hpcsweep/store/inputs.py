@@ -50,7 +50,7 @@ class Inputs:
     def __init__(self, layout: Layout):
         self._study, self.growth = layout.study, layout.growth
         self.paths = self.growth.refinement.curves if self.growth else ()
-        self.curves = [one for path in self.paths for one in _curves_of(Path(path), self._study)]
+        self.curves = [line for path in self.paths for line in _curves_of(Path(path), self._study)]
 
     @property
     def attributes(self) -> dict[str, str | int]:
@@ -110,16 +110,16 @@ def _curves_of(path: Path, study: Study) -> Iterator[KnownCurve]:
             raise StoreError(f"{path}: holds no curves; branches.curves names those to follow")
         parts = list(np.ndindex(*(len(axis.values) for axis in study.axes)))
         structures = [study.part(place).structure for place in parts]
-        found = False
+        fits_any = False
         for place in frames.places:
             frames.choose(place)
-            own = frames.study.structure
-            fit = [at for at, one in zip(parts, structures, strict=True) if one == own]
+            structure = frames.study.structure
+            fit = [at for at, other in zip(parts, structures, strict=True) if other == structure]
             if fit:
-                found = True
+                fits_any = True
                 lines = list(_polylines(path, frames))
                 yield from (KnownCurve(at, line) for at in fit for line in lines)
-        if not found:
+        if not fits_any:
             raise StoreError(f"{path}: is of another structure than the map")
 
 
@@ -130,9 +130,9 @@ def _polylines(path: Path, frames: Frames) -> Iterator[np.ndarray]:
         if not rows["outcome"]:
             raise StoreError(f"{path}: is not complete; run its job again to resume it")
         number = rows["curve_of_step"]
-        for one in np.unique(number[number > 0]).tolist():
-            own = number == one
-            yield np.stack((rows["curve_omega"][own], rows["curve_amplitude"][own]), axis=1)
+        for curve in np.unique(number[number > 0]).tolist():
+            steps = number == curve
+            yield np.stack((rows["curve_omega"][steps], rows["curve_amplitude"][steps]), axis=1)
 
 
 def read_seeds(paths: tuple[str, ...], where: Where) -> Seeds:
@@ -185,7 +185,7 @@ def _motions(frames: Frames, where: Where) -> Iterator[tuple[float, float, dict]
         omega, amplitude = study.omegas_of(frame), study.amplitudes_of(frame)
         inside = where.holds(omega, amplitude)
         if len(study.structures) > 1:
-            inside &= [one == where.structure for one in study.structures]
+            inside &= [structure == where.structure for structure in study.structures]
         if not inside.any():
             continue
         rows = frames.read(frame, names)

@@ -102,7 +102,7 @@ class Journal:
         list of dict
             Each has a ``kind`` (str) and a finite ``time`` (float).
         """
-        found: list[Any] = []
+        records: list[Any] = []
         # reading a pipe would block
         if not self.path.is_file():
             return []
@@ -110,8 +110,8 @@ class Journal:
             for line in iter(partial(file.readline, LONGEST_LINE), b""):
                 # RecursionError: brackets nested too deeply
                 with contextlib.suppress(ValueError, RecursionError):
-                    found.append(json.loads(line))
-        return [record for record in found if _is_record(record)]
+                    records.append(json.loads(line))
+        return [record for record in records if _is_record(record)]
 
 
 def _is_record(record: object) -> bool:
@@ -159,8 +159,8 @@ class Totals(NamedTuple):
 def totals(costs: Iterable[BlockCost]) -> Totals:
     """Sum the costs of blocks."""
     every = list(costs)
-    core = (one.seconds if one.processor is None else one.processor for one in every)
-    return Totals(sum(one.runs for one in every), sum(one.seconds for one in every), sum(core))
+    core = (cost.seconds if cost.processor is None else cost.processor for cost in every)
+    return Totals(sum(cost.runs for cost in every), sum(cost.seconds for cost in every), sum(core))
 
 
 class PilotCost(NamedTuple):
@@ -308,8 +308,8 @@ def _take(history: CampaignHistory, record: dict) -> None:
     elif kind == "block":
         if record["runs"] < 1:
             raise ValueError("a block without runs")
-        told = record["runs"], record["seconds"], now, record.get("processor")
-        cost = BlockCost(tuple(record["place"]), *told)
+        costs = record["runs"], record["seconds"], now, record.get("processor")
+        cost = BlockCost(tuple(record["place"]), *costs)
         history.costs.append(cost)
         if session:
             session.costs.append(cost)

@@ -35,7 +35,7 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
-LAYOUT_VERSION = 6
+LAYOUT_VERSION = 7
 FORMAT = "hpcsweep campaign"
 CONVENTIONS = "CF-1.8"
 ATTRIBUTES = (
@@ -107,11 +107,11 @@ class Layout:
         coordinates = study.coordinates | further
         derived = self.growth.variables if self.growth else []
         self.derived = [_named(variable, structure) for variable in derived]
-        self.sizes = {name: one.values.size for name, one in further.items()}
+        self.sizes = {name: coordinate.values.size for name, coordinate in further.items()}
         self.sizes |= study.dimensions
         self.coordinates = {
-            name: one._replace(units=unit_of(structure, one.units))
-            for name, one in coordinates.items()
+            name: coordinate._replace(units=unit_of(structure, coordinate.units))
+            for name, coordinate in coordinates.items()
         }
         self.given = [
             (_named(variable, structure), np.asarray(values, variable.dtype))
@@ -121,10 +121,10 @@ class Layout:
         changing = tuple(
             axis.name
             for axis in study.axes
-            if not all(one.key.startswith(ALIKE) for one in axis.keys)
+            if not all(key.key.startswith(ALIKE) for key in axis.keys)
         )
-        told = "equation of motion of the structure, JSON as the attribute structure"
-        self.structures = [Variable("structures", changing, "O", "1", told)] if changing else []
+        meaning = "equation of motion of the structure, JSON as the attribute structure"
+        self.structures = [Variable("structures", changing, "O", "1", meaning)] if changing else []
 
     @property
     def datasets(self) -> list:
@@ -150,11 +150,11 @@ class Layout:
         study, settings = self.study, self.study.settings
         structure = study.part((0,) * len(study.axes)).structure
         forcing = description.RECORDED if study.holds == "responses" else description.HARMONIC
-        told = f"{self.name}: {study.kind.replace('_', ' ')}, {description.one_line(structure)}"
+        title = f"{self.name}: {study.kind.replace('_', ' ')}, {description.one_line(structure)}"
         starts = starting_range(study)
         return {
             "Conventions": CONVENTIONS,
-            "title": told,
+            "title": title,
             **self.job.about,
             "format": FORMAT,
             "layout_version": LAYOUT_VERSION,
@@ -209,7 +209,8 @@ def flags_of(variable: Variable, structure: Structure) -> dict[str, object]:
     if variable.flags is None or isinstance(variable.flags, str):
         return {}
     words = {0: "none"} | {  # 0 fills what is not used
-        int(one): getattr(one, "word", one.name.lower()).replace(" ", "_") for one in variable.flags
+        int(flag): getattr(flag, "word", flag.name.lower()).replace(" ", "_")
+        for flag in variable.flags
     }
     return {
         "flag_values": np.array([*words], variable.dtype),

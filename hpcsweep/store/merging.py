@@ -69,30 +69,32 @@ def merge(paths: Sequence[Path], output: Path) -> int:
 
 def _order(paths: Sequence[Path], wholes: Sequence[Whole]) -> list[int]:
     """Return the places of the parts in their order."""
-    first, found = wholes[0], dict[int, int]()
-    for i, (path, one) in enumerate(zip(paths, wholes, strict=True)):
-        if one.job.fingerprint != first.job.fingerprint:
+    first, place = wholes[0], dict[int, int]()
+    for i, (path, whole) in enumerate(zip(paths, wholes, strict=True)):
+        if whole.job.fingerprint != first.job.fingerprint:
             raise StoreError(f"{path}: is of another job than {paths[0]}")
-        if one.n != first.n:
-            raise StoreError(f"{path}: is one of {one.n} parts, {paths[0]} one of {first.n}")
-        if one.k in found:
-            raise StoreError(f"{path}: is part {one.k} of {one.n}, as {paths[found[one.k]]} is")
-        found[one.k] = i
-    missing = [str(k) for k in range(1, first.n + 1) if k not in found]
+        if whole.n != first.n:
+            raise StoreError(f"{path}: is one of {whole.n} parts, {paths[0]} one of {first.n}")
+        if whole.k in place:
+            raise StoreError(
+                f"{path}: is part {whole.k} of {whole.n}, as {paths[place[whole.k]]} is"
+            )
+        place[whole.k] = i
+    missing = [str(k) for k in range(1, first.n + 1) if k not in place]
     if missing:
         parts = f"part{'s' * (len(missing) > 1)} {', '.join(missing)} of {first.n}"
         raise StoreError(f"{paths[0]}: {parts} {'are' if len(missing) > 1 else 'is'} not given")
-    return [found[k] for k in range(1, first.n + 1)]
+    return [place[k] for k in range(1, first.n + 1)]
 
 
 def _provenance(parts: Sequence[Mapping]) -> dict[str, str | int]:
     """Return where the results come from: what differs between parts, a line each."""
     merged: dict[str, str | int] = {}
     for name in (*PROVENANCE, *OPTIONAL):
-        told = list(dict.fromkeys(part[name] for part in parts if name in part))
-        if told and name != CHECKSUM:
-            numbers = isinstance(told[0], int | np.integer)
-            merged[name] = int(max(told)) if numbers else "\n".join(map(str, told))
+        values = list(dict.fromkeys(part[name] for part in parts if name in part))
+        if values and name != CHECKSUM:
+            numbers = isinstance(values[0], int | np.integer)
+            merged[name] = int(max(values)) if numbers else "\n".join(map(str, values))
     now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
     merged["history"] = f"{merged['history']}\n{now}: merged of {len(parts)} parts"
     return merged

@@ -67,13 +67,13 @@ class Earlier:
                 )
         places = list(np.ndindex(*(len(axis.values) for axis in old.axes)))
         self._places = {_key(old.part(place)): place for place in places}
-        own = np.ndindex(*(len(axis.values) for axis in self._study.axes))
-        if not any(_key(self._study.part(place)) in self._places for place in own):
+        wanted = np.ndindex(*(len(axis.values) for axis in self._study.axes))
+        if not any(_key(self._study.part(place)) in self._places for place in wanted):
             raise StoreError(f"{path}: {_difference(old, self._study)}; nothing of it fits the job")
         self._blocks = Blocks(path, self.layout)
         self._believed = lru_cache(KEPT)(self._blocks.believed)
         # by the place of a part of the job
-        self._place_of = cache(lambda own: self._places.get(_key(self._study.part(own))))
+        self._place_of = cache(lambda place: self._places.get(_key(self._study.part(place))))
 
     def close(self) -> None:
         """Close the file."""
@@ -81,16 +81,16 @@ class Earlier:
 
     def rows(self, block: Block, start: np.ndarray) -> dict[str, np.ndarray] | str:
         """Return the rows of a block that starts from a state, or one of `REASONS`."""
-        own, inner = self._study.part_of(block)
-        part = as_kind(own, RunGrid)
+        study, inner = self._study.part_of(block)
+        part = as_kind(study, RunGrid)
         n_outer = len(block.place) - len(inner.place)
         place = self._place_of(block.place[:n_outer])
         if place is None:
             return NOT_THE_SAME
-        found = self._find(place, part, inner)
-        if found is None:
+        taken = self._find(place, part, inner)
+        if taken is None:
             return NOT_IN_GRID
-        direction, frame, first = found
+        direction, frame, first = taken
         old = as_kind(self.layout.study.part(place), RunGrid)
         rows: list[dict[str, np.ndarray]] = []
         at, end = first, first + inner.n_runs
@@ -117,9 +117,9 @@ class Earlier:
         name = part.directions[direction]
         if name not in old.directions or old.run_dims != part.run_dims:
             return None
-        own = slice(low, low + block.n_runs)
+        asked = slice(low, low + block.n_runs)
         pairs = [
-            (getattr(old, each), getattr(part, each)(frame)[own])
+            (getattr(old, each), getattr(part, each)(frame)[asked])
             for each in ("along_of", "omegas_of", "amplitudes_of")
         ]
         for there in np.flatnonzero(old.frames == part.frames[frame]).tolist():
@@ -167,11 +167,11 @@ class Reuse:
         """Return the rows of a block that starts from a state, or None where no file has them."""
         reasons = []
         for file in self._files:
-            found = file.rows(block, start)
-            if not isinstance(found, str):
+            taken = file.rows(block, start)
+            if not isinstance(taken, str):
                 self.runs[f"from {file.path}"] += block.n_runs
-                return found
-            reasons.append(found)
+                return taken
+            reasons.append(taken)
         if reasons:
             self.runs[max(reasons, key=REASONS.index)] += block.n_runs
         return None

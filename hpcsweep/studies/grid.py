@@ -193,13 +193,13 @@ class RunGrid(Part):
     def relations(self, block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
         _, frame, low = block.first
-        own = slice(low, low + block.n_runs)
-        omegas, amplitudes = self.omegas_of(frame)[own], self.amplitudes_of(frame)[own]
+        along = slice(low, low + block.n_runs)
+        omegas, amplitudes = self.omegas_of(frame)[along], self.amplitudes_of(frame)[along]
         if (omegas == omegas[0]).all() and len(self.structures) == 1:
             units = self.structure.units_at(float(omegas[0]), amplitudes)
         else:
             steps = zip(omegas.tolist(), amplitudes.tolist(), strict=True)
-            units = np.array([self.units_at(*one, at) for at, one in enumerate(steps, low)])
+            units = np.array([self.units_at(*step, at) for at, step in enumerate(steps, low)])
         return broken_relations(self.settings, amplitudes, rows, units)
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
@@ -277,7 +277,9 @@ class RunGrid(Part):
         """A structure for each set of kernels that runs call."""
         from hpcsweep.studies.compilation import kernel_set
 
-        return {kernel_set(self._all_settings, one): one for one in self.structures}
+        return {
+            kernel_set(self._all_settings, structure): structure for structure in self.structures
+        }
 
     @property
     def kernels(self) -> tuple:
@@ -293,12 +295,12 @@ class RunGrid(Part):
         """Return whether the cache is known to hold all that its runs call."""
         from hpcsweep.studies.compilation import is_compiled
 
-        each, own = self._by_kernels.values(), self._specialises(n_ranks)
-        return all(is_compiled(self._all_settings, one, own) for one in each)
+        each, specialised = self._by_kernels.values(), self._specialises(n_ranks)
+        return all(is_compiled(self._all_settings, structure, specialised) for structure in each)
 
     def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call."""
         from hpcsweep.studies.compilation import warm_up
 
-        for one in self._by_kernels.values():
-            warm_up(self._all_settings, say, None, one, self._specialises(n_ranks))
+        for structure in self._by_kernels.values():
+            warm_up(self._all_settings, say, None, structure, self._specialises(n_ranks))

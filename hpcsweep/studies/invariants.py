@@ -108,7 +108,7 @@ def _rule(v: Variable) -> tuple[str, float, float]:
         return "has bits of existing contacts only", 0, np.inf
     if v.flags is not None and not isinstance(v.flags, str):
         # the numbers of an enumeration follow one another
-        codes = [int(one) for one in v.flags if one or v.limits]
+        codes = [int(code) for code in v.flags if code or v.limits]
         return f"is one of {min(codes)} to {max(codes)}", min(codes), max(codes)
     return (RULES[v.limits], *v.limits) if v.limits else ("", 0, 0)
 

@@ -106,7 +106,7 @@ class Part(ABC):
     @property
     def dimensions(self) -> dict[str, int]:
         """Size of every dimension."""
-        return {name: one.values.size for name, one in self.coordinates.items()}
+        return {name: coordinate.values.size for name, coordinate in self.coordinates.items()}
 
     @abstractmethod
     def relations(self, block: Block, rows: Rows) -> Broken:

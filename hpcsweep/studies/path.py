@@ -143,21 +143,23 @@ def read_path(values: Any, followed: Followed | None) -> Steps | None:
     readers = {"omega": values.frequencies, "amplitude": values.amplitudes}
     numbers = {name: read(f"sweep.{name}") for name, read in readers.items() if name not in ties}
     if followed is None:
-        own = numbers.pop(along)
-        if np.any(np.diff(own) <= 0):
-            raise values.error(f"sweep.{along}", own.tolist(), "must ascend: the sweep is along it")
-        followed = Followed(along, f"sweep.{along}", FORCING[along][0], own)
-    several = [name for name, own in numbers.items() if own.size > 1]
+        column = numbers.pop(along)
+        if np.any(np.diff(column) <= 0):
+            raise values.error(
+                f"sweep.{along}", column.tolist(), "must ascend: the sweep is along it"
+            )
+        followed = Followed(along, f"sweep.{along}", FORCING[along][0], column)
+    several = [name for name, column in numbers.items() if column.size > 1]
     if len(several) > 1:
         limit = f"must be one number or a formula along {along} where sweep.omega has several"
         raise values.error("sweep.amplitude", numbers["amplitude"].tolist(), limit)
     frame = [*several, *numbers, "frame"][0]
     frames = numbers.get(frame, np.zeros(1))
     shape = frames.size, followed.values.size
-    known = {along: np.broadcast_to(followed.values, shape)}
-    known |= {name: np.broadcast_to(own[:, None], shape) for name, own in numbers.items()}
+    columns = {along: np.broadcast_to(followed.values, shape)}
+    columns |= {name: np.broadcast_to(column[:, None], shape) for name, column in numbers.items()}
     for name, text in ties.items():
-        known[name] = values.tied(f"sweep.{name}", text, known)
+        columns[name] = values.tied(f"sweep.{name}", text, columns)
     words = tuple(f"{name} = {text}" for name, text in ties.items())
-    omega, amplitude = (np.ascontiguousarray(known[name]) for name in FORCING)
+    omega, amplitude = (np.ascontiguousarray(columns[name]) for name in FORCING)
     return Steps(followed, frame, frames, omega, amplitude, words)

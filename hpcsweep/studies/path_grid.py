@@ -36,8 +36,8 @@ class PathGrid(RunGrid):
     def read_grid(values: Any, followed: Followed | None) -> dict[str, Any]:
         """Read the fields that say where the paths of a job lead."""
         if steps := read_path(values, followed):
-            own = {name: np.unique(getattr(steps, name)) for name in FORCING}
-            return {"steps": steps, **own}
+            forcing = {name: np.unique(getattr(steps, name)) for name in FORCING}
+            return {"steps": steps, **forcing}
         return {
             "omega": values.frequencies("sweep.omega"),
             "amplitude": values.amplitudes("sweep.amplitude"),
@@ -48,14 +48,14 @@ class PathGrid(RunGrid):
         if self.steps is None:
             return {"omega": self.omega[frames]}
         arrays = {name: getattr(self.steps, name)[frames] for name in ("frames", *FORCING)}
-        own = {name: np.unique(arrays[name]) for name in FORCING}
-        return {"steps": replace(self.steps, **arrays), **own}
+        forcing = {name: np.unique(arrays[name]) for name in FORCING}
+        return {"steps": replace(self.steps, **arrays), **forcing}
 
     @property
     def grid_fields(self) -> tuple[str, ...]:  # type: ignore[override]
         """Fields that say which runs there are; none where each has a structure of its own."""
-        own = "omega", "amplitude", "directions", "block_size", "steps"
-        return own if len(self.structures) == 1 else ()
+        fields = "omega", "amplitude", "directions", "block_size", "steps"
+        return fields if len(self.structures) == 1 else ()
 
     @property
     def run_dims(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -71,7 +71,9 @@ class PathGrid(RunGrid):
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
         size = len(self.run_dims)
-        return [replace(one, dims=(*self.run_dims, *one.dims[size:])) for one in super().variables]
+        return [
+            replace(each, dims=(*self.run_dims, *each.dims[size:])) for each in super().variables
+        ]
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
@@ -107,8 +109,8 @@ class PathGrid(RunGrid):
 
     def describe(self, run: Place) -> dict[str, Any]:
         """Describe a run: ``direction``, ``omega``, ``amplitude``, and a key that it follows."""
-        found, name = super().describe(run), self.run_dims[-1]
-        return found | {name: float(self.along_of(run[1])[run[2]])}
+        described, name = super().describe(run), self.run_dims[-1]
+        return described | {name: float(self.along_of(run[1])[run[2]])}
 
     def describe_task(self, task: int) -> str:
         """Describe a frame by its frequency, or its amplitude."""
@@ -122,11 +124,11 @@ class PathGrid(RunGrid):
             return []
         name, n = self.run_dims[-1], self.n_frames * self.n_along
         every = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int)).tolist()
-        found = []
-        for frame, k in (divmod(one, self.n_along) for one in every):
+        steps = []
+        for frame, k in (divmod(number, self.n_along) for number in every):
             forcing = self.omegas_of(frame)[k], self.amplitudes_of(frame)[k]
-            found.append(Step(name, self.along_of(frame)[k], self.structure_at(k), *forcing))
-        return found
+            steps.append(Step(name, self.along_of(frame)[k], self.structure_at(k), *forcing))
+        return steps
 
     def lines(self) -> Lines:
         """Tell the path, and what drives the structure along it."""
@@ -142,9 +144,9 @@ class PathGrid(RunGrid):
         amplitudes, omegas = self.amplitudes_of(frame), self.omegas_of(frame).tolist()
         several = len(self.structures) > 1  # out of reach of one, a contact may be hit by another
         parts: list[Rows] = []
-        for (omega, at), own in groupby(places.tolist(), lambda k: (omegas[k], k * several)):
+        for (omega, at), stretch in groupby(places.tolist(), lambda k: (omegas[k], k * several)):
             structure = self.structure_at(at) if several else self.moving
-            parts.append(self.stretch(structure, omega, amplitudes[[*own]], state, poll))
+            parts.append(self.stretch(structure, omega, amplitudes[[*stretch]], state, poll))
             state = self.end_state(parts[-1], -1)
         return joined(parts)
 

@@ -113,5 +113,5 @@ class PointGrid(RunGrid):
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known in advance, with their values."""
-        own = [(FORCING_AMPLITUDE, self.amplitude)] if self.listed else []
-        return super().given + own
+        listed = [(FORCING_AMPLITUDE, self.amplitude)] if self.listed else []
+        return super().given + listed

@@ -18,20 +18,21 @@ As it was: the whole run from the stored state of the previous run, by ``flow``.
 path: if the run was periodic and the file's solver is ``flow``, the points must be the same.
 """
 
-from dataclasses import replace
-from typing import Any, cast
+from typing import Any, Protocol, Self
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import Shakedown
+from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
-from hpcsweep.studies.blocks import Block
+from hpcsweep.studies.blocks import Block, Rows
+from hpcsweep.studies.quantities import MEASURES
 from hpcsweep.studies.run_names import run_name
-from hpcsweep.studies.settings import MEASURES
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import RunAgain, Study
 from hpcsweep.studies.variable import CONTACT_SET
 from hpcsweep.studies.variables import DRIFT, RUN_VARIABLES, empty_results, store_measures
@@ -47,12 +48,24 @@ MIN_ALLOWED = 1e-7
 """Smallest difference allowed; closed forms and integrators meet no closer."""
 
 
-def compute_again(study: Study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+class Repeatable(Study, Protocol):
+    """A study whose runs can be computed alone, and with other settings."""
+
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
+        """Compute one run alone from a state."""
+
+    def with_settings(self, **changes: Any) -> Self:
+        """Return the same study with other settings."""
+
+
+def compute_again(
+    study: Repeatable, block: Block, row: int, run: dict, start: np.ndarray
+) -> RunAgain:
     """Recompute one complete run.
 
     Parameters
     ----------
-    study : Study
+    study : Repeatable
     block : Block
     row : int
         Of the block.
@@ -71,17 +84,17 @@ def compute_again(study: Study, block: Block, row: int, run: dict, start: np.nda
     solvers: dict[tuple, tuple] = {}
     compared = []
     for motion in study.motions(run):
-        own = motion.get("omega", point[0]), motion.get("amplitude", point[1])
-        place = motion.get("structure", home), *own
+        forcing = motion.get("omega", point[0]), motion.get("amplitude", point[1])
+        place = motion.get("structure", home), *forcing
         if place not in solvers:
-            structure = place[0].measured_at(*own)
-            solver = make_solver(other, structure, own[0], SOLVERS[other].tight, yields=True)
+            structure = place[0].measured_at(*forcing)
+            solver = make_solver(other, structure, forcing[0], SOLVERS[other].tight, yields=True)
             tight = SOLVERS["flow"].tight
-            tangent = make_solver("flow", structure, own[0], tight, yields=True)
-            solvers[place] = replace(cast(Any, study), structure=structure), solver, tangent
-        measured, solver, tangent = solvers[place]
-        again = RunAgain(run_name(described), other, *own, int(motion["orbit_period"]))
-        _compare_motion(measured, again, solver, tangent, motion)
+            tangent = make_solver("flow", structure, forcing[0], tight, yields=True)
+            solvers[place] = solver, tangent
+        again = RunAgain(run_name(described), other, *forcing, int(motion["orbit_period"]))
+        solver, tangent = solvers[place]
+        _compare_motion(study.settings, again, solver, tangent, motion)
         compared.append(again)
     nothing = RunAgain(run_name(described), other, *point, compared="nothing: no motion is held")
     again = max(compared, key=_badness, default=nothing)
@@ -96,19 +109,18 @@ def _badness(again: RunAgain) -> tuple[bool, float]:
     return bool(again.problem), again.difference / again.allowed
 
 
-def _compare_motion(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
+def _compare_motion(settings: SweepSettings, again: RunAgain, solver, tangent, run: dict) -> None:
     """Recompute a motion with the other solver."""
     try:
-        _compare_points(study, again, solver, tangent, run)
+        _compare_points(settings, again, solver, tangent, run)
     except ArithmeticError as error:
         again.compared, again.difference = f"nothing: {error}", None
 
 
-def _allowed(study: Study, other: str, growth: float) -> float:
-    settings = study.settings
-    stiff = max(study.structure.stiffest_contact / 1000.0, 1.0) ** ERROR_GROWTH
-    own, witness = SOLVERS[settings.solver], SOLVERS[other]
-    error = own.period_error * settings.rtol + witness.period_error * witness.tight
+def _allowed(settings: SweepSettings, structure: Structure, other: str, growth: float) -> float:
+    stiff = max(structure.stiffest_contact / 1000.0, 1.0) ** ERROR_GROWTH
+    stored, witness = SOLVERS[settings.solver], SOLVERS[other]
+    error = stored.period_error * settings.rtol + witness.period_error * witness.tight
     return max(error * stiff, MIN_ALLOWED) * max(growth, 1.0)
 
 
@@ -118,15 +130,16 @@ def _norm(tangent: np.ndarray, units: np.ndarray) -> float:
     return float(np.linalg.norm(scaled, 2)) if np.all(np.isfinite(scaled)) else 1.0
 
 
-def _apart(study: Study, found: np.ndarray, stored: np.ndarray) -> float:
+def _apart(structure: Structure, states: np.ndarray, stored: np.ndarray) -> float:
     """Return the largest difference of states, in their units, relative to a steady drift."""
-    apart = study.structure.without_drift(found - stored)
-    return float((np.abs(apart) / study.structure.state_units).max())
+    apart = structure.without_drift(states - stored)
+    return float((np.abs(apart) / structure.state_units).max())
 
 
-def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -> None:
+def _compare_points(settings: SweepSettings, again: RunAgain, solver, tangent, run: dict) -> None:
     """Integrate once around an orbit, or from a few points of an aperiodic run to the next ones."""
-    period, units = again.orbit_period, study.structure.state_units
+    structure, period = solver.structure, again.orbit_period
+    units = structure.state_units
     off_path = int(run.get("classification_cycles", 0)) > 0
     if "poincare" not in run and (off_path or not period):
         what = "point of the motion that was classified" if period else "points of an aperiodic run"
@@ -147,26 +160,26 @@ def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -
         if k:
             points, outcome = solver.points(z, again.amplitude, n_periods)
         else:
-            measures = study.settings.measures
+            measures = settings.measures
             seen = solver.observe(z, again.amplitude, n_periods, True, measures=measures)
             points, outcome = seen.points, seen.outcome
         if outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"{again.solver}: {outcome.name}")
         growth, product = 1.0, np.eye(z.size)
-        for _ in range(n_periods * TANGENTS.of(study.structure)):
+        for _ in range(n_periods * TANGENTS.of(structure)):
             z, step = tangent.monodromy(z, again.amplitude, 1)
             product = step @ product
             growth = max(growth, _norm(product, units))
-        difference = _apart(study, points[-len(stored) :], stored)
-        allowed = _allowed(study, again.solver, growth)
+        difference = _apart(structure, points[-len(stored) :], stored)
+        allowed = _allowed(settings, structure, again.solver, growth)
         if period and not on_orbit:
             # the points are only known to repeat within this
-            allowed += study.settings.period_tolerance * growth
+            allowed += settings.period_tolerance * growth
         if again.difference is None or difference / allowed > _badness(again)[1]:
             again.difference, again.allowed = difference, allowed
         ratchets = int(run.get("shakedown", 0)) == Shakedown.RATCHETING  # each period farther on
         if not k and not ratchets:
-            _judge_metrics(study, again, seen, run, on_orbit)
+            _judge_metrics(structure, again, seen, run, on_orbit)
     if again.difference is not None and not again.difference <= (again.allowed or 0.0):
         again.problem = (
             f"{again.solver} finds points that differ by {again.difference:.2g}, allowed are "
@@ -174,7 +187,9 @@ def _compare_points(study: Study, again: RunAgain, solver, tangent, run: dict) -
         )
 
 
-def _judge_metrics(study: Study, again: RunAgain, seen: Observation, run: dict, equal: bool):
+def _judge_metrics(
+    structure: Structure, again: RunAgain, seen: Observation, run: dict, equal: bool
+) -> None:
     """Compare what a variable of the run declares to be comparable with a part of its window.
 
     Sets of contacts, peaks that are lengths, and means over the modes; they are those of the run
@@ -182,30 +197,29 @@ def _judge_metrics(study: Study, again: RunAgain, seen: Observation, run: dict, 
     """
     if again.problem:
         return
-    structure, place = study.structure, (again.amplitude, again.omega)
-    found: dict[str, Any] = {"contact": seen.contact, "modal_norm": seen.modal_norm}
-    found["drift"] = normalised_drift(seen.peak_drift, *place)
+    computed: dict[str, Any] = {"contact": seen.contact, "modal_norm": seen.modal_norm}
+    computed["drift"] = normalised_drift(seen.peak_drift, again.amplitude, again.omega)
     peaks = [v for v in RUN_VARIABLES if v.name in run and v.name in MEASURES]
     rows = empty_results(peaks, structure, 1)
     if peaks:
-        store_measures(rows, structure, seen.measures[None])
-    found |= {name: values[0] for name, values in rows.items()}
+        store_measures(rows, structure, seen.measures)
+    computed |= {name: values[0] for name, values in rows.items()}
     lengths = {"length": 1.0, DRIFT.units: again.amplitude / again.omega**2}
     allowed = 2 * (MIN_ALLOWED if again.allowed is None else again.allowed) * structure.length_unit
     for v in RUN_VARIABLES:
-        if v.name not in run or v.name not in found:
+        if v.name not in run or v.name not in computed:
             continue
-        own, stored, wrong = found[v.name], run[v.name], np.array(False)
+        value, stored, wrong = computed[v.name], run[v.name], np.array(False)
         if v.flags == CONTACT_SET:
-            wrong = own != stored if equal else np.array(own & ~int(stored))
+            wrong = value != stored if equal else np.array(value & ~int(stored))
         elif v.units in lengths and again.amplitude:
-            excess = (own - stored) * lengths[v.units]
+            excess = (value - stored) * lengths[v.units]
             wrong = (abs(excess) if equal else excess) > allowed
         elif v.dims[-1] == "mode" and equal and again.amplitude:
-            wrong = ~np.isclose(own, stored, rtol=0, atol=MODAL_ALLOWED, equal_nan=True)
+            wrong = ~np.isclose(value, stored, rtol=0, atol=MODAL_ALLOWED, equal_nan=True)
         if wrong.any():
             again.problem = (
-                f"{again.solver} finds {v.name} {_short(own)}, stored is {_short(stored)}"
+                f"{again.solver} finds {v.name} {_short(value)}, stored is {_short(stored)}"
             )
             return
 
@@ -215,31 +229,30 @@ def _short(values: np.ndarray | float) -> str:
 
 
 def _compare_whole(
-    study: Study, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
+    study: Repeatable, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
 ) -> None:
     """Recompute the whole run by `flow`, from the end of the previous run."""
-    own = study.settings.solver == "flow"
-    runs = cast(Any, study)
-    by_flow = runs if own else runs.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
+    is_flow = study.settings.solver == "flow"
+    by_flow = study if is_flow else study.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
     result = by_flow.compute_run(block, row, start)
-    if own and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
+    if is_flow and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"
         return
     again.whole_run = "other"
     stored = study.motions(run)
-    found = study.motions({name: values[0] for name, values in result.items()})
-    if len(stored) != len(found):
-        if own and not again.problem:
-            again.problem = f"computed again it holds {len(found)} motions, stored {len(stored)}"
+    computed = study.motions({name: values[0] for name, values in result.items()})
+    if len(stored) != len(computed):
+        if is_flow and not again.problem:
+            again.problem = f"computed again it holds {len(computed)} motions, stored {len(stored)}"
         return
     allowed = again.allowed if again.allowed is not None else MIN_ALLOWED
     ends = [
-        (_apart(study, new["final_state"], old["final_state"]), new["orbit_period"], old)
-        for new, old in zip(found, stored, strict=True)
+        (_apart(study.structure, new["final_state"], old["final_state"]), new["orbit_period"], old)
+        for new, old in zip(computed, stored, strict=True)
     ]
     if all(far <= 10 * allowed and period == old["orbit_period"] for far, period, old in ends):
         again.whole_run = "same"
-    elif own and again.orbit_period and not again.problem:
+    elif is_flow and again.orbit_period and not again.problem:
         difference, period, old = max(ends, key=lambda end: end[0])
         again.problem = (
             f"from the state stored before it, the run ends {difference:.2g} away from the stored "

@@ -111,7 +111,7 @@ class Refinement:
 
 
 def read_refinement(
-    values, settings, block_size: int, known: tuple[str, ...] = OF_RUNS
+    values, settings, block_size: int, labels: tuple[str, ...] = OF_RUNS
 ) -> Refinement | None:
     """Read the table ``study.refine`` of a job; None if there is none.
 
@@ -120,7 +120,7 @@ def read_refinement(
     values : hpcsweep.job.values.Values
     settings : SweepSettings
     block_size : int
-    known : tuple of str
+    labels : tuple of str
         What distinguishes the runs, of `LABELS`; the default of a job is all of it, of `OF_RUNS`
         class and contact set.
 
@@ -131,43 +131,43 @@ def read_refinement(
     """
     if not values.has("study.refine"):
         return None
-    given = values.get("study.refine")
-    if not isinstance(given, Mapping):
-        raise values.error("study.refine", given, "must be a table such as {levels = 4}")
-    values.check_keys("study.refine", given, names(KEYS))
+    table = values.get("study.refine")
+    if not isinstance(table, Mapping):
+        raise values.error("study.refine", table, "must be a table such as {levels = 4}")
+    values.check_keys("study.refine", table, names(KEYS))
     if values.has("study.points"):
         limit = "does not go with study.points: a list of points has no cells"
-        raise values.error("study.refine", given, limit)
+        raise values.error("study.refine", table, limit)
     if block_size != 1:
         limit = "must be 1 with study.refine: each point is committed on its own"
         raise values.error("output.block", block_size, limit)
     default = Refinement()
-    on = given.get("on", list(default.on if known is OF_RUNS else known))
-    if not values.choices("study.refine.on", on, known):
+    on = table.get("on", list(default.on if labels is OF_RUNS else labels))
+    if not values.choices("study.refine.on", on, labels):
         raise values.error("study.refine.on", on, "must not be empty")
     if "class" in on and not settings.classify_cycles:
         limit = '"class" needs sweep.classify_cycles above 0, and solver.method = "flow"'
         raise values.error("study.refine.on", on, limit)
     if "contact" in on and "contact" not in settings.metrics:
         raise values.error("study.refine.on", on, '"contact" needs output.contact = true')
-    wrong = values.number("study.refine.wrong", given.get("wrong", default.wrong))
+    wrong = values.number("study.refine.wrong", table.get("wrong", default.wrong))
     if not MIN_WRONG <= wrong < 1:
         limit = f"must lie between 0 and 1, at least {MIN_WRONG:g}"
         raise values.error("study.refine.wrong", wrong, limit)
     levels, seed = (
-        values.whole(f"study.refine.{key.name}", given.get(key.name, key.default), *key.limits)
+        values.whole(f"study.refine.{key.name}", table.get(key.name, key.default), *key.limits)
         for key in (LEVELS, SEED)
     )
-    return Refinement(levels, tuple(on), wrong, seed, _curves(values, given, known))
+    return Refinement(levels, tuple(on), wrong, seed, _curves(values, table, labels))
 
 
-def _curves(values, given: Mapping, known: tuple[str, ...]) -> tuple[str, ...]:
+def _curves(values, table: Mapping, labels: tuple[str, ...]) -> tuple[str, ...]:
     """Read the results files whose curves are not to be missed."""
-    if "curves" not in given:
+    if "curves" not in table:
         return ()
     what = "a results file of branches, or a list of them"
-    listed = values.names("study.refine.curves", given["curves"], what)
-    if "attractor" in known:
+    listed = values.names("study.refine.curves", table["curves"], what)
+    if "attractor" in labels:
         limit = "does not go with basins: curves lie over sweep.omega and sweep.amplitude"
-        raise values.error("study.refine.curves", given["curves"], limit)
+        raise values.error("study.refine.curves", table["curves"], limit)
     return listed

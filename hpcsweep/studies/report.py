@@ -45,12 +45,12 @@ def starting_range(study: Study) -> list[str]:
     list of str
         Empty for a study without a box or slice of starts.
     """
-    own = study.part((0,) * len(study.axes))
-    n = own.structure.n_floors
+    part = study.part((0,) * len(study.axes))
+    n = part.structure.n_floors
     return [
         f"{name} from {low:.6g} to {high:.6g}"
-        + known_unit(own.structure, "length" if index < n else "velocity")
-        for name, (index, low, high) in own.starting_range.items()
+        + known_unit(part.structure, "length" if index < n else "velocity")
+        for name, (index, low, high) in part.starting_range.items()
     ]
 
 
@@ -65,11 +65,11 @@ def ranges(
     yield "frequency", f"{_range(omega)}{known_unit(structure, 'frequency')} = {turns}"
     yield "amplitude", f"{_range(amplitude)}{unit}"
     if path:
-        places = [f"{one.name} = {one.value:.6g}" for one in path]
-        grazes = np.array([one.structure.grazing_amplitude(one.omega) for one in path])
+        places = [f"{step.name} = {step.value:.6g}" for step in path]
+        grazes = np.array([step.structure.grazing_amplitude(step.omega) for step in path])
     else:
         omegas, grazes = _grazing_amplitudes(structure, omega)
-        places = [f"Omega = {one:.6g}" for one in omegas.tolist()]
+        places = [f"Omega = {each:.6g}" for each in omegas.tolist()]
     if not np.isfinite(grazes).any():
         yield "grazing", "there is no contact"
         return
@@ -78,7 +78,8 @@ def ranges(
     motion = "free motion" if LINEAR.of(structure) else "motion without slip"
     text = f"the {motion} first touches at A = {text}"
     if path:
-        there = [one.value for one, own in zip(path, grazes, strict=True) if one.amplitude >= own]
+        touched = np.array([step.amplitude for step in path]) >= grazes
+        there = [path[k].value for k in np.flatnonzero(touched).tolist()]
         where = (
             f"from {path[0].name} = {min(there):.6g} to {max(there):.6g}" if there else "nowhere"
         )

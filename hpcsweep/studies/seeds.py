@@ -35,9 +35,9 @@ class Where(NamedTuple):
         (least, most), (low, high) = self.omega, self.amplitude
         inside = (low <= amplitude) & (amplitude <= high) & (least <= omega) & (omega <= most)
         for at in np.flatnonzero(inside).tolist() if self.ties else ():
-            known = {"omega": float(omega[at]), "amplitude": float(amplitude[at])}
-            own = {name: of(**vars(self.structure) | known) for name, of in self.ties.items()}
-            inside[at] = all(math.isclose(own[k], known[k], rel_tol=SAME) for k in own)
+            forcing = {"omega": float(omega[at]), "amplitude": float(amplitude[at])}
+            tied = {name: of(**vars(self.structure) | forcing) for name, of in self.ties.items()}
+            inside[at] = all(math.isclose(tied[k], forcing[k], rel_tol=SAME) for k in tied)
         return inside
 
 

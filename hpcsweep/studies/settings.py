@@ -2,16 +2,11 @@
 
 from dataclasses import dataclass
 
-from hpcsweep.model.kernel_model import PEAK_FLAGS
-from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.studies.keys import Key, names
+from hpcsweep.studies.quantities import FLAGS, of_motions
 
-CONTACT_MEASURES = ("contact_force", "impacts", "impact_velocity", "impulse", "contact_time")
-FLOOR_MEASURES = ("displacement", "acceleration")
-MEASURES = ("storey_drift", *FLOOR_MEASURES, *CONTACT_MEASURES)
-"""Peaks over the window of each storey, floor and contact, and the impacts of each contact."""
 METRIC_KEYS = (
-    Key("poincare", "stroboscopic points (u in gaps, v in gaps omega_0)", True),
+    Key("poincare", "stroboscopic points (u, v)", True),
     Key("contact", "which contacts close", True),
     Key("drift", "peak interstorey drift, in A/Omega^2", True),
     Key("modal_norm", "mean modal norms, free of contact", True),
@@ -27,14 +22,7 @@ METRIC_KEYS = (
         "dimension of the stroboscopic points",
         False,
     ),
-    Key("storey_drift", "peak drift of each storey over continuous time, in gaps", False),
-    Key("displacement", "peak displacement of each floor, in gaps", False),
-    Key("acceleration", "peak absolute acceleration of each floor, in gaps omega_0^2", False),
-    Key("contact_force", "peak force of each contact, in k gaps", False),
-    Key("impacts", "closings of each contact a forcing period", False),
-    Key("impact_velocity", "largest closing speed of each contact, in gaps omega_0", False),
-    Key("impulse", "impulse of each contact a forcing period, in k gaps/omega_0", False),
-    Key("contact_time", "share of the time in which each contact is closed", False),
+    *(Key(name, of_motions(name).long_name, False) for name in FLAGS),
 )
 METRICS = names(METRIC_KEYS)
 """Optional results of a job; the final state, period, cycles and outcome are always kept."""
@@ -76,8 +64,8 @@ class SweepSettings:
         Longest orbit period to look for, in forcing periods; at most half of `sampling_cycles`, so
         that each period found is seen at least twice.
     period_tolerance : float
-        Two stroboscopic points are the same if no coordinate (u in gaps, v in gaps times
-        omega_0) differs by more than this.
+        Two stroboscopic points are the same if no coordinate differs by more
+        than this, in units of the state.
     solver : str
         ``"flow"`` or ``"bdf"``.
     rtol : float
@@ -116,8 +104,7 @@ class SweepSettings:
     @property
     def measures(self) -> int:
         """Flags of the requested measures, 0 for none."""
-        flags = zip(MEASURES, (*PEAK_FLAGS, *4 * (IMPACT_FLAG,)), strict=True)
-        return sum({flag for name, flag in flags if name in self.metrics})
+        return sum({flag for name, flag in FLAGS.items() if name in self.metrics})
 
     @property
     def stored_points(self) -> int:

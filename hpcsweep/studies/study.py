@@ -126,12 +126,10 @@ class StudyTally(Protocol):
         """Return the counts: numbers, strings, lists and dicts."""
 
 
-class Study(Protocol):
-    """What `store`, `campaign` and `checks` need of a study.
+class Work(Protocol):
+    """What a study computes: tasks, each a path of blocks, in any order and on any rank.
 
-    Work: tasks, each a path of blocks, in any order and on any rank; a block's results are arrays
-    by variable name, first axis its runs in file order. Contents of the file: variables along axes,
-    by name. Descriptions of the study and of its runs for users.
+    A block's results are arrays by variable name, first axis its runs in file order.
     """
 
     @property
@@ -143,6 +141,10 @@ class Study(Protocol):
         """Number of runs."""
 
     @property
+    def n_frames(self) -> int:
+        """Sweeps over the last axis, of each direction."""
+
+    @property
     def block_size(self) -> int:
         """Most runs of a block."""
 
@@ -151,24 +153,8 @@ class Study(Protocol):
         """Times that a run calls its `poll`, at least."""
 
     @property
-    def grid_fields(self) -> tuple[str, ...]:
-        """Fields that say which runs there are; empty where a run depends on all of the job."""
-
-    @property
-    def refine(self) -> Refinement | None:
-        """Which points of its map are computed, round by round; None: all."""
-
-    @property
-    def map_axes(self) -> dict[str, np.ndarray]:
-        """Values of the axes of its map, by key of the job."""
-
-    @property
     def initial_state(self) -> np.ndarray:
         """State from which the first run of every task starts, shape (2n,)."""
-
-    @property
-    def starts_at_rest(self) -> bool:
-        """Whether runs start from static equilibrium, whatever `initial_state` is."""
 
     @property
     def carried(self) -> tuple[str, ...]:
@@ -228,8 +214,19 @@ class Study(Protocol):
         """
 
     @property
-    def holds(self) -> str:
-        """``motions``, one a run, ``attractors``, several, or ``responses`` to records."""
+    def settings(self) -> SweepSettings:
+        """How runs are computed."""
+
+    def part_of(self, block: Block) -> tuple["Study", Block]:
+        """Return the part to which a block belongs, and the block with its index there."""
+
+
+class Contents(Protocol):
+    """What a study's file holds: variables along axes, by name."""
+
+    @property
+    def kind(self) -> str:
+        """Name in job files."""
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -238,10 +235,6 @@ class Study(Protocol):
     @property
     def run_dims(self) -> tuple[str, ...]:
         """Dimensions of a run: ..., the frames, and the runs of a frame."""
-
-    @property
-    def is_list(self) -> bool:
-        """Whether each frame has one amplitude of its own."""
 
     @property
     def directions(self) -> tuple[str, ...]:
@@ -266,10 +259,6 @@ class Study(Protocol):
         """Return the units of states, `Structure.units_at`, of a run of a frame."""
 
     @property
-    def settings(self) -> SweepSettings:
-        """How runs are computed."""
-
-    @property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
 
@@ -286,33 +275,50 @@ class Study(Protocol):
         """Variables that are known in advance, with their values."""
 
     @property
-    def starting_range(self) -> dict[str, tuple[int, float, float]]:
-        """Component and range of drawn or gridded starts, by name; empty if there are none."""
-
-    @property
     def n_parts(self) -> int:
         """Number of points of `axes`."""
-
-    def describe_part(self, place: Place) -> str:
-        """Describe a part by the values of `axes`; empty where there are none."""
 
     def part(self, place: Place) -> "Study":
         """Return the study at an index of `axes`: the study itself where there are none."""
 
-    def part_of(self, block: Block) -> tuple["Study", Block]:
-        """Return the part to which a block belongs, and the block with its index there."""
+    @property
+    def grid_fields(self) -> tuple[str, ...]:
+        """Fields that say which runs there are; empty where a run depends on all of the job."""
 
     @property
-    def kind(self) -> str:
-        """Name in job files."""
+    def refine(self) -> Refinement | None:
+        """Which points of its map are computed, round by round; None: all."""
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of its map, by key of the job."""
+
+    @property
+    def holds(self) -> str:
+        """``motions``, one a run, ``attractors``, several, or ``responses`` to records."""
+
+    @property
+    def starting_range(self) -> dict[str, tuple[int, float, float]]:
+        """Component and range of drawn or gridded starts, by name; empty if there are none."""
+
+    @property
+    def is_list(self) -> bool:
+        """Whether each frame has one amplitude of its own."""
+
+    @property
+    def starts_at_rest(self) -> bool:
+        """Whether runs start from static equilibrium, whatever `initial_state` is."""
+
+
+class Description(Protocol):
+    """What users are told of a study and of its runs."""
+
+    def describe_part(self, place: Place) -> str:
+        """Describe a part by the values of `axes`; empty where there are none."""
 
     @property
     def run_noun(self) -> str:
         """Noun for a run."""
-
-    @property
-    def n_frames(self) -> int:
-        """Sweeps over the last axis, of each direction."""
 
     @property
     def status_variables(self) -> tuple[str, ...]:
@@ -348,6 +354,10 @@ class Study(Protocol):
 
     def tally(self) -> StudyTally:
         """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
+
+
+class Study(Work, Contents, Description, Protocol):
+    """A study: each of its users asks one part of it alone."""
 
 
 Kind = TypeVar("Kind")

@@ -11,7 +11,6 @@ from hpcsweep.model.reduction import physical
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.settings import MEASURES
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.variable import Variable
 
@@ -24,11 +23,9 @@ class BaseTally:
     counts : dict of str to Counter
         Numbers of things, by the name of what is counted: a variable, by its values, say.
     largest : dict of str to dict
-        Largest value of each of the `measures`, and where it is.
+        Largest value of each `tallied` variable, and where it is.
     """
 
-    measures: tuple[str, ...] = MEASURES
-    """Variables whose largest value is told."""
     placed_by: tuple[str, ...] = ("amplitude", "omega")
     """Coordinates that tell where it is."""
     at_once: int = 1
@@ -47,8 +44,8 @@ class BaseTally:
 
     def count(self, name: str, values: np.ndarray) -> None:
         """Count values."""
-        found, numbers = np.unique(values, return_counts=True)
-        self.counts[name].update(dict(zip(found.tolist(), numbers.tolist(), strict=True)))
+        distinct, numbers = np.unique(values, return_counts=True)
+        self.counts[name].update(dict(zip(distinct.tolist(), numbers.tolist(), strict=True)))
 
     def add(self, frame, study: Study) -> None:
         """Count the runs of `at_once` frames, an xarray.Dataset, of a study or of a part of it."""
@@ -57,7 +54,7 @@ class BaseTally:
             there = frame["outcome"].values != Outcome.NOT_COMPUTED
             self.counts["all"]["cycles"] += int(frame["cycles"].values[there].sum())
         for variable in study.variables:
-            if variable.name in self.measures and variable.name in frame:
+            if variable.tallied and variable.name in frame:
                 self._add_largest(frame, variable, study)
 
     def _add_largest(self, frame, variable: Variable, study: Study) -> None:
@@ -97,8 +94,6 @@ class RunTally(BaseTally):
     completely integrated window, it counts the periods claimed by the points of the window that are
     ``wrong``, and those ``missed``.
     """
-
-    measures = (*MEASURES, "ductility")
 
     def add(self, frame, study: Study) -> None:
         """Count the runs of one frame; see `BaseTally.add`."""

@@ -49,6 +49,12 @@ class Variable:
         What a failed run has: the `MISSING` value, a `VALID` one, or `ANY`.
     by_part : bool
         Whether it is known beforehand, and parts of a job may differ in it.
+    label : str
+        What figures call it, without its unit.
+    tallied : bool
+        Whether summaries tell the largest value.
+    source : str
+        Name of the values in what solvers return, if another.
     """
 
     name: str
@@ -61,6 +67,9 @@ class Variable:
     optional: bool = False
     failed: str = MISSING
     by_part: bool = False
+    label: str = ""
+    tallied: bool = False
+    source: str = ""
 
     @property
     def missing(self) -> float:

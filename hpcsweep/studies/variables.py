@@ -1,15 +1,15 @@
 """Variables of the results of runs over forcing amplitude and frequency."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass, Shakedown
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.named_measures import named_measures
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Rows
-from hpcsweep.studies.settings import CONTACT_MEASURES, FLOOR_MEASURES, MEASURES, SweepSettings
+from hpcsweep.studies.quantities import CONTACT_MEASURES, FLOOR_MEASURES, MEASURES, of_motions
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import (
     BELOW_INFINITY,
     COUNT,
@@ -27,6 +27,12 @@ from hpcsweep.studies.variable import (
 STATES = "length; velocity"
 RUN = ("direction", "omega", "amplitude")
 """Dimensions of a run."""
+
+
+def measured(names: tuple[str, ...], dims: tuple[str, ...]) -> list[Variable]:
+    """Return quantities of motions as variables whose dimensions come first."""
+    return [of_motions(name, dims) for name in names]
+
 
 CYCLES = count("cycles", RUN, "forcing periods integrated", "forcing periods", failed=VALID)
 OUTCOME = code(
@@ -79,27 +85,8 @@ RUN_VARIABLES = (
     contacts("contact", RUN),
     DRIFT,
     MODAL_NORM,
-    real("storey_drift", (*RUN, "storey"), "length", "peak drift of each storey"),
-    real("displacement", (*RUN, "floor"), "length", "peak displacement of each floor"),
-    real(
-        "acceleration", (*RUN, "floor"), "acceleration", "peak absolute acceleration of each floor"
-    ),
-    real("contact_force", (*RUN, "stop"), "force", "peak force of each contact"),
-    real("impacts", (*RUN, "stop"), "1", "closings of each contact a forcing period"),
-    real("impact_velocity", (*RUN, "stop"), "velocity", "largest closing speed"),
-    # a contact with a layer also pulls as it closes
-    real("impulse", (*RUN, "stop"), "impulse", "impulse of each contact a period", FINITE),
-    real("contact_time", (*RUN, "stop"), "1", "share of time each contact is closed", SHARE),
-    real(
-        *("ductility", (*RUN, "slider"), "1"),
-        "peak elongation of each slider over that of yielding",
-    ),
-    real("slider_energy", (*RUN, "slider"), "energy", "energy each slider takes a forcing period"),
-    real(
-        *("plastic_drift", (*RUN, "slider"), "length"),
-        "growth of the lasting elongation of each slider a forcing period",
-        FINITE,
-    ),
+    *measured(MEASURES, RUN),
+    *measured(("ductility", "plastic", "slider_energy"), RUN),
     code(
         *("shakedown", RUN, Shakedown),
         "what the sliders do over the orbit: 1 elastic, none slips, 2 plastic, 3 ratcheting; 0 "
@@ -141,10 +128,9 @@ RUN_VARIABLES = (
     OUTCOME,
     SKIP_RULE,
 )
-OF_SLIDERS = ("ductility", "slider_energy", "plastic_drift", "shakedown")
+OF_SLIDERS = ("ductility", "plastic", "slider_energy", "shakedown")
 ALWAYS = ("orbit_period", "final_state", "cycles", "outcome", "skip_rule")
 STOREY_HEIGHT = real("storey_height", ("storey",), "length", "height of each storey", by_part=True)
-DRIFT_RATIO = "peak storey drift ratio"
 AMPLITUDE = ("acceleration", "forcing amplitude A")
 OMEGA = ("frequency", "forcing frequency Omega")
 """Units and long names."""
@@ -197,34 +183,18 @@ def empty_results(
 
 
 def store_measures(rows: Rows, structure: Structure, measures: np.ndarray) -> None:
-    """Store measures, shape (k, D + 2 n + 5 m) as in an `Observation`, in rows of results.
+    """Store measures, shape (M,) or (k, M) as in an `Observation`, in rows of results.
 
-    The force of a contact is largest where its floors are farthest past it. That of a dashpot comes
-    as the distance at which the spring alone exerts it. Contacts that no motion reaches exert none.
+    Contacts out of reach have none.
     """
-    n_drifts, n, m = len(structure.drift_rows), structure.n_floors, len(structure.contacts)
-    ends = np.cumsum((n_drifts, n, n, *4 * (m,)))
-    parts = dict(zip(MEASURES, np.split(measures, ends, axis=1), strict=True))
-    past = parts["contact_force"]
-    parts["contact_force"] = structure.switched(structure.force_per_length * past, past)
-    parts["impulse"] = structure.force_per_length * parts["impulse"]
-    numbers = structure.all_contact_numbers
+    numbers, named = structure.all_contact_numbers, named_measures(structure, measures)
     places = [numbers.index(number) for number in structure.contact_numbers]
-    for name in rows.keys() & parts.keys():
+    for name in rows.keys() & set(MEASURES):
         if name not in CONTACT_MEASURES:
-            rows[name][:] = parts[name]
+            rows[name][:] = getattr(named, name)
         else:
             rows[name][:] = 0.0
-            rows[name][:, places] = parts[name]
-
-
-def measures_of_each(each: tuple[str, ...]) -> list[Variable]:
-    """Return the measures as variables with leading dimensions `each`."""
-    return [
-        replace(v, dims=(*each, v.dims[-1]), optional=True)
-        for v in RUN_VARIABLES
-        if v.name in MEASURES
-    ]
+            rows[name][:, places] = getattr(named, name)
 
 
 def storey_heights(structure: Structure) -> list[tuple[Variable, np.ndarray]]:

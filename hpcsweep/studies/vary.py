@@ -18,7 +18,7 @@ from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.run_names import written
 from hpcsweep.studies.seeds import Reader
-from hpcsweep.studies.study import Axis, RunAgain, Study
+from hpcsweep.studies.study import Axis, Contents, Description, RunAgain, Work
 from hpcsweep.studies.variable import Coordinate, Variable, real
 
 PARTS_KEPT = 1000
@@ -73,18 +73,18 @@ class Varied:
     def _in_other_units(self, i: int) -> int:
         """Return where on an axis a structure is not in units of its own; 0 if nowhere."""
         axis, rest = self.axes[i], (0,) * (len(self.axes) - i - 1)
-        names = {one.key.rpartition(".")[2].partition("[")[0] for one in axis.keys}
+        names = {column.key.rpartition(".")[2].partition("[")[0] for column in axis.keys}
         if names.isdisjoint(("gap", "gap_left", "p_delta")):
             return 0
-        found = 0
+        first = 0
         for k in range(len(axis.values)):
             at = (*(0,) * i, k, *rest)
             structure = (_part(self.make, at) if k else self.base).structure
             in_gaps = is_in_gaps(structure)
             if not structure.is_uniform or not (in_gaps or "p_delta" in names):
                 return k
-            found = found or k * (not in_gaps)
-        return found
+            first = first or k * (not in_gaps)
+        return first
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -134,13 +134,17 @@ class Varied:
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known in advance: those of all parts, and numbers of the rows."""
-        shared = [self.by_part.get(one.name, (one, values)) for one, values in self.base.given]
-        held = {one.name for one, _ in shared}
+        shared = [self.by_part.get(each.name, (each, values)) for each, values in self.base.given]
+        held = {each.name for each, _ in shared}
         return shared + [
-            (real(one.name, (axis.name,), one.units, one.key, None), np.array(one.values, float))
+            (
+                real(column.name, (axis.name,), column.units, column.key, None),
+                np.array(column.values, float),
+            )
             for axis in self.axes
-            for one in axis.columns
-            if one.name not in held and not any(isinstance(value, str) for value in one.values)
+            for column in axis.columns
+            if column.name not in held
+            and not any(isinstance(value, str) for value in column.values)
         ]
 
     @property
@@ -267,10 +271,10 @@ class Varied:
         """Return parts that together call all kernels, one for each set of these."""
         if not self.base.kernels:
             return [self.base]
-        several = [any(_picks_kernels(one.key) for one in axis.keys) for axis in self.axes]
+        several = [any(_picks_kernels(key.key) for key in axis.keys) for axis in self.axes]
         shape = [len(a.values) if picks else 1 for a, picks in zip(self.axes, several, strict=True)]
         parts = (self.part(place) for place in np.ndindex(*shape))
-        return list({one.kernels: one for one in parts}.values())
+        return list({part.kernels: part for part in parts}.values())
 
     def _place(self, number: int) -> Place:
         # for each task of millions: a tenth of the time of `unravel_index`
@@ -286,7 +290,7 @@ class Varied:
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 
 
-SHARED = frozenset(vars(Study))
+SHARED = frozenset((*vars(Work), *vars(Contents), *vars(Description)))
 """The interface of a study: what a `Varied` does not define all of its parts have in common."""
 
 

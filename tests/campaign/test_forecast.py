@@ -59,8 +59,8 @@ POPULATIONS = {
 }
 
 
-@pytest.mark.parametrize("n", [2, 5, 20, 200])
-@pytest.mark.parametrize("kind", POPULATIONS)
+@together("n", [2, 5, 20, 200])
+@together("kind", POPULATIONS)
 def test_the_interval_holds_the_whole_in_its_share_of_samples(kind, n):
     """However slow, within `LOAD`, the cores that compute it are."""
     rng = np.random.default_rng(n)

@@ -1,6 +1,7 @@
 """Several jobs at once: one queue, each its own file, and what one of them does to the others."""
 
 import pytest
+from together import together
 from tools import SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep.campaign.progress import Silent
@@ -103,8 +104,8 @@ def test_what_is_left_is_listed_and_the_worst_is_the_exit_code(three, tmp_path):
     assert done.stderr.count(": complete") == 2
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
+@together(
+    "words, said",
     [
         (["a.toml", "b.toml", "a.toml"], "a.toml: is the same job as a.toml"),
         (["a.toml", "copy.toml"], "copy.toml: is the same job as a.toml"),

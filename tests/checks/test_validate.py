@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from together import together
 from tools import SMALL, assert_same_datasets, hpcsweep, of_study
 
 from hpcsweep import Structure
@@ -15,6 +16,8 @@ from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Layout, layout_problems, pack
+from hpcsweep.studies.recompute import _allowed
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
 from hpcsweep.studies.sweep.runs import frame_runs
 
@@ -64,6 +67,23 @@ def test_a_whole_file_is_sound_and_the_other_solver_agrees(whole):
     assert [run.amplitude for run in again.sample] == [r["amplitude"] for r in report["sample"]]
     other = validate(whole, samples=3, seed=4)
     assert [run.amplitude for run in other.sample] != [r["amplitude"] for r in report["sample"]]
+
+
+@together(
+    "rtol, other, beta, growth, expected",
+    [
+        (1e-9, "bdf", 1e3, 1.0, 1e3 * 1e-9 + 3e3 * 1e-10),
+        (1e-9, "bdf", 1e5, 1.0, (1e3 * 1e-9 + 3e3 * 1e-10) * 100.0**0.7),
+        (1e-9, "bdf", 10.0, 50.0, (1e3 * 1e-9 + 3e3 * 1e-10) * 50.0),
+        (1e-10, "flow", 10.0, 0.5, 1e3 * 1e-10 + 1e3 * 1e-11),
+        (1e-12, "flow", 10.0, 2.0, 2.0 * 1e-7),
+    ],
+)
+def test_the_allowance_is_that_of_both_tolerances_and_of_growth(
+    rtol, other, beta, growth, expected
+):
+    allowed = _allowed(SweepSettings(rtol=rtol), Structure(1, beta), other, growth)
+    assert allowed == pytest.approx(expected, rel=1e-12)
 
 
 def test_one_flipped_byte_is_found_in_every_variable_and_named(copy):

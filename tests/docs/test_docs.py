@@ -21,7 +21,7 @@ from hpcsweep.commands.cli import CLOSED_PIPE, build_parser
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.keys import every_key
 from hpcsweep.solvers.outcome import REMEDIES
-from hpcsweep.studies.settings import MEASURES
+from hpcsweep.studies.quantities import MEASURES
 
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md"]

@@ -8,7 +8,7 @@ import sys
 import h5py
 import numpy as np
 import pytest
-from tools import ROOT, SMALL, assert_same_datasets, environment, mpirun
+from tools import RECORDS, ROOT, SMALL, assert_same_datasets, environment, mpirun
 
 pytestmark = pytest.mark.slow
 EXERCISES = ROOT / "docs" / "exercises"
@@ -81,20 +81,26 @@ def test_a_key_of_a_job_is_one_file(copy):
     assert "did you mean 'every'?" in run("-c", refused, "3.toml")
 
 
-def test_a_metric_is_three_files(copy):
-    assert (EXERCISES / "metric.diff").read_text().count("--- a/") == 3
+def test_a_metric_of_sweeps_and_records_is_two_files(copy):
+    assert (EXERCISES / "metric.diff").read_text().count("--- a/") == 2
     folder, hpcsweep, _ = copy("metric")
-    (folder / "small.toml").write_text(SMALL.replace("[output]", "[output]\nextent = true"))
-    hpcsweep("run", "small.toml", ranks=2)
-    assert "sound" in hpcsweep("validate", "small.h5", "--samples", "3")
-    with h5py.File(folder / "small.h5") as file:
-        extent, points, period = (
-            file[name][...] for name in ("extent", "poincare", "orbit_period")
-        )
-        assert file["extent"].attrs["units"] == file["poincare"].attrs["units"]
-    np.testing.assert_array_equal(extent, np.nanmax(points, axis=-2) - np.nanmin(points, axis=-2))
-    assert (extent[period == 1] == 0).all()
-    assert extent.max() > 0
+    names = ("impact_impulse", "impulse", "impacts")
+    asked = "".join(f"{name} = true\n" for name in names)
+    (folder / "swept.toml").write_text(SMALL.replace("[output]\n", f"[output]\n{asked}"))
+    (folder / "shaken.toml").write_text(RECORDS)
+    for name in ("swept", "shaken"):
+        hpcsweep("run", f"{name}.toml", ranks=2)
+        assert "sound" in hpcsweep("validate", f"{name}.h5", "--samples", "3")
+        with h5py.File(folder / f"{name}.h5") as file:
+            mean, whole, closings = (file[each][...] for each in names)
+            assert file["impact_impulse"].attrs["units"] == file["impulse"].attrs["units"]
+        closed = closings > 0
+        assert closed.any()
+        np.testing.assert_allclose(mean[closed], whole[closed] / closings[closed], rtol=1e-14)
+        assert (mean[~closed] == 0).all()
+        largest = json.loads(hpcsweep("summary", f"{name}.h5", "--json"))[0]["largest"]
+        assert largest["impact_impulse"]["value"] == mean.max()
+    hpcsweep("plot", "swept.h5", "--kind", "measures", "--omega", "0.6", "-o", "measures.png")
 
 
 def test_a_field_of_the_structure(copy):

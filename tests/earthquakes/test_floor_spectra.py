@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from together import together
 
 from hpcsweep import Contact, Record, Slider, Structure, floor_spectra, response, spectrum
 
@@ -77,7 +78,7 @@ def integrated(structure: Structure, record: Record, omegas: np.ndarray) -> np.n
     return largest
 
 
-@pytest.mark.parametrize("damping", [0.0, 10.0])
+@together("damping", [0.0, 10.0])
 def test_by_a_tight_integration_from_contact_to_contact(damping):
     structure, record = neighbours(between(0.002, damping, True)), noise(40)
     periods = np.array([0.06, 0.3, 0.628])

@@ -27,8 +27,8 @@ def test_the_published_fit():
     assert found.dispersion == pytest.approx(0.31007, abs=5e-6)
 
 
-@pytest.mark.parametrize(
-    ("x", "k", "n"),
+@together(
+    "x, k, n",
     [
         (STRIPES, EXCEEDED, 45),
         ([1.0, 2.0, 3.0], [1, 1, 2], [2, 2, 2]),
@@ -48,7 +48,7 @@ def test_the_maximum_of_the_likelihood(x, k, n):
     assert found.dispersion == pytest.approx(math.exp(other.x[1]), rel=1e-6)
 
 
-@pytest.mark.parametrize("confidence", [0.68, 0.95])
+@together("confidence", [0.68, 0.95])
 def test_at_the_ends_of_an_interval_the_profile_has_fallen_by_half_the_quantile(confidence):
     found = fragility(STRIPES, EXCEEDED, 45, confidence)
     fall = chi2.ppf(confidence, 1) / 2

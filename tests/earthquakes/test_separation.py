@@ -18,8 +18,8 @@ def correlated(period, other, z, y):
     return p[0, 2] / np.sqrt(p[0, 0] * p[2, 2])
 
 
-@pytest.mark.parametrize(
-    ("period", "other", "z", "y"),
+@together(
+    "period, other, z, y",
     [(1.0, 1.0, 0.05, 0.05), (0.5, 0.9, 0.05, 0.02), (2.0, 0.3, 0.3, 0.01), (1.0, 1.1, 0.02, 0.2)],
 )
 def test_the_double_difference_has_the_correlation_of_white_noise(period, other, z, y):

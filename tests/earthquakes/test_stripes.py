@@ -29,7 +29,7 @@ def test_infinite_values_count_and_unknown_ones_do_not():
     np.testing.assert_array_equal(fractiles([math.nan, math.nan]), [math.nan] * 3)
 
 
-@pytest.mark.parametrize("n", [4, 5, 20, 25])
+@together("n", [4, 5, 20, 25])
 def test_fractiles_of_responses_cross_a_threshold_where_those_of_capacities_lie(n):
     """The curve of 50 % reaches it at the first stripe that is not below the median capacity."""
     rng = np.random.default_rng(n)

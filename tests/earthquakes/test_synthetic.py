@@ -49,7 +49,7 @@ def test_a_record_does_not_depend_on_the_size_of_its_suite():
     assert with_numbers == synthetic_records(1, seed=5, soil="soft")
 
 
-@pytest.mark.parametrize("soil", SOILS)
+@together("soil", SOILS)
 def test_the_density_is_the_formula_of_kanai_tajimi_and_clough_penzien(soil):
     dt = 1e-3
     ground = SOILS[soil]
@@ -94,7 +94,7 @@ def test_its_deviation_is_rms_where_the_envelope_is_one():
     assert kurtosis == pytest.approx(3.0, abs=0.1)
 
 
-@pytest.mark.parametrize("soil", SOILS)
+@together("soil", SOILS)
 def test_the_ground_comes_to_rest(soil):
     for record in synthetic_records(5, 3, soil=soil):
         velocity, displacement = ground_motion(record)

@@ -59,12 +59,12 @@ def test_the_page_has_the_responses_of_the_file(folder, name):
     meta, arrays = parts_of(folder / f"{name}.html")
     assert meta["records"] == results["record"].values.tolist()
     assert meta["scales"] == results["scale"].values.tolist()
-    held = {response for response, (variable, *_) in RESPONSES.items() if variable in results}
+    held = {response for response, variable in RESPONSES.items() if variable.name in results}
     assert set(meta["responses"]) == held
     fallen = results["collapsed"].values > 0 if "collapsed" in results else np.array(False)
     assert bool(meta["collapses"]) == bool(fallen.any()) == (name == "yields")
     for response, about in meta["responses"].items():
-        stored = results[RESPONSES[response][0]]
+        stored = results[RESPONSES[response].name]
         factor = 100.0 / 3.2 if stored.dims[-1] == "storey" else 1.0
         expected = np.abs(stored.values * factor)
         if fallen.any():

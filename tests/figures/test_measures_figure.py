@@ -45,7 +45,7 @@ sampling_cycles = 20
 max_orbit_period = 6
 [output]
 storey_drift = true
-acceleration = true
+floor_acceleration = true
 contact_force = true
 """
 
@@ -129,7 +129,7 @@ def test_the_explorer_shows_measures(buildings):
     results = open_results(buildings)
     assert list(study.labels) == [
         *(f"storey_drift_{k}" for k in (1, 2, 3)),
-        *(f"acceleration_{k}" for k in (1, 2, 3)),
+        *(f"floor_acceleration_{k}" for k in (1, 2, 3)),
         "contact_force_1",
     ]
     assert study.labels["storey_drift_2"] == ("peak storey drift ratio", "storey A2", "  [%]")

@@ -40,7 +40,7 @@ transient_cycles = 4
 sampling_cycles = 4
 
 [output]
-acceleration = true
+floor_acceleration = true
 """
 
 

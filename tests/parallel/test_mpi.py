@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from together import together
 from tools import environment, run_script
 
 from hpcsweep.parallel import mpi
@@ -68,7 +69,7 @@ class Library:
         return "none"
 
 
-@pytest.mark.parametrize("looks", [0, 1, 6])
+@together("looks", [0, 1, 6])
 def test_it_sleeps_between_two_looks_and_longer_the_longer_it_waits(monkeypatch, looks):
     slept: list[float] = []
     monkeypatch.setattr(mpi.time, "sleep", slept.append)
@@ -80,9 +81,7 @@ STEP = {"SLURM_STEP_NUM_TASKS": "4", "SLURM_NTASKS": "4", "SLURM_PROCID": "0"}
 """Variables of ``srun --ntasks=4``, also in the shell of ``srun --ntasks=4 --pty bash``."""
 
 
-@pytest.mark.parametrize(
-    ("leads", "terminal", "ranks"), [(False, True, "1"), (True, True, "4"), (False, False, "4")]
-)
+@together("leads, terminal, ranks", [(False, True, "1"), (True, True, "4"), (False, False, "4")])
 def test_a_shell_of_srun_is_no_launcher(leads, terminal, ranks):
     """What srun starts itself leads its session on the terminal, or has no terminal."""
     show = "from hpcsweep.parallel.mpi import launched_size; print('size', launched_size())"

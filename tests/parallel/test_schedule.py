@@ -102,7 +102,7 @@ def farmed(blocks, n_ranks: int, costs=None) -> Farmed:
     return Farmed(now, now / max(sum(tasks) / n_ranks, max(tasks)), moved)
 
 
-@pytest.mark.parametrize("n_tasks", [5, 17, 60, 250])
+@together("n_tasks", [5, 17, 60, 250])
 def test_makespan_is_within_a_tenth_of_the_bound_for_costs_a_hundredfold_apart(n_tasks):
     rng = np.random.default_rng(n_tasks)
     worst = 0.0

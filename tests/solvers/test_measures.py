@@ -22,7 +22,7 @@ from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.observe.drift import SAME_PEAK
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.measures import IMPACT_FLAG
-from hpcsweep.studies.settings import CONTACT_MEASURES, MEASURES
+from hpcsweep.studies.quantities import CONTACT_MEASURES, MEASURES
 
 ALL = sum(PEAK_FLAGS) + IMPACT_FLAG
 OUTPUT = "".join(f"{name} = true\n" for name in MEASURES)
@@ -220,7 +220,7 @@ def test_a_sweep_holds_them_where_they_are_asked_for(tmp_path, method):
         own = results[name].values.max(axis=-1)
         assert (own[touched] > 0).all(), name
         assert (own[~touched] == 0).all(), name
-    assert results.contact_time.max() < 1
+    assert results.contact_share.max() < 1
     assert touched.any()
     assert not touched.all()
     other = parse_job(text.replace(OUTPUT, ""), "job", "job")
@@ -284,7 +284,7 @@ def test_a_measure_that_cannot_be_is_found():
 
     assert wrong({}) == []
     for name, value, rule in (
-        ("contact_time", 1.5, "lies between 0 and 1"),
+        ("contact_share", 1.5, "lies between 0 and 1"),
         ("impacts", -1.0, "is finite and not negative"),
         ("impulse", np.inf, "is finite"),
     ):

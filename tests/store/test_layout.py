@@ -104,7 +104,7 @@ def test_numbers_are_put_into_words(tmp_path):
         meanings(results.drift)
 
 
-@pytest.mark.parametrize("contact_set", [0, 1, 2**63 + 5])
+@together("contact_set", [0, 1, 2**63 + 5])
 def test_every_set_of_contacts_has_a_name(contact_set):
     masks = np.array([1, 4, 2**63], "u8")
     notes = {"flag_masks": masks, "flag_meanings": "1 3 64"}

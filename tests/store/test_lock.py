@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from together import together
 from tools import hpcsweep, refuse
 
 from hpcsweep.store import Journal, Lock, StoreError
@@ -70,7 +71,7 @@ def test_a_campaign_through_a_link_has_the_lock_and_the_journal_of_the_file(smal
         holder.communicate()
 
 
-@pytest.mark.parametrize("text", ["", "not JSON", '{"pid": 1}', "[1, 2]", "\0" * 9])
+@together("text", ["", "not JSON", '{"pid": 1}', "[1, 2]", "\0" * 9])
 def test_a_lock_file_left_behind_locks_nothing_whatever_it_says(tmp_path, text):
     path = tmp_path / "a.h5"
     (tmp_path / "a.h5.lock").write_text(text)

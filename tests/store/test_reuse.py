@@ -4,6 +4,7 @@ from pathlib import Path
 
 import h5py
 import pytest
+from together import together
 from tools import ALONG, ATTRACTORS, BASINS, GRID, SMALL, assert_same_datasets, hpcsweep
 
 from hpcsweep.campaign.run import COMPLETE, run_all
@@ -126,8 +127,8 @@ def test_of_two_files_each_gives_what_it_has_and_a_damaged_block_is_not_taken(tm
     assert reported[f"from {low}"] == 40
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
+@together(
+    "change, said",
     [
         (("sharpness = 4e3", "sharpness = 5e3"), r"is of another structure \(sharpness\)"),
         (("max_orbit_period = 6", ""), r"another setting \(max_orbit_period\)"),
@@ -145,8 +146,8 @@ def test_an_earlier_file_of_something_else_is_refused_and_nothing_written(tmp_pa
     assert not [*tmp_path.glob("new.h5*")]
 
 
-@pytest.mark.parametrize(
-    ("old", "said"),
+@together(
+    "old, said",
     [
         ("old.h5", "is of another structure (sharpness)"),
         ("none.h5", "none.h5: cannot be read"),

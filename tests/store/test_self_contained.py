@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import tools
 from scipy.integrate import solve_ivp
+from together import together
 from tools import JOBS, SMALL, VARY
 
 from hpcsweep import load_job, meanings, open_results
@@ -94,7 +95,7 @@ def test_a_stored_point_follows_from_the_file_alone(text, tmp_path):
 KINDS = ("SMALL", "GRID", "REFINED", "ATTRACTORS", "BASINS", "RECORDS")
 
 
-@pytest.mark.parametrize("kind", [*KINDS, "VARY"])
+@together("kind", [*KINDS, "VARY"])
 def test_the_resolved_job_is_the_job_with_every_default(kind):
     text = SMALL + VARY if kind == "VARY" else getattr(tools, kind)
     job = parse_job(text, kind, kind)
@@ -107,7 +108,7 @@ def test_the_resolved_job_is_the_job_with_every_default(kind):
     assert ("transient_cycles" in whole) == (kind != "RECORDS")
 
 
-@pytest.mark.parametrize("name", ["structures/pounding", "structures/two-masses", "paper/figure6"])
+@together("name", ["structures/pounding", "structures/two-masses", "paper/figure6"])
 def test_shipped_jobs_are_resolved_too(name):
     job = load_job(JOBS / f"{name}.toml")
     assert parse_job(resolved(job), "resolved", "x").fingerprint == job.fingerprint
@@ -138,8 +139,8 @@ def test_what_a_job_tells_of_its_results_is_in_the_file_and_not_in_the_fingerpri
         parse_job(f"title = 3\n{SMALL}", "x", "x")
 
 
-@pytest.mark.parametrize(
-    ("vary", "axis", "velocity"),
+@together(
+    "vary, axis, velocity",
     [
         ("structure.gap = [[1.0, 1.0], [0.5, 1.0]]", {"gap": "length"}, "length omega_0"),
         ("structure.gap = [[1.0, 1.0]]", {"gap": "gaps"}, "gaps omega_0"),

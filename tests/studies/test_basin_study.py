@@ -6,6 +6,8 @@ import shutil
 import h5py
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
 from together import together
 from tools import BASINS as JOB
 from tools import assert_same_datasets, hpcsweep
@@ -183,7 +185,10 @@ def test_every_command_tells_it(tmp_path, whole):
     picture = tmp_path / "picture.png"
     done = hpcsweep(0, "plot", whole, "-o", picture)
     assert done.returncode == 0, done.stderr
-    assert picture.stat().st_size > 10_000
+    with Image.open(picture) as image:
+        colours = {colour for _, colour in image.convert("RGB").getcolors(maxcolors=1 << 24)}
+    shades = [shade for _, shade, _ in attractors_of(open_results(whole), 0).values()]
+    assert {tuple(round(255 * part) for part in to_rgb(shade)) for shade in shades} <= colours
     for arguments in (
         ("plot", whole, "--kind", "map"),
         ("plot", whole, "--kind", "shares"),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
@@ -182,7 +183,7 @@ def test_a_poll_that_raises_leaves_and_the_next_call_is_not_disturbed():
         assert np.array_equal(again[key], fresh[key], equal_nan=True), key
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 6, 7, 20, 64])
+@together("size", [1, 2, 3, 6, 7, 20, 64])
 def test_spectral_radius_is_that_of_the_library(size):
     random = np.random.default_rng(size)
     whole = random.normal(size=(size, size))

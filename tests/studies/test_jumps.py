@@ -3,6 +3,7 @@
 import jumps
 import numpy as np
 import pytest
+from together import together
 from tools import PAPER
 
 from hpcsweep.job import load_job
@@ -46,8 +47,8 @@ def test_a_motion_that_is_elsewhere_is_seen(monkeypatch):
     assert all(jump.is_elsewhere for jump in fast)
 
 
-@pytest.mark.parametrize(
-    ("multiplier", "late", "elsewhere"),
+@together(
+    "multiplier, late, elsewhere",
     [
         (0.5, 1e-9, False),
         (0.5, 1e-7, True),

@@ -318,8 +318,8 @@ def test_bad_structures_along_a_path_are_refused_in_one_line(old, new, words):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "old", "new", "words"),
+@together(
+    "text, old, new, words",
     [
         (BASINS, "amplitude = 0.7", 'amplitude = "0.7 * omega"', "must be numbers: form"),
         (BASINS, "[sweep]", '[sweep]\nalong = "omega"', "unknown key 'sweep.along'"),
@@ -415,8 +415,8 @@ def test_branches_along_a_formula_go_through_all_motions_and_lie_beneath_them(tm
         assert (other.fingerprint != parse_job(job, "", "job").fingerprint) == differs
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
+@together(
+    "old, new, words",
     [
         (
             '"omega"',

@@ -235,6 +235,34 @@ def test_each_sample_is_timed_as_if_it_were_the_first(calls):
         calls.clear()
 
 
+def test_the_cache_forgets_what_was_asked_for_longest_ago(monkeypatch):
+    kept, values = responses._Kept(), np.zeros(10)
+    monkeypatch.setattr(responses, "MAX_KEPT", 3 * values.nbytes)
+    for key in "abcd":
+        kept.put((key,), (values, Outcome.COMPLETE))
+        kept.get(("a",))
+    assert [key for key in "abcd" if kept.get((key,))] == ["a", "c", "d"]
+    kept.put(("e",), (np.zeros(11), Outcome.COMPLETE))
+    assert [key for key in "acde" if kept.get((key,))] == ["d", "e"]
+
+
+def test_a_response_may_differ_by_its_rounding_times_its_conditioning():
+    study = parse_job(FACTORS, "job", "a").study
+    block = study.path(1)[-1]
+    rows, at = study.compute(block, study.initial_state), block.n_runs - 1
+    run = {name: values[at] for name, values in rows.items()}
+    ends = [response(study.structure, SUITE[1], 2.0 * (1.0 + k * 1e-9), study.tail) for k in (0, 1)]
+    fields = ("drift", "displacement", "floor_acceleration", "force", "impulse", "residual")
+    pairs = [[getattr(end, name) for end in ends] for name in fields]
+    steep = max(np.abs(b - a).max() / np.abs(b).max() for a, b in pairs) / 1e-9
+    again = study.run_again(block, at, run, study.initial_state)
+    assert again.allowed == pytest.approx(1e-12 * max(steep, 1.0), rel=1e-4)
+    assert (again.problem, again.whole_run) == ("", "equal")
+    run["contact_force"] = run["contact_force"] * (1.0 + 3.0 * again.allowed)
+    again = study.run_again(block, at, run, study.initial_state)
+    assert again.problem.startswith("computed plainly its peaks differ by ")
+
+
 def test_without_contacts_all_is_linear(tmp_path, calls):
     text = RECORDS.partition("[[building]]")[0] + "[structure]\nn_floors = 2\nmass = 1.0\n"
     text += "storey_stiffness = 400.0\nstiffness_ratio = 0.0\n[records]"
@@ -256,8 +284,8 @@ def test_gap_needed_is_that_which_does_not_close(tmp_path):
     assert job.study.structure.contact_names
 
 
-@pytest.mark.parametrize(
-    ("scale", "measure"),
+@together(
+    "scale, measure",
     [
         ('by = "pga"', lambda r: r.peak),
         ('by = "pgv"', lambda r: intensity(r).pgv),
@@ -456,8 +484,8 @@ def test_units_that_are_named_are_those_of_the_record(tmp_path, unit):
             np.testing.assert_allclose(other, own, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("units", "more", "words"),
+@together(
+    "units, more, words",
     [
         ('length = "mm"', "gravity = 9.80665", ("records.gravity = 9.80665", "is 9806.65 mm/s^2")),
         ('length = "yard"', "", ("units.length = 'yard'", "known unit of length")),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from together import together
 
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.studies.refine.audit import ALPHA, draw, interval, n_allowed, n_drawn
@@ -48,7 +49,7 @@ def inferred_and_wrong(truth, rounds, labels):
     return inferred, int((told != truth[inferred]).sum())
 
 
-@pytest.mark.parametrize("shape", [(70, 53), (12, 30, 17), (2, 90), (33, 33)])
+@together("shape", [(70, 53), (12, 30, 17), (2, 90), (33, 33)])
 def test_points_that_are_inferred_lie_in_cells_that_agree_or_may_be_left(shape):
     truth = bands(shape, 1)
     rounds, labels, asked = walk(truth, shape, Refinement(3, wrong=0.05))
@@ -187,7 +188,7 @@ def tongue(shape) -> tuple[np.ndarray, list[KnownCurve]]:
     return np.where(inside, 2, 1), [KnownCurve((1,) * (len(shape) - 2), one) for one in borders]
 
 
-@pytest.mark.parametrize("shape", [(161, 97), (3, 161, 97)])
+@together("shape", [(161, 97), (3, 161, 97)])
 def test_a_thin_tongue_is_missed_without_its_curve_and_found_with_it(shape):
     plane, borders = tongue(shape)
     truth = np.ones(shape, int)
@@ -227,7 +228,7 @@ def test_boxes_on_both_sides_of_a_curve_along_a_line_of_the_grid():
     assert np.argwhere(slices).tolist() == [[k, i, 1] for k in (1, 2) for i in (0, 1, 2)]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@together("seed", range(4))
 def test_the_boxes_of_a_polyline_are_those_that_many_points_on_it_lie_in(seed):
     rng = np.random.default_rng(seed)
     axes = [np.sort(rng.uniform(0, 1, n)) for n in (23, 41)]

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import xarray
+from together import together
 from tools import REFINE, REFINED, SMALL, TWO_STOPS, assert_same_datasets, hpcsweep, made
 
 from hpcsweep import open_results
@@ -287,8 +288,8 @@ def test_beside_other_jobs_in_one_queue(refined, tmp_path):
     assert status(tmp_path / "small.h5")["complete"]
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
+@together(
+    "change, said",
     [
         ((REFINE, REFINE + "\npoints = [[0.1, 0.5]]"), "a list of points has no cells"),
         (("levels = 3", "levels = 0"), "study.refine.levels = 0: must be a whole number from 1"),

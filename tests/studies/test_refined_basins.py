@@ -5,6 +5,7 @@ import json
 import h5py
 import numpy as np
 import pytest
+from together import together
 from tools import BASINS, assert_same_datasets, hpcsweep, made
 
 from hpcsweep import basin_boundary, open_results
@@ -125,8 +126,8 @@ def test_until_it_is_complete_there_is_no_list_and_no_picture(refined, tmp_path)
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
+@together(
+    "old, new, said",
     [
         ("wrong = 0.2", 'on = ["class"]', "study.refine.on = ['class']: must be a list of"),
         ("levels = 3", "levels = 13", "study.refine.levels = 13: must be a whole number"),

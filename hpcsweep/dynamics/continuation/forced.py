@@ -27,6 +27,7 @@ from hpcsweep.model.arguments import choice, shown
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.branch_rule import DIFFERENCE
 from hpcsweep.solvers.measures import IMPACT_FLAG
+from hpcsweep.solvers.named_measures import named_measures
 from hpcsweep.solvers.offers import BATCHES
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
@@ -179,9 +180,7 @@ class ForcedMap:
 
     def counted(self, seen: Observation) -> tuple[int, ...]:
         """Return the signature of an orbit that has been observed."""
-        count = len(self.structure.contacts)
-        first = seen.measures.size - 4 * count
-        closings = seen.measures[first : first + count] * len(seen.points)
+        closings = named_measures(self.structure, seen.measures).impacts * len(seen.points)
         slips = seen.slid.get("excursions", closings[:0])
         return tuple(np.rint(np.append(closings, slips)).astype(int).tolist())
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.figure import load_frame, open_frame
-from hpcsweep.figures.measures import LABELS, held_measures, measure_of
+from hpcsweep.figures.measures import held_measures, measure_of
 from hpcsweep.figures.options import AMPLITUDES, DIRECTION, OMEGA
 from hpcsweep.model.reduction import physical
+from hpcsweep.studies.quantities import MEASURES
 
 NAME = "measures"
 DRAWS = "motions"
@@ -36,7 +37,7 @@ def draw(
     """
     shown = held_measures(results)
     if not shown:
-        asked = ", ".join(f"output.{name}" for name in LABELS)
+        asked = ", ".join(f"output.{name}" for name in MEASURES)
         raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
     swept = [style.direction_index(results, direction)]
     frame = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes)

@@ -54,7 +54,7 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
     varied = {key.name: key for axis in frames.whole.study.axes for key in axis.keys}
     if not varied:
         raise style.PlotError(f"--kind {NAME} shows structures that a job varies")
-    names = [RESPONSES[response][0], "outcome", "collapsed"]
+    names = [RESPONSES[response].name, "outcome", "collapsed"]
     bands, keys, tell = [], [], counted("reading structure")
     for at in frames.parts():
         results, study = frames.gather(names), as_kind(frames.study, Records)

@@ -56,7 +56,7 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
         Where the file holds motions, codes ``history`` of displacements over ``history_size``, the
         largest of each, shape (parts, records, scales, floors, instants).
     """
-    names = [name for name, *_ in RESPONSES.values()]
+    names = [variable.name for variable in RESPONSES.values()]
     names += [*(f"{name}_alone" for name in names), "outcome", "collapsed"]
     axes = [axis for axis in frames.whole.study.axes if axis.name not in frames.given]
     total = math.prod(len(axis.values) for axis in axes)
@@ -86,7 +86,7 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
     for name, entry in described.items():
         if entry["unit"] != "%":
             held = np.array(arrays[name])
-            unit, size = labels.sized(structure, RESPONSES[name][2], held[np.isfinite(held)])
+            unit, size = labels.sized(structure, RESPONSES[name].units, held[np.isfinite(held)])
             entry |= {"unit": unit.strip(" []").removeprefix("1"), "size": size}
     meta = {
         "name": frames.whole.name,

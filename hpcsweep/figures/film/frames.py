@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.measures import LABELS, ShownMeasure, measure_of
+from hpcsweep.figures.measures import ShownMeasure, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.figures.style import PlotError
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.quantities import MEASURES
 from hpcsweep.studies.study import as_kind
 
 
@@ -133,8 +134,8 @@ class Film:
     """
 
     def __init__(self, request: Request):
-        if request.show and request.show not in LABELS:
-            raise PlotError(f"--show {request.show}: must be one of {', '.join(LABELS)}")
+        if request.show and request.show not in MEASURES:
+            raise PlotError(f"--show {request.show}: must be one of {', '.join(MEASURES)}")
         self.request = request
         self.frames = Frames(request.file, at=request.at)
         self._shown = request.show or "poincare"

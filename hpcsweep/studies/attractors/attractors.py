@@ -85,10 +85,10 @@ class AttractorGrid(search.SearchLimits, RunGrid):
         """Component and range of the starts; only those of the first floor where all are equal."""
         n, ranges = self.structure.n_floors, {}
         for kind, first in (("displacement", 0), ("velocity", n)):
-            own = self.box[first : first + n]
-            for k in range(1 if len(set(own)) == 1 else n):
-                name = kind if len(set(own)) == 1 else f"{kind} {k + 1}"
-                ranges[name] = (first + k, *own[k])
+            spans = self.box[first : first + n]
+            for k in range(1 if len(set(spans)) == 1 else n):
+                name = kind if len(set(spans)) == 1 else f"{kind} {k + 1}"
+                ranges[name] = (first + k, *spans[k])
         return ranges
 
     @property

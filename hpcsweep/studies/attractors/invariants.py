@@ -87,11 +87,11 @@ def _of_labels(rows: Rows) -> Broken:
     }
     hits = (labels[:, None, :] == np.where(ids > 0, ids, 127)[:, :, None]).sum(axis=2)
     others = [*UNSTORED.values()]
-    known = np.array(
-        [np.isin(own, (*low[low > 0], *others)).all() for own, low in zip(labels, ids, strict=True)]
+    listed = np.array(
+        [np.isin(row, (*low[low > 0], *others)).all() for row, low in zip(labels, ids, strict=True)]
     )
     return {
-        "each start is labelled by an attractor of the list, -1, -2 or -3": ~known,
+        "each start is labelled by an attractor of the list, -1, -2 or -3": ~listed,
         "hits are those of the labels": (np.where(ids > 0, rows["hits"], 0) != hits).any(axis=1),
         **counts,
     }

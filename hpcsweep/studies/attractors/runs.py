@@ -47,7 +47,7 @@ class Carried:
         each = state[1:].reshape(slots, -1)
         held = each[each[:, 0] > 0]
         points = [row[2:].reshape(-1, size)[: int(row[1])] for row in held]
-        seeds = np.array([own[-1] for own in points]).reshape(-1, size)
+        seeds = np.array([orbit[-1] for orbit in points]).reshape(-1, size)
         return cls(seeds, tuple(held[:, 0].astype(int).tolist()), points, int(state[0]))
 
 
@@ -116,55 +116,56 @@ class AttractorRuns:
         for index, amplitude in enumerate(amplitudes):
             if poll is not None:
                 poll()
-            found = self.at(float(amplitude), carried.seeds, poll)
-            carried = self._store(result, index, found, carried, float(amplitude), poll)
+            portrait = self.at(float(amplitude), carried.seeds, poll)
+            carried = self._store(result, index, portrait, carried, float(amplitude), poll)
         return result
 
     def _store(
-        self, result, index: int, found: Portrait, before: Carried, amplitude: float, poll: Poll
+        self, result, index: int, portrait: Portrait, before: Carried, amplitude: float, poll: Poll
     ) -> Carried:
         """Store the attractors of an amplitude; return the state that the next one inherits."""
         room = result["poincare"].shape[2]
-        order = np.argsort([-one.hits for one in found.attractors], kind="stable")
-        kept = [found.attractors[k] for k in order[: self._limits.max_attractors].tolist()]
-        points = [one.points[-room:] for one in kept]
+        order = np.argsort([-attractor.hits for attractor in portrait.attractors], kind="stable")
+        kept = [portrait.attractors[k] for k in order[: self._limits.max_attractors].tolist()]
+        points = [attractor.points[-room:] for attractor in kept]
         ids, last_id = self._identities(points, before)
         place = sorted(range(len(kept)), key=lambda k: (-kept[k].hits, ids[k]))
         kept, points = [kept[k] for k in place], [points[k] for k in place]
         ids = [ids[k] for k in place]
-        for slot, (one, own, number) in enumerate(zip(kept, points, ids, strict=True)):
-            known = {"attractor_id": number, "point": own[-1], "n_points": len(own)}
-            moved = self._solver, amplitude, one.points, one.orbit_period
-            known |= spectrum_variables(*moved, self._settings, poll)
-            store_attractor(result, (index, slot), self._measured, one, **known)
-            result["poincare"][index, slot, : len(own)] = own
+        for slot, (attractor, orbit, number) in enumerate(zip(kept, points, ids, strict=True)):
+            values = {"attractor_id": number, "point": orbit[-1], "n_points": len(orbit)}
+            moved = self._solver, amplitude, attractor.points, attractor.orbit_period
+            values |= spectrum_variables(*moved, self._settings, poll)
+            store_attractor(result, (index, slot), self._measured, attractor, **values)
+            result["poincare"][index, slot, : len(orbit)] = orbit
         for name, label in UNSTORED.items():
-            result[f"n_{name}"][index] = (found.labels == label).sum()
-        result["n_transient"][index], result["outcome"][index] = found.n_transient, found.outcome
-        for name, value in zip(LIFETIME, found.lifetime, strict=True):
+            result[f"n_{name}"][index] = (portrait.labels == label).sum()
+        result["n_transient"][index] = portrait.n_transient
+        result["outcome"][index] = portrait.outcome
+        for name, value in zip(LIFETIME, portrait.lifetime, strict=True):
             result[name][index] = value
-        result["n_attractors"][index], result["last_id"][index] = len(found.attractors), last_id
-        hits = sum(one.hits for one in kept)
-        result["n_elsewhere"][index] = (found.labels >= 0).sum() - hits
-        result["cycles"][index] = min(found.cycles, np.iinfo(np.int32).max)
-        seeds = np.array([own[-1] for own in points]).reshape(-1, before.seeds.shape[1])
+        result["n_attractors"][index], result["last_id"][index] = len(portrait.attractors), last_id
+        hits = sum(attractor.hits for attractor in kept)
+        result["n_elsewhere"][index] = (portrait.labels >= 0).sum() - hits
+        result["cycles"][index] = min(portrait.cycles, np.iinfo(np.int32).max)
+        seeds = np.array([orbit[-1] for orbit in points]).reshape(-1, before.seeds.shape[1])
         return Carried(seeds, tuple(ids), points, last_id)
 
     def _identities(self, points: Sequence[np.ndarray], before: Carried) -> tuple[list[int], int]:
         """Return for each attractor the identity of the one that it continues, or a new one."""
         units = self._measured.state_units
         pairs = matched(
-            [own / units for own in before.points],
-            [own / units for own in points],
+            [orbit / units for orbit in before.points],
+            [orbit / units for orbit in points],
             self._limits.match_distance,
         )
-        known = {now: before.ids[then] for then, now in pairs}
+        identity = {now: before.ids[then] for then, now in pairs}
         ids, last_id = [], before.last_id
         for place in range(len(points)):
-            if place not in known:
+            if place not in identity:
                 last_id += 1
-                known[place] = last_id
-            ids.append(known[place])
+                identity[place] = last_id
+            ids.append(identity[place])
         return ids, last_id
 
 
@@ -265,8 +266,8 @@ def attractors(
     reach = np.vstack((structure.slipped(np.abs(np.array(limits.box)).max(axis=1)), seeds))
     moving = loaded(structure.within_reach(amplitude, reach), name)
     runs = AttractorRuns(moving, arguments.forcing_frequency("omega", omega), settings, limits)
-    found = runs.at(amplitude, seeds)
-    if found.outcome is not Outcome.COMPLETE:
-        raise ArithmeticError(f"{name}: {found.outcome.name} from every start")
-    by_share = sorted(found.attractors, key=lambda one: -one.hits)
-    return Found(by_share, found.n_transient, found.lifetime)
+    portrait = runs.at(amplitude, seeds)
+    if portrait.outcome is not Outcome.COMPLETE:
+        raise ArithmeticError(f"{name}: {portrait.outcome.name} from every start")
+    by_share = sorted(portrait.attractors, key=lambda one: -one.hits)
+    return Found(by_share, portrait.n_transient, portrait.lifetime)

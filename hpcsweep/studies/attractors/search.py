@@ -14,7 +14,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.keys import Key
-from hpcsweep.studies.settings import MEASURES
+from hpcsweep.studies.quantities import MEASURES
 from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.variables import store_measures
 
@@ -111,17 +111,17 @@ def read_limits(values, what: str) -> dict[str, Any]:
         What the study searches, for messages.
     """
     if values.get("solver.skip", "all") != "all":
-        given = values.get("solver.skip")
-        raise values.error("solver.skip", given, 'must be "all": every motion is classified')
+        asked = values.get("solver.skip")
+        raise values.error("solver.skip", asked, 'must be "all": every motion is classified')
     if values.has("sweep.classify_cycles"):
-        given = values.get("sweep.classify_cycles")
-        raise values.error("sweep.classify_cycles", given, f"is study.max_cycles of {what}")
+        asked = values.get("sweep.classify_cycles")
+        raise values.error("sweep.classify_cycles", asked, f"is study.max_cycles of {what}")
     return {key.name: values.read("study", key) for key in SEARCH}
 
 
 def read_search(values, structures: Iterable[Structure]) -> dict[str, Any]:
     """Read the fields of `SearchLimits`; the box is one for all structures along a path."""
-    reach = np.max([usual_reach(one) for one in structures], axis=0)
+    reach = np.max([usual_reach(structure) for structure in structures], axis=0)
     n = len(reach) // 2
     limits = read_limits(values, "attractors")
     limits |= {key.name: values.read("study", key) for key in (CONFIDENCE, MATCH_DISTANCE)}
@@ -134,39 +134,39 @@ def read_search(values, structures: Iterable[Structure]) -> dict[str, Any]:
 
 def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
     """Read [low, high], or n of them; default minus to plus a reach."""
-    given = values.get(key, [-reach, reach])
-    listed = given if isinstance(given, list) else [given]
+    box = values.get(key, [-reach, reach])
+    listed = box if isinstance(box, list) else [box]
     pairs = listed if listed and isinstance(listed[0], list) else [listed] * n
     if len(pairs) != n or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-        raise values.error(key, given, f"must be [low, high], or a list of n = {n} such pairs")
+        raise values.error(key, box, f"must be [low, high], or a list of n = {n} such pairs")
     read = [(values.number(key, low), values.number(key, high)) for low, high in pairs]
     if not all(-1e200 <= low < high <= 1e200 for low, high in read):
-        raise values.error(key, given, "must have low below high, both at most 1e200")
+        raise values.error(key, box, "must have low below high, both at most 1e200")
     return read
 
 
 def store_attractor(
-    result: Rows, at: tuple[int, int], structure: Structure, one: Attractor, **values: Any
+    result: Rows, at: tuple[int, int], structure: Structure, motion: Attractor, **values: Any
 ) -> None:
     """Store one attractor, and `values`, at a run and a slot, by the names of the variables."""
-    for name, value in (vars(one) | one.sliders | {"motion": one.kind} | values).items():
+    for name, value in (vars(motion) | motion.sliders | {"motion": motion.kind} | values).items():
         if name in result:
             result[name][at] = value
-    if one.measures.size:
-        own = {name: result[name][at][None] for name in MEASURES if name in result}
-        store_measures(own, structure, one.measures[None])
+    if motion.measures.size:
+        rows = {name: result[name][at][None] for name in MEASURES if name in result}
+        store_measures(rows, structure, motion.measures)
 
 
 def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
     """Return each attractor of a run as a motion of a run; `final_state` is its `point`."""
     named = [v.name for v in variables if v.dims[3:4] == ("attractor",)]
-    found = []
+    motions = []
     for k in np.flatnonzero(run["attractor_id"]):
-        one = {name: run[name][k] for name in named}
-        one["final_state"] = one["point"]
-        one["skip_rule"] = np.int8(SkipRule.NEWTON)
-        found.append(one)
-    return found
+        motion = {name: run[name][k] for name in named}
+        motion["final_state"] = motion["point"]
+        motion["skip_rule"] = np.int8(SkipRule.NEWTON)
+        motions.append(motion)
+    return motions
 
 
 KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)

@@ -82,8 +82,8 @@ class AttractorTally(BaseTally):
         starts, held = counts["starts"]["all"], counts["attractors"].total()
         # the same by each property of an attractor
         of_each = [Counter[Any]() for _ in Counted._fields]
-        for one, number in counts["attractors"].items():
-            for counter, value in zip(of_each, one, strict=True):
+        for attractor, number in counts["attractors"].items():
+            for counter, value in zip(of_each, attractor, strict=True):
                 counter[value] += number
         classes, periods, contacts, shakedown = of_each
         del periods[0], contacts[None]
@@ -140,16 +140,16 @@ class BasinTally(AttractorTally):
 
         Of slices whose starts are not evenly spaced there is none.
         """
-        told = {}
+        boundaries = {}
         for part, rows in self.rows.items():
             columns, ordinates, labels = zip(*rows, strict=True)
             steps = [np.diff(axis) for axis in (columns[0], np.array(ordinates))]
-            found = basin_boundary(np.array(labels))
+            boundary = basin_boundary(np.array(labels))
             even = all(np.allclose(step, step.mean(), rtol=1e-6, atol=0) for step in steps)
-            if even and not math.isnan(found.boundary_entropy):
-                exponent = None if math.isnan(found.exponent.mean) else [*found.exponent]
-                told[part or "of the slice"] = {**found._asdict(), "exponent": exponent}
-        return told
+            if even and not math.isnan(boundary.boundary_entropy):
+                exponent = None if math.isnan(boundary.exponent.mean) else [*boundary.exponent]
+                boundaries[part or "of the slice"] = {**boundary._asdict(), "exponent": exponent}
+        return boundaries
 
 
 class StartTally(BasinTally):

@@ -5,7 +5,8 @@ from dataclasses import replace
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import ISOLATED
-from hpcsweep.studies.settings import MEASURES, SweepSettings
+from hpcsweep.studies.quantities import MEASURES
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import ANY, FINITE, VALID, Variable, code, contacts, count, real
 from hpcsweep.studies.variables import (
     CYCLES,
@@ -18,7 +19,7 @@ from hpcsweep.studies.variables import (
     RUN_VARIABLES,
     SPECTRUM,
     STATES,
-    measures_of_each,
+    measured,
 )
 
 EACH = (*RUN, "attractor")
@@ -52,7 +53,7 @@ ATTRACTOR = (
     contacts("contact", EACH),
     replace(DRIFT, dims=EACH),
     replace(MODAL_NORM, dims=(*EACH, "mode")),
-    *measures_of_each(EACH),
+    *(replace(variable, optional=True) for variable in measured(MEASURES, EACH)),
     *(replace(v, dims=(*EACH, *v.dims[len(RUN) :])) for v in RUN_VARIABLES if v.name in OF_SLIDERS),
     count("families", EACH, "dimensions of the family of orbits that is the attractor"),
     real("point", (*EACH, "state"), STATES, "a stroboscopic point", FINITE),

@@ -61,8 +61,8 @@ class Basins(SliceGrid):
         if refine is not None:
             return RefinedBasins(refine=refine, **fields)
         if size != 1:
-            given = values.get("output.block")
-            raise values.error("output.block", given, "must be 1, each row a block")
+            block = values.get("output.block")
+            raise values.error("output.block", block, "must be 1, each row a block")
         return cls(**fields)
 
     @property
@@ -150,8 +150,8 @@ class RefinedBasins(SliceGrid):
 
     def listed_values(self) -> Rows:
         """Return the values of `listed_variables` for a row, first axis the attractors."""
-        known = runs_of(self).attractors()
-        return {variable.name: known[variable.name][0] for variable in self.listed_variables}
+        attractors = runs_of(self).attractors()
+        return {variable.name: attractors[variable.name][0] for variable in self.listed_variables}
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -175,9 +175,9 @@ class RefinedBasins(SliceGrid):
         label = int(run["label"])
         if label <= 0:
             return []
-        known = {name: values[0] for name, values in runs_of(self).attractors().items()}
+        attractors = {name: values[0] for name, values in runs_of(self).attractors().items()}
         listed = variables.of_attractors(self.settings, self.structure)
-        return attractors_as_runs(listed, known)[label - 1 : label]
+        return attractors_as_runs(listed, attractors)[label - 1 : label]
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the computed starts, and those that reached none of the listed attractors."""
@@ -191,9 +191,9 @@ class RefinedBasins(SliceGrid):
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
         label, failed = rows["label"], rows["outcome"] != Outcome.COMPLETE
-        known = (*UNSTORED.values(), *range(1, self.max_attractors + 1))
+        codes = (*UNSTORED.values(), *range(1, self.max_attractors + 1))
         return {
-            "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, known),
+            "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, codes),
             "a start that failed, and no other, is labelled so": (label == FAILED) != failed,
         }
 

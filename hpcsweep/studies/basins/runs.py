@@ -91,11 +91,11 @@ class SliceRuns:
         """Return the attractors of the slice, arrays of shape (1, max_attractors, ...)."""
         variables = of_attractors(self._settings, self._structure)
         most = self._study.max_attractors
-        found = empty_results(variables, self._structure, 1, attractor=most)
-        for slot, one in enumerate(self._known(poll).attractors):
-            known = {"attractor_id": slot + 1, "point": one.points[-1]}
-            store_attractor(found, (0, slot), self._solver.structure, one, **known)
-        return found
+        rows = empty_results(variables, self._structure, 1, attractor=most)
+        for slot, attractor in enumerate(self._known(poll).attractors):
+            values = {"attractor_id": slot + 1, "point": attractor.points[-1]}
+            store_attractor(rows, (0, slot), self._solver.structure, attractor, **values)
+        return rows
 
     def _states(self, horizontal: np.ndarray, ordinate: float) -> np.ndarray:
         """Return starts of a row, shape (k, 2n), whose sliders have slipped as they must."""

@@ -145,8 +145,8 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     structure, settings = common["structure"], common["settings"]
     limits = search.read_limits(values, "basins")
     point = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
-    for key, found in zip(("sweep.omega", "sweep.amplitude"), point, strict=True):
-        if found.size != 1:
+    for key, numbers in zip(("sweep.omega", "sweep.amplitude"), point, strict=True):
+        if numbers.size != 1:
             raise values.error(key, values.get(key), "must be one number: basins of one point")
     if "lyapunov_spectrum" in settings.metrics:
         limit = "must be false: spectra are of sweeps, points and attractors"
@@ -174,21 +174,21 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
 def _components(values, structure: Structure) -> tuple[int, int]:
     """Read the two components of the slice."""
     names, n = state_names(structure), structure.n_floors
-    given = values.get("study.components", [names[0], names[n]])
-    known = isinstance(given, list) and len(given) == 2 and all(one in names for one in given)
-    if not known or given[0] == given[1]:
+    pair = values.get("study.components", [names[0], names[n]])
+    are_two = isinstance(pair, list) and len(pair) == 2 and all(name in names for name in pair)
+    if not are_two or pair[0] == pair[1]:
         groups = filter(None, (names[:n], names[n : 2 * n], names[2 * n :]))
         listed = (", ".join(x) if len(x) <= FEW else f"{x[0]} .. {x[-1]}" for x in groups)
-        raise values.error("study.components", given, f"must be two of {', '.join(listed)}")
-    return names.index(given[0]), names.index(given[1])
+        raise values.error("study.components", pair, f"must be two of {', '.join(listed)}")
+    return names.index(pair[0]), names.index(pair[1])
 
 
 def _span(values, key: str, reach: float, most: int) -> np.ndarray:
     """Read the values of a component, ascending, two or more."""
     if not values.has(key):
         return np.linspace(-reach, reach, SPAN)
-    found = values.numbers(key, values.get(key), True, most)
-    if found.size < 2 or not np.abs(found).max() <= MAX_STATE:
+    numbers = values.numbers(key, values.get(key), True, most)
+    if numbers.size < 2 or not np.abs(numbers).max() <= MAX_STATE:
         limit = f"must have two values or more, at most {MAX_STATE:g}"
         raise values.error(key, values.get(key), limit)
-    return found
+    return numbers

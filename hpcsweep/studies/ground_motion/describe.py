@@ -16,7 +16,6 @@ from hpcsweep.model.unit_names import known_unit, unit_of
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion.keys import RecordGrid, longest_period
-from hpcsweep.studies.ground_motion.variables import PEAKS
 from hpcsweep.studies.study import Lines, Study, as_kind
 from hpcsweep.studies.tally import BaseTally, share
 from hpcsweep.studies.variables import percent_of_height
@@ -54,13 +53,14 @@ def lines(study: RecordGrid) -> Lines:
         f"PGD in {named('length')}, significant duration in {named('time')}, "
         f"Sa({period:.4g}; 5 %) in g",
     )
-    width = max(len(one.name) for one in study.suite)
-    for i, one in enumerate(study.suite[:MOST]):
+    width = max(len(facts.name) for facts in study.suite)
+    for i, facts in enumerate(study.suite[:MOST]):
         yield (
             "",
-            f"{one.name:{width}}  PGA {one.pga / study.gravity:7.4f}  PGV {one.pgv:9.4g}  PGD "
-            f"{one.pgd:9.4g}  duration {one.duration:7.3g}  Sa {_spectral(study, i, period)}  "
-            f"{one.samples} samples of {one.dt:g}",
+            f"{facts.name:{width}}  PGA {facts.pga / study.gravity:7.4f}  PGV {facts.pgv:9.4g}  "
+            f"PGD {facts.pgd:9.4g}  duration {facts.duration:7.3g}  "
+            f"Sa {_spectral(study, i, period)}  "
+            f"{facts.samples} samples of {facts.dt:g}",
         )
     if len(study.suite) > MOST:
         yield "", f"and {len(study.suite) - MOST} more"
@@ -87,16 +87,16 @@ def warnings(study: RecordGrid) -> Iterator[str]:
             f"of stuck bearings; while they slide it is {sliding:.4g}{unit}: "
             f"records.scale.period = {sliding:.4g}?"
         )
-    for one in study.suite[:MOST]:
-        pga = one.pga / study.gravity
+    for facts in study.suite[:MOST]:
+        pga = facts.pga / study.gravity
         if not WEAK <= pga <= STRONG:
-            yield f"{one.name} has a PGA of {pga:.3g} g: is its unit right?"
-        if one.pgd > FAR * one.pgv * one.duration:
-            moved = f"{one.pgd:.3g}{known_unit(study.structure, 'length')}"
-            yield f"{one.name}: the ground is displaced by {moved}: its baseline drifts"
+            yield f"{facts.name} has a PGA of {pga:.3g} g: is its unit right?"
+        if facts.pgd > FAR * facts.pgv * facts.duration:
+            moved = f"{facts.pgd:.3g}{known_unit(study.structure, 'length')}"
+            yield f"{facts.name}: the ground is displaced by {moved}: its baseline drifts"
     equal: dict[str, list[str]] = {}
-    for one in study.suite:
-        equal.setdefault(one.digest, []).append(one.name)
+    for facts in study.suite:
+        equal.setdefault(facts.digest, []).append(facts.name)
     for names in equal.values():
         if len(names) > 1:
             more = ", ..." * (len(names) > MOST_EQUAL)
@@ -113,7 +113,7 @@ def elastic_drift(results, structure: Structure) -> float:
     percent = percent_of_height(results)
     if percent is None or "storey_drift" not in results:
         return 0.0
-    yields = [one.direction for one in structure.sliders]
+    yields = [slider.direction for slider in structure.sliders]
     is_elastic = [tuple(row) not in yields for row in structure.drift_rows.tolist()]
     drift = (results["storey_drift"].values * percent)[..., is_elastic]
     return float(np.nanmax(drift, initial=0.0))
@@ -136,7 +136,6 @@ def alone_words(structure: Structure) -> str:
 class ResponseTally(BaseTally):
     """Tally of runs, record by record."""
 
-    measures = (*(one.variable.name for one in PEAKS[:7]), "ductility", "excursions", "base_shear")
     placed_by = ("record", "scale", "part")
     at_once = 64
     elastic = 0.0
@@ -153,11 +152,11 @@ class ResponseTally(BaseTally):
         if "collapsed" in frame:
             self.counts["all"]["collapsed"] += int(frame["collapsed"].values.sum())
         responses = as_kind(study, RecordGrid).responses
-        own, factors = hash(responses.computed), frame["factor"].values
+        structure, factors = hash(responses.computed), frame["factor"].values
         different = (outcome > 0) & ~linear
         for name, row, chosen in zip(frame["record"].values, factors, different, strict=True):
             for factor in row[chosen].tolist():
-                self.counts["ratios"][own, str(name), responses.ratio(factor)] += 1
+                self.counts["ratios"][structure, str(name), responses.ratio(factor)] += 1
 
     def summary(self) -> dict[str, Any]:
         """Return the counts; see `BaseTally.summary`."""

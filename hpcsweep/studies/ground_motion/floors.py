@@ -39,7 +39,7 @@ class FloorSpectra(NamedTuple):
         }
 
 
-def read_floor_spectra(values: Any, found: tuple[Facts, ...], structure: Structure) -> FloorSpectra:
+def read_floor_spectra(values: Any, suite: tuple[Facts, ...], structure: Structure) -> FloorSpectra:
     """Read the floor spectra that are stored of every run.
 
     Raises
@@ -55,23 +55,23 @@ def read_floor_spectra(values: Any, found: tuple[Facts, ...], structure: Structu
         raise values.error(key, table, limit)
     values.check_keys(key, table, FloorSpectra._fields)
     periods = values.numbers(f"{key}.periods", table.get("periods"), True, MAX_PERIODS)
-    for one in found:
+    for facts in suite:
         for period in periods[[0, -1]].tolist():
-            values.positive(f"{key}.periods", period, SHORTEST * one.dt, LONGEST * one.dt)
+            values.positive(f"{key}.periods", period, SHORTEST * facts.dt, LONGEST * facts.dt)
     names = tuple(map(str, structure.floor_names))
     places = table.get("places", [*names])
     if not isinstance(places, list) or not places or len({*places}) < len(places):
         raise values.error(f"{key}.places", places, "must be names of floors, each once")
     for place in places:
         values.choice(f"{key}.places", place, names)
-    given = table.get("damping_ratio", DAMPING_RATIO)
-    ratio = read_damping_ratio(values, f"{key}.damping_ratio", given)
+    damping = table.get("damping_ratio", DAMPING_RATIO)
+    ratio = read_damping_ratio(values, f"{key}.damping_ratio", damping)
     return FloorSpectra(tuple(periods.tolist()), ratio, tuple(places))
 
 
-def read_damping_ratio(values: Any, key: str, given: Any) -> float:
+def read_damping_ratio(values: Any, key: str, value: Any) -> float:
     """Take a damping ratio."""
-    ratio = values.number(key, given)
+    ratio = values.number(key, value)
     if not 0 <= ratio < 1:
         raise values.error(key, ratio, "must be from 0 to below 1")
     return ratio

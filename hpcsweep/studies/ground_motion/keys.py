@@ -174,15 +174,16 @@ class RecordGrid(Part):
     @cached_property
     def factor(self) -> np.ndarray:
         """Factor of each record at each scale, shape (n_records, n_scales)."""
-        measures = np.array([one.measure for one in self.suite])
+        measures = np.array([facts.measure for facts in self.suite])
         return self.scale / measures[:, None]
 
     @cached_property
     def responses(self) -> RecordResponses:
         """Responses that compute the runs."""
-        n_instants = sum(one.values.size for one in self.instants.values())
-        more = self.history, n_instants, self.floors
-        return RecordResponses(self.structure, self.settings, self.tail, *more)
+        sizes, n = self.dimensions, len(self.run_dims)
+        shapes = {each: tuple(sizes[dim] for dim in each.dims[n:]) for each in self.variables}
+        run = self.structure, self.settings, self.tail
+        return RecordResponses(*run, self.history, self.floors, shapes)
 
     def record(self, i: int) -> Record:
         """Return the samples of record i; errors are those of `checked_record`."""
@@ -208,11 +209,11 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
     ------
     JobError
     """
-    given = values.table("records")
-    if "files" in given and "synthetic" in given:
+    table = values.table("records")
+    if "files" in table and "synthetic" in table:
         limit = "does not go with records.synthetic: one of the two must go"
-        raise values.error("records.files", given["files"], limit)
-    if "files" in given:
+        raise values.error("records.files", table["files"], limit)
+    if "files" in table:
         unit: Any = values.get("records.unit", "g")
         try:
             if unit != OWN:
@@ -220,17 +221,17 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
         except ValueError:
             limit = f"must be one of {', '.join(UNITS)}"
             raise values.error("records.unit", unit, limit) from None
-        dt = values.positive("records.dt", given["dt"]) if "dt" in given else None
-        channel = given.get("channel")
+        dt = values.positive("records.dt", table["dt"]) if "dt" in table else None
+        channel = table.get("channel")
         if channel is not None:
             values.whole("records.channel", channel, 1, MAX_FILES)
         return Files(paths, unit, read_gravity(values), dt, _units(values)[1], channel)
-    if "synthetic" not in given:
-        raise values.error("records", sorted(given), "must have files, or synthetic")
+    if "synthetic" not in table:
+        raise values.error("records", sorted(table), "must have files, or synthetic")
     for key in ("unit", "dt", "channel"):
-        if key in given:
-            raise values.error(f"records.{key}", given[key], "goes with records.files")
-    return _synthetic(values, given["synthetic"])
+        if key in table:
+            raise values.error(f"records.{key}", table[key], "goes with records.files")
+    return _synthetic(values, table["synthetic"])
 
 
 def _synthetic(values: Any, table: Any) -> Synthetic:
@@ -241,14 +242,14 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
     read: dict[str, Any] = {}
     for key, kind in SUITE.items():
         name = f"records.synthetic.{key}"
-        given = table.get(key, 1 if key == "count" else getattr(Synthetic, key, None))
+        value = table.get(key, 1 if key == "count" else getattr(Synthetic, key, None))
         if kind is float:
-            read[key] = values.positive(name, given)
+            read[key] = values.positive(name, value)
         elif kind is str:
-            read[key] = values.choice(name, given, SOILS)
+            read[key] = values.choice(name, value, SOILS)
         else:
             least, most = (1, MAX_RECORDS) if key == "count" else (0, 2**63 - 1)
-            read[key] = values.whole(name, given, least, most)
+            read[key] = values.whole(name, value, least, most)
     steps = round(min(read["duration"] / read["dt"], 1e9))
     if not 100 <= steps < MAX_SAMPLES:
         limit = f"must be 100 to {MAX_SAMPLES - 1} times dt = {read['dt']:g}"
@@ -273,40 +274,40 @@ def _units(values: Any) -> tuple[str, str, float]:
 def read_gravity(values: Any) -> float:
     """Read one g in the structure's units: by default it follows from their names."""
     length, time, standard = _units(values)
-    given = values.get("records.gravity", standard)
-    gravity = values.positive("records.gravity", given)
+    value = values.get("records.gravity", standard)
+    gravity = values.positive("records.gravity", value)
     if "length" in values.table("units") and abs(gravity / standard - 1.0) > NEAR:
         limit = f"one g is {standard:.10g} {length}/{time}^2, by the names in units"
-        raise values.error("records.gravity", given, limit)
+        raise values.error("records.gravity", value, limit)
     return gravity
 
 
-def known_gravity(values: Any, key: str, given: Any) -> float:
+def known_gravity(values: Any, key: str, value: Any) -> float:
     """Read one g for weights, which nothing but its units or itself makes known."""
     if "length" not in values.table("units") and "gravity" not in values.table("records"):
-        raise values.error(key, given, "needs one g: give [units] or records.gravity")
+        raise values.error(key, value, "needs one g: give [units] or records.gravity")
     return read_gravity(values)
 
 
-def read_tail(values: Any, found: tuple[Facts, ...]) -> float:
+def read_tail(values: Any, suite: tuple[Facts, ...]) -> float:
     """Read the time of free motion after each record."""
-    longest = MAX_SAMPLES * min(one.dt for one in found)
+    longest = MAX_SAMPLES * min(facts.dt for facts in suite)
     tail = values.number("records.tail", values.get("records.tail", 0.0))
     if not 0 <= tail <= longest:
         raise values.error("records.tail", tail, f"must be from 0 to {longest:g}")
     return tail
 
 
-def read_history(values: Any, found: tuple[Facts, ...], tail: float) -> float:
+def read_history(values: Any, suite: tuple[Facts, ...], tail: float) -> float:
     """Read the step between the instants of the histories; 0 for none."""
     step = values.get("output.history", False)
     if step is False:
         return 0.0
-    longest = _longest(found) + tail
+    longest = _longest(suite) + tail
     step = values.positive("output.history", step, longest / MAX_INSTANTS, longest)
-    for one in found:
-        if not steps_in(one.dt, step):
-            raise values.error("output.history", step, f"{WHOLE.format(one.dt)} of {one.name}")
+    for facts in suite:
+        if not steps_in(facts.dt, step):
+            raise values.error("output.history", step, f"{WHOLE.format(facts.dt)} of {facts.name}")
     return step
 
 
@@ -323,8 +324,8 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
         raise values.error("records.scale", table, limit)
     by = values.choice("records.scale.by", table.get("by", "factor"), MEASURES)
     needed = SCALED_BY.get(by, ())
-    known = ("by", *needed, *(("damping_ratio",) if needed else ()), *RANGE)
-    values.check_keys("records.scale", table, known)
+    allowed = ("by", *needed, *(("damping_ratio",) if needed else ()), *RANGE)
+    values.check_keys("records.scale", table, allowed)
     periods: tuple[float | str, ...] = ()
     for key in needed:
         if key == "period" and table.get(key) == OWN_PERIOD:
@@ -335,8 +336,8 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
         if listed.min() <= 0:
             raise values.error(f"records.scale.{key}", table[key], "must be above 0")
         periods = tuple(listed.tolist())
-    given = table.get("damping_ratio", DAMPING_RATIO)
-    ratio = read_damping_ratio(values, "records.scale.damping_ratio", given)
+    damping = table.get("damping_ratio", DAMPING_RATIO)
+    ratio = read_damping_ratio(values, "records.scale.damping_ratio", damping)
     grid = {key: table[key] for key in RANGE if key in table}
     if "values" in grid and len(grid) > 1:
         raise values.error("records.scale.values", grid["values"], "goes without from and to")
@@ -363,14 +364,14 @@ def read_found(
     JobError
         If it is not as `hpcsweep.job.suites` writes it.
     """
-    found = values.get("records.found")
+    stored = values.get("records.found")
     paths = tuple(map(str, values.table("records").get("files", ())))
     try:
-        records = found["records"] if isinstance(found, dict) else found
-        if isinstance(found, dict):
-            periods = found["periods"]
-            own = longest_period(structure) if structure else periods[0]
-            at = nearest(periods, own)
+        records = stored["records"] if isinstance(stored, dict) else stored
+        if isinstance(stored, dict):
+            periods = stored["periods"]
+            longest = longest_period(structure) if structure else periods[0]
+            at = nearest(periods, longest)
             records = [{**one, "measure": one["measure"][at]} for one in records]
         facts = tuple(Facts(**one) for one in records)
         if not all(one.is_sound for one in facts):
@@ -380,17 +381,17 @@ def read_found(
             raise TypeError
     except (TypeError, KeyError, ValueError, AttributeError, IndexError):
         limit = "must be as written by hpcsweep; take it away, and records are looked for again"
-        raise values.error("records.found", found, limit) from None
+        raise values.error("records.found", stored, limit) from None
     return facts, paths
 
 
-def _instants(found: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
+def _instants(suite: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
     """Return the dimension of the histories: the instants of the longest record and its tail."""
-    longest = _longest(found) + tail
+    longest = _longest(suite) + tail
     values = step * np.arange(math.floor(longest / step + SAME_STEP) + 1)
     return Coordinate(values, "time", "time since the first sample")
 
 
-def _longest(found: tuple[Facts, ...]) -> float:
+def _longest(suite: tuple[Facts, ...]) -> float:
     """Return the duration of the longest record."""
-    return max((one.samples - 1) * one.dt for one in found)
+    return max((facts.samples - 1) * facts.dt for facts in suite)

@@ -13,9 +13,10 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.blocks import Block, Rows
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.responses import respond
-from hpcsweep.studies.ground_motion.variables import Peak, pack, peaks_of
+from hpcsweep.studies.ground_motion.variables import peaks_of
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import RunAgain
+from hpcsweep.studies.variable import Variable
 
 NUDGE = 1e-9
 """Relative change of the scale by which the conditioning of a response is measured."""
@@ -49,23 +50,24 @@ def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunA
         again.compared = f"nothing: the record is not at hand: {error}"
         return again
     structure, tail = study.structure, study.tail
-    own, _ = peaks_of(structure, study.settings)
-    kinds: dict[str, list[Peak]] = {}
-    for peak in own:
-        if peak.variable.units in COMPARED:
-            name = peak.variable.name
-            kinds.setdefault(TOGETHER.get(name, name), []).append(peak)
-    found = []
+    peaks, _ = peaks_of(structure, study.settings)
+    kinds: dict[str, list[Variable]] = {}
+    for peak in peaks:
+        if peak.units in COMPARED:
+            kinds.setdefault(TOGETHER.get(peak.name, peak.name), []).append(peak)
+    peaks_of_each = []
     for scale in (factor, factor * (1.0 + NUDGE)):
         response = respond(structure, samples, scale, tail, study.settings)
         if response.outcome is not Outcome.COMPLETE:
             again.problem = f"computed again it ends with {response.outcome.name}"
             return again
-        found.append([pack(response, np.empty(0), kind) for kind in kinds.values()])
-    stored = [np.concatenate([run[p.variable.name] for p in kind]) for kind in kinds.values()]
+        peaks_of_each.append(
+            [np.concatenate([getattr(response, p.source) for p in kind]) for kind in kinds.values()]
+        )
+    stored = [np.concatenate([run[p.name] for p in kind]) for kind in kinds.values()]
     again.compared = "peaks, computed plainly"
-    again.difference = _apart(stored, found[0])
-    again.allowed = ROUNDING * max(_apart(*found) / NUDGE, 1.0)
+    again.difference = _apart(stored, peaks_of_each[0])
+    again.allowed = ROUNDING * max(_apart(*peaks_of_each) / NUDGE, 1.0)
     if not again.difference <= again.allowed:
         again.problem = (
             f"computed plainly its peaks differ by {again.difference:.2g} of the largest, allowed "

@@ -67,8 +67,8 @@ class Records(RecordGrid):
         groups = [key for key in keys.OUTPUT if key.name in GROUPS]
         default = {key.name: key.default for key in groups}
         default["base_shear"] = not LINEAR.of(structure)
-        given = {name: values.get(f"output.{name}", own) for name, own in default.items()}
-        wanted = frozenset(name for name in given if values.flag(f"output.{name}", given[name]))
+        flags = {name: values.get(f"output.{name}", flag) for name, flag in default.items()}
+        wanted = frozenset(name for name in flags if values.flag(f"output.{name}", flags[name]))
         common["settings"] = replace(settings, metrics=wanted)
         measure, scale = keys.read_scale(values)
         suite, paths = keys.read_found(values, structure)
@@ -112,7 +112,7 @@ class Records(RecordGrid):
         """Values of every dimension."""
         return {
             **place_coordinates(self.structure, self.settings),
-            "record": named([one.name for one in self.suite], "ground-motion record"),
+            "record": named([facts.name for facts in self.suite], "ground-motion record"),
             "scale": Coordinate(self.scale.astype("<f8"), self.measure.quantity, str(self.measure)),
             "state": states(self.structure, 2 * self.structure.n_floors),
             "block": numbered(self.n_blocks, "block of scales"),
@@ -124,7 +124,8 @@ class Records(RecordGrid):
     def given(self) -> list[tuple[Variable, np.ndarray]]:
         """Variables that are known in advance, with their values."""
         facts = [
-            (one, np.array([getattr(facts, one.name) for facts in self.suite])) for one in FACTS
+            (variable, np.array([getattr(facts, variable.name) for facts in self.suite]))
+            for variable in FACTS
         ]
         return [*facts, (FACTOR, self.factor), *storey_heights(self.structure)]
 

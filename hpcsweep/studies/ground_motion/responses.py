@@ -23,6 +23,7 @@ Neither holds for a smooth stop, which pushes at any distance and whose sharpnes
 every run is computed as it is.
 """
 
+import contextlib
 import math
 from collections import OrderedDict
 from dataclasses import replace
@@ -35,7 +36,6 @@ from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import history
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.record_response import Energy
 from hpcsweep.solvers.response import (
     Response,
     linear_map,
@@ -46,21 +46,18 @@ from hpcsweep.solvers.response import (
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, FloorSpectra
-from hpcsweep.studies.ground_motion.variables import (
-    HISTORY,
-    RUN,
-    pack,
-    peaks_of,
-)
+from hpcsweep.studies.ground_motion.variables import HISTORY, peaks_of
+from hpcsweep.studies.quantities import POWERS
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.variable import Variable
 
 SKIP_RULES = ("linear", "ratio")
 DIGITS = 15
 """Of a ratio: quotients that are equal but for rounding become so."""
 BELOW = 1.0 - 1e-9
 """Part of the scale of first contact up to which a motion is taken for linear."""
-MAX_KEPT = 6_000_000
-"""Numbers of responses that a process keeps, 50 MB."""
+MAX_KEPT = 48_000_000
+"""Bytes of responses that a process keeps."""
 
 
 class RecordResponses:
@@ -73,10 +70,12 @@ class RecordResponses:
         Solver, rtol, rules and groups of results.
     tail : float
         Time of free motion after each record.
-    step, n_instants : float, int
+    step : float
         Of the histories, if they are stored: computed plainly, whatever the rules ...
     floors : FloorSpectra
         ... and so are these.
+    shapes : dict of Variable to tuple of int
+        Shape of each variable of a run.
     """
 
     def __init__(
@@ -85,12 +84,12 @@ class RecordResponses:
         settings: SweepSettings,
         tail: float,
         step: float,
-        n_instants: int,
         floors: FloorSpectra,
+        shapes: dict[Variable, tuple[int, ...]],
     ):
         self.structure, self._settings, self._tail = structure, settings, tail
-        self._step, self._n_instants, self._floors = step, n_instants, floors
-        self._own, self._alone = peaks_of(structure, settings)
+        self._step, self._floors, self._shapes = step, floors, shapes
+        self._peaks, self._alone = peaks_of(structure, settings)
         sharp = structure.sharpness == math.inf or not structure.contacts
         self._linear = sharp and "linear" in settings.skip
         self._ratio = sharp and "ratio" in settings.skip
@@ -122,72 +121,62 @@ class RecordResponses:
             return 1.0
         return float(f"{factor / self._largest:.{DIGITS - 1}e}")
 
+    def _unknown(self, peaks: list[Variable], **more: int) -> np.ndarray:
+        """Return values of peaks by their names, and so many of others, that are not known."""
+        shapes = {variable.name: shape for variable, shape in self._shapes.items()}
+        form = [(peak.name, float, shapes[peak.name]) for peak in peaks]
+        form += [(name, float, (size,)) for name, size in more.items()]
+        return np.full((), math.nan, np.dtype(form))
+
     def rows(self, record: Record, factors: np.ndarray, poll: Poll = None) -> Rows:
         """Compute responses to a record at scales, by variable name; first axis scales."""
         digest = record.digest
-        free, alone, first = self.free(record)
-        told: dict[str, list] = {"outcome": [], "skip_rule": []}
-        found = []
-        for factor in factors.tolist():
-            scale = self.ratio(factor)
-            is_linear = scale <= first
-            if is_linear:
-                more = self._powers("linear_power") - self._powers("power")
-                outcome = Outcome.COMPLETE
-                own = free * factor ** self._powers("power") * scale**more
-            else:
-                row, outcome = self._respond(record, digest, scale, poll)
-                own = row * (factor / scale) ** self._powers("power")
-            found.append(np.concatenate((own, alone * factor)))
-            told["outcome"].append(outcome)
-            told["skip_rule"].append(SkipRule.LINEAR if is_linear else SkipRule.NONE)
-        motion = self._histories(record, factors, told["outcome"], poll) if self._step else {}
-        return (
-            self._by_name(np.array(found))
-            | motion
-            | self._floor_spectra(record, factors, told["outcome"], poll)
-            | {name: np.array(values, np.int8) for name, values in told.items()}
-        )
-
-    def _histories(self, record, factors, outcomes, poll: Poll) -> Rows:
-        """Compute the motion itself at the instants, by variable name; NaN where there is none."""
-        structure, n = self.structure, self.structure.n_floors
-        counts = (n, n, len(structure.contacts), len(structure.sliders))
-        sizes = dict(zip((one.name for one in HISTORY), counts, strict=True))
-        found = {
-            name: np.full((factors.size, self._n_instants, size), math.nan)
-            for name, size in sizes.items()
-            if size
+        free, first = self.free(record)
+        rows = {
+            variable.name: np.full((factors.size, *shape), variable.missing, variable.dtype)
+            for variable, shape in self._shapes.items()
         }
-        for k, (factor, outcome) in enumerate(zip(factors.tolist(), outcomes, strict=True)):
-            if outcome is Outcome.COMPLETE:
-                seen = history(
-                    *(self.structure, record, factor, self._tail, self._step),
-                    rtol=self._settings.rtol,
-                    poll=poll,
-                )
-                motion = seen.displacement, seen.velocity, seen.force, seen.slider_force
-                for name, values in zip(sizes, motion, strict=True):
-                    if name in found:
-                        found[name][k, : len(values)] = values
-        return found
+        for k, factor in enumerate(factors.tolist()):
+            scale = self.ratio(factor)
+            rule = SkipRule.LINEAR if scale <= first else SkipRule.NONE
+            values, outcome = free, Outcome.COMPLETE
+            if rule is SkipRule.NONE:
+                values, outcome = self._respond(record, digest, scale, poll)
+            rows["skip_rule"][k], rows["outcome"][k] = rule, outcome
+            for peak in self._alone:
+                rows[peak.name][k] = free[peak.name] * factor
+            if outcome is not Outcome.COMPLETE:
+                continue
+            for peak in self._peaks:
+                power = POWERS.get(peak.units, 1)
+                grown = factor**power if rule is SkipRule.LINEAR else (factor / scale) ** power
+                rows[peak.name][k] = values[peak.name] * grown
+            if rule is SkipRule.LINEAR and "ductility" in rows:
+                rows["ductility"][k] *= scale  # the elongation grows, that of yielding does not
+            self._add_motion(rows, k, record, factor, poll)
+        return rows
 
-    def _floor_spectra(self, record, factors, outcomes, poll: Poll) -> Rows:
-        """Compute the floor spectra, by variable name; NaN where there is no motion."""
-        periods, ratio, places = self._floors
-        if not periods:
-            return {}
-        found = np.full((factors.size, len(places), len(periods)), math.nan)
-        for k, (factor, outcome) in enumerate(zip(factors.tolist(), outcomes, strict=True)):
-            if outcome is Outcome.COMPLETE:
-                seen = floor_spectra(
-                    *(self.structure, record, periods, ratio, factor, self._tail),
-                    places=places,
-                    rtol=self._settings.rtol,
-                    poll=poll,
-                )
-                found[k] = seen.acceleration
-        return {FLOOR_SPECTRUM.name: found}
+    def _add_motion(self, rows: Rows, k: int, record: Record, factor: float, poll: Poll) -> None:
+        """Add the motion itself and floor spectra to row k, if they are stored."""
+        structure, tail, rtol = self.structure, self._tail, self._settings.rtol
+        if self._step:
+            seen = history(structure, record, factor, tail, self._step, rtol=rtol, poll=poll)
+            for name in rows.keys() & {variable.name for variable in HISTORY}:
+                values = getattr(seen, name.removeprefix("history_"))
+                rows[name][k, : len(values)] = values
+        if self._floors.periods:
+            spectra = floor_spectra(
+                structure,
+                record,
+                self._floors.periods,
+                self._floors.damping_ratio,
+                factor,
+                tail,
+                places=self._floors.places,
+                rtol=rtol,
+                poll=poll,
+            )
+            rows[FLOOR_SPECTRUM.name][k] = spectra.acceleration
 
     def prepare(self, record: Record) -> None:
         """Make the tables that the runs of all records have in common, unless they are kept."""
@@ -195,74 +184,47 @@ class RecordResponses:
         linear_map(self.computed, record.dt, *more)
         _map(self.computed, record.dt, self._settings.rtol, *more)
 
-    def free(self, record: Record) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return the response without contacts, the results of it, and its largest scale."""
+    def free(self, record: Record) -> tuple[np.ndarray, float]:
+        """Return the response without contacts by name, and the scale up to which it is that."""
         key = (self.computed, self._settings, self._tail, record.digest, None)
         kept = KEPT.get(key)
         if kept is None:
-            try:
+            limited = int((self.structure.drift_limits < math.inf).sum())
+            n_contacts = len(self.structure.contacts)
+            n_reached = n_contacts + len(self.structure.sliders) + limited
+            peaks = self._peaks + self._alone
+            values, outcome = self._unknown(peaks, reach=n_reached), Outcome.NON_FINITE
+            with contextlib.suppress(ArithmeticError):
                 more = wanted(self._settings)
                 linear, reach = linear_response(self.computed, record, self._tail, *more)
-            except ArithmeticError:
-                size = int(np.sum(self._sizes)) + len(self.structure.contacts)
-                size += len(self.structure.sliders)
-                size += int((self.structure.drift_limits < math.inf).sum())
-                kept = np.full(size, math.nan), Outcome.NON_FINITE
-            else:
-                gaps = reach[: len(self.structure.contacts)]
-                own, alone = pack(linear, gaps, self._own), pack(linear, gaps, self._alone)
-                kept = np.concatenate((own, alone, reach)), Outcome.COMPLETE
+                values["reach"] = reach
+                for peak in peaks:
+                    of_gaps = peak.source == "reach"
+                    values[peak.name] = (
+                        reach[:n_contacts] if of_gaps else getattr(linear, peak.source)
+                    )
+                outcome = Outcome.COMPLETE
+            kept = values, outcome
             KEPT.put(key, kept)
-        ends = int(np.sum(self._sizes[: len(self._own)])), int(np.sum(self._sizes))
-        own, alone, reach = np.split(kept[0], ends)
-        is_known = self._linear and kept[1] is Outcome.COMPLETE
-        first = scale_of_contact(self.computed, reach) * BELOW if is_known else -math.inf
-        return own, alone, first
+        values, outcome = kept
+        if not self._linear or outcome is not Outcome.COMPLETE:
+            return values, -math.inf
+        return values, scale_of_contact(self.computed, values["reach"]) * BELOW
 
-    def _respond(self, record: Record, digest: str, scale: float, poll: Poll):
-        """Return the packed response of `computed` at a scale, and its outcome."""
+    def _respond(
+        self, record: Record, digest: str, scale: float, poll: Poll
+    ) -> tuple[np.ndarray, Outcome]:
+        """Return the response of `computed` at a scale by name, and its outcome."""
         key = (self.computed, self._settings, self._tail, digest, scale)
         if self._ratio and (kept := KEPT.get(key)):
             return kept
         response = respond(self.computed, record, scale, self._tail, self._settings, poll=poll)
-        row = pack(response, np.empty(0), self._own)
-        if response.outcome is not Outcome.COMPLETE:
-            row = np.full(row.size, math.nan)
+        values = self._unknown(self._peaks)
+        for peak in self._peaks:
+            values[peak.name] = getattr(response, peak.source)
         if self._ratio:
-            KEPT.put(key, (row, response.outcome))
-        return row, response.outcome
-
-    @cached_property
-    def _sizes(self) -> list[int]:
-        """Numbers of each peak."""
-        n = self.structure.n_floors
-        sizes = {
-            "floor": n,
-            "state": 2 * n,
-            "storey": len(self.structure.drift_rows),
-            "stop": len(self.structure.contacts),
-            "slider": len(self.structure.sliders),
-            "building": len(self.structure.base_rows),
-            "energy": len(Energy._fields),
-            RUN[-1]: 1,
-        }
-        return [sizes[peak.variable.dims[-1]] for peak in (*self._own, *self._alone)]
-
-    def _powers(self, name: str) -> np.ndarray:
-        """Power of the scale for each number of a run's own response; a field of `Peak`."""
-        sizes = self._sizes[: len(self._own)]
-        return np.repeat([float(getattr(peak, name)) for peak in self._own], sizes)
-
-    def _by_name(self, rows: np.ndarray) -> Rows:
-        ends = np.cumsum(self._sizes)[:-1]
-        peaks = [peak.variable for peak in (*self._own, *self._alone)]
-        named = zip(peaks, np.split(rows, ends, axis=1), strict=True)
-        return {
-            one.name: np.ascontiguousarray(
-                values if one.dtype == "<f8" else np.nan_to_num(values), one.dtype
-            ).reshape(len(rows), *values.shape[1 : len(one.dims) - 1])
-            for one, values in named
-        }
+            KEPT.put(key, (values, response.outcome))
+        return values, response.outcome
 
 
 def wanted(settings: SweepSettings) -> tuple[bool, bool]:
@@ -293,7 +255,7 @@ def with_lengths_in(structure: Structure, unit: float) -> Structure:
         **structure.load,
         drift=structure.drift_rows,
         sharpness=structure.sharpness,
-        sliders=[replace(one, strength=one.strength / unit) for one in structure.sliders],
+        sliders=[replace(slider, strength=slider.strength / unit) for slider in structure.sliders],
         collapse_drift=None
         if structure.collapse_drift is None
         else (structure.drift_limits / unit).tolist(),
@@ -306,26 +268,26 @@ def _map(structure: Structure, dt: float, rtol: float, base_shear: bool, energy:
 
 
 class _Kept:
-    """Cache of the latest responses, up to `MAX_KEPT` numbers."""
+    """Cache of the latest responses, up to `MAX_KEPT` bytes."""
 
     def __init__(self):
-        self._rows: OrderedDict[tuple, tuple[np.ndarray, Outcome]] = OrderedDict()
-        self._numbers = 0
+        self._responses: OrderedDict[tuple, tuple[np.ndarray, Outcome]] = OrderedDict()
+        self._bytes = 0
 
     def get(self, key: tuple) -> tuple[np.ndarray, Outcome] | None:
         """Return the cached response of a key, or None."""
-        found = self._rows.get(key)
-        if found is not None:
-            self._rows.move_to_end(key)
-        return found
+        response = self._responses.get(key)
+        if response is not None:
+            self._responses.move_to_end(key)
+        return response
 
-    def put(self, key: tuple, found: tuple[np.ndarray, Outcome]) -> None:
+    def put(self, key: tuple, response: tuple[np.ndarray, Outcome]) -> None:
         """Cache a response."""
-        self._rows[key] = found
-        self._numbers += found[0].size
-        while self._numbers > MAX_KEPT:
-            _, (row, _) = self._rows.popitem(last=False)
-            self._numbers -= row.size
+        self._responses[key] = response
+        self._bytes += response[0].nbytes
+        while self._bytes > MAX_KEPT:
+            _, (values, _) = self._responses.popitem(last=False)
+            self._bytes -= values.nbytes
 
     def clear(self) -> None:
         """Clear the cache."""

@@ -15,23 +15,33 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.ground_motion.variables import RESIDUAL_DRIFT
+from hpcsweep.studies.quantities import QUANTITIES
 from hpcsweep.studies.variables import percent_of_height
 
 if TYPE_CHECKING:
     from hpcsweep.earthquakes.fragility import Fragility
 
 RESPONSES = {
-    "drift": ("storey_drift", "peak storey drift", "length", "storeys"),
-    "displacement": ("displacement", "peak displacement", "length", "floors"),
-    "acceleration": ("floor_acceleration", "peak floor acceleration", "acceleration", "floors"),
-    "force": ("contact_force", "peak contact force", "force", "contacts"),
-    "impacts": ("impacts", "impacts", "1", "contacts"),
-    "ductility": ("ductility", "ductility", "1", "storeys that yield, or sliders"),
-    "residual_drift": ("residual_drift", "residual storey drift", "length", "storeys that yield"),
-    "base_shear": ("base_shear", "peak base shear", "force", "output.base_shear"),
+    "drift": QUANTITIES["storey_drift"],
+    "displacement": QUANTITIES["displacement"],
+    "acceleration": QUANTITIES["floor_acceleration"],
+    "force": QUANTITIES["contact_force"],
+    "impacts": QUANTITIES["impacts"],
+    "ductility": QUANTITIES["ductility"],
+    "residual_drift": RESIDUAL_DRIFT,
+    "base_shear": QUANTITIES["base_shear"],
 }
-"""Variables of the file, their labels, their quantities, and what a structure without them lacks,
-by the names of responses."""
+"""Variables of the file by the names of responses."""
+LACKS = {
+    "storey_drift": "storeys",
+    "floor": "floors",
+    "stop": "contacts",
+    "slider": "storeys that yield, or sliders",
+    "storey": "storeys that yield",
+    "building": "output.base_shear",
+}
+"""What a structure without a variable, or one along a dimension, lacks."""
 COLLAPSE = "collapse"
 """A response that is 0, or infinite."""
 
@@ -93,7 +103,9 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
     if response == COLLAPSE:
         name, label, quantity, lacks = "collapsed", COLLAPSE, "1", "collapse_drift"
     elif response in RESPONSES:
-        name, label, quantity, lacks = RESPONSES[response]
+        variable = RESPONSES[response]
+        name, label, quantity = variable.name, variable.label, variable.units
+        lacks = LACKS.get(name) or LACKS[variable.dims[-1]]
     else:
         raise StripesError(f"response {response!r}: must be one of {', '.join(RESPONSES)}")
     structure = study.structure
@@ -116,7 +128,7 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
     free = values if LINEAR.of(structure) and not structure.contacts else None
     if free is None and alone in results:
         free = results[alone].values * factor
-    names = tuple(str(one) for one in array[dim].values)
+    names = tuple(str(place) for place in array[dim].values)
     return Responses(values, free, label, "" if unit == "1" else unit, dim, names)
 
 
@@ -144,10 +156,10 @@ def stripes_of(
     StripesError
         If the file has no such response, no such place, or intensities that are not in g.
     """
-    found = responses_of(results, study, response)
-    chosen = places_of([*found.names], place)
-    values, alone = found.values[..., chosen].max(axis=-1), found.alone
-    if alone is found.values:
+    responses = responses_of(results, study, response)
+    chosen = places_of([*responses.names], place)
+    values, alone = responses.values[..., chosen].max(axis=-1), responses.alone
+    if alone is responses.values:
         alone = values
     elif alone is not None:
         alone = alone[..., chosen].max(axis=-1)
@@ -159,9 +171,11 @@ def stripes_of(
         measure=intensity_label(study, units),
         values=values,
         alone=alone,
-        label=found.label + f" of {place}" * (place is not None) + _label(found.unit or "1"),
-        unit=found.unit,
-        records=tuple(str(one) for one in results["record"].values),
+        label=responses.label
+        + f" of {place}" * (place is not None)
+        + _label(responses.unit or "1"),
+        unit=responses.unit,
+        records=tuple(str(record) for record in results["record"].values),
     )
 
 
@@ -205,17 +219,17 @@ def fit(stripes: Stripes, threshold: float) -> "Fragility":
     """
     from hpcsweep.earthquakes.fragility import REACHED, capacity_fragility  # loads scipy
 
-    own = capacities(stripes, threshold)
+    capacity = capacities(stripes, threshold)
     if stripes.label.startswith(COLLAPSE):
-        given, event, largest = "--collapse", COLLAPSE, ""
+        option, event, largest = "--collapse", COLLAPSE, ""
     else:
         most = stripes.values[np.isfinite(stripes.values)].max(initial=0.0)
         largest = f", whose largest response is {most:.4g} {stripes.unit}".rstrip()
-        given, event = f"--threshold {threshold:g}", REACHED
+        option, event = f"--threshold {threshold:g}", REACHED
     try:
-        return capacity_fragility(own, event=event)
+        return capacity_fragility(capacity, event=event)
     except ValueError as error:
-        raise StripesError(f"{given}: {error}{largest}") from None
+        raise StripesError(f"{option}: {error}{largest}") from None
 
 
 def _label(unit: str) -> str:
@@ -229,9 +243,9 @@ def places_of(names: list[str], place: str | None) -> list[int]:
         return physical(names)
     if place in names:
         return [names.index(place)]
-    found = [
+    numbered = [
         i for i, name in enumerate(names) if name.startswith(place) and name[len(place) :].isdigit()
     ]
-    if not found:
+    if not numbered:
         raise StripesError(f"--place {place}: must be one of {', '.join(names)}, or a building")
-    return found
+    return numbered

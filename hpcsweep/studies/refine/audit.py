@@ -95,7 +95,7 @@ def draw(points: np.ndarray, count: int, seed: int, look: int) -> np.ndarray:
 
 
 def interval(
-    look: int, inferred: int, drawn: int, wrong: int, found: int, changed: int, left: int
+    look: int, inferred: int, drawn: int, wrong: int, n_wrong: int, changed: int, left: int
 ) -> tuple[float, float]:
     """Return the interval of the share of wrong ones among the points left after a look.
 
@@ -105,7 +105,7 @@ def interval(
         r, from 1.
     inferred, drawn, wrong : int
         n, m and k.
-    found, changed, left : int
+    n_wrong, changed, left : int
         w, c and n'.
     """
     if left == 0:
@@ -114,7 +114,7 @@ def interval(
         low = high = wrong / drawn
     else:
         low, high = share_interval(wrong, drawn, 1.0 - ALPHA / (look * (look + 1)))
-    least, most = low * inferred - found - changed, high * inferred - found + changed
+    least, most = low * inferred - n_wrong - changed, high * inferred - n_wrong + changed
     return min(max(least / left, 0.0), 1.0), min(max(most / left, 0.0), 1.0)
 
 

@@ -191,11 +191,11 @@ class Cells:
         # a point belongs to the cell that begins there, the last one to the last cell
         place = np.ix_(*(np.minimum(np.arange(n), n - 2) for n in self.shape))
         cell = self._cell_of.reshape(self.shape)[place].ravel()
-        known = self._greatest >= 0
-        level = np.where(known, 0, np.where(agree, cells.level, -cells.level)[cell])
-        code = np.where(known, self._least, np.where(agree, cells.least, 0)[cell])
+        is_computed = self._greatest >= 0
+        level = np.where(is_computed, 0, np.where(agree, cells.level, -cells.level)[cell])
+        code = np.where(is_computed, self._least, np.where(agree, cells.least, 0)[cell])
         self._take_nearest(code, np.flatnonzero(level < 0))
-        return level.astype(np.int8), np.where(known, 0, code)
+        return level.astype(np.int8), np.where(is_computed, 0, code)
 
     def _take_nearest(self, code: np.ndarray, points: np.ndarray) -> None:
         """Give points without a code that of the nearest with one, in steps along the axes.
@@ -204,14 +204,14 @@ class Cells:
         upper.
         """
         while points.size:
-            found = np.zeros(points.size, code.dtype)
+            nearest = np.zeros(points.size, code.dtype)
             places = np.unravel_index(points, self.shape)
             for place, stride, last in zip(places, self._strides, self._last, strict=True):
                 for step, inside in ((-stride, place > 0), (stride, place < last)):
                     beside = code[np.where(inside, points + step, points)]
-                    found = np.where(found > 0, found, beside)
-            code[points] = found
-            points = points[found == 0]
+                    nearest = np.where(nearest > 0, nearest, beside)
+            code[points] = nearest
+            points = points[nearest == 0]
 
     def _add(self, begin: np.ndarray, end: np.ndarray, level: int) -> None:
         """Add cells of a level that begin at points, and end with a larger one at the latest."""

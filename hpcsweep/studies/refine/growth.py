@@ -81,22 +81,22 @@ class MapGrowth:
     def variables(self) -> list[Variable]:
         """Variables besides those of the runs, checksums last."""
         runs, study = self.study.run_dims, self.study
-        told = "1 computed, 2 inferred from its cell, 3 computed for the audit, 0 not known yet"
+        meaning = "1 computed, 2 inferred from its cell, 3 computed for the audit, 0 not known yet"
         level = "level of the cell from which it is inferred, negative if its points differ, "
         crossed = "1 where a known curve crosses the box of the grid that begins at the point"
-        own = [
-            code(SOURCE, runs, Source, told),
+        derived = [
+            code(SOURCE, runs, Source, meaning),
             Variable(CELL, runs, "<i1", "1", level + "0 of computed points"),
         ]
         if self.refinement.curves:
-            own.append(code(CROSSED, runs, Crossed, crossed))
-        known = {variable.name: variable for variable in study.variables}
+            derived.append(code(CROSSED, runs, Crossed, crossed))
+        computed = {variable.name: variable for variable in study.variables}
         for name in self.refinement.variables:
             words = f"{name} of inferred points, 0 of others"
-            label = replace(known[name], name=inferred_name(name), dims=runs, long_name=words)
-            own.append(label)
+            label = replace(computed[name], name=inferred_name(name), dims=runs, long_name=words)
+            derived.append(label)
         return [
-            *own,
+            *derived,
             *getattr(study, "listed_variables", []),
             Variable(
                 AUDIT, ("look", "quantity"), "<f8", "1", "looks of the audit, the last counts"

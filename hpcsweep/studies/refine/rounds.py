@@ -121,9 +121,9 @@ class RefinementRounds:
         still = self.source[before] == Source.UNKNOWN
         left, gone = before[still], before[~still]
         _, now = self.inferred()
-        wrong, found = self._n_wrong(drawn, code), self._n_wrong(gone, code)
+        wrong, n_gone = self._n_wrong(drawn, code), self._n_wrong(gone, code)
         changed = int((now[left] != code[left]).sum())
-        low, high = interval(look, before.size, drawn.size, wrong, found, changed, left.size)
+        low, high = interval(look, before.size, drawn.size, wrong, n_gone, changed, left.size)
         return Look(before.size, drawn.size, wrong, left.size, low, high)
 
     def _n_wrong(self, points: np.ndarray, code: np.ndarray) -> int:

@@ -44,10 +44,10 @@ class AmplitudeSweep(PathGrid):
     @classmethod
     def read(cls, values, followed: Followed | None = None, **common) -> "AmplitudeSweep":
         """Read the sweeps of a job; see `RunGrid.read`."""
-        given = values.get("sweep.directions", DIRECTIONS.default)
-        if given not in ([UP], [UP, DOWN]):
-            raise values.error("sweep.directions", given, f'must be ["{UP}"] or ["{UP}", "{DOWN}"]')
-        return cls(directions=tuple(given), **cls.read_grid(values, followed), **common)
+        ways = values.get("sweep.directions", DIRECTIONS.default)
+        if ways not in ([UP], [UP, DOWN]):
+            raise values.error("sweep.directions", ways, f'must be ["{UP}"] or ["{UP}", "{DOWN}"]')
+        return cls(directions=tuple(ways), **cls.read_grid(values, followed), **common)
 
     @property
     def direction_name(self) -> str:  # type: ignore[override]

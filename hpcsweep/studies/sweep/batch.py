@@ -77,8 +77,8 @@ class Batch:
         if done.stop > first:
             rows = {name: array[done] for name, array in result.items()}
             rows["skip_rule"][:] = followed.orbits.rule
-            found = self._result(followed, amplitudes[done], poll)
-            store(rows, self._solver.structure, self._solver.omega, amplitudes[done], found)
+            values = self._result(followed, amplitudes[done], poll)
+            store(rows, self._solver.structure, self._solver.omega, amplitudes[done], values)
         return followed
 
     def _followed(self, amplitudes, state, follow: bool, jumps: bool, poll: Poll) -> Followed:
@@ -101,8 +101,8 @@ class Batch:
         """Return the first run that has jumped where no orbit is, near the ghost of a fold."""
         for k in np.flatnonzero(orbits.multiplier > SLOW).tolist():
             points, amplitude = orbits.points[k, : orbits.length[k]], float(amplitudes[k])
-            found = verify_orbit(self._solver, points, amplitude, len(points), poll=poll)
-            if found.orbit is None:
+            verified = verify_orbit(self._solver, points, amplitude, len(points), poll=poll)
+            if verified.orbit is None:
                 return int(k)
         return None
 
@@ -148,10 +148,10 @@ class Batch:
         variables: dict[str, list] = {}
         for run, amplitude in enumerate(amplitudes.tolist()):
             points, period = orbits.points[run, : orbits.length[run]], int(orbits.period[run])
-            found = spectrum_variables(
+            spectrum = spectrum_variables(
                 self._solver, amplitude, points, period, self._settings, poll
             )
-            for name, value in found.items():
+            for name, value in spectrum.items():
                 variables.setdefault(name, []).append(value)
         return variables
 

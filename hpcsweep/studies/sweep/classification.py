@@ -103,9 +103,9 @@ def classify_window(
         )
         shown = window_class(seen, window)
         if motion.kind not in (MotionClass.UNDECIDED, MotionClass.FAILED):
-            known = _classify_known(solver, amplitude, settings, motion, poll)
-            if known is not None:
-                return replace(known, window_period=window, window_class=shown)
+            classified = _classify_known(solver, amplitude, settings, motion, poll)
+            if classified is not None:
+                return replace(classified, window_period=window, window_class=shown)
         # an orbit is claimed only where it is verified
         kind = _kind(MotionClass.UNDECIDED, seen)
         return Classification(seen, 0, motion.interval, kind, window, shown, motion.cycles)
@@ -138,13 +138,13 @@ def _classify_yielding(
         cycles = end.n_periods
         if end.outcome is Outcome.COMPLETE and end.period:
             length = end.period if end.period <= longest else settings.sampling_cycles
-            found = solver.observe(
+            orbit = solver.observe(
                 *(end.state, amplitude, length, "modal_norm" in settings.metrics),
                 poll=poll,
                 measures=settings.measures,
             )
-            if found.outcome is Outcome.COMPLETE:
-                seen, cycles, period = found, cycles + length, end.period
+            if orbit.outcome is Outcome.COMPLETE:
+                seen, cycles, period = orbit, cycles + length, end.period
     kind = MotionClass.PERIODIC if period <= longest else MotionClass.LONG_PERIOD
     kind = _kind(kind if period else MotionClass.UNDECIDED, seen)
     exponent = interval_of_orbit(solver, seen.points[-1], amplitude, period, settings)
@@ -222,16 +222,16 @@ def spectrum_variables(
         return {}
     try:
         if period:
-            found = spectrum_of_orbit(solver, points[-period:], amplitude)
+            spectrum = spectrum_of_orbit(solver, points[-period:], amplitude)
         else:
             limits = settings.spectrum_error, settings.spectrum_cycles
-            found = spectrum_of_motion(solver, points[-1], amplitude, *limits, poll)
+            spectrum = spectrum_of_motion(solver, points[-1], amplitude, *limits, poll)
     except (ArithmeticError, np.linalg.LinAlgError):
         unknown = np.full(solver.structure.state_units.size, math.nan)
-        found = LyapunovSpectrum(unknown, unknown, stability.UNKNOWN, 0)
+        spectrum = LyapunovSpectrum(unknown, unknown, stability.UNKNOWN, 0)
     return {
-        "lyapunov_spectrum": found.exponents,
-        "lyapunov_spectrum_error": found.errors,
-        "spectrum_cycles": found.n_periods,
-        **dict(zip(DIMENSIONS, found.dimension, strict=True)),
+        "lyapunov_spectrum": spectrum.exponents,
+        "lyapunov_spectrum_error": spectrum.errors,
+        "spectrum_cycles": spectrum.n_periods,
+        **dict(zip(DIMENSIONS, spectrum.dimension, strict=True)),
     }

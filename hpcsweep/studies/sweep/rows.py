@@ -63,7 +63,7 @@ def store(
     if "drift" in rows:
         rows["drift"][:] = normalised_drift(result["peak_drift"], amplitudes, omega)
     if result["measures"].size:
-        store_measures(rows, structure, np.atleast_2d(result["measures"]))
+        store_measures(rows, structure, result["measures"])
 
 
 def store_failure(rows: Rows, end: np.ndarray, cycles: int, outcome: Outcome) -> None:

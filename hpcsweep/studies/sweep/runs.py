@@ -191,9 +191,9 @@ class FrameRuns:
         if self.settings.measures:
             closed = replace(closed, measures=self._free.orbit.measures(amplitude)[0])
         exponent = MeanInterval.exact(self._free.orbit.lyapunov_exponent)
-        found = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
+        classified = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
         row = _row(result, index)
-        self._store(row, amplitude, found, closed.points[-1], 0, poll)
+        self._store(row, amplitude, classified, closed.points[-1], 0, poll)
         row["skip_rule"][:] = SkipRule.LINEAR
         return None
 
@@ -254,24 +254,26 @@ class FrameRuns:
             exponent = interval_of_orbit(
                 self.solver, seen.points[-1], amplitude, end.period, settings
             )
-            found = Classification(seen, end.period, exponent, kind)
+            classified = Classification(seen, end.period, exponent, kind)
         else:
-            found = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
-        self._store(row, amplitude, found, seen.points[-1], cycles, poll)
+            classified = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
+        self._store(row, amplitude, classified, seen.points[-1], cycles, poll)
 
     def _store(
-        self, row, amplitude: float, found: Classification, end, cycles: int, poll: Poll
+        self, row, amplitude: float, classified: Classification, end, cycles: int, poll: Poll
     ) -> None:
         """Write a run and the classification of its motion into its row."""
-        seen = found.seen
-        n_points = min(found.orbit_period or len(seen.points), self.settings.stored_points)
-        result = vars(seen) | vars(found) | dict(zip(EXPONENTS, found.exponent, strict=True))
+        seen = classified.seen
+        n_points = min(classified.orbit_period or len(seen.points), self.settings.stored_points)
+        result = (
+            vars(seen) | vars(classified) | dict(zip(EXPONENTS, classified.exponent, strict=True))
+        )
         result |= {"cycles": cycles, "final_state": end}
         if seen.slid:
-            told = seen.slid, found.orbit_period, self.settings.period_tolerance
-            result |= told_of_sliders(self.structure, *told)
+            slid = seen.slid, classified.orbit_period, self.settings.period_tolerance
+            result |= told_of_sliders(self.structure, *slid)
         result |= {"points": seen.points[-n_points:], "n_points": n_points}
-        moved = self.solver, amplitude, seen.points, found.orbit_period
+        moved = self.solver, amplitude, seen.points, classified.orbit_period
         result |= spectrum_variables(*moved, self.settings, poll)
         store(row, self.structure, self.solver.omega, amplitude, result)
 

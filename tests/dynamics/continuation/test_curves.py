@@ -63,7 +63,7 @@ def test_the_curve_of_a_limit_of_linear_motion_is_in_closed_form(one_impact_bran
     # |u| = A / hypot(1 - Omega^2, 2 zeta Omega), and |u'' + G| = |2 zeta u' + u|
     for measure, of_omega in (
         ("storey_drift", lambda omega: 1.0),
-        ("acceleration", lambda omega: np.hypot(1.0, 2 * ZETA * omega)),
+        ("floor_acceleration", lambda omega: np.hypot(1.0, 2 * ZETA * omega)),
     ):
         limit = 0.7
         found = curve(*(ONE, one_impact_branch), span=SPAN, steps=20, measure=measure, limit=limit)

@@ -441,13 +441,13 @@ def _until(deadline: float) -> None:
 
 
 def _start(part: Study, block: Block) -> None:
-    """Start runs of a part of a study: at the ends of its frequencies, or those of a block."""
+    """Start runs of a part of a study: in its first and last frames, or those of a block."""
     if not isinstance(part, RunGrid):
         with contextlib.suppress(_TimeIsUp):
             part.compute(block, part.initial_state, partial(_until, time.monotonic() + 0.1))
         return
     quick = part.with_settings(transient_cycles=0, sampling_cycles=1, max_points=None)
-    for frame in {int(part.omega.argmax()), int(part.omega.argmin())}:
+    for frame in {int(part.frames.argmax()), int(part.frames.argmin())}:
         poll = partial(_until, time.monotonic() + 0.1)
         for place in {0, len(part.amplitudes_of(frame)) - 1}:
             with contextlib.suppress(_TimeIsUp):

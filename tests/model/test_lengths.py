@@ -146,10 +146,10 @@ def in_units(seed: int, length: float, mass: float, time: float):
     return structure, omega, amplitudes
 
 
-def swept(structure, omega, amplitudes):
+def swept(structure, omega, amplitudes, compared=None):
     state = np.zeros(2 * structure.n_floors)
     moving = structure.within_reach(amplitudes.max(), state)
-    return FrameRuns(moving, omega, SETTINGS).follow(amplitudes, state)
+    return FrameRuns(moving, omega, SETTINGS).follow(amplitudes[:compared], state)
 
 
 @together("seed", [0, 2, 4, 6])
@@ -166,9 +166,12 @@ def test_of_more_structures_units_change_no_class_and_no_number(seed):
 def check_units(seed: int) -> None:
     """Compare up to the first chaotic run: how long chaos lasts is a matter of the last digit."""
     once = swept(*in_units(seed, 1.0, 1.0, 1.0))
+    chaos = once["motion"] == MotionClass.CHAOTIC
+    compared = int(np.argmax(chaos)) + 1 if chaos.any() else chaos.size
+    once = {name: values[:compared] for name, values in once.items()}
     for powers in np.random.default_rng(seed).integers(-12, 13, (3, 3)).tolist():
         length, mass, time = (10.0**power for power in powers)
-        again = swept(*in_units(seed, length, mass, time))
+        again = swept(*in_units(seed, length, mass, time), compared)
         chaos = (once["motion"] == MotionClass.CHAOTIC) | (again["motion"] == MotionClass.CHAOTIC)
         until = int(np.argmax(chaos)) if chaos.any() else chaos.size
         for name in ("motion", "orbit_period", "contact", "outcome"):

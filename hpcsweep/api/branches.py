@@ -113,14 +113,7 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
     every = [*kept, *(variable for variable in variables if variable.name == "n_branches")]
     rows = empty_results(every, structure, 1, **sizes, number=forced.size)
     store_branches(rows, forced, catalogue)
-    stored = {
-        variable.name: (
-            variable.dims[3:],
-            rows[variable.name][0],
-            attributes_of(variable, structure),
-        )
-        for variable in kept
-    }
+    stored = {v.name: (v.dims[3:], rows[v.name][0], attributes_of(v, structure)) for v in kept}
     stored["value"][2]["long_name"] = forced.parameter
     leaving = np.full((len(specials), forced.size), np.nan)
     leaving_value = np.full(len(specials), np.nan)

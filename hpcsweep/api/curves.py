@@ -134,6 +134,8 @@ def _variables(arc: Arc, forced: ForcedMap) -> dict[str, Any]:
         for observation, (_, value) in zip(seen, states, strict=True)
     ]
 
+    kinds = [special.kind.value for _, special in arc.specials]
+
     def first(orbits: list) -> np.ndarray:
         return np.array([x[0] * forced.units for x, _ in orbits]).reshape(-1, forced.size)
 
@@ -149,10 +151,7 @@ def _variables(arc: Arc, forced: ForcedMap) -> dict[str, Any]:
         "special_value": (("special", "parameter"), values(there)),
         "special_point": (("special", "state"), first(there)),
         "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
-        "special_kind": (
-            "special",
-            np.array([special.kind.value for _, special in arc.specials], str),
-        ),
+        "special_kind": ("special", np.array(kinds, str)),
     }
 
 

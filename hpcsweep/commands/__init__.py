@@ -1,8 +1,8 @@
 """The commands of `hpcsweep.commands.cli`, one module each.
 
-The help of a command is the docstring of its module, which has, mostly with `EXAMPLES`,
-``configure(parser)``, which adds the options, and ``run(options)``, which returns the exit code.
-Slow modules are imported when they are used.
+The help of a command is the docstring of its module: a line for the list of all, a description, and
+examples. Beside it there are ``configure(parser)``, which adds the options, and ``run(options)``,
+which returns the exit code. Slow modules are imported when they are used.
 """
 
 import argparse

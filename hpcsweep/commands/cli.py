@@ -111,11 +111,12 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for name, command in COMMANDS.items():
         first, _, text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")
+        text, *examples = re.split(r"\n\n(?=examples?:|exit codes:)", text)
         commands.add_parser(
             name,
             help=first.partition(": ")[2].removesuffix("."),
             description=text or None,
-            epilog=getattr(command, "EXAMPLES", None),
+            epilog="\n\n".join(examples) or None,
             formatter_class=RAW,
             complete=command.configure,
         ).set_defaults(function=command.run)

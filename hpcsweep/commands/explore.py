@@ -11,7 +11,6 @@ import contextlib
 from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
 from hpcsweep.figures.options import BRANCHES, Option, positive, whole_number
-from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.run_names import count
 
 HELD = ("motions", "attractors", "responses")
@@ -117,7 +116,7 @@ def _responses(options, frames):
     for option in OPTIONS[:-1]:
         if getattr(options, option.keyword) not in (option.arguments.get("default"), False):
             raise CommandError(f"{option.flag}: is for maps; {options.file} holds responses")
-    meta, arrays = gather_responses(frames, counted("reading structure"))
+    meta, arrays = gather_responses(frames)
     contents = (
         f"{count(len(meta['records']), 'record')} x {count(len(meta['scales']), 'scale')} x "
         f"{count(len(meta['parts']), 'structure')}, {', '.join(meta['responses'])}"

@@ -12,6 +12,13 @@ With --demands instead of a threshold: write peak drift ratios and floor acceler
 building at one intensity as the CSV table that Pelicun and PBE of SimCenter read. PFA-0 is that of
 the ground, or of the slab on bearings. Records that collapse have no row; the first cell names
 them, and what the table does not have.
+
+examples:
+  hpcsweep fragility pair.h5 --threshold 1.0 --place A
+  hpcsweep fragility pair.h5 --threshold 5.0 --response acceleration
+  hpcsweep fragility frame.h5 --collapse
+  hpcsweep fragility pair.h5 --demands demands.csv --place A --scale 4.0
+  hpcsweep plot pair.h5 --kind fragility --threshold 1.0
 """
 
 import contextlib
@@ -27,17 +34,11 @@ from hpcsweep.figures.options import UNITS, file_name, positive
 if TYPE_CHECKING:
     from hpcsweep.studies.ground_motion.records import Records
 
-EXAMPLES = """\
-examples:
-  hpcsweep fragility pair.h5 --threshold 1.0 --place A
-  hpcsweep fragility pair.h5 --threshold 5.0 --response acceleration
-  hpcsweep fragility frame.h5 --collapse
-  hpcsweep fragility pair.h5 --demands demands.csv --place A --scale 4.0
-  hpcsweep plot pair.h5 --kind fragility --threshold 1.0"""
-
 
 def configure(parser) -> None:
     """Add the options of the command."""
+    from hpcsweep.studies.ground_motion.stripes import RESPONSES
+
     add_file(parser)
     wanted = parser.add_mutually_exclusive_group(required=True)
     wanted.add_argument("--threshold", type=float, help="response that is a failure")
@@ -46,10 +47,7 @@ def configure(parser) -> None:
     parser.add_argument(
         "--response",
         default="drift",
-        choices=(
-            *("drift", "displacement", "acceleration", "force", "impacts"),
-            *("ductility", "residual_drift", "base_shear"),
-        ),
+        choices=tuple(RESPONSES),
         help="of which the threshold is (default: %(default)s)",
     )
     parser.add_argument(

@@ -3,18 +3,17 @@
 Write a job to start from: every key with its meaning, unit, range and default. The job
 is complete and runs in seconds. A file that exists is not touched. --kind chooses what is
 computed: records are ground motions.
+
+example:
+  hpcsweep new study.toml
+  hpcsweep new pair.toml --kind records
+  mpirun -n 2 hpcsweep run study.toml
+  hpcsweep plot study.h5 -o study.png
 """
 
 from hpcsweep.commands.outputs import write_job
 from hpcsweep.figures.options import file_name
 from hpcsweep.studies.kinds import DEFAULT_KIND, STUDIES
-
-EXAMPLES = """\
-example:
-  hpcsweep new study.toml
-  hpcsweep new pair.toml --kind records
-  mpirun -n 2 hpcsweep run study.toml
-  hpcsweep plot study.h5 -o study.png"""
 
 
 def configure(parser) -> None:

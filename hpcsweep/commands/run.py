@@ -15,16 +15,7 @@ Only one run may write FILE at a time: FILE.lock says which host and process it 
 Several jobs form one queue on all ranks, the costliest frame of any job first, each with its own
 file. A job that is refused or fails does not stop the others. What is left is listed at the end,
 and the exit code is the worst: 1 before 2 before 75.
-"""
 
-from collections import Counter
-from pathlib import Path
-
-from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, listing
-from hpcsweep.figures.options import file_name, positive
-
-EXAMPLES = """\
 examples:
   mpirun -n 4 hpcsweep run figure3.toml
   mpirun -n 8 hpcsweep run a.toml b.toml c.toml
@@ -34,7 +25,15 @@ examples:
   hpcsweep run figure3.toml --set 'solver.method="bdf"' -o bdf.h5
 
 --set replaces a value of the job, a range as a whole; the results file holds the job as it was run.
-Give such a variant its own file with -o: the file of another job is refused."""
+Give such a variant its own file with -o: the file of another job is refused.
+"""
+
+from collections import Counter
+from pathlib import Path
+
+from hpcsweep.campaign.progress import make_progress, note, say_line
+from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, listing
+from hpcsweep.figures.options import file_name, positive
 
 
 def configure(parser) -> None:

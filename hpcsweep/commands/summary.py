@@ -138,9 +138,7 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         "searched": None if summary["run_noun"] == "start" else summary.get("starts"),
         "missed": dict(enumerate(missed[:MAX_ROWS], 1)),
         "more_missed": len(missed) - MAX_ROWS if len(missed) > MAX_ROWS else None,
-        "kinds": {
-            name: share(entry) + _by_direction(summary, name) for name, entry in classes.items()
-        },
+        "kinds": {n: share(entry) + _by_direction(summary, n) for n, entry in classes.items()},
         "named": (summary.get("contact_sets") and summary["contacts_named"]) or None,
         "tested": window if window and window["runs"] else None,
         "most": {name: most | _placed(most) for name, most in summary["largest"].items()},
@@ -157,10 +155,8 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         values["sessions"] = f" in {sessions} sessions" if sessions > 1 else ""
     for key in ("periods", "contact_sets"):
         shares = summary.get(key, {})
-        listed = {
-            name: share(shares[name]) if name in shares else "0" for name in _listed(key, together)
-        }
-        values[f"listed_{key}"] = listed
+        names = _listed(key, together)
+        values[f"listed_{key}"] = {n: share(shares[n]) if n in shares else "0" for n in names}
     return values
 
 

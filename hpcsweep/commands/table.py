@@ -5,6 +5,13 @@ studies, each run and place), and columns that name these: record, scale, storey
 and the keys that the job varies. By its name the table is CSV, an Excel workbook (.xlsx, needs
 openpyxl) or Parquet (.parquet, needs pyarrow). Runs that are not computed have no row. Names that a
 spreadsheet would compute (=A1, +1, @SUM) stand behind an apostrophe there.
+
+examples:
+  hpcsweep table pair.h5 -o pair.csv
+  hpcsweep table pair.h5 --what drift,acceleration,force --place A -o pair.xlsx
+  hpcsweep table pair.h5 --what storey_drift,storey_drift_time,pga --at gap=0.02 -o pair.parquet
+Columns have the names of --what and their units: drift [%]. Responses are sizes; drift and
+residual_drift are ratios in percent where the job gives storey heights.
 """
 
 import contextlib
@@ -16,13 +23,6 @@ from typing import NamedTuple
 from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import TABLE, check_overwriting, writing
 
-EXAMPLES = """\
-examples:
-  hpcsweep table pair.h5 -o pair.csv
-  hpcsweep table pair.h5 --what drift,acceleration,force --place A -o pair.xlsx
-  hpcsweep table pair.h5 --what storey_drift,storey_drift_time,pga --at gap=0.02 -o pair.parquet
-Columns have the names of --what and their units: drift [%]. Responses are sizes; drift and
-residual_drift are ratios in percent where the job gives storey heights."""
 NEEDS = {".csv": "pandas", ".xlsx": "openpyxl", ".parquet": "pyarrow"}
 """Libraries that write a table, by the end of its name."""
 NOWHERE = ""
@@ -116,13 +116,8 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
     from hpcsweep.studies.variables import STOREY_HEIGHT
 
     study, is_records = frames.study, frames.study.holds == "responses"
-    held = {
-        variable.name: variable
-        for variable in (*(constant for constant, _ in study.given), *frames.variables)
-    }
-    fit = [
-        name for name, variable in held.items() if len({*variable.dims} - {*study.run_dims}) <= 1
-    ]
+    held = {v.name: v for v in (*(v for v, _ in study.given), *frames.variables)}
+    fit = [name for name, v in held.items() if len({*v.dims} - {*study.run_dims}) <= 1]
     offered = {key: each.name for key, each in RESPONSES.items() if is_records and each.name in fit}
     offered |= {name: name for name in fit if name not in offered}
     if what is None:
@@ -175,9 +170,8 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
         filled["place"] = np.tile(places, len(done))
     for column, by_place in columns.items():
         elsewhere = by_place.get(NOWHERE, np.full(len(done), np.nan))
-        filled[column] = np.stack(
-            [by_place.get(label, elsewhere) for label in places], axis=1
-        ).ravel()
+        shown = [by_place.get(label, elsewhere) for label in places]
+        filled[column] = np.stack(shown, axis=1).ravel()
     return pandas.DataFrame(filled).rename(columns=lambda name: name + units.get(name, ""))
 
 

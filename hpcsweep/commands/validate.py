@@ -6,6 +6,11 @@ runs is then computed again: periodic ones once round their orbit by the other s
 bdf for flow; flow at a tighter tolerance where contacts have dashpots, springs yield or a model is
 reduced), aperiodic ones over single forcing periods, and each of them whole by flow from its stored
 start. Blocks that are not committed yet are no fault.
+
+exit codes:
+  0   sound
+  1   not sound: every line says what is wrong and where
+  2   a mistake in what was asked: no such file, no HDF5, not a file of hpcsweep
 """
 
 import dataclasses
@@ -14,12 +19,6 @@ from collections import Counter
 
 from hpcsweep.commands import FAILURE, Rows, add_file, listing
 from hpcsweep.figures.options import whole_number
-
-EXAMPLES = """\
-exit codes:
-  0   sound
-  1   not sound: every line says what is wrong and where
-  2   a mistake in what was asked: no such file, no HDF5, not a file of hpcsweep"""
 
 
 def configure(parser) -> None:

@@ -8,18 +8,17 @@ it on a node of the type that will compute.
 Given jobs, it also compiles kernels specialised to their structures, which take 0.55 to 0.8 of the
 time and give the same results to the last bit. `run` specialises by itself from half a million
 histories a rank on, and uses specialised kernels wherever the cache has them.
+
+examples:
+  hpcsweep warmup                                      on all processors of the machine
+  srun -n 1 -c 4 hpcsweep warmup --jobs 4              on a node of a cluster
+  hpcsweep warmup jobs/paper/bluecrystal.toml          also specialised to its structure
+  NUMBA_CACHE_DIR=/opt/kernels hpcsweep warmup         for all users of an image
 """
 
 from pathlib import Path
 
 from hpcsweep.commands import CommandError
-
-EXAMPLES = """\
-examples:
-  hpcsweep warmup                                      on all processors of the machine
-  srun -n 1 -c 4 hpcsweep warmup --jobs 4              on a node of a cluster
-  hpcsweep warmup jobs/paper/bluecrystal.toml          also specialised to its structure
-  NUMBA_CACHE_DIR=/opt/kernels hpcsweep warmup         for all users of an image"""
 
 
 def configure(parser) -> None:

@@ -58,13 +58,17 @@ def fitter(figure, fontsize: float, edges: float = 0.0) -> Callable[[str], bool]
     return fits
 
 
-def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str | None = None):
-    """Return the key of points; `face`: inside another colour, or none."""
+def key(label: str = "", **looks):
+    """Return the key of lines, or of points, that look so."""
     from matplotlib.lines import Line2D
 
-    key = Line2D([], [], ls="none", marker=marker, markersize=size, color=colour, label=label)
-    key.set_markerfacecolor(face or colour)
-    return key
+    return Line2D([], [], label=label, **looks)
+
+
+def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str | None = None):
+    """Return the key of points; `face`: inside another colour, or none."""
+    looks = {"ls": "none", "marker": marker, "ms": size, "color": colour}
+    return key(label, mfc=face or colour, **looks)
 
 
 def area(label: str, colour: str):

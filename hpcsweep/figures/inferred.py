@@ -117,13 +117,13 @@ def gather(frames, names: Iterable[str], cells: bool | None = None, **options):
     return frames.gather((*names, *VARIABLES), **options).assign_attrs(frames.audit())
 
 
-def draw_cells(axis, results, vertical=None, horizontal=None) -> None:
+def draw_cells(axis, results, vertical: np.ndarray, horizontal: np.ndarray) -> None:
     """Outline the cells from which points are inferred; none until the map is complete.
 
     Parameters
     ----------
-    vertical, horizontal : ndarray, optional
-        Values of the axes of the map; by default frequencies and amplitudes.
+    vertical, horizontal : ndarray
+        Values of the axes of the map.
     """
     if not inferred(results).any():
         return
@@ -136,8 +136,6 @@ def draw_cells(axis, results, vertical=None, horizontal=None) -> None:
     place = np.minimum(np.stack((row, column)), last[:, None] - 1) // size * size
     begin, size = np.split(np.unique(np.vstack((place, size)), axis=1), [2])
     end = np.minimum(begin + size, last[:, None])
-    if vertical is None or horizontal is None:
-        vertical, horizontal = results["omega"].values, results["amplitude"].values
     x, y = (at[np.stack((begin[k], end[k]))] for k, at in ((1, horizontal), (0, vertical)))
     corners = np.stack((x[[0, 1, 1, 0]], y[[0, 0, 1, 1]]), axis=2).swapaxes(0, 1)
     for colour, width in OUTLINES:

@@ -11,9 +11,13 @@ from hpcsweep.model.unit_names import is_in_gaps, is_in_own_units, unit_of
 WORD = r"$\omega_0$"
 MAX_FLOORS = 5
 """Floors that are all shown where none are requested; of more the top, the middle and the first."""
+PARAMETERS = {
+    "amplitude": ("forcing amplitude $A$", "acceleration"),
+    "omega": (r"forcing frequency $\Omega$", "frequency"),
+}
+"""Of the forcing: label, and quantity."""
 MAX_MODES = 5
 """Modes that are shown: the lowest."""
-DRIFT = r"normalised drift $\delta$  [$A/\Omega^2$]"
 SIZES = {
     "m": (("mm", 1e-3), ("m", 1.0)),
     "mm": (("mm", 1.0), ("m", 1e3)),
@@ -24,7 +28,6 @@ SIZES = {
     "N mm": (("mJ", 1.0), ("J", 1e3), ("kJ", 1e6)),
 }
 """Units in which numbers are told that are small or large in a unit, and how much of it each is."""
-MODAL_NORM = r"mean modal norm $\eta_j$ free of contact"
 
 
 def displacement(structure, floor: int, at: str = "") -> str:
@@ -42,23 +45,24 @@ def velocity(structure, floor: int, at: str = "") -> str:
     return rf"$v_{{{_name(structure, floor)}}}{at}$" + unit(structure, "velocity")
 
 
-def amplitude(structure) -> str:
-    """Label the axis of the forcing amplitude."""
-    return "forcing amplitude $A$" + unit(structure, "acceleration")
+def parameter(structure, name: str, quantity: str = "1") -> str:
+    """Label the axis of a parameter, with the unit of a quantity where it is none of the forcing.
 
-
-def frequency(structure) -> str:
-    """Label the axis of the forcing frequency."""
-    return r"forcing frequency $\Omega$" + unit(structure, "frequency")
+    Parameters
+    ----------
+    structure : Structure
+    name : str
+        Such as "omega", or that of a key of the structure.
+    quantity : str
+    """
+    words, quantity = PARAMETERS.get(name, (name.replace("_", " "), quantity))
+    return words + unit(structure, quantity)
 
 
 def along(study) -> str:
     """Label the axis of the parameter along which the sweeps of a study lead."""
     *_, (name, (_, units, _)) = study.grid.items()
-    labelled = {"amplitude": amplitude, "omega": frequency}
-    if name in labelled:
-        return labelled[name](study.structure)
-    return name.replace("_", " ") + unit(study.structure, units)
+    return parameter(study.structure, name, units)
 
 
 def common(values: np.ndarray) -> float | None:

@@ -8,6 +8,15 @@ from hpcsweep.figures import labels
 from hpcsweep.studies.quantities import MEASURES, of_motions
 from hpcsweep.studies.variables import percent_of_height
 
+RUN_LABELS = {
+    "drift": r"normalised drift $\delta$  [$A/\Omega^2$]",
+    "modal_norm": r"mean modal norm $\eta_j$ free of contact",
+    "lyapunov": r"largest Lyapunov exponent $\lambda$",
+    "ductility": "largest ductility of the sliders",
+    "share": "share of the starts",
+}
+"""What the other numbers of a run are."""
+
 
 class ShownMeasure(NamedTuple):
     """A measure as figures show it."""

@@ -67,27 +67,26 @@ def _common(attractors: Frames, runs: Frames, sweep: Path) -> list[tuple[int, np
     fixed, along = points.run_dims[-2:]
     frames = places(swept.frames, points.frames, f"frame at {SYMBOLS.get(fixed, fixed)} =").tolist()
     rows = []
-    for frame, swept_frame in enumerate(frames):
-        place = places(swept.along_of(swept_frame), points.along_of(frame), along)
+    for frame, at in enumerate(frames):
+        place = places(swept.along_of(at), points.along_of(frame), along)
         for each in ("omegas_of", "amplitudes_of"):
-            there = getattr(swept, each)(swept_frame)[place]
+            there = getattr(swept, each)(at)[place]
             if not np.allclose(there, getattr(points, each)(frame), rtol=SAME, atol=0):
-                raise StoreError(
-                    f"{sweep}: its formulas are other ones than those of {attractors.path}"
-                )
-        rows.append((swept_frame, place))
+                problem = f"its formulas are other ones than those of {attractors.path}"
+                raise StoreError(f"{sweep}: {problem}")
+        rows.append((at, place))
     return rows
 
 
 def _of_frame(
-    attractors: Frames, runs: Frames, frame: int, swept_frame: int, place: np.ndarray
+    attractors: Frames, runs: Frames, frame: int, at: int, place: np.ndarray
 ) -> np.ndarray:
     study = as_kind(attractors.study, RunGrid)
     units = units_along(study, frame)
     names = ("attractor_id", "n_points", "poincare", "outcome")
     sets = {name: values[0] for name, values in attractors.read(frame, names).items()}
     wanted = ("final_state", "outcome", *(("poincare", "n_points") if "poincare" in runs else ()))
-    ends = {name: values[:, place] for name, values in runs.read(swept_frame, wanted).items()}
+    ends = {name: values[:, place] for name, values in runs.read(at, wanted).items()}
     missed = np.full(place.size, -1)
     for k in np.flatnonzero(sets["outcome"] == Outcome.COMPLETE).tolist():
         done = ends["outcome"][:, k] == Outcome.COMPLETE

@@ -9,6 +9,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.figures import palette
+from hpcsweep.figures.fitting import key
 from hpcsweep.figures.style import PlotError, stretches
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
@@ -137,18 +138,14 @@ def lay(axis, branches: Iterable[Drawn], floor: int, thick: float = 1.0) -> list
 
 def overlay_keys() -> list[Any]:
     """Return the legend keys of branches beneath points."""
-    from matplotlib.lines import Line2D
-
     words = ((STABLE, "stable branch"), (UNSTABLE, "unstable"))
-    return [Line2D([], [], color=c, linewidth=width, label=word) for (c, width), word in words]
+    return [key(word, color=c, linewidth=width) for (c, width), word in words]
 
 
 def run_of(line) -> dict[str, np.ndarray]:
     """Return the variables of a dataset of one line, with the dimensions of `hpcsweep.branch`."""
-    return {
-        name: variable.values
-        for name, variable in line.isel(direction=0, line=0, amplitude=0).items()
-    }
+    line = line.isel(direction=0, line=0, amplitude=0)
+    return {name: variable.values for name, variable in line.items()}
 
 
 def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Drawn]:
@@ -159,9 +156,8 @@ def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Dra
         steps = run["step_branch"] == number
         if number and steps.any():
             points = np.empty((steps.sum(), period, forced.size))
-            for k, (x, value) in enumerate(
-                zip(run["point"][steps], run["value"][steps], strict=True)
-            ):
+            pairs = zip(run["point"][steps], run["value"][steps], strict=True)
+            for k, (x, value) in enumerate(pairs):
                 start = (x / forced.units)[None]
                 points[k] = continued(forced, start, float(value), period) * forced.units
             yield Drawn(

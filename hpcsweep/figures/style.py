@@ -9,6 +9,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.figures.fitting import broken, fitter, legend_below
+from hpcsweep.figures.palette import contact_colour
 from hpcsweep.job import Job, parse_job, part_of
 from hpcsweep.model.arguments import real
 from hpcsweep.model.structure import Structure
@@ -64,14 +65,14 @@ def set_names(
 
 
 def commonest_sets(
-    contacts: np.ndarray, labels: int | Sequence[str], most: int
-) -> list[tuple[int, int, str]]:
-    """Return the contact sets of runs, small ones first, with their numbers of runs and names.
+    contacts: np.ndarray, labels: int | tuple[str, ...], most: int
+) -> list[tuple[int, str, str]]:
+    """Return the contact sets of runs, small ones first, with their colours and names.
 
     Parameters
     ----------
     contacts : ndarray of int
-    labels : int or sequence of str
+    labels : int or tuple of str
         `Structure.contact_labels`.
     most : int
         Sets that have a name; that of rarer ones is empty.
@@ -80,7 +81,7 @@ def commonest_sets(
     named = sorted(range(len(sets)), key=lambda k: -counts[k])[:most]
     names = dict(zip(named, set_names([sets[k] for k in named], labels), strict=True))
     order = sorted(range(len(sets)), key=lambda k: (sets[k].bit_count(), sets[k]))
-    return [(sets[k], counts[k], names.get(k, "")) for k in order]
+    return [(sets[k], contact_colour(sets[k], labels), names.get(k, "")) for k in order]
 
 
 def rarer_sets(count: int) -> str:

@@ -27,7 +27,7 @@ def test_cells_in_the_limits_are_all_drawn_though_the_map_has_more_than_pixels()
     _, axes = style.new_grid(1, 1, (1.0, 1.0))
     places, values = np.arange(2000.0), np.arange(4000.0).reshape(2, 2000)
     with view.limits(x=(500.2, 509.8)):
-        cells = mesh.paint(axes[0, 0], places, np.array([1.0, 2.0]), values)
+        cells = mesh.Grid(places, np.array([1.0, 2.0])).draw(axes[0, 0], values)
     assert cells.get_array().tolist() == values[:, 500:511].tolist()
 
 

@@ -32,8 +32,7 @@ def load(
     frames, sweep: Path | None = None, cells: bool | None = None, value: str | None = "number"
 ):
     """Read the attractors for a value of a map, or numbers, and count those that a sweep misses."""
-    mesh.need_plane(frames.study.run_dims)
-    mesh.least_cells(frames.study.amplitude.size)
+    mesh.need_map(frames.study.run_dims, frames.study.amplitude.size)
     each = () if value == "number" else (*mesh.VARIABLES, *([value] if value else []))
     results = gather(frames, (*VARIABLES, "outcome", *each), cells)
     if sweep is None:
@@ -76,7 +75,7 @@ def _panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
         *(palette.count_colour(place, MOST - 1) for place in range(MOST - 1)),
     ]
     index = np.where(values < 0, -1, np.clip(values, least, top) - least)
-    mesh.draw_mesh(axis, results, **mesh.of_classes(index, colours))
+    mesh.grid_of(results).fill(axis, index, colours)
     names = [*map(str, range(least, top)), f"{top} or more"]
     entries = [*zip(names, colours, strict=True)]
     handles = mesh.share_keys(index, entries, "none, or not computed")

@@ -64,14 +64,13 @@ def draw(results, cells: bool | None = None):
         index[reached == number] = place
     figure, axes = style.new_grid(1, 1, SIZE)
     axis = axes[0, 0]
-    cells_of = mesh.of_classes(index, [colour for _, _, colour in keys])
-    mesh.paint(axis, study.horizontal, study.vertical, **cells_of)
+    first, second = (_label(study.structure, component) for component in study.components)
+    grid = mesh.Grid(study.horizontal, study.vertical, (first, second))
+    grid.fill(axis, index, [colour for _, _, colour in keys])
     if cells:
         draw_cells(axis, results, study.vertical, study.horizontal)
     for _, colour, point in listed.values():
         _mark(axis, study, point, colour)
-    first, second = (_label(study.structure, component) for component in study.components)
-    axis.set(xlabel=first, ylabel=second)
     _legend(figure, study, keys, index)
     amplitude = f"$A$ = {study.amplitude[0]:.6g}{labels.named(study.structure, 'acceleration')}"
     notes = f"{style.caption(results, float(study.omega[0]))},  {amplitude}", note_of(results)

@@ -85,7 +85,7 @@ def _panel(axis, results, classes, chosen, ratio, name) -> None:
     rated = chosen & np.isfinite(ratio)
     index[rated] = 2 + np.searchsorted(LEVELS, ratio[rated], side="left")
     index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
-    mesh.draw_mesh(axis, results, **mesh.of_classes(index, [colour for _, colour in SHADES]))
+    mesh.grid_of(results).fill(axis, index, [colour for _, colour in SHADES])
     count = int(rated.sum())
     note = "no such run"
     if count:

@@ -15,7 +15,7 @@ from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import numbered, orbits
 from hpcsweep.figures.diagrams.special_curves import MARKS
-from hpcsweep.figures.fitting import dot, legend_below
+from hpcsweep.figures.fitting import dot, key, legend_below
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
 from hpcsweep.figures.overlay import Drawn, branches_of, line_beneath, not_beneath, run_of
 from hpcsweep.studies.branches.branches import Branches
@@ -92,7 +92,9 @@ def draw(results: Read, floors: Sequence[int | str] = (), **_options):
         _draw_branches(axis, branches, floor)
         _draw_specials(axis, run, floor)
         axis.set_ylim(view.visible("y", *axis.get_ylim()))
-    axis.set(xlabel=_label(study, structure), xlim=(low, high))
+    forcing = study.parameter in labels.PARAMETERS
+    label = labels.parameter(structure, study.parameter) if forcing else study.parameter
+    axis.set(xlabel=label, xlim=(low, high))
     fixed = float(line["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
     legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
@@ -118,8 +120,6 @@ def _marked(run: dict, low: float, high: float) -> np.ndarray:
 
 def _list(figure, run: dict, marked: np.ndarray, symbol: str) -> None:
     """List special points by their numbers: kind, period of the orbit and parameter."""
-    from matplotlib.lines import Line2D
-
     period = dict(zip(run["branch_id"].tolist(), run["branch_period"].tolist(), strict=True))
     rows, handles = [], []
     for number, place in enumerate(marked.tolist(), 1):
@@ -127,15 +127,9 @@ def _list(figure, run: dict, marked: np.ndarray, symbol: str) -> None:
         name = f"P{period[branch]}"
         value = float(run["special_value"][place])
         rows.append(f"{number:>2} {MARKS[kind][0]:<15} {name:<3} {value:#.6g}")
-        handles.append(Line2D([], [], **_looks(kind, 4)))
+        handles.append(key(**_looks(kind, 4)))
     title = f"special points beside stable\norbits: kind, period, {symbol}"
     numbered.list_beside(figure, rows, handles, title)
-
-
-def _label(study: Branches, structure) -> str:
-    if study.parameter == "amplitude":
-        return labels.amplitude(structure)
-    return labels.frequency(structure) if study.parameter == "omega" else study.parameter
 
 
 def _draw_runs(axis, runs, floor: int) -> None:
@@ -150,14 +144,9 @@ def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
     for branch in branches:
         unstable = UNSTABLE if branch.stable.any() else NOWHERE_STABLE
         for piece, steady in branch.pieces():
-            shown, width = branch.points[piece, :, floor], STABLE if steady else unstable
-            axis.plot(
-                branch.value[piece],
-                shown,
-                color=palette.period_colour(branch.period),
-                lw=width,
-                zorder=2,
-            )
+            drawn = branch.value[piece], branch.points[piece, :, floor]
+            width, colour = STABLE if steady else unstable, palette.period_colour(branch.period)
+            axis.plot(*drawn, color=colour, lw=width, zorder=2)
 
 
 def _draw_specials(axis, run: dict, floor: int) -> None:
@@ -172,9 +161,8 @@ def _draw_specials(axis, run: dict, floor: int) -> None:
             if near or kind is not Kind.GRAZING:
                 marked = (run["special_kind"] == kind) & (held == near) & partly
                 looks = {**_looks(kind, size), "markeredgewidth": edge, "zorder": 4 if near else 3}
-                axis.plot(
-                    run["special_value"][marked], run["special_point"][marked, floor], **looks
-                )
+                at = run["special_value"][marked], run["special_point"][marked, floor]
+                axis.plot(*at, **looks)
 
 
 def _beside_stable(run: dict) -> np.ndarray:
@@ -200,18 +188,16 @@ def _looks(kind: Kind, size: float) -> dict[str, Any]:
 
 
 def _handles(run: dict, runs: bool) -> list:
-    from matplotlib.lines import Line2D
-
     periods = run["branch_period"][run["branch_id"] > 0]
     lines = [
         *(palette.MOTIONS[k] for k in np.unique(np.minimum(periods, palette.LONGEST + 1))),
         ("stable", palette.DARK_INK),
         ("unstable", palette.DARK_INK),
     ]
-    handles = [Line2D([], [], color=colour, lw=STABLE, label=name) for name, colour in lines]
+    handles = [key(name, color=colour, lw=STABLE) for name, colour in lines]
     handles[-1].set_linewidth(UNSTABLE)
     handles += [
-        Line2D([], [], label=word, **_looks(kind, 4))
+        key(word, **_looks(kind, 4))
         for kind, (word, _, _) in MARKS.items()
         if (run["special_kind"] == kind).any()
     ]

@@ -145,16 +145,10 @@ def open_frame(
         raise style.PlotError(f"no {study.run_noun} of this frame is complete yet")
     several = "attractor_id" in results
     classes = attractor_classes(runs) if several else style.classes_of(results)[:, 0]
-    common_omega = labels.common(runs["omega"].values)
-    caption = style.caption(results, common_omega, labels.path_words(study, runs))
-    facts = (
-        study,
-        study.structure,
-        math.nan if common_omega is None else common_omega,
-        runs[along].values,
-        caption,
-    )
-    return Frame(results, runs, classes, done, *facts)
+    omega, path = labels.common(runs["omega"].values), runs[along].values
+    caption = style.caption(results, omega, labels.path_words(study, runs))
+    omega = math.nan if omega is None else omega
+    return Frame(results, runs, classes, done, study, study.structure, omega, path, caption)
 
 
 def lay_branches(axes: Mapping[int, Any], frame: Frame, path: Path | None) -> list[Any]:

@@ -47,9 +47,8 @@ def draw(results, scale: float | None = None, place: str | None = None):
             made, tell = [], counted("floor spectrum" + " without contacts" * (of is not structure))
             for i, sample in enumerate(samples):
                 factor = float(study.factor[i, at])
-                of_one = floor_spectra(
-                    of, sample, periods, ratio, factor, study.tail, places=[place]
-                )
+                motion = of, sample, periods, ratio, factor, study.tail
+                of_one = floor_spectra(*motion, places=[place])
                 made.append(of_one.acceleration[0])
                 tell(i + 1, n)
             return np.array(made)

@@ -1,15 +1,19 @@
-"""Draw panels over amplitude and frequency: one cell a run, or one point for scattered runs."""
+"""The one mesh of all maps: values over two parameters, one cell a run, or a point a scattered run.
+
+A figure gives numbers, or indices of its own colours, and says what they mean; axes, cells, hatched
+areas, grazing amplitudes and keys are made here.
+"""
 
 import functools
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
-from hpcsweep.figures.fitting import LEGEND, area, blank
+from hpcsweep.figures.fitting import LEGEND, area, blank, key
 from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
 from hpcsweep.studies.point_grid import FORCING_AMPLITUDE
 
@@ -48,16 +52,15 @@ def open_map(
         If there is no such direction, or fewer than two frames or amplitudes.
     """
     study = frames.study
-    need_plane(study.run_dims)
-    least_cells(study.amplitude.size)
+    need_map(study.run_dims, study.amplitude.size)
     further = () if value is None else (value,)
     direction = study.directions[style.choose_direction(study.directions, direction)]
     names = (*VARIABLES, *further)
     return gather(frames, names, cells, direction=direction, derive={MOTION: style.classes_of})
 
 
-def need_plane(dims: Sequence[str]) -> None:
-    """Refuse sweeps whose runs are not spread over amplitude and frequency.
+def need_map(dims: Sequence[str], amplitudes: int) -> None:
+    """Refuse runs that are not spread over amplitude and frequency, or form not even one row.
 
     Raises
     ------
@@ -65,16 +68,6 @@ def need_plane(dims: Sequence[str]) -> None:
     """
     if not {"omega", "amplitude"} <= {*dims}:
         raise style.PlotError(f"no map over amplitude and frequency: the sweep is along {dims[-1]}")
-
-
-def least_cells(amplitudes: int) -> None:
-    """Refuse results that form neither a map nor one row of a map.
-
-    Raises
-    ------
-    PlotError
-        If there are fewer than two amplitudes.
-    """
     if amplitudes < 2:
         raise style.PlotError(f"a map needs at least 2 amplitudes, the results hold {amplitudes}")
 
@@ -87,9 +80,8 @@ def by_frequency(results, direction: str | None = None):
     PlotError
         If there are fewer than two amplitudes, or no such direction.
     """
-    need_plane(results["outcome"].dims)
+    need_map(results["outcome"].dims, amplitudes(results).size)
     results = results.transpose("direction", "omega", "amplitude", ...)
-    least_cells(amplitudes(results).size)
     chosen = [style.direction_index(results, direction)]
     order = np.argsort(results["omega"].values, kind="stable")
     return results.isel(omega=order, direction=chosen)
@@ -146,58 +138,65 @@ def edges_of(centres: np.ndarray) -> np.ndarray:
     return np.concatenate(([max(first, 0.0) if centres[0] > 0 else first], middle, [last]))
 
 
-def draw_mesh(axis, results, values: np.ndarray, **options):
-    """Draw values of shape (n_frames, n_amplitudes) by `paint`.
+class Grid(NamedTuple):
+    """Places of the cells of a map, and the labels of its axes.
 
-    A list of points is drawn as points, without the masked ones.
-
-    Returns
-    -------
-    matplotlib.collections.QuadMesh or PathCollection
-    """
-    structure = style.structure_of(results)
-    axis.set(xlabel=labels.amplitude(structure), ylabel=labels.frequency(structure))
-    if SCATTERED not in results:
-        return paint(axis, results["amplitude"].values, results["omega"].values, values, **options)
-    axis.set_facecolor(palette.NOTHING)
-    size = float(np.clip(6e3 / len(values), 3.0, 40.0))
-    rim = {"edgecolors": "0.2", "linewidths": 0.3 if size > 10 else 0.0}
-    where = amplitudes(results), results["omega"].values
-    return axis.scatter(*where, s=size, c=values[:, 0], plotnonfinite=False, **rim, **options)
-
-
-def paint(axis, horizontal, vertical, values: np.ndarray, edges=edges_of, **options):
-    """Draw cells around ascending places; where values are masked the panel is hatched.
-
-    If cells are smaller than pixels, only as many are drawn as there are pixels.
-
-    Parameters
+    Attributes
     ----------
     horizontal, vertical : ndarray
-    values : ndarray, shape (vertical.size, horizontal.size)
+        Ascending places of columns and rows.
+    names : (str, str)
+        Labels of the axes.
     edges : callable
         Return the borders of the rows; see `edges_of`.
-
-    Returns
-    -------
-    matplotlib.collections.QuadMesh
+    is_list : bool
+        Whether rows are single points, each with a place of its own along the horizontal axis.
     """
-    axis.set_facecolor(palette.NOTHING)
-    if np.ma.getmaskarray(values).any():
-        axis.patch.set(hatch="xxxx", edgecolor="0.55")
-    width, height = view.pixels(axis.get_figure())
-    rows, columns = _thinned("y", vertical, height), _thinned("x", horizontal, width)
-    sides = edges_of(horizontal[columns]), edges(vertical[rows])
-    return axis.pcolormesh(*sides, values[rows][:, columns], rasterized=True, **options)
+
+    horizontal: np.ndarray
+    vertical: np.ndarray
+    names: tuple[str, str] = ("", "")
+    edges: Callable[[np.ndarray], np.ndarray] = edges_of
+    is_list: bool = False
+
+    def draw(self, axis, values: np.ndarray, **looks):
+        """Draw values of shape (rows, columns); where they are masked the panel is hatched.
+
+        If cells are smaller than pixels, only as many are drawn as there are pixels. A list of
+        points is drawn as points, without the masked ones.
+
+        Returns
+        -------
+        matplotlib.collections.QuadMesh or PathCollection
+        """
+        axis.set(xlabel=self.names[0], ylabel=self.names[1])
+        axis.set_facecolor(palette.NOTHING)
+        if self.is_list:
+            size = float(np.clip(6e3 / len(values), 3.0, 40.0))
+            looks |= {"edgecolors": "0.2", "linewidths": 0.3 if size > 10 else 0.0, "s": size}
+            places = self.horizontal, self.vertical
+            return axis.scatter(*places, c=values[:, 0], plotnonfinite=False, **looks)
+        if np.ma.getmaskarray(values).any():
+            axis.patch.set(hatch="xxxx", edgecolor="0.55")
+        width, height = view.pixels(axis.get_figure())
+        rows, columns = _thinned("y", self.vertical, height), _thinned("x", self.horizontal, width)
+        sides = edges_of(self.horizontal[columns]), self.edges(self.vertical[rows])
+        return axis.pcolormesh(*sides, values[rows][:, columns], rasterized=True, **looks)
+
+    def fill(self, axis, index: np.ndarray, colours: Sequence[str]) -> None:
+        """Draw cells by the indices of their colours; hatched where these are negative."""
+        from matplotlib.colors import BoundaryNorm, ListedColormap
+
+        norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
+        self.draw(axis, np.ma.masked_less(index, 0), cmap=ListedColormap(colours), norm=norm)
 
 
-def of_classes(index: np.ndarray, colours: Sequence[str]) -> dict[str, Any]:
-    """Return the values and options of a mesh of indices of colours; hatched where negative."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    norm = BoundaryNorm(np.arange(len(colours) + 1) - 0.5, len(colours))
-    values = np.ma.masked_less(index, 0)
-    return {"values": values, "cmap": ListedColormap(colours), "norm": norm}
+def grid_of(results) -> Grid:
+    """Return the grid of results over amplitude and frequency."""
+    structure = style.structure_of(results)
+    names = labels.parameter(structure, "amplitude"), labels.parameter(structure, "omega")
+    places = amplitudes(results), results["omega"].values
+    return Grid(*places, names, is_list=SCATTERED in results)
 
 
 def _thinned(name: str, places: np.ndarray, most: float) -> np.ndarray:
@@ -218,7 +217,7 @@ def finish(axes, results, cells: bool | None = None) -> None:
             axis.plot(amplitude, omega, color=colour, linewidth=width)
         draw_specials(axis, results)
         if cells:
-            draw_cells(axis, results)
+            draw_cells(axis, results, results["omega"].values, results["amplitude"].values)
         axis.set(xlim=limits[0], ylim=limits[1])
         if results.sizes["omega"] == 1:
             axis.set_yticks(results["omega"].values)
@@ -236,9 +235,7 @@ def map_keys(results) -> list:
 
 def grazing_key():
     """Return the legend key of the grazing curve."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=palette.GRAZING, linewidth=1.2, label="grazing, closed form")
+    return key("grazing, closed form", color=palette.GRAZING, linewidth=1.2)
 
 
 def share_keys(
@@ -273,30 +270,20 @@ def share_keys(
     return [*handles, blank(f"{missing}  {style.percent(absent)}")] if absent else handles
 
 
-def legend_of_motions(
-    figure,
-    index: np.ndarray,
-    more: Sequence,
-    study,
-    by_period: bool,
-    inferred: bool,
-) -> None:
-    """Add the `legend_of_shares` of motions that occur, and always of the undecided ones.
+def motion_keys(index: np.ndarray, structure, by_period: bool) -> list:
+    """Return the legend keys of motions that occur, and always of the undecided ones, with shares.
 
     Parameters
     ----------
     index : ndarray of int
         Of all runs, in `palette.MOTIONS`; -1 where nothing is computed.
-    more : sequence of matplotlib artists
-        Further keys.
-    study : Study
-    by_period, inferred : bool
-        See `drawn_motions`, and `legend_of_shares`.
+    structure : Structure
+    by_period : bool
+        See `drawn_motions`.
     """
     computed = max(int((index >= 0).sum()), 1)
-    names = drawn_motions(by_period, study.structure)
-    keys = share_keys(index, names, "not computed", ("undecided",), computed)
-    legend_of_shares(figure, [*keys, *more], inferred)
+    names = drawn_motions(by_period, structure)
+    return share_keys(index, names, "not computed", ("undecided",), computed)
 
 
 def legend_of_shares(figure, handles: Sequence, inferred: bool) -> None:
@@ -304,6 +291,13 @@ def legend_of_shares(figure, handles: Sequence, inferred: bool) -> None:
     title = f"share of {'points' if inferred else 'runs'}"
     looks = {"loc": "outside right center", "alignment": "left", "title_fontsize": 8, **LEGEND}
     figure.legend(handles=handles, title=title, **looks)
+
+
+def draw_numbers(figure, axes, grid: Grid, layers, norm, **looks):
+    """Draw numbers on panels, one layer each, and return their colour bar."""
+    for axis, values in zip(axes, layers, strict=True):
+        cells = grid.draw(axis, values, cmap=palette.NUMBERS, norm=norm)
+    return figure.colorbar(cells, ax=axes, **looks)
 
 
 @functools.lru_cache(maxsize=8)

@@ -9,6 +9,7 @@ from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.benefit import free_drift
 from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.measures import RUN_LABELS
 from hpcsweep.figures.options import AMPLITUDES, OMEGA
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
@@ -87,7 +88,7 @@ def _drift(axis, frame: Frame, free: np.ndarray) -> None:
                 _plot(axis, frame.along[chosen], drift[chosen], marker, colour, direction, label)
     looks = {"color": "black", "linewidth": 1.1, "linestyle": DASHES[0]}
     _free(axis, frame.along, free, label=_without(frame), **looks)
-    axis.set_ylabel(labels.DRIFT)
+    axis.set_ylabel(RUN_LABELS["drift"])
 
 
 def _plot(axis, x, y, marker: str, colour: str, direction: str, label: str) -> None:
@@ -115,10 +116,9 @@ def _norms(axis, frame: Frame, free: np.ndarray) -> None:
             label = f"mode {mode + 1}, {direction}"
             _plot(axis, frame.along, norm[:, mode], marker, colour, direction, label)
         looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
-        _free(
-            axis, frame.along, free[:, mode], label=f"mode {mode + 1}, {_without(frame)}", **looks
-        )
-    axis.set_ylabel(labels.MODAL_NORM)
+        label = f"mode {mode + 1}, {_without(frame)}"
+        _free(axis, frame.along, free[:, mode], label=label, **looks)
+    axis.set_ylabel(RUN_LABELS["modal_norm"])
     if shown < runs.sizes["mode"]:
         title = f"the lowest {shown} of {runs.sizes['mode']} modes"
         axis.set_title(title, loc="right", fontsize=9)

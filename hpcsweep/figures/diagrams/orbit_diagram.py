@@ -131,8 +131,8 @@ def _groups(color: str, frame: Frame) -> list[Group]:
         return [group for group in groups if group.runs.any()]
     contact, numbers = frame.runs["contact"].values, frame.structure.contact_labels
     return [
-        Group(palette.contact_colour(c, numbers), name, frame.done & (contact == c))
-        for c, _, name in style.commonest_sets(contact[frame.done], numbers, MAX_SETS)
+        Group(colour, name, frame.done & (contact == c))
+        for c, colour, name in style.commonest_sets(contact[frame.done], numbers, MAX_SETS)
     ]
 
 

@@ -31,7 +31,7 @@ def floor_panels(structure, floors: Sequence[int | str], label: str = ""):
         at = "" if height > PAGE else "(jT)"
         axis.set_ylabel(labels.displacement(structure, floor, at))
         axis.margins(y=0.08)
-    axes[-1].set_xlabel(label or labels.amplitude(structure))
+    axes[-1].set_xlabel(label or labels.parameter(structure, "amplitude"))
     return figure, dict(zip(shown, axes, strict=True))
 
 

@@ -3,7 +3,7 @@
 Of attractors it is that of the one with the largest share.
 """
 
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from hpcsweep.figures.diagrams import attractor_map, mesh
 from hpcsweep.figures.diagrams.attractor_diagram import starts_text
 from hpcsweep.figures.diagrams.special_curves import with_specials
 from hpcsweep.figures.inferred import drawn_classes, filled, inferred, is_by_period, note_of
+from hpcsweep.figures.measures import RUN_LABELS
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
@@ -39,6 +40,8 @@ MAX_SETS = 14
 """Contact sets the legend names: the commonest."""
 MAX_PANELS = 9
 """Modes shown, the lowest."""
+Kinds = tuple[np.ndarray, Sequence[str], list]
+"""Indices of the cells, their colours, and keys of a legend."""
 
 
 def load(
@@ -99,8 +102,14 @@ def draw(
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
     size = 7.2, mesh.map_height(results, 5.2)
     figure, axes = mesh.panels(panels, size, (3.6, 3.6), (0.0, 0.6))
-    painters = {"period": _classes, "contact": _contact_sets, IDENTITY: _identities}
-    painters.get(value, partial(_numbers, value=value))(figure, axes, results)
+    kinds: dict = {"period": _classes, "contact": _contact_sets, IDENTITY: _identities}
+    if value in kinds:
+        index, colours, keys = kinds[value](results)
+        mesh.grid_of(results).fill(axes[0], index, colours)
+        of_points = "attractor_id" in results or bool(inferred(results).any())
+        mesh.legend_of_shares(figure, keys, of_points)
+    else:
+        _numbers(figure, axes, results, value)
     if value != "period":
         style.foot(figure, mesh.map_keys(results), results, style.classes_of(results))
     mesh.finish(axes, results, cells)
@@ -108,14 +117,13 @@ def draw(
     return style.head(figure, title, note)
 
 
-def _classes(figure, axes, results) -> None:
+def _classes(results) -> Kinds:
     index = palette.motion_index(*(values[0] for values in drawn_classes(results)))
-    mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, palette.MOTION_COLOURS))
-    notes, study = (is_by_period(results), _of_points(results)), style.job_of(results).study
-    mesh.legend_of_motions(figure, index, mesh.map_keys(results), study, *notes)
+    keys = mesh.motion_keys(index, style.structure_of(results), is_by_period(results))
+    return index, palette.MOTION_COLOURS, [*keys, *mesh.map_keys(results)]
 
 
-def _contact_sets(figure, axes, results) -> None:
+def _contact_sets(results) -> Kinds:
     contact = filled(results, "contact")[0]
     from_cells = inferred(results, "contact")[0]
     done = (results["outcome"].values[0] == Outcome.COMPLETE) | from_cells
@@ -129,20 +137,16 @@ def _contact_sets(figure, axes, results) -> None:
         sets = np.array([c for c, _, _ in commonest], contact.dtype)
         order = np.argsort(sets)
         index[done] = order[np.searchsorted(sets, contact[done], sorter=order)]
-    colours = [palette.contact_colour(c, numbers) for c, _, _ in commonest] or [palette.NO_CONTACT]
-    mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, colours))
-    entries = [
-        (name, colour) for (_, _, name), colour in zip(commonest, colours, strict=False) if name
-    ]
+    colours = [colour for _, colour, _ in commonest] or [palette.NO_CONTACT]
+    entries = [(name, colour) for _, colour, name in commonest if name]
     if len(entries) < len(commonest):
         entries.append((style.rarer_sets(len(commonest) - len(entries)), "none"))
-    index = np.minimum(index, len(entries) - 1)
-    keys = mesh.share_keys(index, entries, "failed or not computed")
-    mesh.legend_of_shares(figure, keys, _of_points(results))
+    shown = np.minimum(index, len(entries) - 1)
+    return index, colours, mesh.share_keys(shown, entries, "failed or not computed")
 
 
-def _identities(figure, axes, results) -> None:
-    """Draw the identities that most points have, each named by the motion that it mostly is."""
+def _identities(results) -> Kinds:
+    """Return the identities that most points have, each named by the motion that it mostly is."""
     number = results[IDENTITY].values[0]
     motion = palette.motion_index(results[MOTION].values[0], results["orbit_period"].values[0])
     there, counts = (part.tolist() for part in np.unique(number[number > 0], return_counts=True))
@@ -155,13 +159,8 @@ def _identities(figure, axes, results) -> None:
         name = names[int(np.bincount(motion[cells]).argmax())][0]
         entries.append((f"{there[k]}, {name}", palette.series_colour(place)))
     entries.append((f"{len(there) - len(named)} rarer", palette.OTHER_MOTION))
-    mesh.draw_mesh(axes[0], results, **mesh.of_classes(index, [colour for _, colour in entries]))
-    mesh.legend_of_shares(figure, mesh.share_keys(index, entries, "none, or not computed"), True)
-
-
-def _of_points(results) -> bool:
-    """Return whether shares are of points, and not of runs: inferred ones, or attractors."""
-    return "attractor_id" in results or bool(inferred(results).any())
+    keys = mesh.share_keys(index, entries, "none, or not computed")
+    return index, [colour for _, colour in entries], keys
 
 
 def _numbers(figure, axes, results, value: str) -> None:
@@ -171,27 +170,23 @@ def _numbers(figure, axes, results, value: str) -> None:
 
     numbers = np.ma.masked_invalid(results[value].values[0])
     inside = numbers.compressed()
-    norm, bar = Normalize(0, 1), {"label": labels.MODAL_NORM, "aspect": 30}
+    norm, unit, looks = Normalize(0, 1), "", {"extend": "neither", "aspect": 30}
     if value == "share":
         numbers = np.ma.masked_where(results["attractor_id"].values[0] == 0, numbers)
-        bar = {"label": "share of the starts", "aspect": 30}
-    if value == "drift":
+    elif value == "drift":
         norm = Normalize(0, np.percentile(inside, 99) if inside.size else 1.0)
-        bar = {"label": labels.DRIFT, "extend": "max"}
-    if value == "ductility":
+        looks = {"extend": "max"}
+    elif value == "ductility":
         numbers = np.ma.masked_less_equal(numbers.max(axis=-1), 0.0)
-        norm, bar = LogNorm(), {"label": "largest ductility of the sliders"}
-    if value == "lyapunov":
+        norm, looks = LogNorm(), {"format": LogFormatter()}
+    elif value == "lyapunov":
         low, high = np.percentile(inside, [1, 99.8]) if inside.size else (-1, 1)
         norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
-        unit = labels.unit(style.structure_of(results), "rate")
-        bar = {"label": rf"largest Lyapunov exponent $\lambda${unit}", "extend": "both"}
-    for mode, axis in enumerate(axes):
-        shown = numbers
-        if value == "modal_norm":
-            shown = numbers[..., mode]
-            axis.set_title(f"mode {mode + 1}", fontsize=9)
-        cells = mesh.draw_mesh(axis, results, shown, cmap=palette.NUMBERS, norm=norm)
-    scale = figure.colorbar(cells, ax=axes, **bar).ax.yaxis
+        unit, looks = labels.unit(style.structure_of(results), "rate"), {"extend": "both"}
+    layers = np.moveaxis(np.ma.atleast_3d(numbers), -1, 0)[: len(axes)]
+    looks["label"] = RUN_LABELS[value] + unit
+    bar = mesh.draw_numbers(figure, axes, mesh.grid_of(results), layers, norm, **looks)
+    for mode, axis in enumerate(axes if value == "modal_norm" else (), 1):
+        axis.set_title(f"mode {mode}", fontsize=9)
     if value == "ductility":
-        scale.set(major_formatter=LogFormatter(), minor_formatter=LogFormatter())
+        bar.ax.yaxis.set_minor_formatter(LogFormatter())

@@ -1,14 +1,14 @@
 """Phase portraits of the floors at --amplitude A, at --along X, or of an orbit of --period P."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
-from hpcsweep.figures.fitting import dot
+from hpcsweep.figures.fitting import dot, key
 from hpcsweep.figures.options import AMPLITUDES, DIRECTION, FLOORS, OMEGA, Option, whole_number
 from hpcsweep.model.description import stops
 from hpcsweep.studies.run_names import SYMBOLS
@@ -41,6 +41,8 @@ WIDTH, MIN_WIDTH, LETTERS = 2.4, 4.8, 13
 """Width of a panel, the least of the figure (inches), and letters of its title on an inch."""
 NEAR_STOP = 10
 """A stop is shown where it is not farther from the motion than so many of its widths."""
+BEYOND: dict[str, Any] = {"facecolor": "0.88", "edgecolor": "0.5", "hatch": "////"}
+"""What is behind a stop."""
 MAX_CYCLES = 60
 """Forcing periods drawn of a motion that does not repeat: more would fill the panel."""
 
@@ -228,8 +230,7 @@ def _stops(axis, structure, floor: int) -> None:
         room = place + side * max(0.04 * width, 0.08 * abs(place))
         low, high = min(low, room), max(high, room)
         beyond = place + side * 10 * (high - low)
-        ends = sorted((place, beyond))
-        axis.axvspan(*ends, facecolor="0.88", edgecolor="0.5", hatch="////", zorder=0)
+        axis.axvspan(*sorted((place, beyond)), zorder=0, **BEYOND)
     axis.set_xlim(low, high)
 
 
@@ -247,15 +248,13 @@ def _label(frame: Frame, motion: DrawnRun, row: int) -> str:
 
 
 def _legend(figure, frame: Frame, drawn: set[int]) -> None:
-    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     motions = [palette.MOTIONS[place] for place in sorted(drawn)]
     handles = [
-        *(Line2D([], [], color=colour, label=name) for name, colour in motions),
+        *(key(name, color=colour) for name, colour in motions),
         dot("stroboscopic points", "black", face="white"),
     ]
     if frame.structure.contacts:
-        beyond = Patch(facecolor="0.88", edgecolor="0.5", hatch="////", label="beyond the stop")
-        handles.append(beyond)
+        handles.append(Patch(label="beyond the stop", **BEYOND))
     style.foot(figure, handles, frame.results, frame.classes)

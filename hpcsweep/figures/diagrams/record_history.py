@@ -45,34 +45,32 @@ def draw(
         shown = [i for i in physical(structure.floor_names) if i in moved] or moved
     figure, axes = style.new_figure(5 if names else 3, 8.8 if names else 6.2, 7.6)
 
-    def panel(axis, label: str, columns, *, of=seen, **looks) -> None:
+    def panel(axis, label: str, columns, quantity: str = "1", **looks) -> float:
+        """Draw columns, one a line, in a unit that suits them; return how much of it is one."""
+        unit, size = labels.sized(structure, quantity, columns)
         for series, column in enumerate(columns.T):
-            axis.plot(
-                of.time, column, **{"color": palette.series_colour(series), "lw": 0.8} | looks
-            )
-        axis.set_ylabel(label, fontsize=8)
+            colour = {"color": palette.series_colour(series), "lw": 0.8}
+            axis.plot(seen.time, column / size, **colour | looks)
+        axis.set_ylabel(label + unit, fontsize=8)
+        return size
 
     ground = factor / study.gravity * np.interp(seen.time, samples.times, samples.acceleration)
     ground[seen.time > samples.times[-1]] = 0.0
     panel(axes[0], "ground  [g]", ground[:, None], color="0.3", lw=0.6)
     panel(axes[-1], "absolute\nacceleration  [g]", seen.acceleration[:, shown] / study.gravity)
-    moved = seen.displacement[:, shown]
-    unit, size = labels.sized(structure, "length", moved)
-    panel(axes[1], "displacement" + unit, moved / size)
+    size = panel(axes[1], "displacement", seen.displacement[:, shown], "length")
     for line, floor in zip(axes[1].lines, shown, strict=True):
         line.set_label(structure.floor_names[floor])
     if names:
         free = responses.history_of(study, (i, at), time, structure.without_contacts())
-        columns = free.displacement[:, shown] / size
-        panel(axes[1], "displacement" + unit, columns, of=free, linestyle=":", lw=0.7)
+        for line, column in zip(axes[1].lines[:], free.displacement[:, shown].T, strict=True):
+            axes[1].plot(free.time, column / size, ":", color=line.get_color(), lw=0.7)
         axes[1].plot([], [], ":", color=palette.STOP, label="no contact")
         gap, force = structure.contacts[k].gap - seen.approach[:, [k]], seen.peak_force[:, [k]]
         touch = palette.series_colour(2)
-        unit, size = labels.sized(structure, "length", gap)
-        panel(axes[2], f"gap {names[k]}{unit}", gap / size, color="0.3")
+        panel(axes[2], f"gap {names[k]}", gap, "length", color="0.3")
         axes[2].axhline(0.0, color=touch, lw=0.8)
-        unit, size = labels.sized(structure, "force", force)
-        panel(axes[3], f"force {names[k]}{unit}", force / size, color=touch, drawstyle="steps-pre")
+        panel(axes[3], f"force {names[k]}", force, "force", color=touch, drawstyle="steps-pre")
         pushes = {"where": force[:, 0] > 0.0, "color": touch, "alpha": 0.2, "linewidth": 0.6}
         for axis in axes[1:3]:
             axis.fill_between(seen.time, 0, 1, transform=axis.get_xaxis_transform(), **pushes)

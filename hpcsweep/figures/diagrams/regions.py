@@ -135,9 +135,8 @@ def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) ->
         units = np.ones(points.shape[-1])
         if units_at is not None:
             forcing = (frame[name].values for name in ("omega", "amplitude"))
-            units = units_at(
-                *(float(values[index] if values.ndim else values) for values in forcing), index
-            )
+            omega, amplitude = (float(x[index] if x.ndim else x) for x in forcing)
+            units = units_at(omega, amplitude, index)
         up, down = (points[d, index, : counts[d, index]] / units for d in (0, 1))
         gaps = np.abs(up[:, None] - down[None]).max(axis=2)
         differ[index] = (

@@ -267,14 +267,13 @@ def run_title(results, study: Records, i: int, at: int) -> str:
     run = results.isel(record=i, scale=at)
     words = [results.attrs.get("part"), samples_of(study, i).name, at_scale(study, at)]
     if run.get("collapsed"):
-        unit = labels.unit(study.structure, "time").strip(" []")
-        words.append(f"collapses at {float(run['collapse_time']):.4g} {unit}".strip())
+        unit = labels.named(study.structure, "time")
+        words.append(f"collapses at {float(run['collapse_time']):.4g}{unit}")
     return ",  ".join(filter(None, words))
 
 
 def at_scale(study: Records, place: int) -> str:
     """Write the intensity at one place of the scales."""
-    quantity = study.measure.quantity
-    named = labels.unit(study.structure, quantity).strip(" []") if quantity != "1" else ""
     measure = study.measure.named(study.structure.unit_names.time)
-    return f"{measure} = {study.scale[place]:.4g} {named}".strip()
+    unit = labels.named(study.structure, study.measure.quantity)
+    return f"{measure} = {study.scale[place]:.4g}{unit}"

@@ -7,6 +7,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import palette
+from hpcsweep.figures.fitting import key
 from hpcsweep.figures.overlay import Overlay
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
@@ -70,18 +71,15 @@ def draw_specials(axis, results) -> None:
     if "curve_number" in results:
         for _, curve in results.groupby("curve_number"):
             colour = MARKS[Kind(int(curve["curve_kind"][0]))][-1]
-            axis.plot(
-                curve["curve_amplitude"].values, curve["curve_omega"].values, color=colour, lw=1
-            )
+            places = curve["curve_amplitude"].values, curve["curve_omega"].values
+            axis.plot(*places, color=colour, lw=1)
 
 
 def special_keys(results) -> list:
     """Return the legend keys of the special points."""
-    from matplotlib.lines import Line2D
-
     there = np.unique(results["special_kind"].values).tolist() if "special_kind" in results else []
     return [
-        Line2D([], [], label=word, **_looks(colour, 5.0))
+        key(word, **_looks(colour, 5.0))
         for kind, (word, _, colour) in MARKS.items()
         if kind in there
     ]

@@ -3,7 +3,7 @@
 A panel for each value of another, of two others in rows and columns.
 """
 
-import itertools
+import math
 import re
 from typing import Any, NamedTuple
 
@@ -84,53 +84,50 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         raise PlotError(f"--kind {NAME} shows a key that a job varies ([vary])")
     study = as_kind(frames.study, RunGrid)
     style.need_amplitudes(study)
-    names = [axis.name for axis in axes]
-    free = [name for name in names if name not in frames.given]
+    free = {axis.name: axis for axis in axes if axis.name not in frames.given}
     if over is None and free:
-        over = max(free, key=lambda name: len(axes[names.index(name)].values))
+        over = max(free, key=lambda name: len(free[name].values))
     if over is None or over not in free:
         raise PlotError(f"--over {over}: must be one of {', '.join(free)}")
-    wanted = [
-        range(len(axis.values)) if axis.name in free else (at,)
-        for axis, at in zip(axes, frames.place, strict=True)
-    ]
-    key = names.index(over)
-    rows, wanted[key] = wanted[key], (0,)
-    panels = list(itertools.product(*wanted))
-    sizes = [len(places) for places in wanted if len(places) > 1]
-    in_facets = len(sizes) == 2 and all(np.array(sizes) <= MAX_FACETS)
-    if len(panels) > MAX_PANELS and not in_facets:
+    shape, row = [len(axis.values) for axis in free.values()], [*free].index(over)
+    sizes = [size for size in (*shape[:row], *shape[row + 1 :]) if size > 1]
+    count, in_facets = math.prod(sizes), len(sizes) == 2 and all(np.array(sizes) <= MAX_FACETS)
+    if count > MAX_PANELS and not in_facets:
         others = ", ".join(name for name in free if name != over)
-        raise PlotError(f"{len(panels)} panels are more than {MAX_PANELS}: choose {others} by --at")
+        raise PlotError(f"{count} panels are more than {MAX_PANELS}: choose {others} by --at")
     frame_dim, along = study.run_dims[-2:]
     over_amplitude = (frame_dim, along) == ("omega", "amplitude")
     if omega is not None and frame_dim == "omega":
         style.check_omega(study.omega, omega)
     place = style.nearest_frame(study.frames, omega, frame_dim)
     motion, grazing, titles, from_cells = [], [], [], []
-    for panel in panels:
-        for row in rows:
-            frames.choose((*panel[:key], row, *panel[key + 1 :]))
-            frame = frames.dataset(place)
-            at = style.direction_index(frame, direction)
-            from_cells.append(float(inferred(frame)[at, 0].mean()))
-            motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
-            place_of = frames.study.structure, float(frame["omega"].values.flat[0])
-            grazing.append(style.grazing_amplitude(*place_of) if over_amplitude else np.inf)
+    for _ in frames.parts():
+        frame, study = frames.dataset(place), as_kind(frames.study, RunGrid)
+        at = style.direction_index(frame, direction)
+        from_cells.append(float(inferred(frame)[at, 0].mean()))
+        motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
+        place_of = study.structure, float(frame["omega"].values.flat[0])
+        grazing.append(style.grazing_amplitude(*place_of) if over_amplitude else np.inf)
         pairs = ((_words(n), written(v)) for n, v in frames.at.items() if n != over)
         titles.append(", ".join(" = ".join(pair) for pair in pairs))
-    study, shape = as_kind(frames.study, RunGrid), (len(panels), len(rows))
+
+    def by_panel(values: list) -> np.ndarray:
+        """Return what parts have with shape (n_panels, n_keys, ...)."""
+        array = np.reshape(values, (*shape, *np.shape(values)[1:]))
+        array = np.moveaxis(array, row, len(shape) - 1)
+        return array.reshape(count, shape[row], *array.shape[len(shape) :])
+
     common_omega = labels.common(study.omegas_of(place))
     words = "" if common_omega is None else style.frequency_words(study.structure, common_omega)
     about = [labels.path_words(study, frame), rf"$\Omega$ = {words}" * bool(words)]
     title = ",  ".join(filter(None, (*about[::-1], study.words[study.directions[at]])))
     return Panels(
-        motion=np.array(motion).reshape(*shape, -1),
-        grazing=np.array(grazing).reshape(shape),
-        titles=tuple(titles),
+        motion=by_panel(motion),
+        grazing=by_panel(grazing),
+        titles=tuple(by_panel(titles)[:, 0].tolist()),
         columns=sizes[-1] if in_facets else mesh.COLUMNS,
-        key=_words(over) + labels.unit(study.structure, axes[key].units),
-        values=axes[key].values,
+        key=_words(over) + labels.unit(study.structure, free[over].units),
+        values=free[over].values,
         title=f"{frames.whole.name},  {title}",
         study=study,
         by_period=is_by_period(frame),
@@ -154,14 +151,13 @@ def draw(results: Panels, **_options):
     for panel, axis in enumerate(axes):
         _panel(axis, results, panel)
         axis.set_title(re.sub(r", (?=[\w ]+ = )", "\n", results.titles[panel]), fontsize=9)
-        axis.set(xlabel=labels.along(results.study), ylabel=results.key)
         axis.label_outer()
         if each is NARROW:
             axis.locator_params(axis="x", nbins=4)
-    notes = results.by_period, bool(results.inferred)
     there = np.isfinite(results.grazing).any()
     grazing = [mesh.grazing_key()] if there else []
-    mesh.legend_of_motions(figure, results.motion, grazing, results.study, *notes)
+    keys = mesh.motion_keys(results.motion, results.study.structure, results.by_period)
+    mesh.legend_of_shares(figure, [*keys, *grazing], bool(results.inferred))
     return style.head(figure, results.title, share_note(results.inferred))
 
 
@@ -174,8 +170,9 @@ def _panel(axis, results: Panels, panel: int) -> None:
     heights = keys.astype(float) if is_number else np.arange(keys.size, dtype=float)
     edges_to = _edges_of_wide if is_wide else mesh.edges_of
     edges = edges_to(heights)
-    motions = mesh.of_classes(cells, palette.MOTION_COLOURS)
-    mesh.paint(axis, results.study.along_of(0), heights, edges=edges_to, **motions)
+    names = labels.along(results.study), results.key
+    grid = mesh.Grid(results.study.along_of(0), heights, names, edges_to)
+    grid.fill(axis, cells, palette.MOTION_COLOURS)
     if is_wide:
         axis.set_yscale("log")
     if not is_number or (not is_wide and keys.size <= MAX_TICKS):

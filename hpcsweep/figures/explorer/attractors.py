@@ -60,9 +60,8 @@ def slots(identity: np.ndarray) -> np.ndarray:
     order = np.empty_like(identity)
     before = np.zeros(identity.shape[1], identity.dtype)
     for taken, row in zip(order, identity, strict=True):
-        taken[:] = [
-            row.tolist().index(number) if number and number in row else -1 for number in before
-        ]
+        places = {number: place for place, number in enumerate(row.tolist()) if number}
+        taken[:] = [places.get(number, -1) for number in before.tolist()]
         new = [place for place in np.flatnonzero(row) if place not in taken]
         free = sorted(np.flatnonzero(taken < 0), key=lambda slot: before[slot] != 0)
         taken[free] = [*new, *np.setdiff1d(np.arange(row.size), [*taken, *new])]

@@ -31,21 +31,22 @@ def pack_branches(
     every = [branch for frame in frames for branch in frame]
     if not every:
         return []
-    sets, contact = np.unique(
-        np.concatenate([branch.contact for branch in every]), return_inverse=True
-    )
-    mu = np.concatenate([branch.multipliers for branch in every])
-    states = np.concatenate(
-        [branch.points.reshape(-1, branch.points.shape[-1]) for branch in every]
-    )
+
+    def joined(name: str, axis: int = 0) -> np.ndarray:
+        return np.concatenate([getattr(branch, name) for branch in every], axis=axis)
+
+    sets, contact = np.unique(joined("contact"), return_inverse=True)
+    mu, stable = joined("multipliers"), joined("stable").astype(np.uint8)
+    value, forcing = joined("value"), joined("forcing", 1)
+    states = np.concatenate([branch.points.reshape(-1, mu.shape[1]) for branch in every])
     for name, numbers in (
-        ("branch_value", np.concatenate([branch.value for branch in every])),
-        ("branch_forcing", np.concatenate([branch.forcing for branch in every], axis=1)),
+        ("branch_value", value),
+        ("branch_forcing", forcing),
         ("branch_point", states.T),
         ("branch_multiplier", np.concatenate((mu.real, mu.imag), axis=1).T),
     ):
         add(name, np.ascontiguousarray(numbers, "<f4").view("<u4"), float32=True)
-    add("branch_stable", np.concatenate([branch.stable for branch in every]).astype(np.uint8))
+    add("branch_stable", stable)
     names = with_members(sets.tolist(), structure, room)
     add("branch_contact", contact.astype(np.uint16), names=names)
     described: list[list[dict]] = []

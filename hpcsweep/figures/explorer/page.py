@@ -270,7 +270,9 @@ def _unit_names(structure) -> dict[str, str]:
 
 def _plain(words: str) -> str:
     """Return a label of figures as text without formulas."""
-    return words.replace("$", "").replace(r"\omega_0", "ω₀").replace("^2", "²")
+    for formula, letters in (("$", ""), (r"\omega_0", "ω₀"), (r"\Omega", "Ω"), ("^2", "²")):
+        words = words.replace(formula, letters)
+    return words
 
 
 def _grazing(structure, omega: float) -> float | None:
@@ -281,13 +283,9 @@ def _grazing(structure, omega: float) -> float | None:
 
 def _axis(name: str, quantity: str) -> dict[str, str]:
     """Return label, unit, noun and, of a key of the structure, the name of an axis."""
-    parameters = {
-        "amplitude": ("forcing amplitude A", "acceleration"),
-        "omega": ("forcing frequency Ω", "frequency"),
-    }
-    key = "" if name in parameters else name.replace("_", " ")
-    label, unit = parameters.get(name, (key, quantity))
-    return {"label": label, "quantity": unit, "noun": key or name, "key": key}
+    key = "" if name in labels.PARAMETERS else name.replace("_", " ")
+    label, unit = labels.PARAMETERS.get(name, (key, quantity))
+    return {"label": _plain(label), "quantity": unit, "noun": key or name, "key": key}
 
 
 def _structure(structure, each: Sequence = ()) -> dict:

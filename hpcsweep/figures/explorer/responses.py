@@ -5,7 +5,6 @@ float32, and counts fractiles, capacities and fragility by itself (``assets/stri
 """
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from hpcsweep.figures import labels, palette
 from hpcsweep.figures.diagrams.responses import heights
 from hpcsweep.figures.explorer import encode
 from hpcsweep.model.reduction import physical
+from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
@@ -36,15 +36,13 @@ OF_BUILDINGS = ("storey", "floor", "slider")
 """Dimensions whose places are named by a building and a number."""
 
 
-def gather_responses(frames, say: Callable[[int, int], None] | None = None):
+def gather_responses(frames):
     """Read the responses of all chosen parts, and describe them.
 
     Parameters
     ----------
     frames : hpcsweep.store.Frames
         Of a study of records; parts are those of its `at`.
-    say : callable, optional
-        Called with the number of parts read and their total.
 
     Returns
     -------
@@ -65,6 +63,7 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
         dims = *frames.study.run_dims, "time", "floor"
         moves = total * math.prod(frames.study.dimensions[dim] for dim in dims) <= MAX_INSTANTS
     parts: list[dict] = []
+    tell = counted("reading structure")
     described: dict[str, dict] = {}
     arrays: dict[str, list[np.ndarray]] = {}
     for done, keys in enumerate(frames.parts(), 1):
@@ -81,8 +80,7 @@ def gather_responses(frames, say: Callable[[int, int], None] | None = None):
         )
         for name, values in _arrays(results, study, described).items():
             arrays.setdefault(name, []).append(values)
-        if say is not None:
-            say(done, total)
+        tell(done, total)
     for name, entry in described.items():
         if entry["unit"] != "%":
             held = np.array(arrays[name])

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from test_docs import PAGES, blocks
+from together import together
 from tools import ROOT, environment, hpcsweep, mpirun, python
 
 from hpcsweep.job import load_job
@@ -59,14 +60,13 @@ NOT_OURS = re.compile(r"^(?!hpcsweep |mpirun )")
 """Command lines that install, or ask for a cluster."""
 
 
-def pages_with(language: str, slow: tuple[str, ...] = ()):
-    """Parametrise a test over the pages that have blocks of a language."""
-    found = [
-        pytest.param(page, marks=pytest.mark.slow) if page.name in slow else page
-        for page in PAGES
-        if blocks(page.read_text(), language)
-    ]
-    return pytest.mark.parametrize("page", found, ids=lambda page: page.name)
+SLOW = ("attractors.md", "branches.md", "earthquakes.md")
+"""Pages whose Python takes long."""
+OF_PYTHON = [
+    pytest.param(page, marks=[pytest.mark.slow] * (page.name in SLOW))
+    for page in PAGES
+    if blocks(page.read_text(), "python")
+]
 
 
 def test_every_block_has_a_language_that_is_tried():
@@ -95,7 +95,7 @@ def folder(tmp_path_factory, recorded):
     return made
 
 
-@pages_with("python", slow=("attractors.md", "branches.md", "earthquakes.md"))
+@pytest.mark.parametrize("page", OF_PYTHON, ids=lambda page: page.name)
 def test_python_prints_what_the_page_says(page, folder):
     found = re.findall(r"^```(python|text)\n(.*?)^```$", page.read_text(), re.M | re.S)
     script = "".join(f"{body}print({MARK!r})\n" for kind, body in found if kind == "python")
@@ -124,7 +124,7 @@ def test_a_number_that_is_wrong_is_found():
         same_words_and_numbers("a 0.7", "b 0.7")
 
 
-@pages_with("toml")
+@together("page", [page for page in PAGES if blocks(page.read_text(), "toml")])
 def test_toml_is_read_as_a_job(page, folder):
     whole: dict = {}
     for number, block in enumerate(blocks(page.read_text(), "toml")):

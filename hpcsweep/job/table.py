@@ -18,7 +18,6 @@ import numpy as np
 
 from hpcsweep.job.keys import ALONE, bare
 from hpcsweep.job.structures import MAX_DAMPING
-from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.modes import chain_periods
 from hpcsweep.model.structure import MAX_STIFFNESS
@@ -209,6 +208,8 @@ def _is_alone(key: str) -> bool:
 
 def _keeps_far(base: RunGrid, columns: Mapping[str, np.ndarray]) -> bool:
     """Return whether no part comes near a limit that several keys have in common."""
+    from hpcsweep.model.equilibrium import pressed  # imports scipy, which status does without
+
     structure = base.structure
     springs = structure.slider_stiffness.tolist()
     if springs and (pressed(structure).any() or not base.starts_at_rest):

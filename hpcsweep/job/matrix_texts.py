@@ -5,6 +5,7 @@ row by row. What a header says of size, number of entries and symmetry is compar
 it; exponents may have Fortran's D.
 """
 
+import math
 import re
 from typing import Any
 
@@ -72,31 +73,25 @@ def _without_comments(lines: Lines) -> Lines:
 def _numbers(lines: Lines, separators: str = "") -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers on all lines, and how many each line has."""
     table = str.maketrans(separators, " " * len(separators))
-    cells = [line.translate(table).split() for _, line in lines]
-    if not set().union(*map(set, (line.translate(table) for _, line in lines))) <= NUMERIC | set(
-        " \t\r\f\v"
-    ):
-        _refuse_words(lines, cells)
+    rows = [line.translate(table).split() for _, line in lines]
     try:
-        numbers = np.fromiter((number(cell) for row in cells for cell in row), float)
+        numbers = np.fromiter((_finite(cell) for row in rows for cell in row), float)
+    except ValueError as error:
+        i = next(i for (i, _), row in zip(lines, rows, strict=True) if str(error) in row)
+        limit = "every entry must be a finite number"
+        raise ValueError(f"{limit}, line {i} has {shown(str(error))}") from None
+    return numbers, np.array([len(row) for row in rows])
+
+
+def _finite(cell: str) -> float:
+    """Return the number in a cell; the cell is the error's text if there is none."""
+    try:
+        value = number(cell) if NUMERIC.issuperset(cell) else math.nan
     except ValueError:
-        _refuse_words(lines, cells)
-    if not np.isfinite(numbers).all():
-        place = int(np.argmin(np.isfinite(numbers)))
-        raise ValueError(f"every entry must be finite, {[c for row in cells for c in row][place]}")
-    return numbers, np.array([len(row) for row in cells])
-
-
-def _refuse_words(lines: Lines, cells: list[list[str]]) -> None:
-    """Refuse the first cell that is not a number."""
-    for (i, _), row in zip(lines, cells, strict=True):
-        for cell in row:
-            try:
-                is_number = set(cell) <= NUMERIC and number(cell) is not None
-            except ValueError:
-                is_number = False
-            if not is_number:
-                raise ValueError(f"every entry must be a finite number, line {i} has {shown(cell)}")
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(cell)
+    return value
 
 
 def _market(said: list[str], lines: Lines) -> Any:

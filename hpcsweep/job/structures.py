@@ -21,7 +21,7 @@ from hpcsweep.job.values import Values
 from hpcsweep.model.arguments import InputError
 from hpcsweep.model.buildings import Building, Column, adjacent
 from hpcsweep.model.isolation import Isolation
-from hpcsweep.model.matrices import MAX_LABEL
+from hpcsweep.model.matrices import MAX_LABEL, Contact, Slider
 from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
@@ -29,8 +29,6 @@ from hpcsweep.studies.ground_motion.keys import known_gravity
 
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
 MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
-CONTACT = ("direction", "gap", "stiffness", "damping", "tension")
-SLIDER = ("direction", "stiffness", "strength", "name")
 BUILDING = tuple(field.name for field in fields(Building))
 ISOLATION = tuple(field.name for field in fields(Isolation) if field.name != "gravity")
 MATRICES_BESIDE = {
@@ -143,8 +141,8 @@ def _of_matrices(values: Values, table: dict, by: str, harmonics) -> Structure:
 def element_tables(values: Values, structure: Mapping) -> tuple[list[dict], list[dict]]:
     """Return the tables of contacts and sliders beside matrices."""
     tables = []
-    for name, keys in (("contact", CONTACT), ("slider", SLIDER)):
-        listed = structure.get(name, [])
+    for name, kind in (("contact", Contact), ("slider", Slider)):
+        listed, keys = structure.get(name, []), [field.name for field in fields(kind)]
         if not isinstance(listed, list):
             limit = f"must be tables, [[structure.{name}]]"
             raise values.error(f"structure.{name}", listed, limit)

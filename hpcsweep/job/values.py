@@ -330,11 +330,7 @@ class Values:
         if ("count" in table) == ("step" in table):
             raise JobError("needs either count or step beside from and to", key, self.source)
         if "count" in table:
-            count = table["count"]
-            if isinstance(count, bool) or not isinstance(count, int):
-                raise self.error(f"{key}.count", count, "must be a whole number")
-            if not 2 <= count <= most:
-                raise self.error(f"{key}.count", count, f"must be from 2 to {most}")
+            count = self.whole(f"{key}.count", table["count"], 2, most)
             if not math.isfinite(high - low):
                 raise self.error(f"{key}.to", high, "must be nearer to from")
             return _grid(low, (Fraction(repr(high)) - Fraction(repr(low))) / (count - 1), count)

@@ -136,10 +136,7 @@ def finite(name: str, value: object) -> float:
 
 def positive(name: str, value: object) -> float:
     """Return a finite real number above 0."""
-    result = finite(name, value)
-    if result <= 0:
-        raise refused(name, "finite and positive", result)
-    return result
+    return number(name, finite(name, value), "finite and positive", math.ulp(0.0))
 
 
 def forcing_frequency(name: str, value: object) -> float:
@@ -149,10 +146,7 @@ def forcing_frequency(name: str, value: object) -> float:
 
 def not_negative(name: str, value: object) -> float:
     """Return a finite real number of at least 0."""
-    result = finite(name, value)
-    if result < 0:
-        raise refused(name, "at least 0", result)
-    return result
+    return number(name, finite(name, value), "at least 0", 0.0)
 
 
 def flag(name: str, value: object) -> bool:

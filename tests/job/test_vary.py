@@ -143,7 +143,7 @@ def test_it_is_set_and_extended_as_any_key_is(tmp_path):
         ("structure.n_floors = [2, 3]", "n_floors = 3: all parts must be of one shape"),
         (
             "structure.gap = {from = 0.5, to = 1, count = 200000}",
-            "200000: must be from 2 to 100000",
+            "200000: must be a whole number from 2 to 100000",
         ),
         ('structure.mass = ["a", "b"]', "structure.mass"),
         ("structure.sharpness = [nan]", "vary.structure.sharpness = nan"),

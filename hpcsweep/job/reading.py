@@ -270,10 +270,7 @@ def _keys_of_others(study) -> dict[str, str]:
 
 def _kind(values: Values):
     """Read the kind of study."""
-    table = values.top("study", {})
-    if not isinstance(table, dict):
-        raise values.error("study", table, "must be a table")
-    kind = table.get("kind", DEFAULT_KIND)
+    kind = values.table("study").get("kind", DEFAULT_KIND)
     if not isinstance(kind, str) or kind not in KINDS:
         near = [name for name in KINDS if isinstance(kind, str) and kind and kind in name]
         hint = f"; did you mean {near[0]!r}?" if near else ""

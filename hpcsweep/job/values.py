@@ -95,10 +95,7 @@ class Values:
         for table in keys:
             if not table:
                 continue
-            content = self.tree.get(table, {})
-            if not isinstance(content, Mapping):
-                raise self.error(table, content, "must be a table")
-            self.check_keys(table, content, keys[table], keys, elsewhere)
+            self.check_keys(table, self.table(table), keys[table], keys, elsewhere)
 
     def check_keys(self, table, tree, allowed, keys=None, elsewhere=None) -> None:
         """Refuse unknown keys of a table; see `check_tables`."""

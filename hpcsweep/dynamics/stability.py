@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.branch_rule import MAX_PRODUCT
 from hpcsweep.solvers.offers import ISOLATED
 
 STICKS = 1e-6
 """Difference from 1 of what is 1: derivatives of p of sliders that stick, which are differences."""
+MAX_PRODUCT = 1e6
+"""Growth of errors of tangent maps up to which their product has its multipliers to 1e-10."""
 BATCHES = 10
 """B of a stretch; each must have at least one period."""
 CONFIDENCE = 0.95
@@ -39,8 +40,24 @@ def floquet_multipliers(matrix: np.ndarray) -> np.ndarray:
     numpy.linalg.LinAlgError
         If the matrix is not finite.
     """
-    multipliers = np.linalg.eigvals(matrix)
+    if not math.isfinite(matrix.sum()):
+        raise np.linalg.LinAlgError("a tangent map is not finite")
+    real, imaginary, _, _, failed = _lapack().dgeev(matrix, 0, 0)
+    if failed:
+        raise np.linalg.LinAlgError("the multipliers of a tangent map do not converge")
+    multipliers = real + 1j * imaginary
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+
+@lru_cache(maxsize=1)
+def _lapack():
+    """Return the routines of LAPACK; reading results does without scipy.
+
+    Of a small matrix half of the time of numpy's function is its call.
+    """
+    from scipy.linalg import lapack
+
+    return lapack
 
 
 def without_families(structure: Structure, matrix: np.ndarray) -> np.ndarray:
@@ -99,7 +116,17 @@ def held(matrices: np.ndarray, count: int) -> np.ndarray:
 
 
 class Tests(NamedTuple):
-    """Functions of multipliers that vanish at special points: `flow.orbit.multipliers.tests_of`."""
+    """Functions of multipliers that vanish at special points.
+
+    Attributes
+    ----------
+    fold : float
+        prod (1 - mu) / (1 + |mu|).
+    doubling : float
+        prod (1 + mu) / (1 + |mu|).
+    torus : float
+        Product over pairs of (1 - mu_i mu_j) / (1 + |mu_i mu_j|).
+    """
 
     fold: float
     doubling: float
@@ -108,22 +135,22 @@ class Tests(NamedTuple):
     @classmethod
     def of(cls, multipliers: list[complex]) -> "Tests":
         """Evaluate them for some multipliers: Python numbers, since there are few."""
-        # reading results does without kernels
-        from hpcsweep.solvers.flow.orbit.multipliers import tests_of
-
-        return cls(*tests_of.py_func(multipliers))
+        fold = doubling = torus = complex(1.0)
+        for i, mu in enumerate(multipliers):
+            size = 1.0 + abs(mu)
+            fold *= (1.0 - mu) / size
+            doubling *= (1.0 + mu) / size
+            for other in multipliers[:i]:
+                pair = mu * other
+                torus *= (1.0 - pair) / (1.0 + abs(pair))
+        return cls(fold.real, doubling.real, torus.real)
 
 
 class TangentMaps:
-    """The tangent maps along an orbit, shape (p, N, N), and what follows from them.
+    """The tangent maps along an orbit, shape (p, N, N), and what follows from them."""
 
-    Their multipliers, too, where they are known.
-    """
-
-    def __init__(self, matrices: np.ndarray, known: np.ndarray | None = None):
+    def __init__(self, matrices: np.ndarray):
         self.matrices = matrices
-        if known is not None:
-            self.multipliers = known
 
     @cached_property
     def multipliers(self) -> np.ndarray:
@@ -165,6 +192,13 @@ class TangentMaps:
             multipliers[k] = powers[order[:p]].mean()
             powers = powers[order[p:]]
         return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
+
+    @cached_property
+    def outside(self) -> tuple[int, int]:
+        """Numbers of real and of complex multipliers outside the unit circle."""
+        outside = [mu for mu in self.multipliers.tolist() if abs(mu) > 1.0]
+        paired = sum(mu.imag != 0.0 for mu in outside)
+        return len(outside) - paired, paired
 
     @cached_property
     def tests(self) -> Tests:

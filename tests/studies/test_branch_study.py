@@ -56,7 +56,7 @@ def whole(folder):
 def test_the_kernels_that_follow_branches_are_there_before_the_first_run(folder):
     study = load_job(folder / "job.toml").study
     names = {one.__name__ for one in branch_kernels(study.structure)}
-    assert {"walk_branch", "solve_point", "advance_chain"} <= names
+    assert {"take_round", "advance_chain"} <= names
     study.warm_up()
     assert study.is_compiled()
 

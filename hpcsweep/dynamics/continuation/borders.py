@@ -32,7 +32,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.branch import Arc, Limits, Step, sought, step_of_branch
+from hpcsweep.dynamics.continuation.branch import (
+    Arc,
+    Limits,
+    Step,
+    ahead_of,
+    sought,
+    step_of_branch,
+)
 from hpcsweep.dynamics.continuation.catalogue import Catalogue, orbits_on
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
 from hpcsweep.dynamics.continuation.events import Kind, Special
@@ -74,7 +81,7 @@ def step_up_to_border(
 ) -> Step | None:
     """Take a step like `step_of_branch`, or one to a border and across it; None if too far."""
     with contextlib.suppress(ArithmeticError):
-        point = sought(curve, last, bend, step)
+        point = sought(curve, last, ahead_of(last, bend, step), step)
         if curve.signature(point) == curve.signature(last):
             taken = step_of_branch(curve, last, bend, step, limits, point)
             if taken is not None:

@@ -12,6 +12,7 @@ first contact of Figure 3 by 1 rad within s = 1e-7: the steps there go down to 1
 stiff that it is a corner for the shortest step the branch ends there, and says so (`GRAZES`).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,11 +21,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.continuation import events
-from hpcsweep.dynamics.continuation.cycle import Curve, Solution, solve_at
+from hpcsweep.dynamics.continuation.cycle import Curve, Solution, largest, length, solve_at
 from hpcsweep.dynamics.continuation.events import Kind, Special, special_points
 from hpcsweep.dynamics.stability import TangentMaps
-from hpcsweep.solvers import branch_rule
 
+ANGLE, MAX_ANGLE = 0.12, 0.5
+ASTRAY = 0.5
+GROWTH = 2.0
+ON_DIVISOR = 1e-3
+"""Share of its distance from an orbit of a period that divides its own, below which it is one."""
+ON_A_STEP = 1e-8
+"""Largest last move to an ordinary point of a branch: multipliers are accurate to about that."""
+OF_A_STEP, MIN_MOVE = 0.01, 1e-10
+"""The same as a share of the step, where that is less, and the least that is asked of it."""
+CLOSED = 1e-3
+"""Share of a step within which a closed branch comes back to its start."""
+PRIMES = (2, 3, 5, 7)
 COLLAPSED = 1e-4
 """Step within which an orbit comes to one of a period that divides its own, or to a crossing."""
 GRAZES = 1e-6
@@ -134,19 +146,8 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
     arc = Arc(curve, [start])
     step, last, bend = limits.largest / 8, start, np.zeros_like(start.y)
     why = "most steps"
-    tracer = curve.tracer if take is step_of_branch else None
-    span = limits.low, limits.high, limits.largest, limits.smallest, limits.reach
-    while (room := limits.most_steps + 1 - len(arc.points)) > 0:
-        if tracer is None:
-            taken = take(curve, last, bend, step, limits)
-        else:
-            walked, bend, step, there = tracer.walk(start, last, bend, step, span, room)
-            if walked:
-                last = walked[-1]
-                arc.points += [*walked[:-1], last._replace(inverse=None)]
-            if len(walked) == room:
-                break
-            taken = step_of_branch(curve, last, bend, step, limits, there)
+    while len(arc.points) <= limits.most_steps:
+        taken = take(curve, last, bend, step, limits)
         if taken is None:
             step *= 0.5
             if step < limits.smallest:
@@ -155,7 +156,7 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
                 break
             continue
         point, specials, angle, end = taken
-        share, shift = _passes_start(curve, start, last, point)
+        share, shift = passes_start(curve.sizes, start, last, point)
         if share > 0.0 and len(arc.points) > 2:
             point, end = _shifted(curve, start, shift), "closed"
             specials = [special for special in specials if special.fraction <= share]
@@ -176,9 +177,9 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
         if end:
             why = end
             break
-        bend = (point.tangent - last.tangent) / np.linalg.norm(point.y - last.y)
+        bend = (point.tangent - last.tangent) / length(point.y - last.y)
         last = point
-        step *= min(branch_rule.GROWTH, branch_rule.ANGLE / max(angle, 1e-12))
+        step *= min(GROWTH, ANGLE / max(angle, 1e-12))
         step = min(max(step, limits.smallest), limits.largest)
     arc.ends = ("", why)
     return arc
@@ -194,8 +195,9 @@ def step_of_branch(
 ) -> Step | None:
     """Take a step, to `point` or along a tangent that turns by `bend` a length; None if too far."""
     try:
-        point = point or sought(curve, last, bend, step)
-        angle = angle_of_step(last, _ahead(last, bend, step), point, step)
+        ahead = ahead_of(last, bend, step)
+        point = point or sought(curve, last, ahead, step)
+        angle = angle_of_step(last, ahead, point, step)
         if angle is None:
             return None
         if collapses(curve, last, point):
@@ -209,9 +211,9 @@ def step_of_branch(
             point, end = solve_at(curve, points, border), "end of the span"
             if point.tangent[-1] * way < 0:
                 point = turned(point)
-            if not np.linalg.norm(point.y - last.y) > 0:
+            if not length(point.y - last.y) > 0:
                 return last, [], 0.0, end
-        elif np.abs(point.y[:-1]).max() > limits.reach:
+        elif largest(point.y[:-1]) > limits.reach:
             end = "out of reach"
         specials = special_points(curve, last, point)
     except ArithmeticError:  # not converged, or the map has no image
@@ -225,16 +227,15 @@ def step_of_branch(
     return point, specials, angle, end
 
 
-def _ahead(last: Solution, bend: np.ndarray, step: float) -> np.ndarray:
+def ahead_of(last: Solution, bend: np.ndarray, step: float) -> np.ndarray:
     """Return where a step leads along a tangent that turns by `bend` a length."""
     return last.y + step * (last.tangent + 0.5 * step * bend)
 
 
-def sought(curve: Curve, last: Solution, bend: np.ndarray, step: float) -> Solution:
-    """Return the point of a curve a step from another one."""
-    reached = max(branch_rule.OF_A_STEP * step, branch_rule.MIN_MOVE)
-    reached = min(branch_rule.ON_A_STEP, reached)
-    return curve.solve(_ahead(last, bend, step), curve.border(last.tangent), last, reached)
+def sought(curve: Curve, last: Solution, ahead: np.ndarray, step: float) -> Solution:
+    """Return the point of a curve where a step from another one leads."""
+    reached = min(ON_A_STEP, max(OF_A_STEP * step, MIN_MOVE))
+    return curve.solve(ahead, curve.border(last.tangent), last, reached)
 
 
 def _grazes(curve: Curve, last: Solution) -> bool:
@@ -253,18 +254,11 @@ def _explained(specials: list[Special], last: Solution, point: Solution) -> bool
     point: there a neutral saddle may hide a torus.
     """
     kinds = [special.kind for special in specials]
-    real, paired = (b - a for a, b in zip(_outside(last), _outside(point), strict=True))
+    real, paired = (b - a for a, b in zip(last.maps.outside, point.maps.outside, strict=True))
     n_real, n_pairs = sum(kind in events.REAL for kind in kinds), kinds.count(Kind.TORUS)
     if n_real + n_pairs == 0:
         return real + paired == 0
     return abs(real) <= n_real and abs(paired) <= 2 * n_pairs
-
-
-def _outside(point: Solution) -> tuple[int, int]:
-    """Count the real and the complex multipliers outside the unit circle."""
-    outside = point.multipliers[np.abs(point.multipliers) > 1.0]
-    paired = int(np.count_nonzero(outside.imag))
-    return outside.size - paired, paired
 
 
 def _has_pole(specials: list[Special]) -> bool:
@@ -278,9 +272,9 @@ def _has_pole(specials: list[Special]) -> bool:
 
 def angle_of_step(last: Solution, guess: np.ndarray, point: Solution, step: float) -> float | None:
     """Return the angle by which a step turns the tangent, None if it is too long."""
-    angle = float(np.arccos(min(float(point.tangent @ last.tangent), 1.0)))
-    astray = float(np.linalg.norm(point.y - guess)) > branch_rule.ASTRAY * step
-    return None if angle > branch_rule.MAX_ANGLE or astray else angle
+    angle = math.acos(min(float(point.tangent.dot(last.tangent)), 1.0))
+    astray = length(point.y - guess) > ASTRAY * step
+    return None if angle > MAX_ANGLE or astray else angle
 
 
 def on_cubic(
@@ -290,8 +284,8 @@ def on_cubic(
 
     Between them a curve is Hermite's cubic through both, with their tangents.
     """
-    length = float(np.linalg.norm(last.y - first.y))
-    slope, last_slope = length * first.tangent[component], length * last.tangent[component]
+    chord = length(last.y - first.y)
+    slope, last_slope = chord * first.tangent[component], chord * last.tangent[component]
     low, high = 0.0, 1.0
     rises = last.y[component] > first.y[component]
     for _ in range(HALVINGS):
@@ -302,29 +296,63 @@ def on_cubic(
         else:
             high = s
     s = 0.5 * (low + high)
-    return events.cubic(s, first.y, last.y, length * first.tangent, length * last.tangent), s
+    return events.cubic(s, first.y, last.y, chord * first.tangent, chord * last.tangent), s
 
 
 def _shifted(curve, point: Solution, shift: int) -> Solution:
     """Return the same orbit, its points counted from another one of them."""
-    n, size = curve.sizes
-    y, tangent = (
-        np.append(np.roll(vector[:n], -shift * size), vector[n:])
-        for vector in (point.y, point.tangent)
-    )
+    y, tangent = (_counted_from(each, shift, curve.sizes) for each in (point.y, point.tangent))
     maps = TangentMaps(np.roll(point.maps.matrices, -shift, axis=0))
     return point._replace(y=y, tangent=tangent, maps=maps, inverse=None)
 
 
-def _passes_start(curve, start: Solution, last: Solution, point: Solution) -> tuple[float, int]:
-    """Return where a step passes the start of the branch; see `walk.passes_start`."""
-    from hpcsweep.solvers.flow.orbit import walk  # reading results does without kernels
+def passes_start(
+    sizes: tuple[int, int], start: Solution, last: Solution, point: Solution
+) -> tuple[float, int]:
+    """Find where a step passes the start of the branch.
 
-    return walk.passes_start.py_func(start, last, point, curve.sizes)
+    A branch is closed where it comes back to the orbit from which it began, from whichever of its
+    points that is counted: the curve of the chains goes round as many times more. Between two
+    points the branch is a parabola, as far as the chord's sag.
+
+    Returns
+    -------
+    share : float
+        Of the step, 0 if it does not.
+    shift : int
+        Number of the start's point that is counted first.
+    """
+    n, size = sizes
+    step = point.y - last.y
+    square = float(step.dot(step))
+    for shift in range(n // size):
+        away = _counted_from(start.y, shift, sizes) - last.y
+        share = float(away.dot(step))
+        if 0.0 < share <= square:
+            sag = max(0.25 * length(point.tangent - last.tangent), CLOSED)
+            along = _counted_from(start.tangent, shift, sizes) @ step
+            near = away @ away - share**2 / square <= sag**2 * square
+            if near and along >= 0.5 * math.sqrt(square):
+                return share / square, shift
+    return 0.0, 0
+
+
+def _counted_from(vector: np.ndarray, shift: int, sizes: tuple[int, int]) -> np.ndarray:
+    """Return y, or a tangent, of the same orbit, its points counted from another one of them."""
+    n, size = sizes
+    first = shift * size
+    return np.concatenate((vector[first:n], vector[:first], vector[n:])) if shift else vector
 
 
 def collapses(curve, last: Solution, point: Solution) -> bool:
-    """Return whether an orbit comes to one of a divisor of its period; see `walk.collapses`."""
-    from hpcsweep.solvers.flow.orbit import walk
+    """Return whether an orbit passes, between two points, one of a period that divides its own.
 
-    return walk.collapses.py_func(last, point, curve.sizes)
+    Or whether it comes to lie on the branch of that, whose orbits solve the same equations.
+    """
+    n, _ = curve.sizes
+    for prime in PRIMES:
+        if curve.period % prime == 0:
+            before, now = (x[:n] - np.roll(x[:n], n // prime) for x in (last.y, point.y))
+            if before @ now < ON_DIVISOR * (before @ before):
+                return True
+    return False

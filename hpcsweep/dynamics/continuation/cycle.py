@@ -16,25 +16,27 @@ moves fall by `CONTRACTS`; the last move uses the tangent maps at the solution, 
 anyway. Where a motion grazes a contact that is a spring, F is once differentiable, with a term of
 power 3/2: the method is then of order 3/2, not 2. From a distance of 1e-5 it takes 3 to 5 moves at
 the three grazings of Figure 3's branch of period 1, and 2 or 3 elsewhere on it, to reach 1e-13.
-
-Along the amplitude of a structure, where a new value needs no solver, the method is compiled
-(`hpcsweep.solvers.flow.orbit.corrector`), and so are steps on which nothing happens (`.walk`): in
-Python a point of three floors costs 350 to 450 us, of which its map takes 30. The method is written
-twice for this factor; the one here serves any map and parameter, and orbits whose tangent maps have
-no product with the digits of the multipliers.
 """
 
 import contextlib
-from collections.abc import Callable
+import math
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from hpcsweep.dynamics.stability import TangentMaps, Tests
-from hpcsweep.solvers.branch_rule import CONTRACTS, EXACT, REACHED, ROUNDING, STEPS
 
+STEPS = 12
+CONTRACTS = 0.2
+"""Factor by which moves must fall for the Jacobian to be kept."""
+REACHED = 1e-8
+"""Largest move before the last, and of the last: the remaining distance is then rounding."""
+EXACT, ROUNDING = 1e-13, 1e-11
+"""Moves with a kept Jacobian end at the first, or where they no longer fall and the last one that
+did was at most the second: the map's own rounding, times the norm of the inverse, can be above the
+first."""
 STEEP = 0.2
 """Component of a tangent along the parameter from which points are sought at one value of it."""
 
@@ -52,20 +54,26 @@ class Map(Protocol):
     def images(self, points: np.ndarray, value: Any) -> np.ndarray:
         """Return F of each point, shape (p, N); raise `ArithmeticError` where there is none."""
 
-    def tangents(self, points: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Return F and dF/dx of each point, shapes (p, N) and (p, N, N)."""
+    def tangents(
+        self, points: np.ndarray, value: Any, by: int = 0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return F, dF/dx and the first `by` of dF/dlambda of each point.
 
-    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
-        """Return dF/dlambda at each point, whose F is known; of parameter number `k` of two."""
+        Shapes (p, N), (p, N, N) and (p, N, by).
+        """
+
+    def take_round(
+        self, scale: Any, rows: np.ndarray, inverse: np.ndarray, matrices: np.ndarray, rules: tuple
+    ) -> tuple[float, float] | None:
+        """Do what `Curve._take_round` does in one compiled call, if that can be done.
+
+        `rows` are y, its guess, the border, and room for G, the next move, and more; the inverse
+        and `matrices`, (p N, N), are written, if there are any; `rules` are the most moves,
+        CONTRACTS, `enough` and `least`. Return `least` and the largest component of the next move.
+        """
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
         """Count non-smooth events of the map along an orbit, (p, N); () for smooth maps."""
-
-    def tracer(self, period: int, scale: float, made: Callable[..., Any]) -> Any:
-        """Return what finds points of a `Curve` by compiled kernels, None for most maps.
-
-        See `hpcsweep.solvers.flow.orbit.tracer`; `made` makes a point of what that knows of it.
-        """
 
 
 class Solution(NamedTuple):
@@ -83,8 +91,6 @@ class Solution(NamedTuple):
         Largest component of G.
     inverse : ndarray, shape (p N + 1, p N + 1), or None
         Of the bordered Jacobian.
-    signature : tuple of int or None
-        Of the orbit, if it is known.
     """
 
     y: np.ndarray
@@ -92,12 +98,6 @@ class Solution(NamedTuple):
     maps: TangentMaps
     residual: float
     inverse: np.ndarray | None = None
-    signature: tuple[int, ...] | None = None
-
-    @classmethod
-    def made(cls, y, tangent, matrices, multipliers, *others) -> "Solution":
-        """Return what a tracer has found; the multipliers are None where they are not known."""
-        return cls(y, tangent, TangentMaps(matrices, multipliers), *others)
 
     @property
     def multipliers(self) -> np.ndarray:
@@ -108,6 +108,30 @@ class Solution(NamedTuple):
     def tests(self) -> Tests:
         """Functions of the multipliers that vanish at special points."""
         return self.maps.tests
+
+
+class Round(NamedTuple):
+    """A round of Newton's method.
+
+    Attributes
+    ----------
+    y : ndarray, shape (p N + 1,)
+        Where the moves by a kept Jacobian have led.
+    misses, move : ndarray, shapes (p N,) and (p N + 1,)
+        G there, and the next move.
+    matrices, inverse
+        See `Solution`, there.
+    least, largest : float
+        Largest component of the last move that was made, and of the next one.
+    """
+
+    y: np.ndarray
+    misses: np.ndarray
+    move: np.ndarray
+    matrices: np.ndarray
+    inverse: np.ndarray
+    least: float
+    largest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +160,15 @@ class Curve:
         A direction of the curve, or the parameter's where a value is costly and `way` and all
         `tangents` go along the parameter.
         """
+        if not self.costly:
+            return way
         along = [np.sign(way[-1]) * tangent[-1] for tangent in (way, *tangents)]
-        at_one_value = self.costly and min(along) >= STEEP
-        return unit(way.size, -1, np.copysign(1.0, way[-1])) if at_one_value else way
+        return unit(way.size, -1, np.copysign(1.0, way[-1])) if min(along) >= STEEP else way
+
+    @property
+    def varied(self) -> int:
+        """Number of parameters, from the first, that change along the curve."""
+        return 1
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -148,8 +178,10 @@ class Curve:
     def split(self, y: np.ndarray) -> tuple[np.ndarray, Any]:
         """Return the points of y, shape (p, N), and the value of the parameter, or of both."""
         size, _ = self.sizes
-        values = (y[size:] * self.scale).tolist()
-        return y[:size].reshape(self.period, -1), values[0] if len(values) == 1 else tuple(values)
+        points = y[:size].reshape(self.period, -1)
+        if y.size == size + 1:
+            return points, float(y[size]) * self.scale
+        return points, tuple((y[size:] * self.scale).tolist())
 
     def join(self, points: np.ndarray, value: Any) -> np.ndarray:
         """Return y of points and a value of the parameter, or of both."""
@@ -164,20 +196,15 @@ class Curve:
         images[-1] -= points[0]
         return images.ravel()
 
-    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray) -> np.ndarray:
-        """Return dF/dlambda at each point, shape (p, N)."""
-        return self.map.slopes(points, value, images)
-
     def residual(self, y: np.ndarray) -> np.ndarray:
         """Evaluate G, shape (p N,)."""
         points, value = self.split(y)
         return self.misses(self.map.images(points, value), points, y)
 
     def linearise(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Evaluate G, the tangent maps, (p, N, N), and dF/dlambda at each point, (p, N)."""
+        """Evaluate G, the tangent maps, (p, N, N), and dF/dlambda at each point, (p, N, 1)."""
         points, value = self.split(y)
-        images, matrices = self.map.tangents(points, value)
-        slopes = self.slopes(points, value, images)
+        images, matrices, slopes = self.map.tangents(points, value, self.varied)
         return self.misses(images, points, y), matrices, slopes
 
     def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
@@ -189,15 +216,8 @@ class Curve:
         whole[-1] = border
         return whole
 
-    @cached_property
-    def tracer(self) -> Any:
-        """What finds the points by compiled kernels, or None; see `Map`."""
-        return self.map.tracer(self.period, self.scale, Solution.made)
-
     def signature(self, point: Solution) -> tuple[int, ...]:
         """Return the signature of an orbit."""
-        if point.signature is not None:
-            return point.signature
         return self.map.signature(*self.split(point.y))
 
     def solve(
@@ -228,77 +248,83 @@ class Curve:
         NotConvergedError
             If Newton's method does not converge, or the map fails on its way.
         """
-        tracer, point = self.tracer, None
+        known = None if near is None else near.inverse
         try:
-            if tracer is not None:
-                point = tracer.solve(guess, border, near, reached, keeps)
-            else:
-                if keeps and near is not None:
-                    point = self._solve_keeping(guess, border, near)
-                inverse = None if near is None else near.inverse
-                point = point or self._solve(guess, border, inverse, reached)
+            if keeps and near is not None and known is not None:
+                with contextlib.suppress(ArithmeticError):
+                    one = self._take_round(guess, guess, border, known, EXACT, fresh=False)
+                    if one.least <= ROUNDING:
+                        return near._replace(y=one.y)
+            return self._solve(guess, border, known, reached)
         except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
-            raise NotConvergedError(str(error)) from None
-        if point is None:
-            raise NotConvergedError("Newton's method has not converged")
-        return point
+            raise NotConvergedError(f"Newton's method has not converged: {error}") from None
 
     def _solve(
-        self, guess: np.ndarray, border: np.ndarray, inverse: np.ndarray | None, reached: float
+        self, guess: np.ndarray, border: np.ndarray, known: np.ndarray | None, reached: float
     ) -> Solution:
-        y, least, fresh_least = guess, np.inf, np.inf
-        for _ in range(STEPS):
-            fresh = inverse is None
-            if inverse is None:
-                misses, _, inverse = self._inverted(y, border)
-            else:
-                misses = self.residual(y)
-            move = _move(misses, y - guess, border, inverse)
-            distance = float(np.abs(move).max())
-            if fresh:
-                if not distance < fresh_least:
-                    raise NotConvergedError("moves of Newton's method do not fall")
-                least = fresh_least = distance
-            elif distance > CONTRACTS * least:
-                inverse = None
-            if fresh or distance < least:
-                y, least = y - move, distance
-            if distance <= reached:
+        y, least, before, inverse = guess, math.inf, math.inf, known
+        while True:
+            one = self._take_round(y, guess, border, inverse, reached, least)
+            if one.least <= reached:
                 break
-        misses, matrices, inverse = self._inverted(y, border)
-        move = _move(misses, y - guess, border, inverse)
-        if not np.abs(move).max() <= reached:
-            raise NotConvergedError(f"Newton's method has not converged in {STEPS} steps")
-        tangent = inverse[:, -1] / np.linalg.norm(inverse[:, -1])
-        size = float(np.abs(misses).max())
-        return Solution(y - move, tangent, TangentMaps(matrices), size, inverse)
+            if not one.largest < before:
+                raise NotConvergedError("its moves do not fall")
+            y, least, before, inverse = one.y - one.move, one.largest, one.largest, one.inverse
+        if not one.largest <= reached:
+            raise NotConvergedError("its last move is too long")
+        tangent = one.inverse[:, -1] / length(one.inverse[:, -1])
+        maps = TangentMaps(one.matrices)
+        return Solution(one.y - one.move, tangent, maps, largest(one.misses), one.inverse)
 
-    def _inverted(
-        self, y: np.ndarray, border: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Evaluate G, the tangent maps, and the inverse of the bordered Jacobian."""
+    def _take_round(
+        self,
+        y: np.ndarray,
+        guess: np.ndarray,
+        border: np.ndarray,
+        inverse: np.ndarray | None,
+        enough: float,
+        least: float = math.inf,
+        fresh: bool = True,
+    ) -> Round:
+        """Move y by a kept Jacobian while moves fall, at most to `enough`; find the one there."""
+        (size, n), most = self.sizes, 0 if inverse is None or least <= enough else STEPS
+        rows = np.empty((6, y.size))
+        rows[0], rows[1], rows[2] = y, guess, border
+        whole = np.empty((y.size, y.size)) if inverse is None else inverse.copy()
+        matrices = np.empty((size * fresh, n))
+        rules = most, CONTRACTS, enough, least
+        moves = self.map.take_round(self.scale, rows, whole, matrices, rules)
+        if moves is not None:
+            return Round(rows[0], rows[3, :-1], rows[4], matrices.reshape(-1, n, n), whole, *moves)
+        for _ in range(most):
+            move = _move(self.residual(y), y - guess, border, whole)
+            distance = largest(move)
+            if not distance < least:
+                break
+            contracts = distance <= CONTRACTS * least
+            y, least = y - move, distance
+            if least <= enough or not contracts:
+                break
+        if not fresh:
+            return Round(y, y, y, matrices, whole, least, math.inf)
         misses, matrices, slopes = self.linearise(y)
-        return misses, matrices, np.linalg.inv(self.bordered(matrices, slopes, border))
+        whole = np.linalg.inv(self.bordered(matrices, slopes, border))
+        move = _move(misses, y - guess, border, whole)
+        return Round(y, misses, move, matrices, whole, least, largest(move))
 
     def through(self, guess: np.ndarray, tangent: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return y of the point by an orbit, across the tangent there; `guess` is on the curve."""
         return self.solve(guess + tangent @ (y - guess) * tangent, tangent).y
 
-    def _solve_keeping(
-        self, guess: np.ndarray, border: np.ndarray, near: Solution
-    ) -> Solution | None:
-        assert near.inverse is not None
-        y, least = guess, np.inf
-        with contextlib.suppress(ArithmeticError):
-            for _ in range(STEPS):
-                move = _move(self.residual(y), y - guess, border, near.inverse)
-                distance = float(np.abs(move).max())
-                if not (distance <= EXACT or distance <= CONTRACTS * least):
-                    return near._replace(y=y, signature=None) if least <= ROUNDING else None
-                y, least = y - move, distance
-                if distance <= EXACT:
-                    return near._replace(y=y, signature=None)
-        return None
+
+def length(vector: np.ndarray) -> float:
+    """Return the Euclidean length of a vector: of short ones in a third of the time of numpy's."""
+    return math.sqrt(vector.dot(vector))
+
+
+def largest(vector: np.ndarray) -> float:
+    """Return the largest modulus of a component, NaN if one is."""
+    return float(np.maximum.reduce(np.abs(vector)))
 
 
 def unit(size: int, place: int, length: float = 1.0) -> np.ndarray:
@@ -337,8 +363,8 @@ def _move(
 ) -> np.ndarray:
     """Return by how much a point `away` from its guess misses the curve and the hyperplane."""
     off = np.empty(away.size)
-    off[:-1], off[-1] = misses, border @ away
-    move: np.ndarray = inverse @ off
+    off[:-1], off[-1] = misses, border.dot(away)
+    move: np.ndarray = inverse.dot(off)
     if abs(border[-1]) == 1.0:  # at one value, to the last bit, so that it is one solver
         move[-1] = 0.0
     return move

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
+from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution, length
 
 PRECISION = 1e-12
 BISECTIONS, MOVES = 44, 100
@@ -109,7 +109,7 @@ def special_points(curve: Curve, first: Solution, last: Solution) -> list[Specia
             at, fraction = locate(curve, first, last, test, singular=singular)
             if kind is not Kind.TORUS or on_unit_circle(at.multipliers):
                 specials.append(Special(kind, at, fraction))
-    precision = PRECISION / min(1.0, float(np.linalg.norm(last.y - first.y)))
+    precision = PRECISION / min(1.0, length(last.y - first.y))
     specials += grazings(curve, first, last, Kind.GRAZING, precision)
     return sorted(specials, key=lambda special: special.fraction)
 

@@ -25,7 +25,6 @@ from hpcsweep.dynamics.families import are_joined
 from hpcsweep.dynamics.stability import held
 from hpcsweep.model.arguments import choice, shown
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.branch_rule import DIFFERENCE
 from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.solvers.named_measures import named_measures
 from hpcsweep.solvers.offers import BATCHES
@@ -33,6 +32,8 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.solvers.solver import make_solver
 
+DIFFERENCE = 1e-8
+"""Share of a parameter over which differences are taken for the slopes by it."""
 KEPT_SOLVERS, KEPT_SEEN = 8, 10_000
 FORCING_PARAMETERS = ("amplitude", "omega")
 PARAMETERS = (*FORCING_PARAMETERS, "stiffness_ratio", "gap", "sharpness", "damping_ratio")
@@ -99,14 +100,8 @@ class ForcedMap:
         self.periods = 0
         self._poll = poll
         self._seen = lru_cache(KEPT_SEEN)(self._observe)
+        self._closed = lru_cache(KEPT_SEEN)(self._closings)
         self._solvers: OrderedDict[tuple, Any] = OrderedDict()
-
-    def tracer(self, period: int, scale: float, made: Callable) -> Any:
-        """Return what finds points of branches by compiled kernels, None unless along A."""
-        if self.is_costly or not BATCHES.of(self.structure):
-            return None
-        rest = self.structure.length_unit, made, self._poll, self._count
-        return self.solver(self.amplitude)[0].tracer(period, scale, *rest)
 
     @property
     def is_costly(self) -> bool:
@@ -160,23 +155,51 @@ class ForcedMap:
         solver, amplitude = self._begin(value, len(points))
         return solver.images(points * self.units, amplitude, poll=self._poll).states / self.units
 
-    def tangents(self, points: np.ndarray, value: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states after a forcing period and their derivatives by those before."""
+    def tangents(
+        self, points: np.ndarray, value: Any, by: int = 0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the states after a forcing period; derivatives by those before, by parameters."""
         solver, amplitude = self._begin(value, len(points))
         images, matrices = solver.images(points * self.units, amplitude, True, self._poll)
-        matrices = matrices * self.units / self.units[:, None]
-        return images / self.units, held(matrices, len(self.structure.sliders))
+        images, matrices = images / self.units, matrices * self.units / self.units[:, None]
+        slopes = np.empty((*points.shape, by))
+        for k, name in enumerate(self.parameters[:by]):
+            values = self._values(value)
+            low = values[name]
+            values[name] = high = low + DIFFERENCE * (abs(low) or 1.0)
+            ahead = self.images(points, tuple(values.values()))
+            slopes[..., k] = (ahead - images) / (high - low)
+        return images, held(matrices, len(self.structure.sliders)), slopes
 
-    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray, k: int = 0) -> np.ndarray:
-        """Return the derivatives of `images` by the parameter, or by number `k` of two."""
-        values = self._values(value)
-        name, low = self.parameters[k], values[self.parameters[k]]
-        values[name] = high = low + DIFFERENCE * (abs(low) or 1.0)
-        return (self.images(points, tuple(values.values())) - images) / (high - low)
+    def take_round(
+        self,
+        scale: float,
+        rows: np.ndarray,
+        inverse: np.ndarray,
+        matrices: np.ndarray,
+        rules: tuple,
+    ) -> tuple[float, float] | None:
+        """Take a round of Newton's method along the amplitude in one compiled call."""
+        if self.is_costly or not BATCHES.of(self.structure):
+            return None
+        solver, _ = self.solver(self.amplitude)
+        units, rules = (scale, self.structure.length_unit), (*rules, DIFFERENCE)
+        least, largest, periods = solver.take_round(
+            rows, inverse, matrices, units, rules, self._poll
+        )
+        self._count(periods)
+        return least, largest
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
         """Return how often each contact closes along an orbit, and how often each slider slips."""
-        return self.counted(self.observe(points, value))
+        if not BATCHES.of(self.structure):
+            return self.counted(self.observe(points, value))
+        return self._closed(points.tobytes(), value)
+
+    def _closings(self, points: bytes, value: Any) -> tuple[int, ...]:
+        states = np.frombuffer(points).reshape(-1, self.size) * self.units
+        solver, amplitude = self._begin(value, len(states))
+        return solver.closings(states, amplitude, self._poll)
 
     def counted(self, seen: Observation) -> tuple[int, ...]:
         """Return the signature of an orbit that has been observed."""

@@ -16,7 +16,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -76,16 +75,16 @@ class Slice(Curve):
         """Return G and the distance from the hyperplane, shape (p N + 1,)."""
         return np.append(super().misses(images, points, y), self.across @ (y - self.at))
 
-    def slopes(self, points: np.ndarray, value: Any, images: np.ndarray) -> np.ndarray:
-        """Return the slopes by both parameters, shape (p, N, 2)."""
-        slopes = np.zeros((*points.shape, 2))
-        for k in range(1 if self.is_fixed else 2):  # no step goes along a fixed lambda_2
-            slopes[..., k] = self.map.slopes(points, value, images, k)
-        return slopes
+    @property
+    def varied(self) -> int:
+        """1 where no step goes along a fixed lambda_2, otherwise 2."""
+        return 1 if self.is_fixed else 2
 
     def bordered(self, matrices: np.ndarray, slopes: np.ndarray, border: np.ndarray) -> np.ndarray:
         """Return the Jacobian of the misses, and `border` below it, shape (p N + 2, p N + 2)."""
-        whole = super().bordered(matrices, slopes, border)
+        both = np.zeros((*slopes.shape[:2], 2))
+        both[..., : self.varied] = slopes
+        whole = super().bordered(matrices, both, border)
         whole[-2] = self.across
         return whole
 

@@ -93,7 +93,7 @@ def deflated(
         y = curve.join(cycle.continued(map_, start[None], value, curve.period), value)
         for _ in range(STEPS):
             x = curve.split(y)[0]
-            images, matrices = map_.tangents(x, value)
+            images, matrices, _ = map_.tangents(x, value)
             step = -np.linalg.solve(cycle.jacobian(matrices), curve.misses(images, x, y))
             if np.abs(step).max() <= NEAR:
                 points = curve.split(cycle.solve_at(curve, x, value).y)[0]

@@ -17,7 +17,6 @@ from hpcsweep.solvers.arguments import (
 )
 from hpcsweep.solvers.flow.observe.gathered import gathered, reset
 from hpcsweep.solvers.flow.orbit import batch, chain
-from hpcsweep.solvers.flow.orbit.tracer import Tracer
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import (
     ANY_MEASURE,
@@ -31,7 +30,7 @@ from hpcsweep.solvers.flow.state.shared import (
 )
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
-from hpcsweep.solvers.measures import measures_of
+from hpcsweep.solvers.measures import CLOSINGS, IMPACT_FLAG, measures_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observation
@@ -72,6 +71,7 @@ class FlowMap:
         self._shared, self._packed, shapes = made
         self._units = Units(structure, self._shared.model)
         self._kernels = kernels_for(self._shared, shapes)
+        self._measures = False  # whether what they call is loaded
         self._watches: dict[int, tuple] = {}
         self.counts = self._shared.counts
         self._polling = Polling()
@@ -258,10 +258,25 @@ class FlowMap:
         z, amplitude = self._units.into(states), amplitude / self._units.amplitude_unit
         wanted, outcome = self._wanted(False, measures), Outcome.COMPLETE
         reset(self._shared.tally)
-        for one in z:
+        for row in z:
             if outcome is Outcome.COMPLETE:
-                _, outcome = self._march(one, amplitude, 1, poll, wanted=wanted)
+                _, outcome = self._march(row, amplitude, 1, poll, wanted=wanted)
         return self._gathered(self._units.out_of(z), outcome, False, measures)
+
+    def closings(self, states, amplitude, poll=None) -> tuple[int, ...]:
+        """Count how often each contact closes in a forcing period from each state, all together."""
+        z, amplitude = self._units.into(states), amplitude / self._units.amplitude_unit
+        wanted, shared = self._wanted(False, IMPACT_FLAG), self._shared
+        nothing = shared.no_tangent, shared.no_growth
+        reset(shared.tally)
+        self._polling.begin(poll)
+        for row in z:
+            _, outcome = self._kernels.march(
+                self._packed, row, amplitude, 1, shared.no_points, wanted, *nothing
+            )
+            if outcome != Outcome.COMPLETE:
+                raise ArithmeticError(f"flow: {Outcome(outcome).name}")
+        return tuple(map(round, shared.tally.impacts[CLOSINGS].tolist()))
 
     def grow(
         self,
@@ -308,10 +323,24 @@ class FlowMap:
         own = self._kernels.advance_chain, self._packed, self._units, self._polling
         return chain.images(*own, states, amplitude, tangents, poll)
 
-    def tracer(self, *given) -> Tracer:
-        """Return what follows branches of orbits along the amplitude; see `Tracer`."""
-        own = self._kernels, self._packed, self._polling, self._units, self.structure
-        return Tracer(own, *given)
+    def take_round(self, rows, inverse, matrices, units, rules, poll=None):
+        """Take a round of Newton's method for the points of an orbit, see `orbit.contract`.
+
+        `units` are those of the amplitude and of the points. Return the largest component of the
+        last move that was made and of the next one, and the forcing periods integrated.
+        """
+        units = units[0] / self._units.amplitude_unit, units[1] / self.structure.length_unit
+        size = self._units.size
+        columns, z = np.empty((size, matrices.shape[1])), np.empty(size)
+        pivots = np.empty(len(inverse), np.int64)
+        self._polling.begin(poll)
+        outcome, *moves, n_periods = self._kernels.take_round(
+            self._packed, rows, inverse, matrices, columns, z, pivots, units, rules
+        )
+        self._polling.end(n_periods)
+        if outcome != Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {Outcome(outcome).name}")
+        return *moves, n_periods
 
     def _motion(self, state, amplitude, n_periods) -> tuple[np.ndarray, float, int]:
         """Return the start of a motion in the units of the kernels."""
@@ -320,8 +349,9 @@ class FlowMap:
 
     def _wanted(self, modal_norm: bool, measures: int) -> int:
         """Return the flags of what to gather, see `tally`, when what that calls is loaded."""
-        if measures:
+        if measures and not self._measures:
             self._kernels.load_measures()
+            self._measures = True
         return (NORMS if modal_norm else MAXIMA) + (measures & ANY_MEASURE)
 
     def _points(self, z, amplitude, n_periods, poll, wanted=NO_TALLY, tangent=None, growth=None):

@@ -29,8 +29,8 @@ from hpcsweep.solvers.flow.elements.layers import visit_layers
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
+from hpcsweep.solvers.flow.orbit.contract import take_round
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
-from hpcsweep.solvers.flow.orbit.walk import solve_point, walk_branch
 from hpcsweep.solvers.flow.period.march import march, march_elements, march_measured
 from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
 
@@ -42,9 +42,8 @@ class MotionKernels(NamedTuple):
     end_of_transient: EntryPoint
     follow_orbits: EntryPoint
     advance_chain: EntryPoint
-    solve_point: EntryPoint
-    walk_branch: EntryPoint
-    """These three are compiled on their first call: sweeps do without."""
+    take_round: EntryPoint
+    """These two are compiled on their first call: sweeps do without."""
     measures: list[EntryPoint]
     """What these call where measures are requested."""
 
@@ -53,7 +52,7 @@ class MotionKernels(NamedTuple):
         load_all(self.measures)
 
 
-OF_BRANCHES = advance_chain, solve_point, walk_branch
+OF_BRANCHES = advance_chain, take_round
 
 FOR_ANY = MotionKernels(
     march,

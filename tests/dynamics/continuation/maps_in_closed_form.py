@@ -6,17 +6,17 @@ import numpy as np
 class ByPoint:
     """Images, tangent maps and slopes of points, each by those of one point."""
 
-    def tracer(self, period, scale, made):
+    def take_round(self, scale, rows, inverse, matrices, rules):
         return None
 
     def images(self, points, value):
         return np.array([self.image(x, value) for x in points])
 
-    def tangents(self, points, value):
-        return self.images(points, value), np.array([self.tangent(x, value) for x in points])
-
-    def slopes(self, points, value, images, k=0):
-        return np.array([self.slope(x, value, k) for x in points])
+    def tangents(self, points, value, by=0):
+        matrices = np.array([self.tangent(x, value) for x in points])
+        slopes = [[self.slope(x, value, k) for x in points] for k in range(by)]
+        slopes = np.moveaxis(np.reshape(slopes, (by, *points.shape)), 0, -1)
+        return self.images(points, value), matrices, slopes
 
 
 class Smooth(ByPoint):

@@ -105,31 +105,6 @@ def spectral_radius(matrix):
     float
         inf if the matrix is not finite, or the steps do not converge.
     """
-    scale = deflate(matrix)
-    if scale == math.inf:
-        return math.inf
-    largest = 0.0
-    for i in range(matrix.shape[0]):
-        corner, below = matrix[i, i], 0.0
-        if i + 1 < matrix.shape[0]:
-            below = matrix[i + 1, i]
-        size = abs(corner) if below == 0.0 else math.sqrt(corner * corner + below * below)
-        largest = max(largest, size)
-    return scale * largest
-
-
-@kernel
-def deflate(matrix):
-    """Overwrite a matrix with its eigenvalues, over a scale.
-
-    On the diagonal are the real parts. The imaginary part of a complex pair, which is that of two
-    neighbours, is between them below the diagonal; elsewhere there are zeros.
-
-    Returns
-    -------
-    float
-        The scale; inf if the matrix is not finite, or the steps do not converge.
-    """
     size = matrix.shape[0]
     norm = 0.0
     for i in range(size):
@@ -144,7 +119,14 @@ def deflate(matrix):
             for j in range(size):
                 matrix[i, j] /= scale
     _to_hessenberg(matrix)
-    return scale if _deflate(matrix, norm / scale) else math.inf
+    if not _deflate(matrix, norm / scale):
+        return math.inf
+    largest = 0.0
+    for i in range(size):
+        corner, below = matrix[i, i], matrix[i + 1, i] if i + 1 < size else 0.0
+        modulus = abs(corner) if below == 0.0 else math.sqrt(corner * corner + below * below)
+        largest = max(largest, modulus)
+    return scale * largest
 
 
 @kernel
@@ -183,9 +165,11 @@ def _to_hessenberg(a):
 
 @kernel
 def _deflate(h, norm):
-    """Overwrite a Hessenberg matrix as `deflate` does; return whether the steps converge.
+    """Overwrite a Hessenberg matrix with its eigenvalues; return whether the steps converge.
 
-    `shifted` has been taken off the diagonal.
+    On the diagonal are the real parts. The imaginary part of a complex pair, which is that of two
+    neighbours, is between them below the diagonal; elsewhere there are zeros. `shifted` has been
+    taken off the diagonal.
     """
     shifted = 0.0
     end = h.shape[0] - 1

@@ -98,8 +98,8 @@ def new_run(
 ) -> Run:
     """Allocate the state of runs for kernel states of a size."""
     sizes = {"k": n_runs, "2n": len(units), "2R": size, "max period": rules.max_period}
-    own = {"rules": rules, "wanted": wanted, "amplitude_unit": amplitude_unit}
-    return allocate(Run, sizes, units=units, **own)
+    numbers = {"rules": rules, "wanted": wanted, "amplitude_unit": amplitude_unit}
+    return allocate(Run, sizes, units=units, **numbers)
 
 
 def new_orbits(n_runs: int, n: int, max_period: int, tally: Tally | None = None) -> Orbits:
@@ -168,7 +168,7 @@ def follow_orbits(shared, watch, free, packed, n_periods, rows):
                 n_free += 1
                 _end_free(run, rows)
                 continue
-            _begin(common, watch, run)
+            _begin(run, watch, common.tally, common.model, common.no_tangent)
         amplitude /= run.amplitude_unit
         if run.period[0] == 0:
             closing = (rules.max_period, rules.settled, rules.same, run.near[0])
@@ -179,10 +179,10 @@ def follow_orbits(shared, watch, free, packed, n_periods, rows):
             run.transient[0] += done
             run.newton[0] += by_newton
             n_done += done + by_newton
-            known = run.period[0] > 0
-            if outcome != COMPLETE or not (known or run.transient[0] < rules.transient):
+            settled = run.period[0] > 0
+            if outcome != COMPLETE or not (settled or run.transient[0] < rules.transient):
                 return OPEN, n_done, outcome
-            if not known:
+            if not settled:
                 return MORE, n_done, COMPLETE
             copy_state(run.z, run.reached)
         wanted = min(max(n_periods - n_done, 1), run.period[0] - run.turned[0])
@@ -209,7 +209,7 @@ def _end_free(run, rows):
 
 
 @kernel
-def _begin(common, watch, run):
+def _begin(run, watch, tally, model, no_tangent):
     """Begin the transient of a run."""
     n = run.state.shape[0] // 2
     half = run.z.shape[0] // 2
@@ -217,12 +217,12 @@ def _begin(common, watch, run):
         run.z[i] = run.state[i] / run.units[i]
         run.z[half + i] = run.state[n + i] / run.units[n + i]
     if half > n:
-        renew_rows(run.z, common.no_tangent, common.model)
+        renew_rows(run.z, no_tangent, model)
     read_watch(watch).since[0] = 0
     run.begun[0] = 1
     run.transient[0] = run.newton[0] = run.period[0] = run.turned[0] = 0
     run.near[0] = run.rules.near
-    clear(common.tally)
+    clear(tally)
 
 
 @kernel

@@ -102,15 +102,15 @@ def images(
         If the solver fails.
     """
     z, amplitude = units.into(states), amplitude / units.amplitude_unit
-    size, own = states.shape[1], z.shape[1]
+    size, height = states.shape[1], z.shape[1]
     unit = columns = np.empty((0, size))
     if tangents:
         unit = units.tangent_into(np.eye(size))
         columns = np.tile(unit, (len(z), 1))
     for first, last in polling.cut(len(z), poll):
-        rows = columns[first * own : last * own]
+        rows = columns[first * height : last * height]
         done, outcome = kernel(packed, z[first:last], amplitude, unit, rows)
         if outcome != COMPLETE:
             raise ArithmeticError(f"flow: {Outcome(outcome).name} of state {first + done + 1}")
-    turned = columns.reshape(-1, own, size).swapaxes(1, 2)
+    turned = columns.reshape(-1, height, size).swapaxes(1, 2)
     return Images(units.out_of(z), units.out_of(turned).swapaxes(1, 2))

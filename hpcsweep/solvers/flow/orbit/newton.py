@@ -40,8 +40,8 @@ def newton_orbit(shared, common, watch, period, amplitude):
     state = watch.history[(since - period) % long]
     image = watch.history[since % long]
     _extrapolate(before, state, image, watch.point)
-    found, n_periods = _find_orbit(shared, common, watch, period, amplitude, image)
-    if not (found and _is_linear(watch.matrix, state, image, watch.point)):
+    is_orbit, n_periods = _find_orbit(shared, common, watch, period, amplitude, image)
+    if not (is_orbit and _is_linear(watch.matrix, state, image, watch.point)):
         return False, n_periods, math.nan
     copy_matrix(watch.matrix, watch.factors)
     multiplier = spectral_radius(watch.factors)

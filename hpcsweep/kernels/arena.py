@@ -65,7 +65,7 @@ class _ViewModel(models.StructModel):
 class _ViewFields(AttributeTemplate):
     key = View
 
-    def generic_resolve(self, value, attr):
+    def generic_resolve(self, value, attr):  # type: ignore[override]
         """Return the type of a field."""
         return value.fields[attr][0] if attr in value.fields else None
 
@@ -118,9 +118,9 @@ def reader(kind):
             array = context.make_array(signature.args[0])(context, builder, arguments[0])
             view = cgutils.create_struct_proxy(seen)(context, builder)
             view.memory = view.numbers = view.at = builder.bitcast(array.data, cgutils.voidptr_t)
-            known = specialise.known_words(builder, kind)
-            if known is not None:
-                view.at = builder.bitcast(known, cgutils.voidptr_t)
+            words = specialise.known_words(builder, kind)
+            if words is not None:
+                view.at = builder.bitcast(words, cgutils.voidptr_t)
             return view._getvalue()
 
         return seen(buffer), generate
@@ -144,7 +144,7 @@ def _as_long_as(typingctx, array, other):
     return array(array, other), generate
 
 
-as_long_as = fallback.as_long_as if numba.config.DISABLE_JIT else _as_long_as
+as_long_as: Any = fallback.as_long_as if fallback.PLAIN else _as_long_as
 """``as_long_as(array, other)``, kernels only: `array`, whose length is that of `other`.
 
 Nothing is checked. The length of an array read from an arena may be known at compilation
@@ -181,7 +181,7 @@ class Arena:
     def __init__(self, example: tuple):
         self._kind = numba.typeof(Pattern(example).copy()[0])
         self._form: tuple = ()
-        self.read = fallback.read if numba.config.DISABLE_JIT else reader(self._kind)
+        self.read: Any = fallback.read if fallback.PLAIN else reader(self._kind)
 
     def specialise(self, words: Words) -> specialise.Specialisation:
         """Return the specialisation for tuples whose `Pattern` has these words."""
@@ -229,7 +229,7 @@ class Arena:
         """
         value, packed = pattern.copy()
         value = change(value)
-        if numba.config.DISABLE_JIT:
+        if fallback.PLAIN:
             return value, value
         pattern.write_numbers(value, packed)
         return value, packed

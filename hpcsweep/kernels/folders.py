@@ -36,17 +36,17 @@ def own_folder() -> Path | None:
     path = Path(tempfile.gettempdir()) / f"hpcsweep-{os.getuid()}"
     try:
         path.mkdir(mode=0o700, exist_ok=True)
-        found = path.lstat()
+        status = path.lstat()
     except OSError:
         return None
-    private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022
-    return path if private and found.st_uid == os.getuid() else None
+    private = stat.S_ISDIR(status.st_mode) and not status.st_mode & 0o022
+    return path if private and status.st_uid == os.getuid() else None
 
 
 def roots() -> list[Path]:
     """Return the folders below which compiled kernels may lie, that of `cache_root` first."""
-    own = own_folder()
-    return [cache_root()] if own is None else [cache_root(), own]
+    folder = own_folder()
+    return [cache_root()] if folder is None else [cache_root(), folder]
 
 
 DIGEST_LENGTH = 16
@@ -105,8 +105,8 @@ def is_writable() -> bool:
 
 def say_unwritable(why: str, elsewhere: bool = True) -> None:
     """Report, once in a process, that kernels cannot be kept in `cache_root`, or anywhere."""
-    own = own_folder() if elsewhere else None
-    kept = f"kept in {own}" if own else "not kept"
+    folder = own_folder() if elsewhere else None
+    kept = f"kept in {folder}" if folder else "not kept"
     say_once(f"{cache_root()} cannot be written ({why}): compiled kernels are {kept}")
 
 

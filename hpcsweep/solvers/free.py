@@ -91,45 +91,45 @@ def is_free(free, state, amplitude, end):
     int
         1 or 0.
     """
-    known = read_free(free)
-    if not known.known:
+    motion = read_free(free)
+    if not motion.known:
         return 0
     side = 0 if amplitude >= 0.0 else 1
-    n_contacts, n = known.reach.shape
-    modal, size = known.modal, known.size
+    n_contacts, n = motion.reach.shape
+    modal, size = motion.modal, motion.size
     for c in range(n_contacts):
-        if not abs(amplitude) * known.largest[side, c] < known.levels[c]:
+        if not abs(amplitude) * motion.largest[side, c] < motion.levels[c]:
             return 0
     energy = 0.0
     for j in range(n):
         q = 0.0
         p = 0.0
         for k in range(n):
-            q += known.transform[j, k] * (state[k] - amplitude * known.point[k])
-            p += known.transform[j, k] * (state[n + k] - amplitude * known.point[n + k])
+            q += motion.transform[j, k] * (state[k] - amplitude * motion.point[k])
+            p += motion.transform[j, k] * (state[n + k] - amplitude * motion.point[n + k])
         modal[j] = q
         modal[n + j] = p
-        size[j] = math.sqrt(q * q + (p / known.frequencies[j]) ** 2)
-        energy += (known.frequencies[j] * size[j]) ** 2
+        size[j] = math.sqrt(q * q + (p / motion.frequencies[j]) ** 2)
+        energy += (motion.frequencies[j] * size[j]) ** 2
     for c in range(n_contacts):
-        reach = known.softness[c] * math.sqrt(energy)
-        if not known.coupled:
+        reach = motion.softness[c] * math.sqrt(energy)
+        if not motion.coupled:
             reach = 0.0
             for j in range(n):
-                reach += known.reach[c, j] * size[j]
-        if not abs(amplitude) * known.largest[side, c] + reach < known.levels[c]:
+                reach += motion.reach[c, j] * size[j]
+        if not abs(amplitude) * motion.largest[side, c] + reach < motion.levels[c]:
             return 0
     left = 0.0
     for i in range(2 * n):
         value = 0.0
         for k in range(2 * n):
-            value += known.left[i, k] * modal[k]
+            value += motion.left[i, k] * modal[k]
         left += abs(value)
-    if not left <= known.most:
+    if not left <= motion.most:
         return 0
     for i in range(2 * n):
-        value = amplitude * known.point[i]
+        value = amplitude * motion.point[i]
         for k in range(2 * n):
-            value += known.end[i, k] * modal[k]
+            value += motion.end[i, k] * modal[k]
         end[i] = value
     return 1

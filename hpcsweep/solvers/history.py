@@ -103,8 +103,8 @@ def history(
     ground = refined(record, parts)
     from hpcsweep.solvers.instants import InstantMap, accelerations
 
-    own, poll = dt * samples, callback("poll", poll)
-    first, last = math.ceil(start / own - SAME_STEP), int(longest / own + SAME_STEP)
+    interval, poll = dt * samples, callback("poll", poll)
+    first, last = math.ceil(start / interval - SAME_STEP), int(longest / interval + SAME_STEP)
     seen = InstantMap(structure, dt, rtol).follow(ground, scale, last * samples, poll)
     n, count = structure.n_floors, (len(seen.states) - 1) // samples + 1
     peaks = seen.peak_force[1 : (count - 1) * samples + 1]
@@ -112,18 +112,18 @@ def history(
     kept = slice(first, count)
     states = seen.states[::samples][kept]
     slider_force, force = seen.slider_force[::samples][kept], structure.contact_forces(states)
-    given = None
+    scaled = None
     if not structure.shakes:
-        given = np.zeros(max(count, first))
+        scaled = np.zeros(max(count, first))
         pushed = scale * ground[::samples][:count]
-        given[: pushed.size] = pushed
-        given = given[kept]
+        scaled[: pushed.size] = pushed
+        scaled = scaled[kept]
     return History(
-        own * np.arange(first, count),
+        interval * np.arange(first, count),
         states[:, :n],
         states[:, n:],
         force,
-        accelerations(structure, states, (force, slider_force), given),
+        accelerations(structure, states, (force, slider_force), scaled),
         np.vstack((np.maximum(structure.contact_forces(seen.states[:1]), 0.0), peaks))[kept],
         slider_force,
         states[:, :n] @ structure.directions.T,

@@ -97,7 +97,7 @@ class InstantMap(RecordMap):
     def _through(self, count: int, poll, keeps: bool):
         """Return states of the kernels with modes, peaks, and starts of intervals with changes."""
         shared, modes, z = self._shared, self._shared.modes, self._at_rest()
-        held = [np.empty((count + 1, one.size), one.dtype) for one in (z, *modes[:2])]
+        held = [np.empty((count + 1, row.size), row.dtype) for row in (z, *modes[:2])]
         points, elements = held[0], modes.mode.size > 0
         for rows, start in zip(held, (z, *modes), strict=False):
             rows[0] = start
@@ -147,10 +147,10 @@ class InstantMap(RecordMap):
         structure, tally, z = self.structure, self._shared.tally, self._at_rest()
         reset(tally)
         unit = structure.force_per_length * structure.length_unit**2
-        strength = np.array([one.strength for one in structure.sliders])
-        found, outcome = [Energy(*6 * [0.0])], int(Outcome.COMPLETE)
-        while len(found) <= count:
-            j = len(found) - 1
+        strength = np.array([slider.strength for slider in structure.sliders])
+        ends, outcome = [Energy(*6 * [0.0])], int(Outcome.COMPLETE)
+        while len(ends) <= count:
+            j = len(ends) - 1
             _, outcome = self._interval(z, (j, j + 1), 1.0, WITH_ENERGY)
             if outcome == COLLAPSED:
                 break
@@ -159,8 +159,8 @@ class InstantMap(RecordMap):
             slid = self._slid(z)
             taken = tally.impacts[DISSIPATED] * unit, strength * slid.path * structure.length_unit
             reached = self._units.out_of(z), slid.force
-            found.append(energy_at(structure, reached, taken, structure.rest, tally.energy))
-        return found
+            ends.append(energy_at(structure, reached, taken, structure.rest, tally.energy))
+        return ends
 
     def _at_rest(self) -> np.ndarray:
         """Put elements to rest; return the state of the kernels."""
@@ -172,13 +172,15 @@ class InstantMap(RecordMap):
     def _interval(self, z, places, part, wanted=0, points=None) -> tuple[int, int]:
         """Advance z over intervals, or a part of one; return how many, and the outcome."""
         points = self._shared.no_points if points is None else points
-        own = (*places, part * self._shared.model.period)
-        return march_record(self._packed, z, self._samples, self._amplitude, own, wanted, points)
+        intervals = (*places, part * self._shared.model.period)
+        return march_record(
+            self._packed, z, self._samples, self._amplitude, intervals, wanted, points
+        )
 
     def _kept(self, z: np.ndarray) -> list[np.ndarray]:
         """Copy a state, and what the elements carry."""
         modes = self._shared.modes
-        return [one.copy() for one in ((z, *modes) if modes.mode.size else (z,))]
+        return [array.copy() for array in ((z, *modes) if modes.mode.size else (z,))]
 
     def _back_to(self, z: np.ndarray, kept: list[np.ndarray]) -> None:
         """Restore what `_kept` has copied."""
@@ -187,7 +189,7 @@ class InstantMap(RecordMap):
 
     def _inside(self, starts: dict[int, list], held: list, least: float) -> list[np.ndarray]:
         """Return places, states and modes within intervals, from what is kept of their starts."""
-        which, length, found = np.array([*starts], int), 1.0, []
+        which, length, inside = np.array([*starts], int), 1.0, []
         begin = np.zeros(which.size)
         low = self._rates([rows[which] for rows in held], which, begin)
         high = self._rates([rows[which + 1] for rows in held], which, begin + 1.0)
@@ -197,9 +199,9 @@ class InstantMap(RecordMap):
             for j, s in zip(which.tolist(), middle.tolist(), strict=True):
                 self._back_to(z, starts[j])
                 self._interval(z, (j, j + 1), s)
-                reached.append([one.copy() for one in (z, *self._shared.modes[:2])])
-            rows = [np.array(one) for one in zip(*reached, strict=True)]
-            found.append([which + middle, *rows])
+                reached.append([array.copy() for array in (z, *self._shared.modes[:2])])
+            rows = [np.array(array) for array in zip(*reached, strict=True)]
+            inside.append([which + middle, *rows])
             rates = self._rates(rows, which, middle)
             mean = 1.5 * (high - low)[:, 0] / (length * self.dt) - 0.25 * (high + low)[:, 1]
             missed = np.abs(rates[:, 1] - mean).max(axis=1) * length**3
@@ -208,7 +210,7 @@ class InstantMap(RecordMap):
             high = np.concatenate((rates[cut], high[cut]))
             begin = np.concatenate((begin[cut], middle[cut]))
             which, length = np.tile(which[cut], 2), 0.5 * length
-        return [np.concatenate(one) for one in zip(*found, strict=True)]
+        return [np.concatenate(array) for array in zip(*inside, strict=True)]
 
     def _rates(self, held: list, which: np.ndarray, part: np.ndarray) -> np.ndarray:
         """Return velocities and accelerations at parts of intervals, shape (p, 2, n)."""
@@ -217,8 +219,8 @@ class InstantMap(RecordMap):
         ground *= (which < last) * self._amplitude * self._units.amplitude_unit
         states = self._units.out_of(held[0])
         forces = self.structure.contact_forces(states), self._sliders.force(*held)
-        found = accelerations(self.structure, states, forces, ground)
-        return np.stack((states[:, found.shape[1] :], found), axis=1)
+        bends = accelerations(self.structure, states, forces, ground)
+        return np.stack((states[:, bends.shape[1] :], bends), axis=1)
 
 
 def accelerations(

@@ -37,7 +37,7 @@ class LinearOrbit:
     def __init__(self, structure: Structure, omega: float):
         self._structure = structure
         self._omega = omega
-        b, limits = structure.slider_directions, [one.limit for one in structure.sliders]
+        b, limits = structure.slider_directions, [slider.limit for slider in structure.sliders]
         self.directions = directions = np.concatenate((structure.directions, b, -b))
         gaps = np.array([contact.gap for contact in structure.contacts])
         self.levels = np.append(gaps - structure.layer_half_width, 2 * limits)
@@ -95,7 +95,7 @@ class LinearOrbit:
         if not sliders:
             return {}
         ways = self.largest[:, len(self._structure.contacts) :].max(axis=0)
-        ductility = np.maximum(*np.split(ways, 2)) / [one.limit for one in sliders]
+        ductility = np.maximum(*np.split(ways, 2)) / [slider.limit for slider in sliders]
         nothing = np.zeros(len(sliders))
         rest = {"slider_energy": nothing, "plastic": nothing}
         return {"ductility": abs(amplitude) * ductility, **rest}
@@ -127,12 +127,12 @@ class LinearOrbit:
 
     def _accelerations(self) -> np.ndarray:
         """Return the harmonics of the absolute accelerations at A = 1, shape (H, n)."""
-        found = -((self._omega * self._orders[:, None]) ** 2) * self._responses
+        harmonics = -((self._omega * self._orders[:, None]) ** 2) * self._responses
         if self._structure.shakes:
             terms = self._structure.forcing.terms
             ground = np.array([[a * cmath.exp(1j * phase)] for _, a, phase in terms])
-            found = found + ground * self._structure.influence
-        return found
+            harmonics = harmonics + ground * self._structure.influence
+        return harmonics
 
     def modal_norm(self, amplitude: float) -> np.ndarray:
         """Return the mean modal norms, shape (n,); NaN at A = 0."""
@@ -151,11 +151,11 @@ def period_map(structure: Structure, period: float) -> np.ndarray:
     if not structure.is_modal:
         zero, drag = np.zeros((w.size, w.size)), structure.modal_damping
         return expm(period * np.block([[zero, np.eye(w.size)], [-np.diag(w**2), -drag]]))
-    found = np.zeros((2 * w.size, 2 * w.size))
-    for j, (one, zeta) in enumerate(zip(w, structure.damping_ratios, strict=True)):
-        pair = expm(period * np.array([[0.0, 1.0], [-(one**2), -2 * zeta * one]]))
-        found[np.ix_((j, j + w.size), (j, j + w.size))] = pair
-    return found
+    matrix = np.zeros((2 * w.size, 2 * w.size))
+    for j, (frequency, zeta) in enumerate(zip(w, structure.damping_ratios, strict=True)):
+        pair = expm(period * np.array([[0.0, 1.0], [-(frequency**2), -2 * zeta * frequency]]))
+        matrix[np.ix_((j, j + w.size), (j, j + w.size))] = pair
+    return matrix
 
 
 def _slowest_decay(structure: Structure) -> float:

@@ -246,12 +246,12 @@ def response_of(
 
 
 def energy_of(
-    structure: Structure, found: Response, start: np.ndarray, integrals: np.ndarray
+    structure: Structure, response: Response, start: np.ndarray, integrals: np.ndarray
 ) -> Response:
     """Return a response with its energies; see `energy_at`."""
-    reached, taken = (found.final_state, found.final_slider_force), found.slider_energy
-    energy = energy_at(structure, reached, (found.dissipated, taken), start, integrals)
-    return replace(found, energy=energy)
+    reached, taken = (response.final_state, response.final_slider_force), response.slider_energy
+    energy = energy_at(structure, reached, (response.dissipated, taken), start, integrals)
+    return replace(response, energy=energy)
 
 
 def energy_at(structure: Structure, reached, taken, start, integrals: np.ndarray) -> Energy:

@@ -99,11 +99,12 @@ def response(
     if state is not None:
         state = finite_vector("state", state, 2 * structure.n_floors)
         elongation = structure.slider_directions @ state[: structure.n_floors]
-        for one, y in zip(structure.sliders, elongation.tolist(), strict=True):
-            if abs(y) > one.limit * (1.0 + AT_STRENGTH):
+        for slider, y in zip(structure.sliders, elongation.tolist(), strict=True):
+            if abs(y) > slider.limit * (1.0 + AT_STRENGTH):
+                name = slider.name or "of the structure"
                 raise ValueError(
-                    f"state: slider {one.name or 'of the structure'} would be extended by {y:.6g}, "
-                    f"slips at {one.limit:.6g}: sliders start without having slipped"
+                    f"state: slider {name} would be extended by {y:.6g}, "
+                    f"slips at {slider.limit:.6g}: sliders start without having slipped"
                 )
     if energy and at_samples:
         raise ValueError("energy and at_samples must not be asked for both")
@@ -142,16 +143,16 @@ def linear_response(
     n_drifts, n_contacts = len(structure.drift_rows), len(structure.contacts)
     slides = structure.slider_directions
     solver = linear_map(structure, record.dt, base_shear, energy)
-    found = _complete(solver.respond(record.acceleration, 1.0, tail))
+    peaks = _complete(solver.respond(record.acceleration, 1.0, tail))
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
-    drifts, slid, past = np.split(found.drift, [n_drifts, n_drifts + len(slides)])
-    sliders = [(one.stiffness, one.strength) for one in structure.sliders]
+    drifts, slid, past = np.split(peaks.drift, [n_drifts, n_drifts + len(slides)])
+    sliders = [(slider.stiffness, slider.strength) for slider in structure.sliders]
     spring, strength = np.array(sliders).reshape(-1, 2).T
     force = spring * slid
     linear = replace(
-        found,
+        peaks,
         drift=drifts,
-        drift_time=found.drift_time[:n_drifts],
+        drift_time=peaks.drift_time[:n_drifts],
         force=nothing,
         impacts=nothing.astype(int),
         impact_velocity=nothing,
@@ -252,7 +253,7 @@ def arguments(structure, record, tail) -> tuple[Structure, Record, float]:
     return structure, record, number("tail", tail, f"from 0 to {longest:g}", 0.0, longest)
 
 
-def _complete(found: Response) -> Response:
-    if found.outcome is not Outcome.COMPLETE:
-        raise ArithmeticError(f"flow: {found.outcome.name} at {found.duration:.6g}")
-    return found
+def _complete(ended: Response) -> Response:
+    if ended.outcome is not Outcome.COMPLETE:
+        raise ArithmeticError(f"flow: {ended.outcome.name} at {ended.duration:.6g}")
+    return ended

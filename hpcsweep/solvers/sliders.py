@@ -23,7 +23,7 @@ class Sliders:
 
     def __init__(self, structure: Structure, elements: Elements):
         self._elements, count = elements, len(structure.sliders)
-        springs = [(one.stiffness, one.taken) for one in structure.sliders]
+        springs = [(slider.stiffness, slider.taken) for slider in structure.sliders]
         self._spring, self._taken = np.array(springs).reshape(-1, 2).T
         self._unit = structure.length_unit
         self.own = slice(len(elements.rows) - count, None)
@@ -33,12 +33,12 @@ class Sliders:
         along = (elements.reach == structure.slider_directions).all(axis=1)
         self.sign = np.where(along, 1.0, -1.0)
         takes = np.split(elements.guard[:, TAKES] > 0.0, elements.guards[1:-1])
-        self._takes = np.array([one.any() for one in takes], bool)
+        self._takes = np.array([some.any() for some in takes], bool)
         spans = np.split(np.arange(len(elements.guard)), elements.guards[1:-1])
         self._first = elements.first[self.own]
-        own = [spans[mode] for mode in self._first]
-        self._guards = np.concatenate([np.zeros(0, int), *own])
-        self._of = np.repeat(np.arange(count), [len(one) for one in own])
+        guards = [spans[mode] for mode in self._first]
+        self._guards = np.concatenate([np.zeros(0, int), *guards])
+        self._of = np.repeat(np.arange(count), [some.size for some in guards])
 
     def elongation(self, half: np.ndarray) -> np.ndarray:
         """Return y of each, or y' where `half` are the velocities of a state of the kernels."""
@@ -60,8 +60,8 @@ class Sliders:
         """Return p of each in a state, and by how much it has changed since it last stuck."""
         state, load = modes.state[..., self.own], self.load(modes.mode, modes.state)
         takes = self._takes[modes.mode[..., self.own]]
-        found = np.where(takes, load + self.elongation(z), state)
-        return found, np.abs(found - state)
+        plastic = np.where(takes, load + self.elongation(z), state)
+        return plastic, np.abs(plastic - state)
 
     def slips(self, z: np.ndarray, modes) -> np.ndarray:
         """Return whether p of each has changed by more than rounding since it last stuck."""

@@ -81,12 +81,11 @@ class StepTally:
         n = self._n
         tau = np.linspace(start, end, STEP_NODES)
         z = interpolant(tau)
-        own = self._tops(self._drifts, np.ones(len(self._drifts), bool), interpolant, tau, z)
-        self.peak_drift = max(self.peak_drift, float(own.max(initial=0.0)))
-        own = self._tops(self._watched, self._sides == 0, interpolant, tau, z)
-        own -= self._levels
+        drifts = self._tops(self._drifts, np.ones(len(self._drifts), bool), interpolant, tau, z)
+        self.peak_drift = max(self.peak_drift, float(drifts.max(initial=0.0)))
+        tops = self._tops(self._watched, self._sides == 0, interpolant, tau, z) - self._levels
         contacts = self._contacts
-        self.peaks[self._places] = np.maximum(self.peaks[self._places], own)
+        self.peaks[self._places] = np.maximum(self.peaks[self._places], tops)
         if self._accelerate is not None:
             accelerate = partial(self._accelerate, field)
             self._add_accelerations(interpolant, tau, z, accelerate)
@@ -139,13 +138,13 @@ class StepTally:
             k = int(values[i].argmax())
             left, right = max(k - 1, 0), min(k + 1, len(tau) - 1)
             if 2 * top - min(values[i, left], values[i, right]) > self.peaks[place]:
-                found = minimize_scalar(
+                peak = minimize_scalar(
                     lambda t, i=i: -abs(accelerate(t, interpolant(t))[i]),
                     bounds=(tau[left], tau[right]),
                     method="bounded",
                     options={"xatol": 1e-7 * (tau[-1] - tau[0])},
                 )
-                top = max(top, -found.fun)
+                top = max(top, -peak.fun)
             self.peaks[place] = max(self.peaks[place], top)
 
     def _add_impacts(self, k, interpolant, tau, past, speed):

@@ -94,7 +94,7 @@ class PeriodMap:
         """Return the states of the kernels at all ends, with modes and p of elements."""
         modes, size = self._shared.modes, n_periods * self._parts + 1
         z, plastic = np.split(self._units.into(self.state), [self._units.size])
-        held = [np.empty((size, one.size), one.dtype) for one in (z, *modes[:2])]
+        held = [np.empty((size, row.size), row.dtype) for row in (z, *modes[:2])]
         for begin in range(0, size - 1, self._parts):
             if plastic.size:
                 plastic = plastic if not begin else self._sliders.plastic(z, modes)[0]
@@ -115,12 +115,12 @@ class PeriodMap:
     def _over(self, z, first: int, last: int, share: float, points=None) -> int:
         """Advance z over parts of a period, or a share of one; return the outcome."""
         points = self._shared.no_points if points is None else points
-        own = first, last, share * self._shared.model.period
-        return march_record(self._packed, z, self._phases, self._amplitude, own, 0, points)[1]
+        parts = first, last, share * self._shared.model.period
+        return march_record(self._packed, z, self._phases, self._amplitude, parts, 0, points)[1]
 
     def crossings(self) -> "list[Crossing]":
         """Return the contacts that close and open in one forcing period, in order of time."""
-        structure, held, found = self.structure, self._through(1), list[Crossing]()
+        structure, held, changes = self.structure, self._through(1), list[Crossing]()
         contacts, modes = self._shared.model.contacts, self._shared.modes
 
         def distances(z: np.ndarray) -> np.ndarray:
@@ -135,8 +135,8 @@ class PeriodMap:
         for j, k in zip(*np.nonzero(beyond[1:] != beyond[:-1]), strict=True):
             share = brentq(distance, 0.0, 1.0, (j, k), xtol=AT_CROSSING)
             number = structure.contact_numbers[k]
-            found.append(Crossing(number, bool(beyond[j + 1, k]), (j + share) / self._parts))
-        return sorted(found, key=lambda one: one.phase)
+            changes.append(Crossing(number, bool(beyond[j + 1, k]), (j + share) / self._parts))
+        return sorted(changes, key=lambda change: change.phase)
 
 
 def trajectory(

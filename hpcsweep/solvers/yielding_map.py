@@ -56,7 +56,7 @@ class YieldingMap(FlowMap):
         super().__init__(structure, omega, rtol)
         self._sliders = Sliders(structure, self._shared.model.elements)
         self._units = SliderUnits(self._units, self._sliders, structure.length_unit)
-        self._strength = np.array([one.strength for one in structure.sliders])
+        self._strength = np.array([slider.strength for slider in structure.sliders])
         self._path = np.zeros(len(structure.sliders))
         self._excursions, self._slipping = np.zeros((2, len(structure.sliders)), int)
 
@@ -83,12 +83,12 @@ class YieldingMap(FlowMap):
             to_go[(e <= rounded) & (k >= 2 * p)] = 0.0
             distance[k % ring, p] = e
             close[p] = np.where(to_go <= settled, close[p] + 1, 0)
-            known = np.flatnonzero(close[1:] >= 2 * np.arange(1, ring) + 1)
-            if known.size:
-                last = int(known[0]) + 1
+            closed = np.flatnonzero(close[1:] >= 2 * np.arange(1, ring) + 1)
+            if closed.size:
+                last = int(closed[0]) + 1
                 shorter = (q for q in range(1, last) if last % q == 0 and e[q - 1] <= same)
-                found = next(shorter, last)
-                return Approach(self._units.out_of(z), k, 0, found, np.nan, Outcome.COMPLETE)
+                period = next(shorter, last)
+                return Approach(self._units.out_of(z), k, 0, period, np.nan, Outcome.COMPLETE)
         return Approach(self._units.out_of(z), n_periods, 0, 0, np.nan, Outcome.COMPLETE)
 
     def _place(self, z: np.ndarray) -> np.ndarray:
@@ -116,11 +116,11 @@ class YieldingMap(FlowMap):
         # drifts of the kernels are those of the structure, then elongations of sliders
         n, rows = len(structure.drift_rows), model.drift_rows.tolist()
         drifts = tally.peaks[: len(rows)] * structure.length_unit
-        own = [rows.index(row) for row in model.elements.rows[self._sliders.own].tolist()]
-        limits, periods = np.array([one.limit for one in structure.sliders]), len(seen.points)
+        slides = [rows.index(row) for row in model.elements.rows[self._sliders.own].tolist()]
+        limits, periods = np.array([slider.limit for slider in structure.sliders]), len(seen.points)
         change = (seen.points[-1] if periods else state) - np.asarray(state, float)
         slid = {
-            "ductility": drifts[own] / limits,
+            "ductility": drifts[slides] / limits,
             "slider_energy": self._strength * self._path * structure.length_unit / max(periods, 1),
             "plastic": change[2 * structure.n_floors :] / max(periods, 1),
             "excursions": self._excursions.copy(),
@@ -183,7 +183,7 @@ class YieldingMap(FlowMap):
         """Return the factor of a vector by which no slider's elastic elongation changes by much."""
         n = self.structure.n_floors
         change = np.abs(self.structure.slider_directions @ along[:n] - along[2 * n :])
-        limits = np.array([one.limit for one in self.structure.sliders])
+        limits = np.array([slider.limit for slider in self.structure.sliders])
         return float((ELASTIC * limits / np.maximum(change, np.finfo(float).tiny)).min())
 
     def _steps(self) -> np.ndarray:
@@ -191,9 +191,9 @@ class YieldingMap(FlowMap):
         units, n = self.structure.state_units, self.structure.n_floors
         steps = np.diag(units)
         steps[2 * n :, :n] = self.structure.slider_directions * units[:n]
-        limits = np.array([one.limit for one in self.structure.sliders])
-        own = np.minimum(units[2 * n :], ELASTIC / DIFFERENCE * limits)
-        steps[2 * n :, 2 * n :] = np.diag(own)
+        limits = np.array([slider.limit for slider in self.structure.sliders])
+        within = np.minimum(units[2 * n :], ELASTIC / DIFFERENCE * limits)
+        steps[2 * n :, 2 * n :] = np.diag(within)
         return steps
 
     def _tangent(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None):
@@ -203,9 +203,9 @@ class YieldingMap(FlowMap):
         middle = self._end(state, amplitude, n_periods, poll) / self.structure.state_units
         sticks = n + np.flatnonzero(self._path == 0.0)
         for size in (DIFFERENCE, *NARROW):
-            found = self._differences(state, amplitude, n_periods, middle, size * steps, poll)
-            if found is not None:
-                matrix = np.linalg.solve(size * steps.T, found.T).T
+            differences = self._differences(state, amplitude, n_periods, middle, size * steps, poll)
+            if differences is not None:
+                matrix = np.linalg.solve(size * steps.T, differences.T).T
                 matrix[sticks] = np.eye(len(matrix))[sticks]
                 return matrix
         raise ArithmeticError(
@@ -237,7 +237,7 @@ class YieldingMap(FlowMap):
         added = middle + 0.5 * along @ (above - below)
         wrong = end(state + steps @ along) - added, above + below - 2.0 * middle
         largest = SMOOTH * (float((steps / units[:, None]).max()) + np.abs(above - below).max())
-        if not max(np.abs(one).max() for one in wrong) <= largest:
+        if not max(np.abs(error).max() for error in wrong) <= largest:
             return None
         return 0.5 * (above - below).T * units[:, None]
 
@@ -247,7 +247,7 @@ class YieldingMap(FlowMap):
         Where it goes on it slips, so that p is not what the state says, but d -+ F / k.
         """
         rows, n = self.structure.slider_directions, self.structure.n_floors
-        limit = np.array([one.limit for one in self.structure.sliders])
+        limit = np.array([slider.limit for slider in self.structure.sliders])
         over = (rows @ state[:n] - state[2 * n :]) / limit
         return bool(np.any((np.abs(over) > 1.0) & (over * (rows @ state[n : 2 * n]) <= 0.0)))
 

@@ -71,7 +71,7 @@ def kernel_files(package: Path = PACKAGE) -> list[Path]:
     FileNotFoundError
         If a declared file does not exist: a moved file would keep running in its old form.
     """
-    found: list[Path] = []
+    listed: list[Path] = []
     for room in sorted(package.glob("*/__init__.py")):
         declared = DECLARED.search(room.read_bytes())
         for pattern in ast.literal_eval(declared[1].decode()) if declared else ():
@@ -79,8 +79,8 @@ def kernel_files(package: Path = PACKAGE) -> list[Path]:
             if not files:
                 path = room.parent / pattern
                 raise FileNotFoundError(f"kernels are made of {path}, which is not there")
-            found += files
-    return found
+            listed += files
+    return listed
 
 
 def _program_text(source: bytes) -> str:
@@ -89,7 +89,7 @@ def _program_text(source: bytes) -> str:
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):
-            node.body = [
+            node.body = [  # type: ignore[attr-defined]
                 line
                 for line in body
                 if not (isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant))
@@ -117,9 +117,9 @@ def source_hash() -> str:
     with global_compiler_lock:
         sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
         kept = cache_root() / "sources" / _hash(sources)
-        found = read_verified(kept)
-        if found is not None:
-            return found.decode()
+        content = read_verified(kept)
+        if content is not None:
+            return content.decode()
         made = _hash({name: _program_text(text).encode() for name, text in sources.items()})
         with contextlib.suppress(OSError):
             write_verified(kept, made.encode())
@@ -156,11 +156,11 @@ class KernelCache:
         """Return a compiled kernel; None if it is absent or damaged."""
         place = self._path(sig, target_context.codegen())
         for root in roots():
-            found = read_verified(root / place)
-            if found is not None:
-                if COUNTS_REFERENCES in found:
+            content = read_verified(root / place)
+            if content is not None:
+                if COUNTS_REFERENCES in content:
                     rtsys.initialize(target_context)
-                return CompileResult._rebuild(target_context, *pickle.loads(found))
+                return CompileResult._rebuild(target_context, *pickle.loads(content))
         return None
 
     def holds(self, sig, target_context) -> bool:
@@ -170,12 +170,12 @@ class KernelCache:
 
     def specialisations(self) -> frozenset[str]:
         """Return the keys of the cached specialisations, for any processor."""
-        found = set()
+        keys = set()
         for root in roots():
             folder = root / source_hash() / self._place
             for path in folder.glob(f"{specialised_name(self._function, '*')}-*{SUFFIX}"):
-                found.add(path.name.rpartition("-")[0][-KEY_LENGTH:])
-        return frozenset(found)
+                keys.add(path.name.rpartition("-")[0][-KEY_LENGTH:])
+        return frozenset(keys)
 
     def save_overload(self, sig, data):
         """Keep a compiled kernel where that is possible."""
@@ -186,10 +186,10 @@ class KernelCache:
         try:
             write_verified(cache_root() / place, content)
         except OSError as error:
-            kept, own = False, own_folder()
-            if own is not None:
+            kept, folder = False, own_folder()
+            if folder is not None:
                 with contextlib.suppress(OSError):
-                    write_verified(own / place, content)
+                    write_verified(folder / place, content)
                     kept = True
             say_unwritable(error.strerror or str(error), kept)
 

@@ -6,14 +6,14 @@ compiled as ``numba.njit`` does, with a cache of their own (`cache`).
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
-import numba
 from numba.core import types
 from numba.extending import typeof_impl
 
 from hpcsweep.kernels.compile.cache import PACKAGE, KernelCache
 from hpcsweep.kernels.compile.inline import KernelDispatcher
-from hpcsweep.kernels.simd.fallback import plain
+from hpcsweep.kernels.simd.fallback import PLAIN, plain
 
 
 class Kernel:
@@ -37,11 +37,11 @@ class Kernel:
     @functools.cached_property
     def cache(self) -> KernelCache | None:
         """Cache of the kernel, if it is one of this package."""
-        own = self.py_func.__module__.partition(".")[0] == PACKAGE.name
-        return KernelCache(self.py_func) if own else None
+        is_ours = self.py_func.__module__.partition(".")[0] == PACKAGE.name
+        return KernelCache(self.py_func) if is_ours else None
 
     @functools.cached_property
-    def dispatcher(self) -> KernelDispatcher:
+    def dispatcher(self) -> Any:
         """Compiler of the kernel."""
         return KernelDispatcher(self.py_func, self._options, self.cache)
 
@@ -62,7 +62,7 @@ def _compile(function=None, **options):
     """
     if function is None:
         return functools.partial(_compile, **options)
-    if numba.config.DISABLE_JIT:
+    if PLAIN:
         return plain(function)
     # numba would hand `forceinline` down to all that an `inlined` kernel calls
     return Kernel(function, {"error_model": "numpy", "forceinline": False, **options})

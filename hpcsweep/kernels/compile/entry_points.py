@@ -29,7 +29,7 @@ from numba.extending import lower_builtin
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.specialise import Specialisation, specialised_name
-from hpcsweep.kernels.simd.fallback import plain
+from hpcsweep.kernels.simd.fallback import PLAIN, plain
 
 BYTES = types.uint8[::1]
 FLOAT = types.float64
@@ -122,8 +122,8 @@ class EntryPoint:
         if self.inner:
             raise TypeError(f"{self.name} can be called by kernels alone")
         if not self._all_loaded:
-            for one in self._what_is_called():
-                one.load()
+            for entry in self._what_is_called():
+                entry.load()
             self._all_loaded = True
         return self.dispatcher(*arguments)
 
@@ -186,8 +186,8 @@ def with_called(*roots: Callable) -> list[EntryPoint]:
     Those `on_demand` are returned only if they are among the roots. Kernels that stay Python
     (NUMBA_DISABLE_JIT) call none.
     """
-    found = {one for one in roots if isinstance(one, EntryPoint)}
-    left = [one.py_func for one in found]
+    reached = {entry for entry in roots if isinstance(entry, EntryPoint)}
+    left = [entry.py_func for entry in reached]
     seen = set(left)
     while left:
         function = left.pop()
@@ -196,19 +196,19 @@ def with_called(*roots: Callable) -> list[EntryPoint]:
             if isinstance(called, EntryPoint):
                 if called.on_demand:
                     continue
-                found.add(called)
+                reached.add(called)
             inner = getattr(called, "py_func", None)
             if inner is not None and inner not in seen:
                 seen.add(inner)
                 left.append(inner)
-    return [one for one in ALL if one in found]
+    return [entry for entry in ALL if entry in reached]
 
 
 class _Specialised(EntryPoint):
     """Entry point specialised to sizes, called by Python and by others of these sizes."""
 
-    def __init__(self, one: EntryPoint, kernels: "SpecialisedKernels"):
-        function, key = one.py_func, kernels.specialisation.key
+    def __init__(self, entry: EntryPoint, kernels: "SpecialisedKernels"):
+        function, key = entry.py_func, kernels.specialisation.key
         again = python_types.FunctionType(
             function.__code__,
             function.__globals__,
@@ -219,9 +219,9 @@ class _Specialised(EntryPoint):
         again.__module__, again.__doc__ = function.__module__, function.__doc__
         # names the file of the kernel, and its LLVM function
         again.__qualname__ = specialised_name(function, key)
-        self.origin, self.specialisation, self._kernels = one, kernels.specialisation, kernels
-        super().__init__(again, one.result, one.arguments, one.inner, True, one.on_demand)
-        self.__name__ = one.__name__
+        self.origin, self.specialisation, self._kernels = entry, kernels.specialisation, kernels
+        super().__init__(again, entry.result, entry.arguments, entry.inner, True, entry.on_demand)
+        self.__name__ = entry.__name__
 
     def _declare(self, arguments) -> None:
         """Do nothing: kernels refer to the unspecialised one, see `specialise.rename_addresses`."""
@@ -230,7 +230,7 @@ class _Specialised(EntryPoint):
         return self._kernels.of(with_called(self.origin))
 
     def _compiling(self) -> contextlib.AbstractContextManager:
-        return self.specialisation.compiling(self._kernels.renamed)
+        return self._kernels.specialisation.compiling(self._kernels.renamed)
 
 
 class SpecialisedKernels:
@@ -248,18 +248,18 @@ class SpecialisedKernels:
 
     def __init__(self, specialisation: Specialisation):
         self.specialisation = specialisation
-        self._by_origin = {one: _Specialised(one, self) for one in ALL if one.specialises}
+        self._by_origin = {entry: _Specialised(entry, self) for entry in ALL if entry.specialises}
         self.renamed = {
-            one.symbol: specialised.symbol for one, specialised in self._by_origin.items()
+            entry.symbol: specialised.symbol for entry, specialised in self._by_origin.items()
         }
 
-    def __getitem__(self, one: EntryPoint) -> EntryPoint:
+    def __getitem__(self, entry: EntryPoint) -> EntryPoint:
         """Return a specialised kernel."""
-        return self._by_origin[one]
+        return self._by_origin[entry]
 
     def of(self, kernels: list[EntryPoint]) -> list[EntryPoint]:
         """Return the specialised ones of kernels, and those that cannot be specialised."""
-        return [self._by_origin.get(one, one) for one in kernels]
+        return [self._by_origin.get(entry, entry) for entry in kernels]
 
 
 def entry_point(result, *arguments, **options: bool):
@@ -269,7 +269,7 @@ def entry_point(result, *arguments, **options: bool):
     """
 
     def decorate(function):
-        if numba.config.DISABLE_JIT:
+        if PLAIN:
             return plain(function)
         return EntryPoint(function, result, arguments, **options)
 

@@ -10,6 +10,7 @@ private classes of numba, which is the reason for the upper bound on numba's ver
 
 import gc
 from functools import cached_property
+from typing import Any
 
 from llvmlite import binding, ir
 from llvmlite.binding import Linkage
@@ -66,7 +67,9 @@ class _WholeLibrary(JITCodeLibrary):
             if isinstance(library, _InlineLibrary):
                 library.link_into(self._final_module)
         specialise.rename_addresses(self._final_module)
-        self._linking_libraries = [one for one in called if not isinstance(one, _InlineLibrary)]
+        self._linking_libraries = [
+            library for library in called if not isinstance(library, _InlineLibrary)
+        ]
         super().finalize()
 
     def _optimize_final_module(self):
@@ -197,7 +200,7 @@ class KernelDispatcher(CPUDispatcher):
             self._cache = cache
 
     @cached_property
-    def _part(self) -> _InlineDispatcher:
+    def _part(self) -> Any:
         options = self.targetoptions | {"no_cpython_wrapper": True}
         return _InlineDispatcher(self.py_func, targetoptions=options, pipeline_class=_PART)
 

@@ -45,7 +45,7 @@ def part(kind: type) -> Any:
     return kind
 
 
-def allocate(kind: Any, sizes: dict[str, int], **given) -> Any:
+def allocate(kind: Any, sizes: dict[str, int], **fields) -> Any:
     """Return a named tuple of a kind with the arrays that its defaults declare.
 
     Parameters
@@ -53,18 +53,18 @@ def allocate(kind: Any, sizes: dict[str, int], **given) -> Any:
     kind : type
     sizes : dict
         Lengths by the names that declared shapes have for them.
-    **given
+    **fields
         Fields that are not as declared.
     """
     for name, declared in kind._field_defaults.items():
-        if name in given:
+        if name in fields:
             continue
         if isinstance(declared, Zeros):
             shape = (sizes[size] if isinstance(size, str) else size for size in declared.shape)
-            given[name] = Zeros(tuple(shape), declared.dtype)
+            fields[name] = Zeros(tuple(shape), declared.dtype)
         elif isinstance(declared, type):
-            given[name] = allocate(declared, sizes)
-    return kind(**given)
+            fields[name] = allocate(declared, sizes)
+    return kind(**fields)
 
 
 def next_place(place: int, n_bytes: int) -> int:
@@ -75,8 +75,8 @@ def next_place(place: int, n_bytes: int) -> int:
 def _leaves(value) -> Iterator[Any]:
     """Yield the arrays and the numbers of a tuple of such, in order."""
     if isinstance(value, tuple):
-        for one in value:
-            yield from _leaves(one)
+        for field in value:
+            yield from _leaves(field)
     else:
         yield value
 
@@ -87,8 +87,8 @@ def _maker(value) -> Callable[[Iterator], Any]:
         return next
     if not isinstance(value, tuple):
         return lambda _: value
-    parts = [_maker(one) for one in value]
-    make = type(value)._make if hasattr(value, "_fields") else tuple
+    parts = [_maker(field) for field in value]
+    make: Any = getattr(type(value), "_make", tuple)
     return lambda others: make([part(others) for part in parts])
 
 
@@ -113,7 +113,10 @@ class Pattern:
         self._make = _maker(value)
         leaves = list(_leaves(value))
         sizes = [1 + len(leaf.shape) if hasattr(leaf, "shape") else 1 for leaf in leaves]
-        words, self._arrays, self._given, self._numbers = [], [], [], []
+        words: list[int] = []
+        self._arrays: list[tuple] = []
+        self._given: list[tuple] = []
+        self._numbers: list[tuple] = []
         place = next_place(0, 8 * sum(sizes))
         for index, leaf in enumerate(leaves):
             if not isinstance(leaf, np.ndarray | Zeros):

@@ -91,11 +91,11 @@ def known_words(builder, kind):
     """Return the address of the words of arrays where they are known, as constants; else None."""
     if _current is None or _current[0].kind != kind:
         return None
-    known = _current[0]
-    name = f"words of {known.key}"
+    sizes = _current[0]
+    name = f"words of {sizes.key}"
     if name not in builder.module.globals:
-        form = ir.ArrayType(ir.IntType(64), len(known.words))
+        form = ir.ArrayType(ir.IntType(64), len(sizes.words))
         constants = ir.GlobalVariable(builder.module, form, name)
         constants.global_constant, constants.linkage = True, "internal"
-        constants.initializer = form(known.words)
+        constants.initializer = form(sizes.words)
     return builder.module.globals[name]

@@ -30,7 +30,7 @@ def processors() -> int:
 
 def missing(wanted: list[EntryPoint]) -> list[EntryPoint]:
     """Return the kernels that are not compiled yet."""
-    return [one for one in wanted if not one.is_loaded and not one.is_kept]
+    return [kernel for kernel in wanted if not kernel.is_loaded and not kernel.is_kept]
 
 
 def load_all(
@@ -60,23 +60,23 @@ def load_all(
         for done, _ in enumerate(_compile(lost, jobs), 1):
             if tell is not None:
                 tell(done, len(lost))
-    for one in wanted:
-        one.load()
+    for kernel in wanted:
+        kernel.load()
 
 
 def _compile(lost: list[EntryPoint], jobs: int) -> Iterator[EntryPoint]:
     """Compile kernels; yield each when it is ready."""
     groups = _groups(lost)
-    left = [one for group in groups for one in group]
+    left = [kernel for group in groups for kernel in group]
     if min(jobs, len(groups)) > 1:
         # without processes, or if one is killed for lack of memory, this one goes on alone
         with contextlib.suppress(BrokenProcessPool, OSError, NotImplementedError):
-            for one in _compile_side_by_side(groups, min(jobs, len(groups))):
-                left.remove(one)
-                yield one
-    for one in list(left):
-        _load(one)
-        yield one
+            for kernel in _compile_side_by_side(groups, min(jobs, len(groups))):
+                left.remove(kernel)
+                yield kernel
+    for kernel in list(left):
+        _load(kernel)
+        yield kernel
 
 
 def _groups(lost: list[EntryPoint]) -> list[list[EntryPoint]]:
@@ -84,10 +84,10 @@ def _groups(lost: list[EntryPoint]) -> list[list[EntryPoint]]:
 
     They share most of their inlined parts, which a process types and lowers once.
     """
-    found: dict[str, list[EntryPoint]] = {}
-    for one in reversed(lost):
-        found.setdefault(one.__module__, []).append(one)
-    return sorted(found.values(), key=len, reverse=True)
+    by_module: dict[str, list[EntryPoint]] = {}
+    for kernel in reversed(lost):
+        by_module.setdefault(kernel.__module__, []).append(kernel)
+    return sorted(by_module.values(), key=len, reverse=True)
 
 
 def _compile_side_by_side(groups: list[list[EntryPoint]], jobs: int) -> Iterator[EntryPoint]:
@@ -101,23 +101,23 @@ def _compile_side_by_side(groups: list[list[EntryPoint]], jobs: int) -> Iterator
         waiting: dict[Future, tuple[EntryPoint, ProcessPoolExecutor]] = {}
 
         def hand_out(pool: ProcessPoolExecutor) -> None:
-            for one in queue.pop(0) if queue else ():
-                named = one.__module__, one.__name__
-                waiting[pool.submit(_compile_named, *named, one.specialisation)] = one, pool
+            for kernel in queue.pop(0) if queue else ():
+                named = kernel.__module__, kernel.__name__
+                waiting[pool.submit(_compile_named, *named, kernel.specialisation)] = kernel, pool
 
         for pool in pools:
             hand_out(pool)
         while waiting:
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                one, pool = waiting.pop(future)
+                kernel, pool = waiting.pop(future)
                 for text in future.result():
                     folders.say_once(text)
-                if not one.is_kept:
+                if not kernel.is_kept:
                     # the disk is full: kernels compiled by another process cannot be passed on
                     for each in pools:
                         each.shutdown(cancel_futures=True)
                     return
-                yield one
+                yield kernel
                 if all(owner is not pool for _, owner in waiting.values()):
                     hand_out(pool)
 
@@ -133,17 +133,17 @@ _unsaid: list[str] = []
 
 def _compile_named(module: str, name: str, specialisation: Specialisation | None) -> list[str]:
     """Compile a kernel into the cache; return messages about the cache."""
-    one = getattr(importlib.import_module(module), name)
+    kernel = getattr(importlib.import_module(module), name)
     gc.freeze()  # modules and earlier kernels stay
-    _load(one if specialisation is None else SpecialisedKernels(specialisation)[one])
+    _load(kernel if specialisation is None else SpecialisedKernels(specialisation)[kernel])
     return _unsaid
 
 
-def _load(one: EntryPoint) -> None:
+def _load(kernel: EntryPoint) -> None:
     """Load a kernel with rarer garbage collection: numba creates many objects and drops few."""
     thresholds = gc.get_threshold()
     gc.set_threshold(COLLECTED_AFTER, *thresholds[1:])
     try:
-        one.load()
+        kernel.load()
     finally:
         gc.set_threshold(*thresholds)

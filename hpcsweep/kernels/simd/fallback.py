@@ -9,8 +9,12 @@ sums are in another order, and the exponential is numpy's.
 import functools
 
 import numpy as np
+from numba import config
 
 from hpcsweep.kernels.simd import LANES
+
+PLAIN: bool = config.DISABLE_JIT  # type: ignore[attr-defined]
+"""Whether kernels stay Python."""
 
 
 def plain(function):
@@ -25,7 +29,7 @@ def plain(function):
         with np.errstate(all="ignore"):
             return _ieee(function(*map(_ieee, arguments), **named))
 
-    called.py_func = function
+    called.py_func = function  # type: ignore[attr-defined]
     return called
 
 
@@ -131,7 +135,7 @@ def switches(y):
     return np.where(y >= 0.0, 1.0, t) / (1.0 + t)
 
 
-def read(packed: tuple) -> tuple:
+def read(packed):
     """Return an unpacked tuple unchanged, with numpy numbers."""
     if isinstance(packed, tuple):
         return type(packed)(*map(read, packed))

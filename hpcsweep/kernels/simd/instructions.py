@@ -38,8 +38,8 @@ def everywhere(builder, value):
     if not isinstance(value, ir.Value):
         return ir.Constant(VECTOR, [value] * LANES)
     undefined = ir.Constant(VECTOR, ir.Undefined)
-    one = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
-    return _shuffled(builder, one, undefined, [0] * LANES)
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    return _shuffled(builder, first, undefined, [0] * LANES)
 
 
 def _shuffled(builder, first, second, lanes: list[int]):
@@ -87,22 +87,22 @@ def instruction(result, *declared) -> Callable:
     """
 
     def decorate(write: Callable):
-        def typed(typingctx, *given):
+        def typed(typingctx, *types_of_arguments):
             del typingctx
             kinds = [
-                own if kind is ANY or (kind is SPREAD and own == LANES_TYPE) else kind
-                for kind, own in zip(declared, given, strict=True)
+                actual if kind is ANY or (kind is SPREAD and actual == LANES_TYPE) else kind
+                for kind, actual in zip(declared, types_of_arguments, strict=True)
             ]
             kinds = [NUMBER if kind is SPREAD else kind for kind in kinds]
             return (types.void if result is None else result)(*kinds), generate
 
         def generate(context, builder, signature, arguments):
-            given = []
-            for kind, own, value in zip(declared, signature.args, arguments, strict=True):
-                if isinstance(own, types.Array):
-                    value = context.make_array(own)(context, builder, value).data
-                given.append(_spread(builder, own, value) if kind is SPREAD else value)
-            written = write(builder, *given)
+            values = []
+            for kind, actual, value in zip(declared, signature.args, arguments, strict=True):
+                if isinstance(actual, types.Array):
+                    value = context.make_array(actual)(context, builder, value).data
+                values.append(_spread(builder, actual, value) if kind is SPREAD else value)
+            written = write(builder, *values)
             return context.get_dummy_value() if result is None else written
 
         typed.__doc__, typed.__name__ = write.__doc__, write.__name__
@@ -258,13 +258,13 @@ def _combined(builder, out, o, init, i, scale, table, t, stride, x, s, n, moduli
     total, odd = (cgutils.alloca_once(builder, VECTOR) for _ in range(2))
     builder.store(builder.load(_lanes(builder, init, i), align=8), total)
     builder.store(everywhere(builder, 0.0), odd)
-    one = ir.Constant(n.type, 1)
-    with cgutils.for_range(builder, builder.lshr(n, one)) as loop:
-        even = builder.shl(loop.index, one)
+    unit = ir.Constant(n.type, 1)
+    with cgutils.for_range(builder, builder.lshr(n, unit)) as loop:
+        even = builder.shl(loop.index, unit)
         add(even, total)
-        add(builder.add(even, one), odd)
+        add(builder.add(even, unit), odd)
     with builder.if_then(builder.trunc(n, ir.IntType(1))):
-        add(builder.sub(n, one), total)
+        add(builder.sub(n, unit), total)
     builder.store(builder.fadd(builder.load(total), builder.load(odd)), total)
     builder.store(builder.load(total), _lanes(builder, out, o), align=8)
 
@@ -320,6 +320,6 @@ def switches(builder, y):
     t = builder.fmul(t, builder.bitcast(power, VECTOR))
     tiny = builder.fcmp_ordered(">=", size, fill(MAX_EXPONENT))
     t = builder.select(tiny, fill(0.0), t)
-    one = fill(1.0)
+    unit = fill(1.0)
     positive = builder.fcmp_ordered(">=", y, fill(0.0))
-    return builder.fdiv(builder.select(positive, one, t), builder.fadd(one, t))
+    return builder.fdiv(builder.select(positive, unit, t), builder.fadd(unit, t))

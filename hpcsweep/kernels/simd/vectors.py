@@ -6,14 +6,12 @@ NUMBA_DISABLE_JIT=1 they are numpy functions (`fallback`), the kernels run as pl
 index out of bounds is an error.
 """
 
-from numba import config
+from typing import Any
 
 from hpcsweep.kernels.simd import LANES as LANES
+from hpcsweep.kernels.simd import fallback, instructions
 
-if config.DISABLE_JIT:
-    from hpcsweep.kernels.simd import fallback as _operations
-else:
-    from hpcsweep.kernels.simd import instructions as _operations
+_operations: Any = fallback if fallback.PLAIN else instructions
 
 combine = _operations.combine
 combine_moduli = _operations.combine_moduli

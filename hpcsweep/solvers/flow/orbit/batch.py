@@ -105,9 +105,9 @@ def new_run(
 def new_orbits(n_runs: int, n: int, max_period: int, tally: Tally | None = None) -> Orbits:
     """Allocate the results of runs, of measures if a tally of them is given."""
     peaks, impacts = ((0,), (0, 0)) if tally is None else (tally.peaks.shape, tally.impacts.shape)
-    whole = [np.zeros(n_runs, np.int64) for _ in range(4)]
+    whole = np.zeros(n_runs, np.int64)
     return Orbits(
-        *whole,
+        *(whole, whole.copy(), whole.copy(), whole.copy()),
         multiplier=np.full(n_runs, math.nan),
         points=np.full((n_runs, max_period, 2 * n), math.nan),
         contact=np.zeros(n_runs, np.uint64),

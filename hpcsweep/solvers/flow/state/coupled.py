@@ -23,7 +23,7 @@ class Coupled(NamedTuple):
     """... C, S and S' at the end."""
     powers: np.ndarray = zeros("levels", "modes", 2, N_POWERS)
     """Terms of S and S'."""
-    count: np.ndarray = zeros(1, dtype=int)
+    count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     """Number of responses."""
     place: np.ndarray = zeros("levels", "m", "m", dtype=int)
     """1 + that of the response of a contact to the force of another, 0 if there is none ..."""

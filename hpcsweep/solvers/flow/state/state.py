@@ -183,7 +183,7 @@ class Segment(NamedTuple):
     kind: int
     key: np.uint64
     """Contact set."""
-    index: int
+    index: int  # type: ignore[assignment]
     """Of its table."""
     h: float
     """Length of a full step."""

@@ -160,7 +160,7 @@ FEW = 3
 class Strides(NamedTuple):
     """Strides of free flight, see `linear.strides`: tables by their length, and workspace."""
 
-    count: np.ndarray = zeros(1, dtype=int)
+    count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     """Number of lengths, 0 before there are tables."""
     steps: np.ndarray = zeros("strides", 2, "2+2H", "modes")
     """By how much coordinates, then speeds, change by those of the start and the pairs."""
@@ -274,7 +274,7 @@ class Tables(NamedTuple):
 
     spectrum: Spectrum
     strides: Strides = part(Strides)
-    count: np.ndarray = zeros(1, dtype=int)
+    count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     keys: np.ndarray = zeros("T", dtype=np.uint64)
     h: np.ndarray = zeros("T")
     step: np.ndarray = zeros("T", "tabled N", "padded 2R")
@@ -317,7 +317,7 @@ class Responses(NamedTuple):
 
     place: np.ndarray
     """(T, m, LEVELS) int: table of a contact set, contact and length, or -1."""
-    count: np.ndarray = zeros(1, dtype=int)
+    count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     linear: np.ndarray = zeros(CAPACITY, "tabled N", N_NODES)
     """The displacement of the contact at the nodes, column k per x_k."""
     response: np.ndarray = zeros(CAPACITY, N_NODES, N_NODES)

@@ -93,7 +93,7 @@ class SeriesWorkspace(NamedTuple):
     """... and for the empty one."""
     terms: np.ndarray = zeros(N_TERMS, "padded R+padded R")
     """Term k of all rows of y, then of y' ..."""
-    count: np.ndarray = zeros(1, dtype=int)
+    count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     """... and how many there are."""
     x: np.ndarray = zeros("N")
     a: np.ndarray = zeros("padded R")
@@ -109,7 +109,7 @@ class SpectralWorkspace(NamedTuple):
 
     terms: np.ndarray = zeros(2, N_CLOSED, "2 modes")
     """Terms of modal coordinates, then of their speeds, of a step, and of a tangent vector."""
-    count: np.ndarray = zeros(2, dtype=int)
+    count: np.ndarray = zeros(2, dtype=int)  # type: ignore[assignment]
     """How many there are, and 1 where the bounds of all rows are those of this step."""
     start: np.ndarray = zeros("2 modes")
     """The modes of a state, ..."""

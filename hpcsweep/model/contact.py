@@ -4,11 +4,10 @@ At a distance x past a stop the force beta S(rho x) x pushes back, S the sigmoid
 every form: for numbers, for `Lanes` of kernels, and with its derivative.
 `reference` has a form of its own, to be independent.
 
-The force depends on the position alone (`Contacts.is_elastic`). Two fast methods of the flow map
-rely on that, and decline by themselves where it does not hold, so that every layer is collocated:
-passages in closed form, fast ones by their energy and slow ones by the rule for their force
-(`flow.passage.passage.pass_layer`), and steps with one contact alone in its layer
-(`flow.layer.solitary.step`). Collocation evaluates the force at a state, whatever it depends on.
+The force depends on the position alone (`Contacts.is_elastic`). Passages in closed form, by their
+energy (`flow.passage.passage.pass_layer`), and steps with a few contacts in their layers
+(`flow.layer.volterra`) rely on that. Collocation evaluates the force at a state, whatever it
+depends on.
 
 With a dashpot (`hpcsweep.model.dashpot`) it depends on the speed, too, and jumps where the
 contact closes. Such a contact is sharp, and its motion is linear from one change of the contact to

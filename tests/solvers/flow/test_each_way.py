@@ -124,16 +124,21 @@ WAYS = {
         lambda: motion(Structure(3, 1000.0, 1e4, 0.0), 2 * math.pi, 0.02, FAST),
         IN_LAYER,
     ),
-    "solitary layers": Way(
-        "equation.take_step equation.solitary_tangent step.dense_output",
+    "one contact in its layer": Way(
+        "equation.take_step equation.step_tangent output.write_part",
         lambda: motion(
             Structure(3, 1000.0, 1e4, 0.05), 2 * math.pi, 0.02, SLOW - 0.09 * EIGHT[5, :6]
         ),
         IN_LAYER,
     ),
+    "soft layers": Way(
+        "step.volterra_steps tables.have_part measures.measure_layer_step",
+        lambda: motion(of(STOPS, sharpness=20.0), 18.0),
+        IN_LAYER,
+    ),
     "collocation": Way(
         "scheme.collocate variations.layer_tangent measures.measure_layer_step",
-        lambda: motion(of(STOPS, sharpness=20.0), 18.0),
+        lambda: motion(of(STOPS, sharpness=20.0, damping=COUPLED), 18.0),
         IN_LAYER,
     ),
     "dashpots": Way(
@@ -200,7 +205,7 @@ WAYS = {
         in_modes=True,
     ),
     "coupled layers": Way(
-        "equation.coupled_tangent output.write_part",
+        "equation.step_tangent output.write_part",
         lambda: motion(of(STOPS, sharpness=400.0), 9.0, 9.0),
         IN_LAYER,
         in_modes=True,

@@ -77,7 +77,6 @@ def test_a_structure_of_other_sizes_has_other_kernels():
     assert {kernel.name for kernel in one if kernel.specialisation is None} == {
         "hpcsweep.solvers.free.is_free",
         "hpcsweep.solvers.flow.linear.step.lookup",
-        "hpcsweep.solvers.flow.layer.solitary.equation.build_response",
     }
 
 

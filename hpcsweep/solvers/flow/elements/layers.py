@@ -16,7 +16,7 @@ error of 1e-8; on these the guard that is passed first is found as everywhere, a
 there, exactly, is taken in place of the last. A change of a slider does not move the state, nor
 (u, u') that of its force: the next step begins where it ended.
 
-Neither passages in closed form nor solitary steps know sliders: all steps are collocated. Contacts
+Neither passages in closed form nor steps in modes know sliders: all steps are collocated. Contacts
 are all within their layers, as far as guards go; which are is looked at when the step has ended.
 """
 
@@ -189,7 +189,7 @@ def visit_layers(packed, interval, z, amplitude, wanted):
                 observe_layer_step(segment, z, wanted, shared)
             if wanted & ANY_MEASURE:
                 step = (begun, h, amplitude, before, ground)
-                measure_layer_step(packed, step, z, wanted, 0)
+                measure_layer_step(packed, step, wanted)
             if wanted & ENERGY:
                 energies_on_segment(segment, h, model, shared.tables, work, shared.tally)
         else:

@@ -3,8 +3,8 @@
 Interface of a layer integrator
 -------------------------------
 A visit, `visit.visit_layer`, takes steps from the edge of a layer until no contact is inside its
-layer. With only one contact inside, they are those of `solitary`; otherwise it needs five things of
-the scheme, here Gauss collocation:
+layer. They are those of `volterra` where damping couples no modes and few contacts are inside;
+otherwise it needs five things of the scheme, here Gauss collocation:
 
 - step: `scheme.collocate` takes a step of length h from a state and its accelerations and leaves
   its stages in ``work.layer``; it may decline (False), and h is halved;
@@ -12,8 +12,8 @@ the scheme, here Gauss collocation:
 - error: `error.quadrature_error` measures the error of that state, relative to max(1, |z|), of a
   known order in h (`visit.shortening`); it is a bound or an estimate from above;
 - dense output: its stages give the polynomials of rows and what bounds them (`linear.step`), from
-  which maxima, peaks and impacts are taken as on a linear step (`measures`), of a solitary step in
-  halves (`solitary.step`) where it may change them;
+  which maxima, peaks and impacts are taken as on a linear step (`measures`); those of parts of a
+  step of `volterra` are given likewise (`volterra.output`);
 - tangent: `variations.layer_tangent` multiplies a matrix by the derivative of the map from start to
   end of the step, the same map as that of `finish`.
 

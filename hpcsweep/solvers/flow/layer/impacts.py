@@ -32,11 +32,11 @@ MAX_CHANGES = 16
 
 
 @inlined
-def impacts_in_layer(segment, alone, shared):
+def impacts_in_layer(segment, shared):
     """Add the impacts of the present step: the force by the rule of its stages.
 
     A contact too soft for the motion, to which steps are fitted, to feel what the rule misses is
-    integrated along its polynomial; that of the contact `alone` is known.
+    integrated along its polynomial.
     """
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     contacts, stage, h = model.contacts, work.layer, segment.h
@@ -46,7 +46,7 @@ def impacts_in_layer(segment, alone, shared):
         if stage.active[k] == 2 and stage.missed[k] > contacts.beta[k] * missed:
             expand(contacts.row[k], segment, tables, work)
             tally.impacts[FORCE, k] += _integral_of_force(k, h, model, work.rows)
-        elif stage.active[k] > 0 and k != alone:
+        elif stage.active[k] > 0:
             forces = contact_forces(distances(k, stage.u, contacts), 1.0, model.rho)
             tally.impacts[FORCE, k] += h * total(load(WEIGHTS, 0) * forces)
         if distance(k, work.x, contacts) >= 0.0:

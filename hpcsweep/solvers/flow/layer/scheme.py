@@ -9,7 +9,7 @@ nearest pole p lies: |p| + |p - L| = E L / 2 with E = kappa + 1 / kappa. Hence::
 
     L = (E |p| - 2 Re p) / (E^2 / 4 - 1).
 
-In y, counted from where the step starts, p = -y + i pi; in time see `solitary.plan`.
+In y, counted from where the step starts, p = -y + i pi; in time see `volterra.plan`.
 
 Motion while a contact is inside its layer: Gauss collocation of order 16
 -------------------------------------------------------------------------

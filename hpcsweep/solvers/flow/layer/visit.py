@@ -1,7 +1,7 @@
 """Visit the layer: take steps until no contact is inside its layer, and choose their lengths.
 
-A step with one contact alone in its layer is that of `solitary`, with several, or of a structure
-without tables, that of `coupled`; all others are collocated. These have two limits.
+Where damping couples no modes, and few contacts are in their layers, steps are those of `volterra`;
+all others are collocated. These have two limits.
 
 - The poles of the sigmoid (`limits`), with kappa + 1 / kappa = `ELLIPSE`.
   The force has the size beta / rho, so that kappa^-16 = 2e-12 leaves a velocity error of
@@ -29,8 +29,6 @@ from hpcsweep.kernels.compile.entry_points import (
     entry_point,
     type_of,
 )
-from hpcsweep.solvers.flow.layer.coupled.output import write_part
-from hpcsweep.solvers.flow.layer.coupled.step import GOING, LEVEL, coupled_steps, steps_in_modes
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step, observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
     accelerations_at_stages,
@@ -41,12 +39,24 @@ from hpcsweep.solvers.flow.layer.scheme import (
     reach,
     stiffness_up_to,
 )
-from hpcsweep.solvers.flow.layer.solitary.step import solitary_step
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
+from hpcsweep.solvers.flow.layer.volterra.output import write_part
+from hpcsweep.solvers.flow.layer.volterra.step import (
+    CONTACTS,
+    GOING,
+    LEVEL,
+    steps_in_modes,
+    volterra_steps,
+)
 from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
 from hpcsweep.solvers.flow.linear.step import layer_segment
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
-from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared, wants_norms
+from hpcsweep.solvers.flow.state.shared import (
+    ANY_MEASURE,
+    IMPACTS,
+    NO_TALLY,
+    read_shared,
+)
 from hpcsweep.solvers.flow.state.state import (
     accelerations,
     approach_speed,
@@ -181,46 +191,38 @@ def collocated_step(interval, most, z, amplitude, shared):
     return h, STEP_LIMIT, interval.steps_left
 
 
-@inlined
-def _step_of_rows(h, interval, most, z, amplitude, wanted, shared):
-    """Complete a solitary step of length h, or, if that is 0, take one as `collocated_step`."""
-    model, work = shared.model, shared.work
-    if not h > 0.0:
-        return collocated_step(interval, most, z, amplitude, shared)
-    if wanted != NO_TALLY:
-        accelerations_at_stages(interval.tau, h, z, amplitude, work.forcing, model, work)
-    return h, COMPLETE, 1
+DENSE = (1e-7, 1e-9)
+"""Relative errors of forces along the polynomials of a whole step in modes, and of its halves."""
+SEEN, MEASURED = 1e-10, 1e-12
+"""Allowed errors of displacements for contact set, drift and norms, of speeds for measures."""
 
 
 @inlined
-def _gather(packed, step, z, wanted, kind, shared):
-    """Gather what is wanted of a step; arguments of `measure_layer_step`."""
-    if wanted != NO_TALLY:
-        observe_layer_step(layer_segment(step[0], step[1]), z, wanted, shared)
-    if wanted & ANY_MEASURE:
-        measure_layer_step(packed, step, z, wanted, kind)
-
-
-@inlined
-def _parts_for(wanted):
-    """Return into how many parts a step in modes is cut for what is wanted, see `output`."""
-    return 4 if wanted & ANY_MEASURE or wants_norms(wanted) else 2
+def _parts_for(wanted, h, shared):
+    """Return into how many parts a step in modes of length h is cut for what is wanted."""
+    own, contacts, most = shared.volterra, shared.model.contacts, 0.0
+    for i in range(own.last[CONTACTS]):
+        most = max(most, contacts.beta[own.which[i]])
+    pull = most / shared.model.rho * h
+    error = pull / MEASURED if wanted & ANY_MEASURE else pull * h / SEEN
+    if error * DENSE[0] <= 1.0:
+        return 1
+    return 2 if error * DENSE[1] <= 1.0 else 4
 
 
 @kernel
-def _begin_part(part, n_parts, tau, h, z, amplitude, shared):
-    """Write a part, of length h, of the step of `coupled_steps`, as a collocated one."""
-    model, work, own = shared.model, shared.work, shared.coupled
-    spectrum, stage = shared.tables.spectrum, work.layer
-    forcing_at(tau, amplitude, model, work.forcing, 0)
-    place, level = n_parts - 2 + part, own.last[LEVEL]
-    write_part(place, n_parts * h, level, spectrum, own, stage.u, stage.v)
+def _begin_part(part, n_parts, tau, h, z, amplitude, wanted, shared):
+    """Write a part, of length h, of the step of `volterra_steps`, as a collocated one."""
+    model, work, own = shared.model, shared.work, shared.volterra
+    spectrum, stage, level = shared.tables.spectrum, work.layer, own.last[LEVEL]
+    write_part(n_parts - 1 + part, n_parts * h, level, model, spectrum, own, stage.u, stage.v)
     accelerations_at_stages(tau, h, z, amplitude, work.forcing, model, work)
     if part < n_parts - 1:
         finish(h, z, stage.g, work.z_end)
     else:
         copy_state(own.end, work.z_end)
-    quadrature_error(h, z, model, stage)
+    if wanted & IMPACTS:
+        quadrature_error(h, z, model, stage)
 
 
 @entry_point(
@@ -257,55 +259,50 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     accelerations(ground, z, model, work.a)
     most = longest_step(model)
     modal = steps_in_modes(shared)
-    shared.coupled.last[GOING] = 0
+    own = shared.volterra
+    own.last[GOING] = 0
     steps = 0
     while True:
-        left = end - tau
-        if steps == steps_left:
+        left, room = end - tau, steps_left - steps
+        if room == 0:
             return tau, STEP_LIMIT, steps
-        h = solitary_step(left, z, wanted, tangent, packed)
-        solitary, parted, after, n_parts = h > 0.0, False, tau, 1
-        if modal and not solitary:
-            room = steps_left - steps
-            after, h, used = coupled_steps(packed, tau, end, room, z, amplitude, wanted, tangent)
-            steps += used
-            parted = used > 0 and wanted != NO_TALLY
-            if used > 0 and not parted:
-                tau, ground = after, total_forcing(pairs, 0, model)
-                accelerations(ground, z, model, work.a)
-                if not is_ordinary(z):
-                    return tau, NON_FINITE, steps
-                if tau >= end or not inside_layer(z, model):
-                    return tau, COMPLETE, steps
-                continue
-        if parted:
-            n_parts = _parts_for(wanted)
+        after, h, used, n_parts = tau, 0.0, 0, 1
+        if modal:
+            after, h, used = volterra_steps(packed, tau, end, room, z, amplitude, wanted, tangent)
+        parted = used > 0
+        if parted and wanted == NO_TALLY:
+            tau, ground, n_parts = after, total_forcing(pairs, 0, model), 0
+            accelerations(ground, z, model, work.a)
+        elif parted:
+            n_parts = _parts_for(wanted, h, shared)
             h /= n_parts
         else:
-            shared.coupled.last[GOING] = 0
-            interval = Interval(tau, end, steps_left - steps)
-            h, outcome, used = _step_of_rows(h, interval, most, z, amplitude, wanted, shared)
-            steps += used
+            own.last[GOING] = 0
+            interval = Interval(tau, end, room)
+            h, outcome, used = collocated_step(interval, most, z, amplitude, shared)
             if outcome != COMPLETE:
-                return tau, outcome, steps
+                return tau, outcome, steps + used
+        steps += used
         for part in range(n_parts):
             if parted:
-                _begin_part(part, n_parts, tau, h, z, amplitude, shared)
+                _begin_part(part, n_parts, tau, h, z, amplitude, wanted, shared)
             begun, before = tau, ground
             tau = end if h >= left else tau + h
             forcing_after(h, tau, amplitude, pairs, 0, model, pairs)
             if parted and part == n_parts - 1:
                 tau = after
-                copy_state(shared.coupled.pairs, pairs)
+                copy_state(own.modes[own.modes.shape[0] - pairs.shape[0] :], pairs)
             ground = total_forcing(pairs, 0, model)
             accelerations(ground, work.z_end, model, work.a_end)
-            step = (begun, h, amplitude, before, ground)
-            _gather(packed, step, z, wanted, int(solitary), shared)
-            if tangent.shape[1] > 0 and not (solitary or parted):
+            if wanted != NO_TALLY:
+                observe_layer_step(layer_segment(begun, h), z, wanted, shared)
+            if wanted & ANY_MEASURE:
+                measure_layer_step(packed, (begun, h, amplitude, before, ground), wanted)
+            if tangent.shape[1] > 0 and not parted:
                 layer_tangent(h, model, work.layer, tangent)
             copy_state(work.z_end, z)
-            if not is_ordinary(z):
-                return tau, NON_FINITE, steps
             copy_state(work.a_end, work.a)
+        if not is_ordinary(z):
+            return tau, NON_FINITE, steps
         if tau >= end or not inside_layer(z, model):
             return tau, COMPLETE, steps

@@ -1,13 +1,5 @@
 """Build the table of a contact set: the propagators of `tables`, from its generator M.
 
-Effect of an impulse
---------------------
-
-With x' = M x of `tables` and e the unit impulse of a contact at time 0 (it moves velocities,
-d . e = 1)::
-
-    exp(M s) e = sum_k s^k M^k e / k!
-
 Loops
 -----
 All loops are our own, in a workspace: calling a library for matrices of ten rows is slow, and
@@ -50,38 +42,6 @@ def place_of(k, n, n_rows):
     if k < n:
         return k
     return k + n_rows - n if k < 2 * n else k + 2 * (n_rows - n)
-
-
-@kernel
-def _impulse_series(contact, generator, vectors, model, impulses):
-    """Fill M^k e / k! of a contact.
-
-    Parameters
-    ----------
-    generator : ndarray, shape (2n + 2H + 1, padded)
-        M, balanced.
-    vectors : ndarray, shape (3, 2n + 2H + 1)
-        The units of the balanced state; the others are workspace.
-    model : Model
-    impulses : ndarray, shape (LANES, padded 2R)
-    """
-    n, n_rows, size = model.modal_transform.shape[0], model.stiffness.shape[0], generator.shape[0]
-    unit, vector, spare = vectors[0], vectors[1], vectors[2]
-    for i in range(size):
-        vector[i] = model.contacts.kick[contact, i - n] / unit[i] if n <= i < 2 * n else 0.0
-    for k in range(LANES):
-        if k > 0:
-            for i in range(size):
-                spare[i] = 0.0
-                for j in range(size):
-                    spare[i] += generator[i, j] * vector[j]
-            for i in range(size):
-                vector[i] = spare[i] / k
-        for half in range(2):
-            first = half * n_rows
-            for i in range(n):
-                impulses[k, first + i] = vector[half * n + i] * unit[half * n + i]
-            _write_extra(model, impulses[k, first : first + n_rows])
 
 
 @kernel
@@ -158,9 +118,6 @@ def build_table(key, model, tables, index):
         unit[n + i] = model.balance[i] * scale
     for k in range(2 * n, size):
         unit[k] = scale if k < size - 1 - model.elements.stiffness.shape[0] else 1.0
-    for contact in range(model.contacts.row.shape[0]):
-        impulses = tables.impulses[index, contact]
-        _impulse_series(contact, generator, tables.vectors, model, impulses)
     _half_step(generator, n, h, half, term, full)
     _square(half, full)
     for k in range(size):

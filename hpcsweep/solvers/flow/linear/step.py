@@ -45,7 +45,7 @@ from hpcsweep.solvers.flow.linear.tangent import table_tangent, tangent_of_steps
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, STAGE_POLYNOMIALS
 from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
 from hpcsweep.solvers.flow.state.state import Segment, contact_bit
-from hpcsweep.solvers.flow.state.tables import MAX_TABLES, N_COEFFICIENTS, THETA, ZERO, forget
+from hpcsweep.solvers.flow.state.tables import MAX_TABLES, N_COEFFICIENTS, THETA, ZERO
 
 TABLE, MODES, SERIES, STAGES = range(4)
 """Kinds of steps."""
@@ -95,7 +95,6 @@ def lookup(key, packed):
         return index
     if tables.count[0] == tables.keys.shape[0]:
         tables.count[0] = 0
-        forget(shared.responses)
     index = tables.count[0]
     if in_modes(tables):
         write_length(bound_of_set(key, model), key, model, tables, index)

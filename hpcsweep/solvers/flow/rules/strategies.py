@@ -13,10 +13,8 @@ class Strategies(NamedTuple):
 
     fast: bool = True
     """A closed form (`passage.crossing`)."""
-    solitary: bool = True
-    """An integral equation for one contact, by tables (`layer.solitary`)."""
-    coupled: bool = True
-    """Integral equations for a few contacts of many rows, in modes (`layer.coupled`)."""
+    volterra: bool = True
+    """Integral equations for a few contacts, in modes (`layer.volterra`)."""
 
 
 USED = Strategies()

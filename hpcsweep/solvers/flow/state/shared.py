@@ -22,16 +22,14 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.places import Pattern, Words, allocate, part, zeros
 from hpcsweep.model.kernel_model import PEAK_FLAGS, Model, kernel_model, model_at_frequency
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.state.coupled import Coupled
 from hpcsweep.solvers.flow.state.tables import (
-    LEVELS,
     Outputs,
-    Responses,
     Tables,
     outputs_of,
     sizes_of,
     spectrum_of,
 )
+from hpcsweep.solvers.flow.state.volterra import Volterra
 from hpcsweep.solvers.flow.state.workspace import Workspace
 from hpcsweep.solvers.measures import IMPACT_FLAG, N_IMPACTS
 
@@ -114,7 +112,6 @@ class Shared(NamedTuple):
     """Constants of all motions of one structure at one frequency, and workspace."""
 
     model: Model
-    responses: Responses
     outputs: Outputs
     tolerance: float
     """Allowed local error of a step inside a layer, relative to max(1, |z|)."""
@@ -124,7 +121,7 @@ class Shared(NamedTuple):
     work: Workspace = part(Workspace)
     tally: Tally = part(Tally)
     modes: Modes = part(Modes)
-    coupled: Coupled = part(Coupled)
+    volterra: Volterra = part(Volterra)
     counts: np.ndarray = zeros(5, dtype=int)
     """Linear steps, fast passages, layer steps, layer visits and tables built so far."""
     previous: np.ndarray = zeros("2R")
@@ -161,12 +158,10 @@ class Watch(NamedTuple):
 def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
     """Allocate tables and workspace for a structure."""
     sizes = sizes_of(model)
-    place = np.full((sizes["T"], sizes["m"], LEVELS), -1)
     return allocate(
         Shared,
         sizes,
         model=model,
-        responses=allocate(Responses, sizes, place=place),
         outputs=outputs_of(model, sizes),
         tables=allocate(Tables, sizes, spectrum=spectrum_of(model, sizes)),
         tolerance=float(tolerance),

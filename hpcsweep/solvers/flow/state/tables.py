@@ -30,11 +30,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.places import allocate, part, zeros
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_model import ACCELERATION, Model, forcing_size
-from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
+from hpcsweep.solvers.flow.rules.volterra_rule import N_NODES
 
 
 def economisation(taylor: int, degree: int) -> np.ndarray:
@@ -72,8 +71,8 @@ MAX_TABLES = 64
 LARGE, LARGE_COUPLED, LARGE_SPARED = 20, 32, 65
 """Rows from which on there are no propagators: steps are taken in modes (`linear.spectral`). The
 second is for a damping that couples modes, whose steps take n times as long, the third for smooth
-contacts beside it, which pass their layers alone by tables (`solitary`) that spare most steps, and
-for sliders, most sets of which have no table anyway (`series`)."""
+contacts beside it, which are collocated anyway, and for sliders, most sets of which have no table
+anyway (`series`)."""
 N_POWERS = 4
 """Powers of the propagator of a step that are kept: exp(M h 2^k), k = 1, .., `N_POWERS`."""
 BOUND_SAMPLES = np.linspace(-1.0, 1.0, 9 * LANES)
@@ -114,16 +113,19 @@ def sizes_of(model: Model) -> dict[str, int]:
     apart = not spared and are_apart(model)
     spared = spared or (model.layer > 0.0 and not apart)
     large = rows >= (LARGE if apart else LARGE_SPARED if spared else LARGE_COUPLED)
+    volterra = apart and model.layer > 0.0
     for name in ("n", "2R", "N", "B", "m"):
         sizes[f"tabled {name}"] = 0 if large else sizes[name]
-    sizes["responses"] = 0 if large else N_NODES
-    coupled = large and apart and model.layer > 0.0
-    sizes |= {"modes": padded(n) if large else 0, "levels": LEVELS if coupled else 0}
-    sizes |= {"2 modes": 2 * sizes["modes"], "responses of modes": CAPACITY if coupled else 0}
+    modes = padded(n) if large or volterra else 0
+    sizes |= {"modes": modes, "2 modes": 2 * modes}
+    sizes |= {"stops": sizes["padded m"] if modes else 0}
+    units = 2 + forcing if volterra else 0
+    sizes |= {"levels": LEVELS if volterra else 0, "units": units, "modal n": n if volterra else 0}
+    sizes |= {"2 modes+2H": 2 * modes + forcing, "nodes+units": N_NODES + units}
+    sizes |= {"responses": CAPACITY if volterra else 0}
     strides = large and model.elements.first.size == 0
     sizes |= {"strides": STRIDES if strides else 0, "2+2H": 2 + forcing if strides else 0}
     sizes |= {"strided N": sizes["N"] if strides else 0}
-    sizes |= {"stops": sizes["padded m"] if large else 0}
     sizes |= {"2 stops": 2 * sizes["stops"], "3 stops": 3 * sizes["stops"]}
     return sizes
 
@@ -224,17 +226,15 @@ def _refined_modes(inverse: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray,
 
 
 def are_apart(model: Model) -> bool:
-    """Return whether damping couples no modes, where a structure is large."""
+    """Return whether damping couples no modes."""
     n = len(model.modal_transform)
-    if n < LARGE:
-        return True
     transform = model.modal_transform[:, :n]
     gamma = transform @ model.damping[:n, :n] @ np.linalg.inv(transform)
     return bool(np.abs(gamma - np.diag(np.diag(gamma))).max() <= COUPLED * np.abs(gamma).max())
 
 
 def spectrum_of(model: Model, sizes: dict[str, int]) -> Spectrum:
-    """Return the modes of a structure; nothing of one that has tables."""
+    """Return the modes of a structure; nothing where neither steps nor layers need them."""
     n, width = sizes["n"], sizes["modes"]
     if width == 0:
         rows, numbers = np.zeros((0, 0)), np.zeros(0)
@@ -289,8 +289,6 @@ class Tables(NamedTuple):
     """Column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray = zeros("T", "harmonics")
     """cos and sin of h Omega times the step, for each harmonic."""
-    impulses: np.ndarray = zeros("T", "tabled m", LANES, "padded 2R")
-    """Taylor series of the effect of a unit impulse of each contact, see `propagators`."""
     work: np.ndarray = zeros(4, "tabled B", "padded B")
     """Workspace for building a table: matrices ..."""
     vectors: np.ndarray = zeros(3, "B")
@@ -310,33 +308,6 @@ LEVELS = 24
 """Number of step lengths: the last is 1/3,000 of the first."""
 CAPACITY = 512
 """Most tables; when more occur the store is emptied and refilled."""
-
-
-class Responses(NamedTuple):
-    """Tables of steps so far; `count[0]` of them are valid."""
-
-    place: np.ndarray
-    """(T, m, LEVELS) int: table of a contact set, contact and length, or -1."""
-    count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
-    linear: np.ndarray = zeros(CAPACITY, "tabled N", N_NODES)
-    """The displacement of the contact at the nodes, column k per x_k."""
-    response: np.ndarray = zeros(CAPACITY, N_NODES, N_NODES)
-    """Row k, by a unit force at node k."""
-    step: np.ndarray = zeros(CAPACITY, "tabled N", "padded 2R")
-    """The state at the end, column k per x_k."""
-    kick: np.ndarray = zeros(CAPACITY, "responses", "padded 2R")
-    """Row k, by a unit force at node k."""
-    impulse: np.ndarray = zeros(N_COEFFICIENTS)
-    values: np.ndarray = zeros(N_NODES)
-    column: np.ndarray = zeros(N_NODES)
-    """Workspace for building a table."""
-
-
-@kernel
-def forget(responses):
-    """Empty the store."""
-    responses.count[0] = 0
-    responses.place[:] = -1
 
 
 class Outputs(NamedTuple):

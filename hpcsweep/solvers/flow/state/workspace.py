@@ -6,7 +6,6 @@ import numpy as np
 
 from hpcsweep.kernels.compile.places import part, zeros
 from hpcsweep.kernels.simd.vectors import LANES
-from hpcsweep.solvers.flow.rules.solitary_rule import N_NODES
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, N_MODAL
 
@@ -33,8 +32,6 @@ class LayerWorkspace(NamedTuple):
     """The stiffness of each contact."""
     missed: np.ndarray = zeros("m")
     """Estimated error of the integral of the force of each active contact over a step."""
-    between: np.ndarray = zeros("2R")
-    """State between both halves of a step."""
     values: np.ndarray = zeros(N_COEFFICIENTS)
     """What a polynomial of a step is made of."""
     highest: np.ndarray = zeros(1)
@@ -43,21 +40,6 @@ class LayerWorkspace(NamedTuple):
     rates: np.ndarray = zeros("R")
     pairs: np.ndarray = zeros("2H")
     """A state, its accelerations and the forcing."""
-
-
-class SolitaryWorkspace(NamedTuple):
-    """Node values of a step with one contact in its layer."""
-
-    free: np.ndarray = zeros(N_NODES)
-    """Distances without the force of the contact."""
-    x: np.ndarray = zeros(N_NODES)
-    forces: np.ndarray = zeros(N_NODES)
-    """Distances, and the force beyond that in the linear motion."""
-    moments: np.ndarray = zeros(LANES, N_STAGES)
-    halves: np.ndarray = zeros(2, N_NODES, N_STAGES)
-    middle: np.ndarray = zeros(N_NODES)
-    powers: np.ndarray = zeros(N_NODES)
-    """Workspace, and that of the halves of a step."""
 
 
 MAX_DEPTH = 16
@@ -175,6 +157,5 @@ class Workspace(NamedTuple):
     a_end: np.ndarray = zeros("R")
     tangent: TangentWorkspace = part(TangentWorkspace)
     layer: LayerWorkspace = part(LayerWorkspace)
-    solitary: SolitaryWorkspace = part(SolitaryWorkspace)
     series: SeriesWorkspace = part(SeriesWorkspace)
     spectral: SpectralWorkspace = part(SpectralWorkspace)

@@ -1,4 +1,4 @@
-"""Constants of a step by the forces of contacts in their layers (`solitary`, `coupled`): nodes."""
+"""Constants of a step by the forces of contacts in their layers (`layer.volterra`)."""
 
 import numpy as np
 
@@ -47,17 +47,10 @@ def _responses(times, n_powers: int) -> np.ndarray:
 NODES, WEIGHTS, BARYCENTRIC = _rule()
 AT_START, AT_END = _lagrange([0.0, 1.0])
 """(N_NODES,) each: factors with which values at the nodes are extrapolated to the ends."""
-LAGRANGE = _lagrange(np.multiply.outer(NODES, NODES))
-"""(N_NODES, N_NODES, N_NODES): l_k(c_j c_q) by j, q and k."""
-RESPONSES = _responses(tableau.NODES, LANES)
-"""By m, k and the nodes of `tableau`."""
-HALF_NODES = np.stack((0.5 * tableau.NODES, 0.5 + 0.5 * tableau.NODES))
-"""The same in the first and in the second half of a step."""
-HALF_RESPONSES = np.stack([_responses(times, N_NODES) for times in HALF_NODES])
-MIDDLE_RESPONSES = np.ascontiguousarray(_responses([0.5], N_NODES)[:, :, 0].T)
-"""By k and m, in the middle."""
-PARTS = [(part, count) for count in (2, 4) for part in range(count)]
+PARTS = [(part, count) for count in (1, 2, 4) for part in range(count)]
+"""Of a step: itself, its halves and its quarters; that of count c begin at c - 1."""
+N_PARTS = len(PARTS)
 PART_NODES = np.stack([(part + tableau.NODES) / count for part, count in PARTS])
 PART_RESPONSES = np.stack([_responses(times, N_POWERS) for times in PART_NODES])
-"""Those of both halves of a step, and of its quarters."""
+"""By part, m, k and the nodes of `tableau` in it."""
 NODE_RESPONSES = _responses(NODES, N_POWERS)

@@ -184,8 +184,8 @@ class FlowMap:
         start = motion(self, state, 0.0, rules.transient)[0]
         self._watch_for(closing[0])
         units, wanted = np.array(self.structure.state_units), self._wanted(modal_norm, measures)
-        own = units, wanted, self._units.amplitude_unit
-        new = batch.new_run(rules, len(amplitudes), self._units.size, *own)
+        scale = self._units.amplitude_unit
+        new = batch.new_run(rules, len(amplitudes), self._units.size, units, wanted, scale)
         run, packed = batch.RUN.place(new)
         run.amplitudes[:], run.state[:] = amplitudes, start
         tally = self._shared.tally if measures else None
@@ -320,8 +320,8 @@ class FlowMap:
 
     def images(self, states, amplitude, tangents=False, poll=None) -> chain.Images:
         """Integrate several states over one forcing period each; see `orbit.chain.images`."""
-        own = self._kernels.advance_chain, self._packed, self._units, self._polling
-        return chain.images(*own, states, amplitude, tangents, poll)
+        march = self._kernels.advance_chain, self._packed, self._units, self._polling
+        return chain.images(*march, states, amplitude, tangents, poll)
 
     def take_round(self, rows, inverse, matrices, units, rules, poll=None):
         """Take a round of Newton's method for the points of an orbit, see `orbit.contract`.

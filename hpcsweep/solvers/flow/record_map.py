@@ -112,7 +112,7 @@ class RecordMap:
         peaks = tally.peaks[self._told]
         force = peaks[len(peaks) - len(structure.contacts) :]
         force[:] = structure.switched(force, force * structure.length_unit)
-        found = response_of(
+        response = response_of(
             structure,
             len(self._shared.model.ground),
             peaks,
@@ -121,7 +121,7 @@ class RecordMap:
             self._slid(z),
             Ended(self._units.out_of(z).copy(), done, outcome, collapsed),
         )
-        return energy_of(structure, found, start, tally.energy) if self._energy else found
+        return energy_of(structure, response, start, tally.energy) if self._energy else response
 
     def _slid(self, z: np.ndarray) -> Slid:
         """Return what the sliders have done, up to the state z at the end."""

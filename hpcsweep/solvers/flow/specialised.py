@@ -24,7 +24,6 @@ from hpcsweep.kernels.compile.places import Pattern, Words
 from hpcsweep.kernels.compile.warm import load_all, missing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.elements.contacts import by_elements
 from hpcsweep.solvers.flow.elements.layers import visit_layers
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
@@ -81,7 +80,7 @@ def kernels_for(shared: Shared, words: Words) -> MotionKernels:
 
 def of_elements(model: Model) -> tuple[EntryPoint, ...]:
     """Return the kernels of the elements of a structure, whose contacts may be smooth."""
-    if not by_elements.py_func(model):
+    if not model.elements.first.size:
         return ()
     layers = visit_layers, measure_layer_step  # that of sliders, which always ask for drifts
     return (march_elements, *layers) if model.layer else (march_elements,)
@@ -114,8 +113,8 @@ def needed_kernels(
 
 @functools.cache
 def _needed(elements: tuple[EntryPoint, ...], measures: bool) -> list[EntryPoint]:
-    own = (march_measured, measure_layer_step) * measures
-    return with_called(march, end_of_transient, follow_orbits, *elements, *own)
+    measuring = (march_measured, measure_layer_step) * measures
+    return with_called(march, end_of_transient, follow_orbits, *elements, *measuring)
 
 
 def branch_kernels(structure: Structure) -> list[EntryPoint]:
@@ -156,10 +155,10 @@ def _kernels_for(words: Words, elements: tuple[EntryPoint, ...]) -> MotionKernel
     needed = _needed(elements, False)
     if SHARED.specialise(words).key in _loaded | _kept_keys():
         kernels = _specialised(words)
-        own = kernels.of(needed)
-        if not missing(own):
-            load_all(own)
-            called = (kernels[one] for one in FOR_ANY if isinstance(one, EntryPoint))
+        specialised = kernels.of(needed)
+        if not missing(specialised):
+            load_all(specialised)
+            called = (kernels[entry] for entry in FOR_ANY if isinstance(entry, EntryPoint))
             return MotionKernels(*called, kernels.of(FOR_ANY.measures))  # type: ignore[call-arg,arg-type]
     if elements:
         load_all(needed)

@@ -33,7 +33,7 @@ def test_error_of_a_layer_step_is_measured():
     for _ in range(400):
         n, rho, beta = int(rng.integers(1, 4)), 10 ** rng.uniform(2, 5), 10 ** rng.uniform(1, 5)
         flow = FlowMap(Structure(n, beta, rho, 0.05), OMEGA)
-        model, work = flow._shared.model, flow._shared.work.layer
+        model, work = flow._shared.model, flow._shared.work.step.layer
         z = np.concatenate((rng.uniform(-0.5, 0.9, n), rng.uniform(-0.3, 0.3, n)))
         z[n - 1] = 1 + rng.uniform(-25, 10) / rho
         z[2 * n - 1] = 10 ** rng.uniform(-4, 0) * rng.choice([-1, 1])

@@ -60,7 +60,7 @@ def pushing(past, z, model):
 
 
 @kernel
-def past_stops(tau, z, amplitude, model, work):
+def past_stops(tau, z, amplitude, model, pairs, series):
     """Return the contacts past their stops in a state.
 
     One at its stop that moves beyond passes it next, and is not; one that rests there is if it
@@ -77,16 +77,16 @@ def past_stops(tau, z, amplitude, model, work):
         elif x == 0.0 and w == 0.0:
             resting |= contact_bit(k)
     if resting != np.uint64(0):
-        forcing_at(tau, amplitude, model, work.forcing, 0)
-        accelerations(pushing(past, z, model), z, model, work)
+        forcing_at(tau, amplitude, model, pairs, 0)
+        accelerations(pushing(past, z, model), z, pairs, model, series)
         for k in range(contacts.row.shape[0]):
-            if resting & contact_bit(k) and contacts.sign[k] * work.series.a[contacts.row[k]] > 0.0:
+            if resting & contact_bit(k) and contacts.sign[k] * series.a[contacts.row[k]] > 0.0:
                 past |= contact_bit(k)
     return past
 
 
 @kernel
-def rest_at_stops(tau, past, key, z, amplitude, model, work):
+def rest_at_stops(tau, past, key, z, amplitude, model, pairs, series):
     """Let contacts that rest at their stops, to rounding, go where they accelerate to.
 
     About the moment at which such a contact turns rounding has the last word on its distance and on
@@ -110,13 +110,13 @@ def rest_at_stops(tau, past, key, z, amplitude, model, work):
             resting |= contact_bit(k)
     if resting == np.uint64(0):
         return past, key
-    forcing_at(tau, amplitude, model, work.forcing, 0)
-    accelerations(key & ~resting, z, model, work)
+    forcing_at(tau, amplitude, model, pairs, 0)
+    accelerations(key & ~resting, z, pairs, model, series)
     for k in range(contacts.row.shape[0]):
         bit = contact_bit(k)
         if resting & bit == np.uint64(0):
             continue
-        way = contacts.sign[k] * work.series.a[contacts.row[k]]
+        way = contacts.sign[k] * series.a[contacts.row[k]]
         if way == 0.0:
             continue
         away = math.copysign(ROUNDING * max(size, abs(contacts.gap[k])), way)
@@ -127,10 +127,10 @@ def rest_at_stops(tau, past, key, z, amplitude, model, work):
 
 
 @inlined
-def accelerations(key, z, model, work):
-    """Evaluate y'' in state z for the set of a table; ``work.forcing`` shakes and loads."""
-    start(work.series.x, z, work.forcing)
-    accelerations_of(key, model, work)
+def accelerations(key, z, pairs, model, series):
+    """Evaluate y'' in state z for the set of a table into ``series.a``; `pairs` shake and load."""
+    start(series.x, z, pairs)
+    accelerations_of(key, model, series)
 
 
 @inlined

@@ -80,21 +80,21 @@ def offset_of(g, modes, elements):
 
 
 @kernel
-def write_windows(modes, elements, work):
+def write_windows(modes, elements, proof):
     """Write within which elongations and speeds the guards of each element are not passed.
 
     That of a guard on both is empty. Elements that are as they were are left alone.
     """
-    windows, known = work.windows, work.known
+    windows, written = proof.windows, proof.written
     for e in range(windows.shape[1]):
         if e >= modes.mode.shape[0]:
             windows[1, e] = windows[3, e] = math.inf
             windows[0, e] = windows[2, e] = -math.inf
             continue
         mode = modes.mode[e]
-        if known[0, e] == mode + 1.0 and known[1, e] == modes.state[e]:
+        if written[0, e] == mode + 1.0 and written[1, e] == modes.state[e]:
             continue
-        known[0, e], known[1, e] = mode + 1.0, modes.state[e]
+        written[0, e], written[1, e] = mode + 1.0, modes.state[e]
         windows[1, e] = windows[3, e] = math.inf
         windows[0, e] = windows[2, e] = -math.inf
         for g in range(elements.guards[mode], elements.guards[mode + 1]):
@@ -110,12 +110,13 @@ def write_windows(modes, elements, work):
 
 
 @kernel
-def write_ends(elements, work):
-    """Write elongations and speeds at both ends of a step from ``work.x`` to ``work.z_end``."""
+def write_ends(elements, proof, step):
+    """Write elongations and speeds at both ends of a step from ``step.x`` to ``step.z_end``."""
+    ends = proof.ends
     for e in range(elements.rows.shape[0]):
         row = (elements.rows[e, 0], elements.rows[e, 1], 0, 0.0)
-        values, work.ends[4, e] = row_at_ends(row, work.x, work.z_end, work.bounds)
-        work.ends[0, e], work.ends[1, e], work.ends[2, e], work.ends[3, e] = values
+        values, ends[4, e] = row_at_ends(row, step.x, step.z_end, step.bounds)
+        ends[0, e], ends[1, e], ends[2, e], ends[3, e] = values
 
 
 @inlined
@@ -127,12 +128,12 @@ def _within(value, error, row, first, windows):
 
 
 @kernel
-def keep_modes(first, d, work):
+def keep_modes(first, d, proof):
     """Return which of `LANES` elements keep their modes within d of a step, see `negative`.
 
     That is proved, by the bounds of `search`; `write_ends` has told of the step.
     """
-    ends, windows = work.ends, work.windows
+    ends, windows = proof.ends, proof.windows
     width = ends.shape[1]
     y0, w0 = load(ends, first), load(ends, width + first)
     y1, w1 = load(ends, 2 * width + first), load(ends, 3 * width + first)
@@ -148,22 +149,22 @@ def keep_modes(first, d, work):
 
 
 @inlined
-def all_keep_modes(d, elements, work):
+def all_keep_modes(d, elements, proof, step):
     """Return whether no guard is passed within d of a step; True is proved."""
-    write_ends(elements, work)
-    for first in range(0, work.ends.shape[1], LANES):
-        if keep_modes(first, d, work) != ALL_LANES:
+    write_ends(elements, proof, step)
+    for first in range(0, proof.ends.shape[1], LANES):
+        if keep_modes(first, d, proof) != ALL_LANES:
             return False
     return True
 
 
 @inlined
-def drifts_stay(d, elements, peaks, work):
+def drifts_stay(d, elements, peaks, ends):
     """Return whether no drift exceeds its peak within d of a step; True is proved.
 
-    Sliders have to be all drifts; `write_ends` has told of the step. See `peaks` of `observe`.
+    Sliders have to be all drifts; `ends` are those of a `Proof`. See `peaks` of `observe`.
     """
-    first, ends, width = elements.drifts, work.ends, work.ends.shape[1]
+    first, width = elements.drifts, ends.shape[1]
     if first < 0:
         return False
     fourth = HERMITE_MIDDLE * (d * d) * (d * d)
@@ -184,7 +185,7 @@ def drifts_stay(d, elements, peaks, work):
 
 
 @kernel
-def _passage(g, segment, end, modes, tables, elements, work):
+def _passage(g, segment, end, modes, tables, elements, ends, step):
     """Return when guard g is first passed up to `end`.
 
     -1 if it is not (proved), `UNDECIDED` if rounding forbids to tell.
@@ -193,14 +194,14 @@ def _passage(g, segment, end, modes, tables, elements, work):
     i, below = elements.rows[e]
     guard = elements.guard[g]
     offset = offset_of(g, modes, elements)
-    size = max(abs(work.x[i]), abs(work.x[below]) if below >= 0 else 0.0)
+    size = max(abs(step.x[i]), abs(step.x[below]) if below >= 0 else 0.0)
     unit = guard[SIGN] / max(1.0, abs(offset), size)
     law = (guard[SPRING] * unit, guard[SPEED] * unit, offset * unit)
-    bound4 = write_row((i, below), law, segment, tables, work)
-    curve, level = Curve(work.drift_rows, 0, h), Level(1.0, 0.0)
+    bound4 = write_row((i, below), law, segment, tables, step)
+    curve, level = Curve(step.combined, 0, h), Level(1.0, 0.0)
     g0, slope0 = value_and_slope(curve.rows, 0, h, 0.0)
     g1, slope1 = value_and_slope(curve.rows, 0, h, end)
-    y, w = work.ends[0, e], work.ends[1, e]
+    y, w = ends[0, e], ends[1, e]
     if guard[SHARE] != 0.0 and max(abs(law[0] * y - law[2]), abs(law[0] * w) * h) < ROUNDING:
         # it has just stuck; the polynomial is at its guard and at rest but for its own rounding
         g0, slope0 = min(g0, 0.0), min(slope0, 0.0)
@@ -209,7 +210,7 @@ def _passage(g, segment, end, modes, tables, elements, work):
     ):
         return -1.0
     part = Part(0.0, g0, slope0, end, g1, slope1)
-    a, ga, b, gb = first_passage(curve, part, level, bound4, work.stack)
+    a, ga, b, gb = first_passage(curve, part, level, bound4, step.stack)
     if a < 0.0:
         return a
     return rising_root(curve, Bracket(a, ga, b, gb), level)
@@ -226,35 +227,35 @@ def _out_of_reach(g, d, modes, elements, ends):
 
 
 @inlined
-def first_change(segment, span, modes, tables, elements, work):
-    """Find the first guard that is passed along a step, from ``work.x`` to ``work.z_end``.
+def first_change(segment, span, modes, tables, elements, proof, step):
+    """Find the first guard that is passed along a step, from ``step.x`` to ``step.z_end``.
 
     Returns
     -------
     g : int
         -1 if none is (proved), `UNDECIDED` if rounding forbids to tell.
     time : float
-        When, or `span`. ``work.z_end`` is the state then, but inside a layer.
+        When, or `span`. ``step.z_end`` is the state then, but inside a layer.
     """
     first, time = -1, span
-    write_ends(elements, work)
-    for block in range(0, work.ends.shape[1], LANES):
-        kept = keep_modes(block, span, work)
+    write_ends(elements, proof, step)
+    for block in range(0, proof.ends.shape[1], LANES):
+        kept = keep_modes(block, span, proof)
         for e in range(block, min(block + LANES, modes.mode.shape[0])):
-            work.kept[e] = kept >> (e - block) & 1
-            if work.kept[e]:
+            proof.kept[e] = kept >> (e - block) & 1
+            if proof.kept[e]:
                 continue
             mode = modes.mode[e]
             for g in range(elements.guards[mode], elements.guards[mode + 1]):
-                if _out_of_reach(g, span, modes, elements, work.ends):
+                if _out_of_reach(g, span, modes, elements, proof.ends):
                     continue
-                found = _passage(g, segment, time, modes, tables, elements, work)
-                if found == UNDECIDED:
+                s = _passage(g, segment, time, modes, tables, elements, proof.ends, step)
+                if s == UNDECIDED:
                     return UNDECIDED, time
-                if found >= 0.0:
-                    first, time = g, found
+                if s >= 0.0:
+                    first, time = g, s
     if first >= 0:
-        state_at(segment, time, tables, work, work.z_end)
+        state_at(segment, time, tables, step, step.z_end)
     return first, time
 
 
@@ -287,7 +288,7 @@ def _size_of(e, elements, z):
 
 
 @kernel
-def change(first, segment, time, z, modes, elements, shared):
+def change(first, segment, time, z, modes, elements, tables, proof, step):
     """Let elements pass their guards in a state z at that time of a step.
 
     With `first` all that are passed at the same instant: separately, each would need a segment
@@ -296,31 +297,32 @@ def change(first, segment, time, z, modes, elements, shared):
     passed = elements.owner[first]
     pass_guard(first, z, modes, elements)
     for e in range(modes.mode.shape[0]):
-        if shared.work.kept[e]:
+        if proof.kept[e]:
             continue
         mode = modes.mode[e]
         for g in range(elements.guards[mode], elements.guards[mode + 1]):
             if e == passed or modes.mode[e] != mode:
                 continue
-            value, rate = _guard_and_rate(g, segment, time, z, modes, shared)
+            value, rate = _guard_and_rate(
+                g, segment, time, z, modes, elements, tables, proof.ends, step
+            )
             if rate > 0.0 and abs(value) <= SAME_INSTANT * segment.h * rate:
                 pass_guard(g, z, modes, elements)
 
 
 @inlined
-def _guard_and_rate(g, segment, time, z, modes, shared):
+def _guard_and_rate(g, segment, time, z, modes, elements, tables, ends, step):
     """Return a guard in a state z and its rate; 0 where it is far from being passed."""
-    elements, work, half = shared.model.elements, shared.work, z.shape[0] // 2
-    guard, e = elements.guard[g], elements.owner[g]
+    guard, e, half = elements.guard[g], elements.owner[g], z.shape[0] // 2
     y, w = difference(e, 0, elements, z), difference(e, half, elements, z)
     value = guard[SPRING] * y + guard[SPEED] * w - offset_of(g, modes, elements)
     rate = guard[SPRING] * w
-    fastest = max(abs(work.ends[1, e]), abs(work.ends[3, e]))
+    fastest = max(abs(ends[1, e]), abs(ends[3, e]))
     if guard[SPEED] != 0.0 and (guard[SPRING] != 0.0 or abs(value) <= NEAR * fastest):
         for end in range(2):
             i = elements.rows[e, end]
             if i >= 0:
-                expand(half + i, segment, shared.tables, work)
-                _, a = value_and_slope(work.rows, half + i, segment.h, time)
+                expand(half + i, segment, tables, step)
+                _, a = value_and_slope(step.rows, half + i, segment.h, time)
                 rate += guard[SPEED] * (-a if end else a)
     return guard[SIGN] * value, guard[SIGN] * rate

@@ -64,19 +64,18 @@ PARTS = 4
 
 
 @inlined
-def _set_modes(shared):
+def _set_modes(modes, elements, pairs, layer, proof):
     """Write what the modes of sliders make of steps: loads, guards."""
-    model, work, modes = shared.model, shared.work, shared.modes
-    write_loads(modes, model.elements, work.forcing)
-    write_sliders(modes, model.elements, work.layer)
-    write_windows(modes, model.elements, work)
+    write_loads(modes, elements, pairs)
+    write_sliders(modes, elements, layer)
+    write_windows(modes, elements, proof)
 
 
 @inlined
-def _accelerate(ground, z, shared, out):
+def _accelerate(ground, z, model, layer, out):
     """Evaluate u'' in a state, sliders included."""
-    accelerations(ground, z, shared.model, out)
-    add_sliders(z, shared.model.elements, shared.work.layer, out)
+    accelerations(ground, z, model, out)
+    add_sliders(z, model.elements, layer, out)
 
 
 class Fine(NamedTuple):
@@ -105,31 +104,33 @@ class Taken(NamedTuple):
 @inlined
 def _step(interval, fine, z, amplitude, shared):
     """Take a step; return it as `Taken`."""
-    work, elements = shared.work, shared.model.elements
+    model, tables, work = shared.model, shared.tables, shared.work
+    elements, modes, proof, step = model.elements, shared.modes, work.proof, work.step
     tau, end, left = interval
-    place, most, steps = -1, fine.most if tau < fine.until else longest_step(shared.model), 0
+    place, most, steps = -1, fine.most if tau < fine.until else longest_step(model), 0
     while True:
         part = Interval(tau, end, left - steps)
         h, outcome, used = collocated_step(part, most, z, amplitude, shared)
         steps += used
         if outcome != COMPLETE:
             return Taken(-1, h, 0.0, fine, outcome, steps)
-        forcing_after(h, tau + h, amplitude, work.forcing, 0, shared.model, work.layer.pairs)
-        ground = total_forcing(work.layer.pairs, 0, shared.model)
-        _accelerate(ground, work.z_end, shared, work.a_end)
-        start(work.x, z, work.forcing)
-        begin_layer_step(h, work)
+        pairs = step.pairs
+        forcing_after(h, tau + h, amplitude, work.forcing, 0, model, pairs)
+        ground = total_forcing(pairs, 0, model)
+        _accelerate(ground, step.z_end, model, step.layer, step.a_end)
+        start(step.x, z, work.forcing)
+        begin_layer_step(h, step)
         if place >= 0:
             # one that has become still shorter ends before the guard
             return Taken(place if h == most else -1, h, h, fine, COMPLETE, steps)
-        if all_keep_modes(h, elements, work):
+        if all_keep_modes(h, elements, proof, step):
             return Taken(-1, h, h, fine, COMPLETE, steps)
         if not tau < fine.until:
             most = h / PARTS
             fine = Fine(most, tau + h)
             continue
         segment = layer_segment(tau, h)
-        place, span = first_change(segment, h, shared.modes, shared.tables, elements, work)
+        place, span = first_change(segment, h, modes, tables, elements, proof, step)
         if place < 0 or span >= end - tau:
             # what changes at the end does so at the start of what follows
             return Taken(min(place, -1), h, h, fine, COMPLETE, steps)
@@ -162,13 +163,14 @@ def visit_layers(packed, interval, z, amplitude, wanted):
     shared = read_shared(packed)
     z = as_long_as(z, shared.previous)
     tau, end, steps_left = interval
-    model, work, modes = shared.model, shared.work, shared.modes
-    elements, pairs, nothing = model.elements, work.forcing, np.uint64(0)
+    model, tables, modes, work = shared.model, shared.tables, shared.modes, shared.work
+    step, proof, elements, pairs = work.step, work.proof, model.elements, work.forcing
+    nothing = np.uint64(0)
     set_contacts(~nothing, nothing, modes, model.contacts)
-    _set_modes(shared)
+    _set_modes(modes, elements, pairs, step.layer, proof)
     forcing_at(tau, amplitude, model, pairs, 0)
     ground = total_forcing(pairs, 0, model)
-    _accelerate(ground, z, shared, work.a)
+    _accelerate(ground, z, model, step.layer, step.a)
     steps, fine = 0, Fine(0.0, tau)
     while True:
         if steps >= steps_left:
@@ -183,28 +185,27 @@ def visit_layers(packed, interval, z, amplitude, wanted):
         segment, begun, before = layer_segment(tau, h), tau, ground
         if span > 0.0:
             tau = end if h >= end - tau else tau + h
-            copy_state(work.layer.pairs, pairs)
+            copy_state(step.pairs, pairs)
             ground = total_forcing(pairs, 0, model)
             if wanted != NO_TALLY:
                 observe_layer_step(segment, z, wanted, shared)
             if wanted & ANY_MEASURE:
-                step = (begun, h, amplitude, before, ground)
-                measure_layer_step(packed, step, wanted)
+                measure_layer_step(packed, (begun, h, amplitude, before, ground), wanted)
             if wanted & ENERGY:
-                energies_on_segment(segment, h, model, shared.tables, work, shared.tally)
+                energies_on_segment(segment, h, tables, shared.tally, step)
         else:
-            copy_state(z, work.z_end)
+            copy_state(z, step.z_end)
         if place >= 0:
             shared.counts[PASSAGES] += 1
-            change(place, segment, span, work.z_end, modes, elements, shared)
-        copy_state(work.z_end, z)
+            change(place, segment, span, step.z_end, modes, elements, tables, proof, step)
+        copy_state(step.z_end, z)
         if not is_ordinary(z):
             return tau, NON_FINITE, steps
         if place >= 0:
             if elements.guard[place, ENDS] > 0.0:
                 modes.path[elements.owner[place]] = time_of(tau, model)
                 return tau, COLLAPSED, steps
-            _set_modes(shared)
-        _accelerate(ground, z, shared, work.a)
+            _set_modes(modes, elements, pairs, step.layer, proof)
+        _accelerate(ground, z, model, step.layer, step.a)
         if tau >= end or not inside_layer(z, model):
             return tau, COMPLETE, steps

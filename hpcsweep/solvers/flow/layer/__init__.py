@@ -7,7 +7,7 @@ layer. They are those of `volterra` where damping couples no modes and few conta
 otherwise it needs five things of the scheme, here Gauss collocation:
 
 - step: `scheme.collocate` takes a step of length h from a state and its accelerations and leaves
-  its stages in ``work.layer``; it may decline (False), and h is halved;
+  its stages in ``work.step.layer``; it may decline (False), and h is halved;
 - end: `scheme.finish` gives the state at the end of the step from its stages;
 - error: `error.quadrature_error` measures the error of that state, relative to max(1, |z|), of a
   known order in h (`visit.shortening`); it is a bound or an estimate from above;

@@ -56,8 +56,8 @@ def may_be_higher(ground0, ground1, first, model, tally, work):
 def _floor_may_be_higher(i, ground0, ground1, peak, model, work):
     """Return whether the acceleration of floor i may exceed a peak."""
     own = model.ground[i]
-    start, end = work.a[i] + own * ground0, work.a_end[i] + own * ground1
-    inner = fma(load(work.layer.ground, 0), own, load(work.layer.g, i * N_STAGES))
+    start, end = work.step.a[i] + own * ground0, work.step.a_end[i] + own * ground1
+    inner = fma(load(work.step.layer.ground, 0), own, load(work.step.layer.g, i * N_STAGES))
     top = max(maximum(inner), max(start, end))
     bottom = min(-maximum(0.0 - inner), min(start, end))
     return not max(top, -bottom) + BETWEEN * (top - bottom) <= peak
@@ -67,14 +67,14 @@ def _floor_may_be_higher(i, ground0, ground1, peak, model, work):
 def accelerations_in_layer(segment, amplitude, ground0, ground1, shared):
     """Raise the peaks of absolute accelerations over the present step."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
-    values, rows, h = work.layer.values, work.drift_rows, segment.h
+    values, rows, h = work.step.values, work.step.combined, segment.h
     time = time_of(segment.tau, model)
     for i in range(model.ground.shape[0]):
         p = shared.outputs.first + i
         if not _floor_may_be_higher(i, ground0, ground1, tally.peaks[p], model, work):
             continue
-        for row in range(work.z_end.shape[0]):
-            expand(row, segment, tables, work)
+        for row in range(work.step.z_end.shape[0]):
+            expand(row, segment, tables, work.step)
         for k in range(N_COEFFICIENTS):
             s = 0.5 * h * (1.0 + SAMPLES[k])
             values[k] = _acceleration_at(s, i, segment, amplitude, shared)
@@ -85,7 +85,7 @@ def accelerations_in_layer(segment, amplitude, ground0, ground1, shared):
         g1, v1 = value_and_slope(rows, 0, h, h)
         values[0] = (1.0 - NEAR_PEAK) * tally.peaks[p]
         peak, ends = Peak(values, 0, tally.times[p] - time), (g0, v0, g1, v1)
-        at = raise_peak(rows, h, h, ends, math.inf, 0, peak, work.stack)
+        at = raise_peak(rows, h, h, ends, math.inf, 0, peak, work.step.stack)
         if at >= 0.0:
             size = abs(_acceleration_at(at, i, segment, amplitude, shared))
             if size > tally.peaks[p]:
@@ -95,10 +95,10 @@ def accelerations_in_layer(segment, amplitude, ground0, ground1, shared):
 @inlined
 def _acceleration_at(s, i, segment, amplitude, shared):
     """Evaluate the absolute acceleration of floor i at time s of the present step."""
-    model, stage = shared.model, shared.work.layer
-    evaluate_rows(shared.work.rows, segment.h, s, stage.state)
-    forcing_at(segment.tau + s, amplitude, model, stage.pairs, 0)
-    ground = total_forcing(stage.pairs, 0, model)
+    model, stage, pairs = shared.model, shared.work.step.layer, shared.work.step.pairs
+    evaluate_rows(shared.work.step.rows, segment.h, s, stage.state)
+    forcing_at(segment.tau + s, amplitude, model, pairs, 0)
+    ground = total_forcing(pairs, 0, model)
     accelerations(ground, stage.state, model, stage.rates)
     add_sliders(stage.state, model.elements, stage, stage.rates)
     return stage.rates[i] + model.ground[i] * ground

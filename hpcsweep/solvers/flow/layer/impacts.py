@@ -39,17 +39,17 @@ def impacts_in_layer(segment, shared):
     integrated along its polynomial.
     """
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
-    contacts, stage, h = model.contacts, work.layer, segment.h
-    missed = allowed_error(work.z_end, MISSED)
+    contacts, stage, h = model.contacts, work.step.layer, segment.h
+    missed = allowed_error(work.step.z_end, MISSED)
     for k in range(contacts.row.shape[0]):
         bit = contact_bit(k)
         if stage.active[k] == 2 and stage.missed[k] > contacts.beta[k] * missed:
-            expand(contacts.row[k], segment, tables, work)
-            tally.impacts[FORCE, k] += _integral_of_force(k, h, model, work.rows)
+            expand(contacts.row[k], segment, tables, work.step)
+            tally.impacts[FORCE, k] += _integral_of_force(k, h, model, work.step.rows)
         elif stage.active[k] > 0:
             forces = contact_forces(distances(k, stage.u, contacts), 1.0, model.rho)
             tally.impacts[FORCE, k] += h * total(load(WEIGHTS, 0) * forces)
-        if distance(k, work.x, contacts) >= 0.0:
+        if distance(k, work.step.x, contacts) >= 0.0:
             tally.closed[0] |= bit
             tally.beside[0] |= bit
         if may_change(k, h, contacts, tally, work):
@@ -57,33 +57,33 @@ def impacts_in_layer(segment, shared):
         elif tally.closed[0] & bit:
             tally.impacts[TIME, k] += h
         elif tally.beside[0] & bit:
-            note_arch(k, 0.0, h, segment, contacts, tables, tally, work)
+            note_arch(k, 0.0, h, segment, contacts, tables, tally, work.step)
 
 
 @inlined
 def may_change(k, h, contacts, tally, work):
     """Return whether a contact may close or open on the present step."""
-    x = distance(k, work.x, contacts)
+    x = distance(k, work.step.x, contacts)
     closed = tally.closed[0] & contact_bit(k) != np.uint64(0) or x >= 0.0
     inward = -1.0 if closed else 1.0
-    x1 = inward * distance(k, work.z_end, contacts)
-    v = inward * approach_speed(k, work.x, contacts)
-    v1 = inward * approach_speed(k, work.z_end, contacts)
-    return may_reach(h, inward * x, v, x1, v1, work.bounds[contacts.row[k]])
+    x1 = inward * distance(k, work.step.z_end, contacts)
+    v = inward * approach_speed(k, work.step.x, contacts)
+    v1 = inward * approach_speed(k, work.step.z_end, contacts)
+    return may_reach(h, inward * x, v, x1, v1, work.step.bounds[contacts.row[k]])
 
 
 @kernel
 def _follow(k, segment, shared):
     """Add closings and the time at x >= 0 of a contact, from one change to the next."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
-    contacts, rows, h, bit = model.contacts, work.rows, segment.h, contact_bit(k)
+    contacts, rows, h, bit = model.contacts, work.step.rows, segment.h, contact_bit(k)
     row, sign, stop = contacts.row[k], contacts.sign[k], contacts.sign[k] * contacts.gap[k]
-    speed_row = work.a.shape[0] + row
-    expand(row, segment, tables, work)
-    expand(speed_row, segment, tables, work)
+    speed_row = work.step.a.shape[0] + row
+    expand(row, segment, tables, work.step)
+    expand(speed_row, segment, tables, work.step)
     curve, bound4 = Curve(rows, row, h), fourth_derivative(rows[row : row + 1], h)
-    x, v = distance(k, work.x, contacts), approach_speed(k, work.x, contacts)
-    x1, v1 = distance(k, work.z_end, contacts), approach_speed(k, work.z_end, contacts)
+    x, v = distance(k, work.step.x, contacts), approach_speed(k, work.step.x, contacts)
+    x1, v1 = distance(k, work.step.z_end, contacts), approach_speed(k, work.step.z_end, contacts)
     since = 0.0
     for change in range(MAX_CHANGES + 1):
         closed = tally.closed[0] & bit != np.uint64(0)
@@ -92,17 +92,17 @@ def _follow(k, segment, shared):
         part = Part(since, inward * x, inward * v, h, inward * x1, inward * v1)
         bracket = Bracket(-1.0, 0.0, h, 0.0)
         if change < MAX_CHANGES and since < h:
-            bracket = first_passage(curve, part, level, bound4, work.stack)
+            bracket = first_passage(curve, part, level, bound4, work.step.stack)
         until = rising_root(curve, bracket, level) if bracket.a >= 0.0 else h
         if closed:
             tally.impacts[TIME, k] += until - since
         else:
-            note_arch(k, since, until, segment, contacts, tables, tally, work)
+            note_arch(k, since, until, segment, contacts, tables, tally, work.step)
         if bracket.a < 0.0:
             return
         x = sign * (value_and_slope(rows, row, h, until)[0] - stop)
         v = sign * value_and_slope(rows, speed_row, h, until)[0]
-        record(k, not closed, abs(v), work.z_end, model, tally)
+        record(k, not closed, abs(v), work.step.z_end, model, tally)
         since = until
 
 

@@ -42,35 +42,35 @@ STEP = type_of((0.0, 0.0, 0.0, 0.0, 0.0))
 
 @inlined
 def observe_layer_step(segment, z0, wanted, shared):
-    """Update maxima and norms by a step inside a layer, from z0 to ``work.z_end``.
+    """Update maxima and norms by a step inside a layer, from z0 to ``work.step.z_end``.
 
-    It becomes the present step (`linear.step`); ``work.a`` and ``work.a_end`` hold the
+    It becomes the present step (`linear.step`); ``work.step.a`` and ``work.step.a_end`` hold the
     accelerations at the ends.
     """
     model, tally, work = shared.model, shared.tally, shared.work
-    n, stage, h = model.stiffness.shape[0], work.layer, segment.h
-    copy_state(z0, work.x)
-    begin_layer_step(h, work)
+    n, stage, h = model.stiffness.shape[0], work.step.layer, segment.h
+    copy_state(z0, work.step.x)
+    begin_layer_step(h, work.step)
     touching = False
     if wanted & (MAXIMA | NORMS):
         touching = _note_contacts(segment, shared)
         if wanted & DRIFT == 0:
-            drift_on_segment(segment, h, model, shared.tables, tally, work)
+            drift_on_segment(segment, h, model, shared.tables, tally, work.step)
     if wants_norms(wanted):
         begin, end = 0.0, 1.0
         if touching:
-            begin, end = _free_part(h, work.x, work.z_end, model.contacts)
+            begin, end = _free_part(h, work.step.x, work.step.z_end, model.contacts)
         if end > begin:
-            time, q, whole = (end - begin) * h, work.modal_nodes, end - begin == 1.0
+            time, q, whole = (end - begin) * h, work.norms.nodes, end - begin == 1.0
             tally.free_time[0] += time
             if not (whole and _add_norms(stage.u, time, model, tally, q, True)):
                 for row in range(n):
-                    expand(row, segment, shared.tables, work)
+                    expand(row, segment, shared.tables, work.step)
                 for piece in range(PIECES):
                     width = 2.0 * (end - begin) / PIECES
                     sigma = fma(load(NODES, 0), width, 2.0 * begin - 1.0 + piece * width)
                     for row in range(n):
-                        store(stage.free, row * LANES, evaluate(work.rows[row], sigma))
+                        store(stage.free, row * LANES, evaluate(work.step.rows[row], sigma))
                     _add_norms(stage.free, time / PIECES, model, tally, q, False)
 
 
@@ -99,10 +99,13 @@ def _add_norms(u, time, model, tally, q, whole):
 def _note_contacts(segment, shared):
     """Update the contact set by the present step; return whether one is closed at an end."""
     model, work, tally = shared.model, shared.work, shared.tally
-    contacts, highest, touching = model.contacts, work.layer.highest, False
+    contacts, highest, touching = model.contacts, work.step.layer.highest, False
     for k in range(contacts.row.shape[0]):
         bit = contact_bit(k)
-        if distance(k, work.x, contacts) >= 0.0 or distance(k, work.z_end, contacts) >= 0.0:
+        if (
+            distance(k, work.step.x, contacts) >= 0.0
+            or distance(k, work.step.z_end, contacts) >= 0.0
+        ):
             tally.contact[0] |= bit
             touching = True
         elif tally.contact[0] & bit == np.uint64(0):
@@ -110,7 +113,7 @@ def _note_contacts(segment, shared):
             row, h = (i, -1, side, contacts.gap[k]), segment.h
             highest[0] = 0.0
             peak = Peak(highest, 0, -math.inf)
-            if raise_row(row, peak, segment, h, shared.tables, work) >= 0.0:
+            if raise_row(row, peak, segment, h, shared.tables, work.step) >= 0.0:
                 tally.contact[0] |= bit
     return touching
 
@@ -154,7 +157,9 @@ def _measure_changes(packed, step, wanted):
     tau, h, amplitude, before, after = step
     segment = layer_segment(tau, h)
     if wanted & DISPLACEMENTS:
-        displacements_on_segment(segment, h, wanted, False, shared)
+        model, tables, outputs = shared.model, shared.tables, shared.outputs
+        tally, present = shared.tally, shared.work.step
+        displacements_on_segment(segment, h, wanted, False, model, tables, outputs, tally, present)
     if wanted & ACCELERATION:
         accelerations_in_layer(segment, amplitude, before, after, shared)
     if wanted & IMPACTS:
@@ -172,7 +177,7 @@ def measure_layer_step(packed, step, wanted):
     Parameters
     ----------
     packed : ndarray of bytes
-        A packed `Shared`; ``work.a`` and ``work.a_end`` hold the accelerations at both ends.
+        A packed `Shared`; the present step has the accelerations at both ends.
     step : tuple of float
         Its start, its length, A, and the forcing at both ends.
     wanted : int
@@ -183,7 +188,10 @@ def measure_layer_step(packed, step, wanted):
     tau, h, _, before, after = step
     segment, changes = layer_segment(tau, h), False
     if wanted & DISPLACEMENTS:
-        changes = displacements_on_segment(segment, h, wanted, True, shared)
+        tables, outputs, present = shared.tables, shared.outputs, work.step
+        changes = displacements_on_segment(
+            segment, h, wanted, True, model, tables, outputs, tally, present
+        )
     if wanted & ACCELERATION and not changes:
         changes = may_be_higher(before, after, shared.outputs.first, model, tally, work)
     if wanted & IMPACTS:

@@ -196,7 +196,7 @@ def _stage_accelerations(stage, model, out):
 
 @inlined
 def accelerations_at_stages(tau, h, z, amplitude, pairs, model, work):
-    """Evaluate G at stages whose displacements and velocities are in ``work.layer``.
+    """Evaluate G at stages whose displacements and velocities are in ``work.step.layer``.
 
     Parameters
     ----------
@@ -204,9 +204,9 @@ def accelerations_at_stages(tau, h, z, amplitude, pairs, model, work):
         As in `collocate`.
     work : Workspace
     """
-    stage = work.layer
+    stage = work.step.layer
     _forcing_at_stages(tau, h, amplitude, pairs, model, stage.ground)
-    _find_active(h, z, work.a, model, stage.active)
+    _find_active(h, z, work.step.a, model, stage.active)
     _stage_accelerations(stage, model, stage.g)
 
 

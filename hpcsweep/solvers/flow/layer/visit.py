@@ -160,7 +160,7 @@ def shortening(allowed, error):
 
 @inlined
 def collocated_step(interval, most, z, amplitude, shared):
-    """Take a collocation step from z, to ``work.z_end``, whose error is within the tolerance.
+    """Take a collocation step from z, to ``work.step.z_end``, whose error is within the tolerance.
 
     Returns
     -------
@@ -172,15 +172,17 @@ def collocated_step(interval, most, z, amplitude, shared):
     """
     model, work = shared.model, shared.work
     tau, left = interval.tau, interval.end - interval.tau
-    h, stiffness = step_limit(z, work.a, model, min(left, most))
+    h, stiffness = step_limit(z, work.step.a, model, min(left, most))
     if not tau + h > tau:
         return h, SOLVER_FAILED, 0
     for steps in range(1, interval.steps_left + 1):
         step = layer_segment(tau, h)
-        if collocate(step, z, work.a, amplitude, work.forcing, stiffness, model, work.layer):
-            finish(h, z, work.layer.g, work.z_end)
-            error = quadrature_error(h, z, model, work.layer)
-            allowed = allowed_error(work.z_end, shared.tolerance)
+        if collocate(
+            step, z, work.step.a, amplitude, work.forcing, stiffness, model, work.step.layer
+        ):
+            finish(h, z, work.step.layer.g, work.step.z_end)
+            error = quadrature_error(h, z, model, work.step.layer)
+            allowed = allowed_error(work.step.z_end, shared.tolerance)
             if error <= allowed:
                 return h, COMPLETE, steps
             h *= shortening(allowed, error)
@@ -214,13 +216,13 @@ def _parts_for(wanted, h, shared):
 def _begin_part(part, n_parts, tau, h, z, amplitude, wanted, shared):
     """Write a part, of length h, of the step of `volterra_steps`, as a collocated one."""
     model, work, own = shared.model, shared.work, shared.volterra
-    spectrum, stage, level = shared.tables.spectrum, work.layer, own.last[LEVEL]
+    spectrum, stage, level = shared.tables.spectrum, work.step.layer, own.last[LEVEL]
     write_part(n_parts - 1 + part, n_parts * h, level, model, spectrum, own, stage.u, stage.v)
     accelerations_at_stages(tau, h, z, amplitude, work.forcing, model, work)
     if part < n_parts - 1:
-        finish(h, z, stage.g, work.z_end)
+        finish(h, z, stage.g, work.step.z_end)
     else:
-        copy_state(own.end, work.z_end)
+        copy_state(own.end, work.step.z_end)
     if wanted & IMPACTS:
         quadrature_error(h, z, model, stage)
 
@@ -256,7 +258,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     pairs = work.forcing
     forcing_at(tau, amplitude, model, pairs, 0)
     ground = total_forcing(pairs, 0, model)
-    accelerations(ground, z, model, work.a)
+    accelerations(ground, z, model, work.step.a)
     most = longest_step(model)
     modal = steps_in_modes(shared)
     own = shared.volterra
@@ -272,7 +274,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
         parted = used > 0
         if parted and wanted == NO_TALLY:
             tau, ground, n_parts = after, total_forcing(pairs, 0, model), 0
-            accelerations(ground, z, model, work.a)
+            accelerations(ground, z, model, work.step.a)
         elif parted:
             n_parts = _parts_for(wanted, h, shared)
             h /= n_parts
@@ -293,15 +295,15 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
                 tau = after
                 copy_state(own.modes[own.modes.shape[0] - pairs.shape[0] :], pairs)
             ground = total_forcing(pairs, 0, model)
-            accelerations(ground, work.z_end, model, work.a_end)
+            accelerations(ground, work.step.z_end, model, work.step.a_end)
             if wanted != NO_TALLY:
                 observe_layer_step(layer_segment(begun, h), z, wanted, shared)
             if wanted & ANY_MEASURE:
                 measure_layer_step(packed, (begun, h, amplitude, before, ground), wanted)
             if tangent.shape[1] > 0 and not parted:
-                layer_tangent(h, model, work.layer, tangent)
-            copy_state(work.z_end, z)
-            copy_state(work.a_end, work.a)
+                layer_tangent(h, model, work.step.layer, tangent)
+            copy_state(work.step.z_end, z)
+            copy_state(work.step.a_end, work.step.a)
         if not is_ordinary(z):
             return tau, NON_FINITE, steps
         if tau >= end or not inside_layer(z, model):

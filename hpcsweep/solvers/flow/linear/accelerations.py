@@ -40,67 +40,64 @@ FIFTH_OF_TERMS = np.array([math.perm(k, 5) for k in range(N_TERMS)], float)
 
 
 @inlined
-def ends_of_accelerations(segment, span, amplitude, shared):
+def ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step):
     """Write accelerations and slopes at both ends of the first `span` of a step, and bounds."""
     if segment.kind == TABLE:
-        _ends_by_tables(segment, span, amplitude, shared)
+        _ends_by_tables(segment, span, amplitude, model, tables, outputs, step)
         return
-    shared.outputs.place[0] = -1.0
+    outputs.place[0] = -1.0
     if segment.kind == MODES:
-        _ends_in_modes(segment, span, amplitude, shared)
-    elif in_modes(shared.tables):
-        for p in range(shared.outputs.rows.shape[0]):
-            _ends_of_polynomial(p, segment, span, shared)
+        _ends_in_modes(segment, span, amplitude, model, tables, outputs, step)
+    elif in_modes(tables):
+        for p in range(outputs.rows.shape[0]):
+            _ends_of_polynomial(p, segment, span, model, tables, outputs, step)
     else:
-        _ends_in_series(segment, span, shared)
+        _ends_in_series(segment, span, model, outputs, step)
 
 
 @inlined
-def expand_acceleration(p, segment, shared):
+def expand_acceleration(p, segment, model, tables, outputs, step):
     """Write the polynomial of an acceleration along the present step."""
     if segment.kind == TABLE:
-        outputs = shared.outputs
-        expand_row(outputs.poly, segment.index, p, shared.work.x, outputs.rows)
+        expand_row(outputs.poly, segment.index, p, step.x, outputs.rows)
     else:
-        _write_acceleration(p, segment, shared)
+        _write_acceleration(p, segment, model, tables, outputs.rows[p], step)
 
 
 @inlined
-def _ends_by_tables(segment, span, amplitude, shared):
+def _ends_by_tables(segment, span, amplitude, model, tables, outputs, step):
     """Write accelerations and slopes at both ends of a step of a table, and their bounds."""
-    model, tables, work, outputs = shared.model, shared.tables, shared.work, shared.outputs
-    index, size = segment.index, work.z_end.shape[0]
+    index, size = segment.index, step.z_end.shape[0]
     fill_outputs(index, model, tables, outputs)
     if outputs.place[0] == index and outputs.place[1] == segment.tau:
         copy_state(outputs.end, outputs.start)
     else:
-        product(outputs.pair, index, work.x, outputs.start)
-    x_end = outputs.x_end
-    copy_state(work.x, x_end)
+        product(outputs.pair, index, step.x, outputs.start)
+    x_end, pairs = step.series.x, step.pairs
+    copy_state(step.x, x_end)
     for row in range(size):
-        x_end[row] = work.z_end[row]
+        x_end[row] = step.z_end[row]
     if span == segment.h:
         turn_forcing(x_end, size, tables, index)
     else:
-        forcing_after(span, segment.tau + span, amplitude, work.x, size, model, outputs.pairs)
-        for k in range(outputs.pairs.shape[0]):
-            x_end[size + k] = outputs.pairs[k]
+        forcing_after(span, segment.tau + span, amplitude, step.x, size, model, pairs)
+        for k in range(pairs.shape[0]):
+            x_end[size + k] = pairs[k]
     product(outputs.pair, index, x_end, outputs.end)
     outputs.place[0], outputs.place[1] = index, segment.tau + span
-    product_of_moduli(outputs.bound4, index, work.x, outputs.bounds)
+    product_of_moduli(outputs.bound4, index, step.x, outputs.bounds)
 
 
 @kernel
-def _ends_in_series(segment, span, shared):
+def _ends_in_series(segment, span, model, outputs, step):
     """Write the same of a step that is a series, by its terms."""
-    model, outputs, x = shared.model, shared.outputs, shared.work.x
-    terms, size, rate = shared.work.series.terms, shared.work.z_end.shape[0], 1.0 / segment.h
+    x, terms, size, rate = step.x, step.series.terms, step.z_end.shape[0], 1.0 / segment.h
     flat, half, ratio = terms.shape[1], size // 2, span * rate
     ground, slope = total_forcing(x, size, model), forcing_rate(x, size, model)
     for p in range(0, outputs.bounds.shape[0], LANES):
         share, first = load(outputs.ground, p), half + p
         value = bend = bound = load(ZERO, 0)
-        for k in range(shared.work.series.count[0] - 1, 0, -1):
+        for k in range(step.series.count[0] - 1, 0, -1):
             term = load(terms, k * flat + first)
             bend = fma(bend, ratio, value)
             value = fma(value, ratio, term * (1.0 * k))
@@ -119,10 +116,10 @@ def _ends_in_series(segment, span, shared):
 
 
 @inlined
-def _ends_of_polynomial(p, segment, span, shared):
+def _ends_of_polynomial(p, segment, span, model, tables, outputs, step):
     """Write the same of one acceleration by its polynomial."""
-    outputs, h, at = shared.outputs, segment.h, p + p // LANES * LANES
-    _write_acceleration(p, segment, shared)
+    h, at = segment.h, p + p // LANES * LANES
+    _write_acceleration(p, segment, model, tables, outputs.rows[p], step)
     rows = outputs.rows[p : p + 1]
     outputs.start[at], outputs.start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
     outputs.end[at], outputs.end[at + LANES] = value_and_slope(rows, 0, h, span)
@@ -130,15 +127,14 @@ def _ends_of_polynomial(p, segment, span, shared):
 
 
 @kernel
-def _ends_in_modes(segment, span, amplitude, shared):
+def _ends_in_modes(segment, span, amplitude, model, tables, outputs, step):
     """Write the same of a step in modes; polynomials of bases alone, beside closed contacts."""
-    model, work, outputs, x = shared.model, shared.work, shared.outputs, shared.work.x
-    spectrum, modal = shared.tables.spectrum, work.spectral
-    h, size, count = segment.h, work.z_end.shape[0], outputs.rows.shape[0]
+    x, spectrum, modal = step.x, tables.spectrum, step.spectral
+    h, size, count = segment.h, step.z_end.shape[0], outputs.rows.shape[0]
     write_accelerations(0.0, h, count, spectrum, modal, outputs.start)
     write_accelerations(span, h, count, spectrum, modal, outputs.end)
     bound_by_terms(5, h, count, spectrum, modal, outputs.bounds)
-    forcing_after(span, segment.tau + span, amplitude, x, size, model, outputs.pairs)
+    forcing_after(span, segment.tau + span, amplitude, x, size, model, step.pairs)
     bend = 0.0
     for k in range(model.harmonics.shape[0]):
         most = abs(x[size + 2 * k]) + abs(x[size + 2 * k + 1])
@@ -147,39 +143,37 @@ def _ends_in_modes(segment, span, amplitude, shared):
         at, share = p + p // LANES * LANES, model.ground[p]
         outputs.start[at] += share * total_forcing(x, size, model)
         outputs.start[at + LANES] += share * forcing_rate(x, size, model)
-        outputs.end[at] += share * total_forcing(outputs.pairs, 0, model)
-        outputs.end[at + LANES] += share * forcing_rate(outputs.pairs, 0, model)
+        outputs.end[at] += share * total_forcing(step.pairs, 0, model)
+        outputs.end[at + LANES] += share * forcing_rate(step.pairs, 0, model)
         outputs.bounds[p] += abs(share) * bend
         if p >= model.modal_transform.shape[0] and segment.key != np.uint64(0):
-            _ends_of_polynomial(p, segment, span, shared)
+            _ends_of_polynomial(p, segment, span, model, tables, outputs, step)
 
 
 @kernel
-def _write_acceleration(p, segment, shared):
+def _write_acceleration(p, segment, model, tables, out, step):
     """Write the polynomial of an acceleration along a step without a table."""
-    model, work, h = shared.model, shared.work, segment.h
-    size, out = work.z_end.shape[0], shared.outputs.rows[p]
-    expand(size // 2 + p, segment, shared.tables, work)
-    differentiate(work.rows[size // 2 + p], h, out)
+    h, size = segment.h, step.z_end.shape[0]
+    expand(size // 2 + p, segment, tables, step)
+    differentiate(step.rows[size // 2 + p], h, out)
     if segment.kind == MODES:
-        write_forcing(h, model, work, work.layer.values)
-        _add_forcing(p, segment, out, shared)
+        write_forcing(h, step.x, size, model, step.spectral.pairs, step.combined[0])
+        _add_forcing(p, segment, model, tables, out, step)
     else:
-        slope = 0.5 * h * forcing_rate(work.x, size, model)
-        out[0] += model.ground[p] * (total_forcing(work.x, size, model) + slope)
+        slope = 0.5 * h * forcing_rate(step.x, size, model)
+        out[0] += model.ground[p] * (total_forcing(step.x, size, model) + slope)
         out[1] += model.ground[p] * slope
 
 
 @kernel
-def _add_forcing(p, segment, out, shared):
+def _add_forcing(p, segment, model, tables, out, step):
     """Add what the ground has to the polynomial of an acceleration, and take from that of a base.
 
     The reaction of a base is without what contacts do.
     """
-    model, work, contacts = shared.model, shared.work, shared.model.contacts
-    n, size = model.modal_transform.shape[0], work.z_end.shape[0]
+    n, size, contacts = model.modal_transform.shape[0], step.z_end.shape[0], model.contacts
     for power in range(N_COEFFICIENTS):
-        out[power] += model.ground[p] * work.layer.values[power]
+        out[power] += model.ground[p] * step.combined[0, power]
     for k in range(contacts.row.shape[0] if p >= n else 0):
         if segment.key & contact_bit(k) == np.uint64(0):
             continue
@@ -187,9 +181,9 @@ def _add_forcing(p, segment, out, shared):
         for j in range(n):
             push += model.rows[p - n, j] * contacts.kick[k, j]
         row, sign = contacts.row[k], contacts.sign[k]
-        expand(row, segment, shared.tables, work)
-        expand(size // 2 + row, segment, shared.tables, work)
+        expand(row, segment, tables, step)
+        expand(size // 2 + row, segment, tables, step)
         for power in range(N_COEFFICIENTS):
-            out[power] += push * contacts.beta[k] * sign * work.rows[row, power]
-            out[power] += push * contacts.edges[k, DRAG] * sign * work.rows[size // 2 + row, power]
+            out[power] += push * contacts.beta[k] * sign * step.rows[row, power]
+            out[power] += push * contacts.edges[k, DRAG] * sign * step.rows[size // 2 + row, power]
         out[0] -= push * contacts.beta[k] * contacts.gap[k]

@@ -23,7 +23,7 @@ from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 @inlined
 def fill_outputs(index, model, tables, outputs):
     """Fill table `index` of the accelerations for the contact set of that of the motion, once."""
-    if not (outputs.filled[index] and outputs.key[index] == tables.keys[index]):
+    if outputs.key[index] != tables.keys[index]:
         _fill(index, model, tables, outputs)
 
 
@@ -31,8 +31,8 @@ def fill_outputs(index, model, tables, outputs):
 def _fill(index, model, tables, outputs):
     """Fill table `index` of the accelerations."""
     key = tables.keys[index]
-    outputs.filled[index], outputs.key[index] = True, key
-    rows, n_rows = outputs.accelerations, model.stiffness.shape[0]
+    outputs.key[index] = key
+    rows, n_rows = outputs.field, model.stiffness.shape[0]
     write_field(key, model, rows)
     _write_pairs(rows, model, outputs.pair[index])
     poly, h = tables.poly[index], tables.h[index]

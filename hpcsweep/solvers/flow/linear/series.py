@@ -99,9 +99,8 @@ def _add_set(key, model, out):
 
 
 @kernel
-def accelerations_of(key, model, work):
-    """Evaluate y'' of the augmented state ``work.series.x`` for a set into ``work.series.a``."""
-    series = work.series
+def accelerations_of(key, model, series):
+    """Evaluate y'' of the augmented state ``series.x`` for a set into ``series.a``."""
     _renew(key, model, series)
     width = series.a.shape[0]
     for i in range(0, width, LANES):
@@ -121,27 +120,27 @@ def _renew(key, model, series):
 
 
 @kernel
-def expand_series(key, h, model, work):
-    """Write the terms of a step of at most h from ``work.x``, and ``work.bounds``.
+def expand_series(key, h, model, step):
+    """Write the terms of a step of at most h from ``step.x``, and ``step.bounds``.
 
     Returns
     -------
     float
         Its length.
     """
-    series, terms, size = work.series, work.series.terms, work.expanded.shape[0]
+    series, terms, size = step.series, step.series.terms, step.expanded.shape[0]
     _renew(key, model, series)
     start, flat = size // 2, terms.shape[1]
-    copy_state(work.x[:size], terms[0])
-    _write_term(1, h, work.x, series, size)
-    _write_term(2, h, work.x, series, size)
+    copy_state(step.x[:size], terms[0])
+    _write_term(1, h, step.x, series, size)
+    _write_term(2, h, step.x, series, size)
     largest = load(ZERO, 0)
     for k in range(3):
         for i in range(0, series.a.shape[0], LANES):
             largest = greatest(largest, modulus(load(terms, k * flat + start + i)))
     limit, count = NEGLIGIBLE * maximum(largest), 3
     while count < N_TERMS and not _converged(count, start, limit, series):
-        _write_term(count, h, work.x, series, size)
+        _write_term(count, h, step.x, series, size)
         count += 1
     while not _converged(count, start, limit, series):
         h, limit = 0.5 * h, 0.5 * limit
@@ -150,13 +149,13 @@ def expand_series(key, h, model, work):
                 terms[k, i] *= 0.5**k
     series.count[0] = count
     for row in range(size):
-        work.expanded[row] = False
+        step.expanded[row] = False
     rate = 1.0 / (h * h)
-    for i in range(0, work.bounds.shape[0], LANES):
+    for i in range(0, step.bounds.shape[0], LANES):
         bound = load(ZERO, 0)
         for k in range(4, count):
             bound = fma(modulus(load(terms, k * flat + i)), FOURTH_OF_TERMS[k], bound)
-        store(work.bounds, i, bound * (rate * rate))
+        store(step.bounds, i, bound * (rate * rate))
     return h
 
 
@@ -172,12 +171,12 @@ def expand_term_row(row, series, out):
 
 
 @kernel
-def sum_series(ratio, work, out):
-    """Write the state at that part of the present step."""
-    terms, flat, wide = work.series.terms, work.series.terms.shape[1], work.wide
+def sum_series(ratio, series, wide, out):
+    """Write the state at that part of the present step, padded, then without that."""
+    terms, flat = series.terms, series.terms.shape[1]
     for i in range(0, wide.shape[0], LANES):
         value = load(ZERO, 0)
-        for k in range(work.series.count[0] - 1, -1, -1):
+        for k in range(series.count[0] - 1, -1, -1):
             value = fma(value, ratio, load(terms, k * flat + i))
         store(wide, i, value)
     for row in range(out.shape[0]):

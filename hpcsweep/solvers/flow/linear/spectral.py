@@ -93,10 +93,9 @@ def _next_forcing(rate, model, pairs):
 
 
 @kernel
-def write_forcing(h, model, work, out):
-    """Write the polynomial of G along the present step, of length h."""
-    pairs, size = work.spectral.pairs, work.z_end.shape[0]
-    copy_state(work.x[size : size + pairs.shape[0]], pairs)
+def write_forcing(h, x, first, model, pairs, out):
+    """Write the polynomial of G along a step of length h from the pairs in x[first:]."""
+    copy_state(x[first : first + pairs.shape[0]], pairs)
     for p in range(N_COEFFICIENTS):
         out[p] = 0.0
     for k in range(N_CLOSED):
@@ -164,32 +163,30 @@ def _add(out, o, factor, table, t, size):
 
 
 @kernel
-def write_modal_row(row, half, spectrum, modal, rows):
+def write_modal_row(row, half, spectrum, modal, values, rows):
     """Write the polynomial of a row, of `half` rows of displacements and as many of speeds."""
     width, count = spectrum.squares.shape[0], modal.count[0]
     first, i = (width, row - half) if row >= half else (0, row)
     for k in range(count):
-        modal.values[k] = _dot(
-            spectrum.shapes, i * width, modal.terms, 2 * k * width + first, width
-        )
-    _write_polynomial(row, modal, rows)
+        values[k] = _dot(spectrum.shapes, i * width, modal.terms, 2 * k * width + first, width)
+    _write_polynomial(row, count, values, rows)
 
 
 @inlined
-def _write_polynomial(row, modal, rows):
-    """Write that whose terms are ``modal.values``."""
+def _write_polynomial(row, count, values, rows):
+    """Write that with so many terms."""
     for p in range(0, N_COEFFICIENTS, LANES):
         at, about = row * N_COEFFICIENTS + p, ABOUT_START
-        combine(rows, at, ZERO, 0, 1.0, about, p, N_COEFFICIENTS, modal.values, 0, modal.count[0])
+        combine(rows, at, ZERO, 0, 1.0, about, p, N_COEFFICIENTS, values, 0, count)
 
 
 @kernel
-def write_modes(modal, rows):
+def write_modes(modal, values, rows):
     """Write the polynomials of the modal coordinates along the present step."""
     for j in range(rows.shape[0]):
         for k in range(modal.count[0]):
-            modal.values[k] = modal.terms[STATE, k, j]
-        _write_polynomial(j, modal, rows)
+            values[k] = modal.terms[STATE, k, j]
+        _write_polynomial(j, modal.count[0], values, rows)
 
 
 @kernel
@@ -229,12 +226,12 @@ def bound_by_terms(order, h, count, spectrum, modal, out):
 
 
 @kernel
-def bound_rows(h, tables, work):
-    """Write ``work.bounds`` of all rows, if they are not, by the bounds of the modes."""
-    spectrum, modal = tables.spectrum, work.spectral
+def bound_rows(h, spectrum, step):
+    """Write ``step.bounds`` of all rows, if they are not, by the bounds of the modes."""
+    modal = step.spectral
     if modal.count[1] == 0:
         modal.count[1] = 1
-        bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, modal, work.bounds)
+        bound_by_terms(4, h, spectrum.shapes.shape[0], spectrum, modal, step.bounds)
 
 
 @kernel
@@ -260,63 +257,63 @@ def write_rows(modes, spectrum, modal, out):
 
 
 @kernel
-def modal_step(index, tau, end, model, tables, work):
-    """Expand a step of table `index` from ``work.x`` at tau; its modes at the end go to ``end``.
+def modal_step(index, tau, end, model, tables, step):
+    """Expand a step of table `index` from ``step.x`` at tau; its modes at the end go to ``end``.
 
     Where a step begins at the end of the last one, in time and set, its modes are those there.
     """
-    spectrum, modal, half = tables.spectrum, work.spectral, work.z_end.shape[0] // 2
+    spectrum, modal, half = tables.spectrum, step.spectral, step.z_end.shape[0] // 2
     key, h = tables.keys[index], tables.h[index]
     if continues(index, tau, modal):
         copy_state(modal.end, modal.terms[STATE, 0])
     else:
-        modes_of(work.x, half, spectrum, modal.terms[STATE, 0])
+        modes_of(step.x, half, spectrum, modal.terms[STATE, 0])
     modal.chain[0], modal.chain[1] = end, index
     modal.count[0], modal.count[1] = N_FREE if key == np.uint64(0) else N_CLOSED, 0
-    _write_terms(key, STATE, h, True, model, spectrum, modal, work.x)
+    _write_terms(key, STATE, h, True, model, spectrum, modal, step.x)
     _evaluate(STATE, 1.0, modal, modal.end)
 
 
 @kernel
-def bound_contacts(index, model, tables, work):
-    """Write ``work.bounds`` of the rows of contacts along the present step."""
-    spectrum, modal, rows = tables.spectrum, work.spectral, model.contacts.row
-    h, count, m = tables.h[index], modal.count[0], rows.shape[0]
+def bound_contacts(h, model, spectrum, step):
+    """Write ``step.bounds`` of the rows of contacts along the present step."""
+    modal, rows = step.spectral, model.contacts.row
+    count, m = modal.count[0], rows.shape[0]
     if m <= FEW:
         for k in range(m):
-            write_modal_row(rows[k], work.z_end.shape[0] // 2, spectrum, modal, work.rows)
-            work.bounds[rows[k]] = fourth_derivative(work.rows[rows[k] : rows[k] + 1], h)
+            row, half = rows[k], step.z_end.shape[0] // 2
+            write_modal_row(row, half, spectrum, modal, step.values, step.rows)
+            step.bounds[row] = fourth_derivative(step.rows[row : row + 1], h)
         return
-    (n, width), sums, step = spectrum.stops.shape, modal.sums, modal.terms.shape[2]
+    (n, width), sums, flat = spectrum.stops.shape, modal.sums, modal.terms.shape[2]
     for first in range(0, width, LANES):
         for k in range(count):
             at, stops = k * LANES, spectrum.stops
-            combine(sums, at, ZERO, 0, 1.0, stops, first, width, modal.terms, k * step, n)
+            combine(sums, at, ZERO, 0, 1.0, stops, first, width, modal.terms, k * flat, n)
         bound, last = load(ZERO, 0), N_CLOSED * LANES
         for p in range(4, N_COEFFICIENTS):
             combine(sums, last, ZERO, 0, 1.0, sums, 0, LANES, BY_POWER, p * N_CLOSED, count)
             bound = fma(modulus(load(sums, last)), FOURTH[p], bound)
         store(sums, last, bound * (2.0 / h) ** 4)
         for k in range(first, min(first + LANES, m)):
-            work.bounds[rows[k]] = sums[N_CLOSED, k - first]
+            step.bounds[rows[k]] = sums[N_CLOSED, k - first]
 
 
 @kernel
-def spectral_step(index, tau, end, model, tables, work):
-    """Expand a step of table `index` from tau to `end`; write ``work.wide``."""
-    modal_step(index, tau, end, model, tables, work)
-    write_rows(work.spectral.end, tables.spectrum, work.spectral, work.wide)
+def spectral_step(index, tau, end, model, tables, step):
+    """Expand a step of table `index` from tau to `end`; write ``step.wide``."""
+    modal_step(index, tau, end, model, tables, step)
+    write_rows(step.spectral.end, tables.spectrum, step.spectral, step.wide)
 
 
 @kernel
-def ends_of_contacts(model, tables, work):
-    """Write into ``work.wide`` where contacts are at the end of the present step."""
-    spectrum, places, end = tables.spectrum, model.contacts.places, work.spectral.end
-    width = spectrum.squares.shape[0]
+def ends_of_contacts(model, spectrum, modes, wide):
+    """Write into `wide` where contacts are in a state of modes."""
+    places, width = model.contacts.places, spectrum.squares.shape[0]
     for k in range(places.shape[0]):
         row = model.contacts.row[k] * width
-        work.wide[places[k, 0]] = _dot(spectrum.shapes, row, end, 0, width)
-        work.wide[places[k, 1]] = _dot(spectrum.shapes, row, end, width, width)
+        wide[places[k, 0]] = _dot(spectrum.shapes, row, modes, 0, width)
+        wide[places[k, 1]] = _dot(spectrum.shapes, row, modes, width, width)
 
 
 @inlined
@@ -326,22 +323,24 @@ def continues(index, tau, modal):
 
 
 @inlined
-def modal_state(s, h, tables, work, out):
+def modal_state(s, h, spectrum, modal, out):
     """Write the state at time s of the present step, of length h."""
-    modal = work.spectral
     _evaluate(STATE, s / h, modal, modal.start)
-    write_rows(modal.start, tables.spectrum, modal, out)
+    write_rows(modal.start, spectrum, modal, out)
 
 
 @kernel
-def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
-    """Multiply `tangent` by exp(M s) to the power `n_steps` of table `index`, in place."""
-    spectrum, modal, half = tables.spectrum, work.spectral, tangent.shape[0] // 2
+def spectral_tangent(index, s, n_steps, tangent, model, tables, modal, vector):
+    """Multiply `tangent` by exp(M s) to the power `n_steps` of table `index`, in place.
+
+    `vector`, (2R or longer,), is workspace for a column.
+    """
+    spectrum, half = tables.spectrum, tangent.shape[0] // 2
     key, h = tables.keys[index], tables.h[index]
     exact = key == np.uint64(0) and spectrum.damping.shape[0] == 0
     if exact:
         _write_exponential(s * n_steps, spectrum, modal.exponential)
-    vector, width, kept = work.tangent.column, spectrum.squares.shape[0], modal.count[0]
+    width, kept = spectrum.squares.shape[0], modal.count[0]
     modal.count[0] = N_FREE if key == np.uint64(0) else N_CLOSED
     for column in range(tangent.shape[1]):
         for i in range(2 * half):
@@ -359,7 +358,7 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, work):
         else:
             for _ in range(n_steps):
                 modes_of(vector, half, spectrum, modal.terms[TANGENT, 0])
-                _write_terms(key, TANGENT, h, False, model, spectrum, modal, work.x)
+                _write_terms(key, TANGENT, h, False, model, spectrum, modal, vector)
                 _evaluate(TANGENT, s / h, modal, modal.start)
                 write_rows(modal.start, spectrum, modal, vector)
         for i in range(2 * half):

@@ -1,6 +1,6 @@
 r"""The present step of a motion: what makes one, and what is asked of it, whatever its kind.
 
-A step leads from the augmented state in ``work.x`` to the state in ``work.z_end``. Of four kinds,
+A step leads from the augmented state in ``step.x`` to the state in ``step.z_end``. Of four kinds,
 
 - `TABLE`: by the propagators of its contact set (`propagators`);
 - `MODES`: of a large structure, in the modes of the free one (`spectral`, `strides`);
@@ -10,9 +10,9 @@ A step leads from the augmented state in ``work.x`` to the state in ``work.z_end
 this is the only file that tells them apart, with those that take many steps at once (`events`) and
 that know of accelerations (`accelerations`). All of them give
 
-- rows as polynomials in sigma = 2 s / h - 1, ``work.rows`` where ``work.expanded``: `expand`;
+- rows as polynomials in sigma = 2 s / h - 1, ``step.rows`` where ``step.expanded``: `expand`;
 - the state at a time s: `state_at`;
-- bounds of the fourth derivatives of rows, ``work.bounds``: `bound_all_rows`. Inside a layer they
+- bounds of the fourth derivatives of rows, ``step.bounds``: `bound_all_rows`. Inside a layer they
   tell how far a row is from the cubic Hermite interpolant of its ends: with D the largest distance
   of the accelerations from the straight line through those at the ends, the fourth derivative that
   could take it as far is less than 32 D / h^2;
@@ -134,10 +134,10 @@ def is_series(key, tau, end, model, tables):
 
 
 @inlined
-def series_step(key, tau, end, model, work):
-    """Take a step as a series, as far as one goes, to ``work.z_end``."""
-    h = expand_series(key, end - tau, model, work)
-    sum_series(1.0, work, work.z_end)
+def series_step(key, tau, end, model, step):
+    """Take a step as a series, as far as one goes, to ``step.z_end``."""
+    h = expand_series(key, end - tau, model, step)
+    sum_series(1.0, step.series, step.wide, step.z_end)
     return Segment(SERIES, key, -1, h, tau, end)
 
 
@@ -148,32 +148,31 @@ def layer_segment(tau, h):
 
 
 @inlined
-def begin_layer_step(h, work):
+def begin_layer_step(h, step):
     """Make a step inside a layer the present one; it has stages and states at both ends."""
-    for row in range(work.z_end.shape[0]):
-        work.expanded[row] = False
-    for i in range(work.a.shape[0]):
-        line = fma(load(NODES, 0), work.a_end[i] - work.a[i], work.a[i])
-        apart = maximum(modulus(load(work.layer.g, i * N_STAGES) - line))
-        work.bounds[i] = HERMITE_DISTANCE * apart / (h * h)
+    for row in range(step.z_end.shape[0]):
+        step.expanded[row] = False
+    for i in range(step.a.shape[0]):
+        line = fma(load(NODES, 0), step.a_end[i] - step.a[i], step.a[i])
+        apart = maximum(modulus(load(step.layer.g, i * N_STAGES) - line))
+        step.bounds[i] = HERMITE_DISTANCE * apart / (h * h)
 
 
 @inlined
-def expand(row, segment, tables, work):
-    """Write the polynomial of a row along the present step into ``work.rows``, if it is not."""
-    if not work.expanded[row]:
-        work.expanded[row] = True
+def expand(row, segment, tables, step):
+    """Write the polynomial of a row along the present step into ``step.rows``, if it is not."""
+    if not step.expanded[row]:
+        step.expanded[row] = True
         if segment.kind == STAGES:
-            stage = work.layer
-            _expand_stages(row, segment.h, work.x, stage.v, stage.g, stage.values, work.rows)
+            stage = step.layer
+            _expand_stages(row, segment.h, step.x, stage.v, stage.g, step.values, step.rows)
         elif segment.kind == SERIES:
-            expand_term_row(row, work.series, work.rows)
+            expand_term_row(row, step.series, step.rows)
         elif in_modes(tables):
-            write_modal_row(
-                row, work.z_end.shape[0] // 2, tables.spectrum, work.spectral, work.rows
-            )
+            half = step.z_end.shape[0] // 2
+            write_modal_row(row, half, tables.spectrum, step.spectral, step.values, step.rows)
         else:
-            expand_row(tables.poly, segment.index, row, work.x, work.rows)
+            expand_row(tables.poly, segment.index, row, step.x, step.rows)
 
 
 @kernel
@@ -197,8 +196,8 @@ def _expand_stages(row, h, x, v, g, data, rows):
 
 
 @kernel
-def write_row(row, law, segment, tables, work):
-    """Write spring y + dashpot y' - level along the present step into ``work.drift_rows``.
+def write_row(row, law, segment, tables, step):
+    """Write spring y + dashpot y' - level along the present step into ``step.combined``.
 
     Parameters
     ----------
@@ -211,7 +210,7 @@ def write_row(row, law, segment, tables, work):
     float
         Bound of its fourth derivative.
     """
-    rows, out, half = work.rows, work.drift_rows, work.expanded.shape[0] // 2
+    rows, out, half = step.rows, step.combined, step.expanded.shape[0] // 2
     spring, dashpot, level = law
     for p in range(N_COEFFICIENTS):
         out[0, p] = 0.0
@@ -221,7 +220,7 @@ def write_row(row, law, segment, tables, work):
             i = row[end] + part * half
             if row[end] < 0 or factor == 0.0:
                 continue
-            expand(i, segment, tables, work)
+            expand(i, segment, tables, step)
             factor = -factor if end else factor
             for p in range(N_COEFFICIENTS):
                 out[0, p] += factor * rows[i, p]
@@ -230,31 +229,31 @@ def write_row(row, law, segment, tables, work):
 
 
 @inlined
-def expand_contacts(segment, some, model, tables, work):
+def expand_contacts(segment, some, model, tables, step):
     """Write the polynomials of the rows of some contacts, a set, along the present step."""
     for k in range(model.contacts.row.shape[0]):
         if some & contact_bit(k) != np.uint64(0):
-            expand(model.contacts.row[k], segment, tables, work)
+            expand(model.contacts.row[k], segment, tables, step)
 
 
 @inlined
-def state_at(segment, s, tables, work, out):
+def state_at(segment, s, tables, step, out):
     """Write the state at time s of the present step; not inside a layer, where it is taken anew."""
     if segment.kind == SERIES:
-        sum_series(s / segment.h, work, out)
+        sum_series(s / segment.h, step.series, step.wide, out)
     elif segment.kind == MODES:
-        modal_state(s, segment.h, tables, work, out)
+        modal_state(s, segment.h, tables.spectrum, step.spectral, out)
     elif segment.kind == TABLE:
-        for row in range(work.z_end.shape[0]):
-            expand(row, segment, tables, work)
-        evaluate_rows(work.rows, segment.h, s, out)
+        for row in range(step.z_end.shape[0]):
+            expand(row, segment, tables, step)
+        evaluate_rows(step.rows, segment.h, s, out)
 
 
 @inlined
-def bound_all_rows(segment, tables, work):
-    """Write ``work.bounds`` of all rows, where those of contacts are enough to take a step."""
+def bound_all_rows(segment, tables, step):
+    """Write ``step.bounds`` of all rows, where those of contacts are enough to take a step."""
     if segment.kind == MODES:
-        bound_rows(segment.h, tables, work)
+        bound_rows(segment.h, tables.spectrum, step)
 
 
 @inlined
@@ -267,33 +266,44 @@ def bound_of_row(segment, bound4):
 
 
 @inlined
-def expand_modal(segment, model, tables, work):
+def expand_modal(segment, model, tables, step, rows):
     """Write the polynomials of the modal coordinates along a linear step."""
-    n, count, rows = model.modal_transform.shape[0], N_COEFFICIENTS, work.modal_rows
+    n, count = model.modal_transform.shape[0], N_COEFFICIENTS
     if segment.kind == MODES:
-        write_modes(work.spectral, rows)
+        write_modes(step.spectral, step.values, rows)
         return
     for row in range(n):
-        expand(row, segment, tables, work)
+        expand(row, segment, tables, step)
     transform, width = model.modal_transform, model.modal_transform.shape[1]
     for j in range(n):
         for p in range(0, count, LANES):
             at = j * count + p
-            combine(rows, at, ZERO, 0, 1.0, work.rows, p, count, transform, j * width, n)
+            combine(rows, at, ZERO, 0, 1.0, step.rows, p, count, transform, j * width, n)
 
 
 @inlined
-def step_tangent(segment, s, n_steps, tangent, shared):
+def step_tangent(segment, s, n_steps, tangent, model, tables, modal, scratch):
     """Multiply `tangent` by the map of `n_steps` times s of a linear step, in place.
 
     More than one are whole steps of its set, of which all but the present one have been taken.
+
+    Parameters
+    ----------
+    segment : Segment
+    s : float
+    n_steps : int
+    tangent : ndarray, shape (2R, m)
+    model : Model
+    tables : Tables
+    modal : SpectralWorkspace
+    scratch : TangentWorkspace
     """
-    tables, work = shared.tables, shared.work
     if tangent.shape[1] == 0 or n_steps == 0:
         return
     if in_modes(tables):
-        spectral_tangent(segment.index, s, n_steps, tangent, shared.model, tables, work)
+        vector = scratch.column
+        spectral_tangent(segment.index, s, n_steps, tangent, model, tables, modal, vector)
     elif s == segment.h:
-        tangent_of_steps(segment.index, n_steps, tangent, tables, work.tangent)
+        tangent_of_steps(segment.index, n_steps, tangent, tables, scratch)
     else:
-        table_tangent(segment.index, s, tangent, tables, work.tangent)
+        table_tangent(segment.index, s, tangent, tables, scratch)

@@ -138,10 +138,10 @@ def have_strides(h, model, spectrum, strides):
 
 
 @kernel
-def look(modes, spectrum, strides, out):
+def look(modes, bounds, spectrum, edges, out):
     """Write distances past the edges, then speeds, of contacts in free flight; bounds behind them.
 
-    The bounds are those of the rows by the bounds ``strides.bound`` of the modes.
+    The bounds are those of the rows by `bounds`, those of the modes.
     """
     n, width, stops = spectrum.to_modes.shape[0], spectrum.stops.shape[1], spectrum.stops
     half = spectrum.squares.shape[0]
@@ -151,16 +151,21 @@ def look(modes, spectrum, strides, out):
             share = load(stops, j * width + first)
             value = fma(share, modes[j], value)
             speed = fma(share, modes[half + j], speed)
-            bound = fma(modulus(share), strides.bound[j], bound)
-        sign = load(strides.edges, first)
-        store(out, first, fma(sign, value, load(strides.edges, width + first)))
+            bound = fma(modulus(share), bounds[j], bound)
+        sign = load(edges, first)
+        store(out, first, fma(sign, value, load(edges, width + first)))
         store(out, width + first, sign * speed)
         store(out, 2 * width + first, bound)
 
 
 @kernel
-def stride(level, h, modes, pairs, model, spectrum, strides):
-    """Take a stride of that length from `modes`, and `pairs`, to ``after`` and ``turned``."""
+def stride(level, h, pairs, model, spectrum, strides, modal):
+    """Take a stride of that length from ``modal.end`` and `pairs`.
+
+    The modes at its end are written into ``modal.start``, the pairs into ``modal.pairs``, and
+    bounds of the fourth derivatives of the modes into ``modal.bounds``.
+    """
+    modes = modal.end
     half, units = spectrum.squares.shape[0], strides.bends.shape[1]
     flat, steps, bends = units * half, strides.steps, strides.bends
     to, size = 2 * level * flat, 0.0
@@ -170,7 +175,7 @@ def stride(level, h, modes, pairs, model, spectrum, strides):
         size += (rise * fall) ** 2 * (abs(s) + abs(c))
         for i in range(number, number + 2):
             turn = strides.turns[level, i]
-            strides.turned[i] = fma(turn[0], s, turn[1] * c)
+            modal.pairs[i] = fma(turn[0], s, turn[1] * c)
     for p in range(0, half, LANES):
         q, v = load(modes, p), load(modes, half + p)
         moved = fma(load(steps, to + p), q, load(steps, to + half + p) * v)
@@ -183,20 +188,17 @@ def stride(level, h, modes, pairs, model, spectrum, strides):
             pushed = fma(load(steps, to + flat + at), pairs[i], pushed)
             bend = fma(load(bends, at), pairs[i], bend)
             rise = fma(load(bends, flat + at), pairs[i], rise)
-        store(strides.after, p, q + moved)
-        store(strides.after, half + p, v + pushed)
-        store(
-            strides.bound,
-            p,
-            root(fma(bend, bend, rise * rise)) + load(strides.driven, p) * (size * h),
-        )
+        store(modal.start, p, q + moved)
+        store(modal.start, half + p, v + pushed)
+        grown = load(strides.driven, p) * (size * h)
+        store(modal.bounds, p, root(fma(bend, bend, rise * rise)) + grown)
 
 
 @inlined
-def accept(modes, pairs, first, strides):
-    """Make the end of a stride the state, and the pairs in pairs[first:]."""
-    copy_state(strides.after, modes)
-    for i in range(strides.turned.shape[0]):
-        pairs[first + i] = strides.turned[i]
+def accept(modal, pairs, first, strides):
+    """Make the end of a stride the state ``modal.end``, and the pairs in pairs[first:]."""
+    copy_state(modal.start, modal.end)
+    for i in range(modal.pairs.shape[0]):
+        pairs[first + i] = modal.pairs[i]
     width = strides.edges.shape[1]
     copy_state(strides.ends[: 2 * width], strides.starts)

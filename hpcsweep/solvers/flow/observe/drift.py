@@ -53,17 +53,17 @@ class Peak(NamedTuple):
 
 
 @inlined
-def drift_on_segment(segment, span, model, tables, tally, work):
+def drift_on_segment(segment, span, model, tables, tally, step):
     """Update the largest drift over the first `span` of the present step."""
-    bound_all_rows(segment, tables, work)
+    bound_all_rows(segment, tables, step)
     for d in range(model.drift_rows.shape[0]):
         i, below = model.drift_rows[d]
         peak = Peak(tally.peak_drift, 0, -math.inf)
-        raise_row((i, below, 0, 0.0), peak, segment, span, tables, work)
+        raise_row((i, below, 0, 0.0), peak, segment, span, tables, step)
 
 
 @inlined
-def raise_row(row, peak, segment, span, tables, work):
+def raise_row(row, peak, segment, span, tables, step):
     """Raise a `Peak` to that of a row, as of `row_at_ends`, over the first `span` of a step.
 
     Returns
@@ -72,13 +72,13 @@ def raise_row(row, peak, segment, span, tables, work):
         Time of the peak in the step, -1 if it has not been raised.
     """
     side = row[2]
-    ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
+    ends, bound4 = row_at_ends(row, step.x, step.z_end, step.bounds)
     at = raise_to_ends(ends, side, span, peak)
     if row_may_be_higher(peak.values[peak.place], side, span, ends, bound4):
-        expand_difference(row, segment, tables, work)
-        rows, h, bound4 = work.drift_rows, segment.h, bound_of_row(segment, bound4)
-        found = raise_peak(rows, h, span, ends, bound4, side, peak, work.stack)
-        at = found if found >= 0.0 else at
+        expand_difference(row, segment, tables, step)
+        rows, h, bound4 = step.combined, segment.h, bound_of_row(segment, bound4)
+        higher = raise_peak(rows, h, span, ends, bound4, side, peak, step.stack)
+        at = higher if higher >= 0.0 else at
     return at
 
 
@@ -101,7 +101,7 @@ def row_at_ends(row, x, z_end, bounds):
     x, z_end : ndarray
         States at both ends.
     bounds : ndarray
-        ``work.bounds``
+        ``step.bounds``
 
     Returns
     -------
@@ -142,18 +142,18 @@ def row_may_be_higher(peak, side, s, ends, bound4):
 
 
 @inlined
-def expand_difference(row, segment, tables, work):
-    """Write the polynomial of a row, as of `row_at_ends`, into ``work.drift_rows``."""
+def expand_difference(row, segment, tables, step):
+    """Write the polynomial of a row, as of `row_at_ends`, into ``step.combined``."""
     i, below, side, gap = row
     sign = -1.0 if side < 0 else 1.0
-    expand(i, segment, tables, work)
+    expand(i, segment, tables, step)
     if below >= 0:
-        expand(below, segment, tables, work)
+        expand(below, segment, tables, step)
     for p in range(N_COEFFICIENTS):
-        work.drift_rows[0, p] = sign * work.rows[i, p]
+        step.combined[0, p] = sign * step.rows[i, p]
         if below >= 0:
-            work.drift_rows[0, p] -= sign * work.rows[below, p]
-    work.drift_rows[0, 0] -= gap
+            step.combined[0, p] -= sign * step.rows[below, p]
+    step.combined[0, 0] -= gap
 
 
 @inlined
@@ -195,11 +195,11 @@ def search_peak(rows, h, s, bound4, side, peak, stack):
     while depth >= 0:
         b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
         d = b - a
-        known = max(peaks[w], max(_size(ga, side), _size(gb, side)))
-        if known > peaks[w]:
-            time = a if _size(ga, side) == known else b
-            peaks[w] = known
-        if _may_be_higher(known, side, d, ga, da, gb, db, bound4):
+        largest = max(peaks[w], max(_size(ga, side), _size(gb, side)))
+        if largest > peaks[w]:
+            time = a if _size(ga, side) == largest else b
+            peaks[w] = largest
+        if _may_be_higher(largest, side, d, ga, da, gb, db, bound4):
             if d > least and not slope_is_monotone(d, ga, da, gb, db, bound4):
                 middle = 0.5 * (a + b)
                 gb, db = value_and_slope(rows, 0, h, middle)
@@ -208,7 +208,7 @@ def search_peak(rows, h, s, bound4, side, peak, stack):
                 continue
             if da * db < 0.0:
                 top, at = extremum(rows, h, a, da, b, db)
-                if _size(top, side) > known:
+                if _size(top, side) > largest:
                     peaks[w], time = _size(top, side), at
         a, ga, da = b, gb, db
         depth -= 1
@@ -249,15 +249,15 @@ def raise_peak(rows, h, s, ends, bound4, side, peak, stack):
             g, v, bend = value_slope_bend(rows, 0, h, t)
             if _size(g, side) > peaks[w]:
                 peaks[w], time = _size(g, side), t
-            known = peaks[w]
-            before = _may_be_higher(known, side, t, g0, v0, g, v, bound4)
-            if not before and not _may_be_higher(known, side, s - t, g, v, g1, v1, bound4):
+            top = peaks[w]
+            before = _may_be_higher(top, side, t, g0, v0, g, v, bound4)
+            if not before and not _may_be_higher(top, side, s - t, g, v, g1, v1, bound4):
                 return time
             if v0 * bend >= 0.0:
                 break
             t -= v / bend
-    found = search_peak(rows, h, s, bound4, side, peak, stack)
-    return found if found >= 0.0 else time
+    searched = search_peak(rows, h, s, bound4, side, peak, stack)
+    return searched if searched >= 0.0 else time
 
 
 @kernel

@@ -8,17 +8,17 @@ from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MOD
 
 
 @kernel
-def energies_on_segment(segment, span, model, tables, work, tally):
+def energies_on_segment(segment, span, tables, tally, step):
     """Add the integrals of u_i' u_j' and of G u_i' over the first `span` of a step, exactly."""
-    v, size, n = work.a_end, work.z_end.shape[0], tally.energy.shape[1]
+    v, size, n = step.a_end, step.z_end.shape[0], tally.energy.shape[1]
     for row in range(size):
-        expand(row, segment, tables, work)
+        expand(row, segment, tables, step)
     for node in range(N_MODAL):
         s = 0.5 * span * (MODAL_NODES[node] + 1.0)
         weight = 0.5 * span * MODAL_WEIGHTS[node]
-        ground = fma(s, work.x[size + 1], work.x[size])
+        ground = fma(s, step.x[size + 1], step.x[size])
         for i in range(n):
-            v[i] = evaluate(work.rows[size // 2 + i], fma(s, 2.0 / segment.h, -1.0))
+            v[i] = evaluate(step.rows[size // 2 + i], fma(s, 2.0 / segment.h, -1.0))
             tally.energy[n, i] += weight * ground * v[i]
         for i in range(n):
             for j in range(n):

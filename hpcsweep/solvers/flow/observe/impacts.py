@@ -44,10 +44,10 @@ from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, ROUNDING, SPE
 
 
 @kernel
-def impacts_on_segment(segment, past, span, model, tables, tally, work):
+def impacts_on_segment(segment, past, span, model, tables, tally, step):
     """Add force, time and energy of the contacts past their stops on the first `span` of a step."""
-    contacts, h, n = model.contacts, segment.h, work.z_end.shape[0] // 2
-    note_closed(segment, past, span, model, tables, tally, work)
+    contacts, h, n = model.contacts, segment.h, step.z_end.shape[0] // 2
+    note_closed(segment, past, span, model, tables, tally, step)
     for k in range(contacts.row.shape[0]):
         if past & contact_bit(k) == np.uint64(0):
             continue
@@ -57,31 +57,31 @@ def impacts_on_segment(segment, past, span, model, tables, tally, work):
             contacts.edges[k, SPRING],
             contacts.edges[k, DASHPOT],
         )
-        x0, x1 = distance(k, work.x, contacts), distance(k, work.z_end, contacts)
+        x0, x1 = distance(k, step.x, contacts), distance(k, step.z_end, contacts)
         if segment.key & contact_bit(k) == np.uint64(0):
             tally.impacts[DISSIPATED, k] += 0.5 * spring * (x0 - x1) * (x0 + x1)
             continue
-        expand(row, segment, tables, work)
-        way = contacts.sign[k] * integral(work.rows, row, h, span) - contacts.gap[k] * span
+        expand(row, segment, tables, step)
+        way = contacts.sign[k] * integral(step.rows, row, h, span) - contacts.gap[k] * span
         tally.impacts[FORCE, k] += spring * way + dashpot * (x1 - x0)
         if dashpot > 0.0:
-            expand(n + row, segment, tables, work)
-            tally.impacts[DISSIPATED, k] += dashpot * _square(work.rows[n + row], h, span)
+            expand(n + row, segment, tables, step)
+            tally.impacts[DISSIPATED, k] += dashpot * _square(step.rows[n + row], h, span)
 
 
 @kernel
 def _square(coefficients, h, span):
     """Integrate the square of a polynomial over the first `span` of a step, exactly."""
-    found = 0.0
+    sum_of_squares = 0.0
     for first in range(0, N_MODAL, LANES):
         s = 0.5 * span * (load(MODAL_NODES, first) + 1.0)
         value = evaluate(coefficients, fma(s, 2.0 / h, -1.0))
-        found += total(load(MODAL_WEIGHTS, first) * value * value)
-    return 0.5 * span * found
+        sum_of_squares += total(load(MODAL_WEIGHTS, first) * value * value)
+    return 0.5 * span * sum_of_squares
 
 
 @inlined
-def note_closed(segment, past, span, model, tables, tally, work):
+def note_closed(segment, past, span, model, tables, tally, step):
     """Note which contacts, a set, are past their stops on the first `span` of a linear step.
 
     A step is a part of the fastest free motion, and an opening within one an arch.
@@ -89,7 +89,7 @@ def note_closed(segment, past, span, model, tables, tally, work):
     tally.closed[0] = past
     tally.beside[0] |= past
     if tally.beside[0] & ~past != np.uint64(0):
-        come_apart(segment, past, span, model, tables, tally, work)
+        come_apart(segment, past, span, model, tables, tally, step)
 
 
 @inlined
@@ -122,24 +122,24 @@ def _raise_size(z, model, tally):
 
 
 @kernel
-def come_apart(segment, past, span, model, tables, tally, work):
+def come_apart(segment, past, span, model, tables, tally, step):
     """Note the open contacts that come apart on the first `span` of a linear step."""
     for k in range(model.contacts.row.shape[0]):
         if tally.beside[0] & ~past & contact_bit(k):
-            note_arch(k, 0.0, span, segment, model.contacts, tables, tally, work)
+            note_arch(k, 0.0, span, segment, model.contacts, tables, tally, step)
 
 
 @inlined
-def note_arch(k, a, b, segment, contacts, tables, tally, work):
+def note_arch(k, a, b, segment, contacts, tables, tally, step):
     """Note whether an open contact comes apart from time a to b of a step.
 
     The middle of an arch tells its height.
     """
     row, h = contacts.row[k], segment.h
-    expand(row, segment, tables, work)
+    expand(row, segment, tables, step)
     x = math.inf
     for at in (a, 0.5 * (a + b), b):
-        x = min(x, contacts.sign[k] * value_and_slope(work.rows, row, h, at)[0] - contacts.gap[k])
+        x = min(x, contacts.sign[k] * value_and_slope(step.rows, row, h, at)[0] - contacts.gap[k])
     if x < -ROUNDING * max(abs(contacts.gap[k]), tally.size[0]):
         tally.beside[0] &= ~contact_bit(k)
 
@@ -155,18 +155,18 @@ def record_passing(passing, past, model, tally, z):
 
 
 @kernel
-def passage_at_end(segment, ending, model, tally, work):
+def passage_at_end(segment, ending, model, tally, step):
     """Add the passage of an elastic contact through its layer at the end of a segment.
 
-    ``work.a`` has the accelerations there without the force of the contact, ``work.z_end`` the
+    ``step.a`` has the accelerations there without the force of the contact, ``step.z_end`` the
     state after the passage.
     """
     contacts, k = model.contacts, ending.contact
     row, sign, beta = contacts.row[k], contacts.sign[k], contacts.beta[k]
     closing = segment.key & contact_bit(k) == np.uint64(0)
-    _, v = value_and_slope(work.rows, row, segment.h, ending.span)
+    _, v = value_and_slope(step.rows, row, segment.h, ending.span)
     v *= sign
-    a = sign * work.a[row]
+    a = sign * step.a[row]
     inner = sign * contacts.damped[k, row]
     bend = sign * contacts.bent[k, row] - beta
     stop = at_stop(v, a, sign * ending.jerk, beta, model.rho)
@@ -174,13 +174,13 @@ def passage_at_end(segment, ending, model, tally, work):
     contact, _, _ = half_passage(1.0, stop)
     m0, _, _, m2, _, m3, m4 = since_linear(sums(free, contact), stop)
     m = free if closing else contact
-    own = bend + beta if closing else bend
-    gone = total(m[1]) + 0.5 * inner * total(m[2]) + own * total(m[3]) / 6.0
+    arriving = bend + beta if closing else bend
+    gone = total(m[1]) + 0.5 * inner * total(m[2]) + arriving * total(m[3]) / 6.0
     d = gone / v
     d = gone / (v + 0.5 * a * d)
-    speed = abs(v + a * d + total(m[0]) + inner * total(m[1]) + 0.5 * own * total(m[2]))
+    speed = abs(v + a * d + total(m[0]) + inner * total(m[1]) + 0.5 * arriving * total(m[2]))
     early = abs(d)
     kick = m0 - beta * (0.5 * m2 + inner * m3 / 6.0 + bend * m4 / 24.0)
     tally.impacts[FORCE, k] -= kick / beta
     tally.impacts[TIME, k] += early
-    record(k, closing, speed, work.z_end, model, tally)
+    record(k, closing, speed, step.z_end, model, tally)

@@ -94,7 +94,7 @@ LOCAL, BEFORE, HALF = _between_places()
 
 
 @inlined
-def modal_norm_on_segment(segment, s, model, tables, tally, work):
+def modal_norm_on_segment(segment, s, model, tables, tally, norms, step):
     """Add the modal norms over the first `s` of a free step."""
     n, h = tally.modal.shape[0], segment.h
     tally.free_time[0] += s
@@ -103,18 +103,17 @@ def modal_norm_on_segment(segment, s, model, tables, tally, work):
         return
     # there is a table of free flight; with sliders that slip it is not
     if s == h and segment.key == np.uint64(0) and tables.modal.shape[1] > 0:
-        product(tables.modal, 0, work.x, work.modal_nodes)
-        if _add_interval(s, False, n, tally, work):
+        product(tables.modal, 0, step.x, norms.nodes)
+        if _add_interval(s, False, n, tally, norms):
             return
-    expand_modal(segment, model, tables, work)
-    count = N_COEFFICIENTS
+    expand_modal(segment, model, tables, step, norms.rows)
+    powers, rows, nodes, count = norms.powers, norms.rows, norms.nodes, N_COEFFICIENTS
     # halves, the left one first, until each is resolved
     left = 0.0
     length = 0.5 * s if s == h else s
     least = SHORTEST_INTERVAL * h
     while left < s:
         length = min(length, s - left)
-        powers = work.modal_powers
         middle, half = (2.0 * left + length) / h - 1.0, length / h
         for node in range(0, N_MODAL, LANES):
             sigma = fma(load(MODAL_NODES, node), half, middle)
@@ -125,10 +124,9 @@ def modal_norm_on_segment(segment, s, model, tables, tally, work):
                 power = power * sigma
         for j in range(n):
             for node in range(0, N_MODAL, LANES):
-                at, rows = j * N_MODAL + node, work.modal_rows
-                own, to = j * count, work.modal_nodes
-                combine(to, at, ZERO, 0, 1.0, powers, node, N_MODAL, rows, own, count)
-        if _add_interval(length, length <= least, n, tally, work):
+                at = j * N_MODAL + node
+                combine(nodes, at, ZERO, 0, 1.0, powers, node, N_MODAL, rows, j * count, count)
+        if _add_interval(length, length <= least, n, tally, norms):
             left = s if length >= s - left else left + length
             length *= 2.0
         else:
@@ -136,7 +134,7 @@ def modal_norm_on_segment(segment, s, model, tables, tally, work):
 
 
 @kernel
-def _add_interval(length, accept, n, tally, work):
+def _add_interval(length, accept, n, tally, norms):
     """Integrate |q_j| / ||q|| over an interval from its nodes, if they resolve it.
 
     f_j = q_j / ||q|| is interpolated by Legendre polynomials at the nodes; it is resolved if their
@@ -148,8 +146,7 @@ def _add_interval(length, accept, n, tally, work):
     bool
         Whether it was added; always if `accept`.
     """
-    f = work.modal_nodes
-    summary = work.modal_summary
+    f, summary = norms.nodes, norms.summary
     for node in range(0, N_MODAL, LANES):
         square = load(f, node) * load(f, node) + TINY
         for at in range(N_MODAL + node, n * N_MODAL, N_MODAL):
@@ -166,19 +163,19 @@ def _add_interval(length, accept, n, tally, work):
             mean = 0.0
             for node in range(0, N_MODAL, LANES):
                 mean += total(load(MODAL_WEIGHTS, node) * modulus(load(f, start + node)))
-            work.modal_part[j] = 0.5 * mean
+            norms.parts[j] = 0.5 * mean
             continue
         signs = np.int64(summary[LEFT] < 0.0) | np.int64(summary[RIGHT] < 0.0) << (N_MODAL + 1)
         for node in range(0, N_MODAL, LANES):
             signs |= negative(load(f, start + node)) << (node + 1)
         changes = (signs ^ (signs >> 1)) & ALL_CHANGES
         if changes == 0:
-            work.modal_part[j] = abs(summary[MEAN])
+            norms.parts[j] = abs(summary[MEAN])
         else:
-            whole = _integral_of_modulus(f, start, changes, summary, work.modal_series)
-            work.modal_part[j] = 0.5 * whole
+            whole = _integral_of_modulus(f, start, changes, summary, norms.series)
+            norms.parts[j] = 0.5 * whole
     for j in range(n):
-        tally.modal[j] += length * work.modal_part[j]
+        tally.modal[j] += length * norms.parts[j]
     return True
 
 

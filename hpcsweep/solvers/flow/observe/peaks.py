@@ -35,9 +35,8 @@ LEAST = 1e-200
 
 
 @inlined
-def _rows_of_kind(kind, shared):
+def _rows_of_kind(kind, model, outputs):
     """Return the flag of drifts, floors or contacts, where in `Model.watched`, and how many."""
-    model, outputs = shared.model, shared.outputs
     if kind == 0:
         return DRIFT, 0, model.drift_rows.shape[0]
     if kind == 1:
@@ -46,30 +45,29 @@ def _rows_of_kind(kind, shared):
 
 
 @inlined
-def peaks_on_segment(segment, span, amplitude, wanted, shared):
-    """Raise the peaks that are wanted over the first `span` of a linear step to ``work.z_end``.
+def peaks_on_segment(segment, span, amplitude, wanted, model, tables, outputs, tally, step):
+    """Raise the peaks that are wanted over the first `span` of a linear step to ``step.z_end``.
 
-    ``work.expanded`` tells which polynomials are there, and ``work.bounds`` the bounds of the
+    ``step.expanded`` tells which polynomials are there, and ``step.bounds`` the bounds of the
     fourth derivatives on the step.
     """
     if wanted & DISPLACEMENTS:
-        displacements_on_segment(segment, span, wanted, False, shared)
+        displacements_on_segment(segment, span, wanted, False, model, tables, outputs, tally, step)
     if wanted & ACCELERATION:
-        _accelerations_on_segment(segment, span, amplitude, shared)
+        _accelerations_on_segment(segment, span, amplitude, model, tables, outputs, tally, step)
 
 
 @inlined
-def displacements_on_segment(segment, span, wanted, only_look, shared):
+def displacements_on_segment(segment, span, wanted, only_look, model, tables, outputs, tally, step):
     """Raise the wanted peaks of drifts, floors and closed contacts over the present step.
 
     With `only_look` none is raised; return then whether one may be.
     """
-    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     contacts, peaks = model.contacts, tally.peaks
     time = time_of(segment.tau, model)
-    bound_all_rows(segment, tables, work)
+    bound_all_rows(segment, tables, step)
     for kind in range(DISPLACEMENT_KINDS):
-        flag, first, count = _rows_of_kind(kind, shared)
+        flag, first, count = _rows_of_kind(kind, model, outputs)
         if wanted & flag == 0 or (flag == CONTACT and segment.key == np.uint64(0)):
             continue
         for k in range(count):
@@ -78,56 +76,54 @@ def displacements_on_segment(segment, span, wanted, only_look, shared):
                 if segment.key & contact_bit(k) == np.uint64(0):
                     continue
                 if contacts.edges[k, DASHPOT] > 0.0:
-                    _raise_force(k, segment, span, shared)
+                    _raise_force(k, first + k, segment, span, model, tables, tally, step)
                     continue
                 gap = contacts.gap[k]
             p = first + k
             i, below, side, _ = model.watched[p]
             row = (i, below, side, gap)
             if only_look:
-                ends, bound4 = row_at_ends(row, work.x, work.z_end, work.bounds)
+                ends, bound4 = row_at_ends(row, step.x, step.z_end, step.bounds)
                 if row_may_be_higher(peaks[p], side, span, ends, bound4):
                     return True
                 continue
             peak = Peak(peaks, p, tally.times[p] - time)
-            at = raise_row(row, peak, segment, span, tables, work)
+            at = raise_row(row, peak, segment, span, tables, step)
             if at >= 0.0:
                 tally.times[p] = time + at
     return False
 
 
 @kernel
-def _raise_force(k, segment, span, shared):
-    """Raise the peak of the force, over its unit, of a contact with a dashpot that pushes."""
-    model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
-    rows, h, time = work.drift_rows, segment.h, time_of(segment.tau, model)
-    w, edges, row = shared.outputs.first_contact + k, model.contacts.edges[k], model.contacts.row[k]
+def _raise_force(k, w, segment, span, model, tables, tally, step):
+    """Raise the peak w of the force, over its unit, of a contact with a dashpot that pushes."""
+    rows, h, time = step.combined, segment.h, time_of(segment.tau, model)
+    edges, row = model.contacts.edges[k], model.contacts.row[k]
     spring, dashpot = edges[SPRING], edges[DASHPOT]
     law = (edges[0] * spring, edges[0] * dashpot, spring * model.contacts.gap[k])
-    bound4 = write_row((row, -1), law, segment, tables, work)
+    bound4 = write_row((row, -1), law, segment, tables, step)
     g0, v0 = value_and_slope(rows, 0, h, 0.0)
     g1, v1 = value_and_slope(rows, 0, h, span)
     ends = (g0, v0, g1, v1)
     peak = Peak(tally.peaks, w, tally.times[w] - time)
     at = raise_to_ends(ends, 1, span, peak)
     if row_may_be_higher(tally.peaks[w], 1, span, ends, bound4):
-        found = raise_peak(rows, h, span, ends, bound4, 1, peak, work.stack)
-        at = found if found >= 0.0 else at
+        higher = raise_peak(rows, h, span, ends, bound4, 1, peak, step.stack)
+        at = higher if higher >= 0.0 else at
     if at >= 0.0:
         tally.times[w] = time + at
 
 
 @inlined
-def _accelerations_on_segment(segment, span, amplitude, shared):
+def _accelerations_on_segment(segment, span, amplitude, model, tables, outputs, tally, step):
     """Raise the peaks of absolute accelerations; arguments of `peaks_on_segment`."""
-    outputs = shared.outputs
-    ends_of_accelerations(segment, span, amplitude, shared)
+    ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step)
     start, end, bounds = outputs.start, outputs.end, outputs.bounds
     quarter, sixth = 0.25 * span, span * (1.0 / 6.0)
     fourth = HERMITE_MIDDLE * (span * span) * (span * span)
     for p in range(0, bounds.shape[0], LANES):
         # the quartics above and below of `search`
-        peak = load(shared.tally.peaks, outputs.first + p)
+        peak = load(tally.peaks, outputs.first + p)
         g0, slope0 = load(start, 2 * p), load(start, 2 * p + LANES)
         g1, slope1 = load(end, 2 * p), load(end, 2 * p + LANES)
         limit = peak * (1.0 + SAME_PEAK) + LEAST
@@ -141,23 +137,24 @@ def _accelerations_on_segment(segment, span, amplitude, shared):
         if higher != 0:
             for lane in range(LANES):
                 if higher >> lane & 1:
-                    _raise_acceleration(p + lane, segment, span, shared)
+                    _raise_acceleration(
+                        p + lane, segment, span, model, tables, outputs, tally, step
+                    )
 
 
 @inlined
-def _raise_acceleration(p, segment, span, shared):
+def _raise_acceleration(p, segment, span, model, tables, outputs, tally, step):
     """Raise the peak of floor p by its extrema on a step."""
-    work, outputs, peaks = shared.work, shared.outputs, shared.tally.peaks
-    w, at = outputs.first + p, p + p // LANES * LANES
+    peaks, w, at = tally.peaks, outputs.first + p, p + p // LANES * LANES
     start, end = outputs.start, outputs.end
     ends = (start[at], start[at + LANES], end[at], end[at + LANES])
-    bound4, time = outputs.bounds[p], time_of(segment.tau, shared.model)
-    peak = Peak(peaks, w, shared.tally.times[w] - time)
+    bound4, time = outputs.bounds[p], time_of(segment.tau, model)
+    peak = Peak(peaks, w, tally.times[w] - time)
     reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
         rows = outputs.rows[p : p + 1]
-        expand_acceleration(p, segment, shared)
-        found = raise_peak(rows, segment.h, span, ends, bound4, 0, peak, work.stack)
-        reached = found if found >= 0.0 else reached
+        expand_acceleration(p, segment, model, tables, outputs, step)
+        higher = raise_peak(rows, segment.h, span, ends, bound4, 0, peak, step.stack)
+        reached = higher if higher >= 0.0 else reached
     if reached >= 0.0:
-        shared.tally.times[w] = time + reached
+        tally.times[w] = time + reached

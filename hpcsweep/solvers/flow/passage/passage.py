@@ -254,8 +254,8 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     Returns
     -------
     how : int
-        `INTEGRATED`, with z unchanged, if the passage has to be integrated. ``work.a`` then holds
-        the accelerations at the stop without the force of the contact.
+        `INTEGRATED`, with z unchanged, if the passage has to be integrated. ``work.step.a`` then
+        holds the accelerations at the stop without the force of the contact.
     float
         Jerk of its row, likewise.
     promised : uint64
@@ -265,7 +265,7 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     z = as_long_as(z, shared.previous)
     model, work = shared.model, shared.work
     arrival = Arrival(contact, before.key, tau, work.forcing)
-    contacts, a, rho = model.contacts, work.a, model.rho
+    contacts, a, rho = model.contacts, work.step.a, model.rho
     row, sign = contacts.row[contact], contacts.sign[contact]
     z[row] = sign * contacts.gap[contact]
     if rho == math.inf:

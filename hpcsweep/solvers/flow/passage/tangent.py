@@ -60,21 +60,23 @@ def coast_on(segment, coasts, left, tangent, shared):
     -------
     segment : Segment
         What is left.
-    known : bool
+    tried : bool
         See `coast`.
     steps : int
         Those taken, with the one that follows.
     """
-    known, steps = False, 1
+    tried, steps = False, 1
     if tangent is not None and coasts:
-        tau, coasted, known = coast(segment, left - 1, shared.model, shared.tables, shared.work)
-        step_tangent(segment, segment.h, coasted, tangent, shared)
+        model, tables, work = shared.model, shared.tables, shared.work
+        tau, coasted, tried = coast(segment, left - 1, model, tables, work.step)
+        modal, scratch = work.step.spectral, work.tangent
+        step_tangent(segment, segment.h, coasted, tangent, model, tables, modal, scratch)
         kind, key, index, h, _, end = segment
         segment = Segment(kind, key, index, h, tau, end)
         shared.counts[LINEAR_STEPS] += coasted
         steps += coasted
     shared.counts[LINEAR_STEPS] += 1
-    return segment, known, steps
+    return segment, tried, steps
 
 
 @inlined

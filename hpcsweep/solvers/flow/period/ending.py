@@ -46,13 +46,13 @@ SHORTEST = 0.01
 def end_at_event(segment, event, promised, z, amplitude, packed, shared):
     """End a segment where a contact passes its stop, or otherwise at the edge of its layer.
 
-    `event` is from `first_event`. Without a passage ``work.z_end`` is the state at the end.
+    `event` is from `first_event`. Without a passage ``work.step.z_end`` is the state at the end.
     """
     model, work = shared.model, shared.work
-    rows, h, tau = work.rows, segment.h, segment.tau
+    rows, h, tau = work.step.rows, segment.h, segment.tau
     contacts = model.contacts
     contact, bracket, near = event
-    expand_contacts(segment, near, model, shared.tables, work)
+    expand_contacts(segment, near, model, shared.tables, work.step)
     edge = layer_edge(segment.key, contact, model)
     direction = -1.0 if segment.key & contact_bit(contact) else 1.0
     curve = Curve(rows, contacts.row[contact], h)
@@ -69,14 +69,16 @@ def end_at_event(segment, event, promised, z, amplitude, packed, shared):
         at_stop = time_at_stop(rows, contact, contacts, h, bracket.b, direction)
         if not at_stop <= min(h, segment.end - tau):
             near = ~np.uint64(0)
-            expand_contacts(segment, near, model, shared.tables, work)
+            expand_contacts(segment, near, model, shared.tables, work.step)
         contact, at_stop = first_at_stop(contact, at_stop, near, segment.key, rows, h, contacts)
     how = INTEGRATED
     jerk = 0.0
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
-        state_at(segment, at_stop, shared.tables, work, z)
-        copy_state(z, work.z_end)
-        forcing_after(at_stop, tau + at_stop, amplitude, work.x, z.shape[0], model, work.forcing)
+        state_at(segment, at_stop, shared.tables, work.step, z)
+        copy_state(z, work.step.z_end)
+        forcing_after(
+            at_stop, tau + at_stop, amplitude, work.step.x, z.shape[0], model, work.forcing
+        )
         how, jerk, promised = pass_layer(
             contact, segment, tau + at_stop, z, promised, amplitude, packed
         )
@@ -85,7 +87,7 @@ def end_at_event(segment, event, promised, z, amplitude, packed, shared):
     span = rising_root(curve, bracket, edge)
     beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
     rounded = model.rho == math.inf and at_stop < bracket.a
-    state_at(segment, span, shared.tables, work, work.z_end)
+    state_at(segment, span, shared.tables, work.step, work.step.z_end)
     return Ending(span, contact, INTEGRATED, beyond, rounded, jerk, promised)
 
 

@@ -48,26 +48,26 @@ STEPS = 10_000
 @inlined
 def accelerations_at_end(segment, ending, z, amplitude, packed, shared):
     """Raise the peaks of absolute accelerations over the passage at the end of a segment."""
-    closed_form = ending.how != INTEGRATED and shared.model.rho < math.inf
-    if closed_form and _may_exceed(segment, ending, shared):
+    model, step = shared.model, shared.work.step
+    closed_form = ending.how != INTEGRATED and model.rho < math.inf
+    if closed_form and _may_exceed(segment, ending, model, shared.outputs, shared.tally, step.rows):
         _integrate_again(segment, ending, amplitude, packed, shared)
-        copy_state(z, shared.work.z_end)
+        copy_state(z, step.z_end)
 
 
 @inlined
-def _time_in_layer(segment, ending, model, work):
+def _time_in_layer(segment, ending, model, rows):
     """Return T and the velocity of the contact's row."""
     row = model.contacts.row[ending.contact]
-    _, v = value_and_slope(work.rows, row, segment.h, ending.span)
+    _, v = value_and_slope(rows, row, segment.h, ending.span)
     return model.layer / abs(v) if v != 0.0 else segment.h, v
 
 
 @inlined
-def _may_exceed(segment, ending, shared):
+def _may_exceed(segment, ending, model, outputs, tally, rows):
     """Return whether the acceleration of a floor may exceed its peak before the stop."""
-    model, outputs, tally = shared.model, shared.outputs, shared.tally
     contacts, k = model.contacts, ending.contact
-    time, v = _time_in_layer(segment, ending, model, shared.work)
+    time, v = _time_in_layer(segment, ending, model, rows)
     touches = segment.key & contact_bit(k) != 0
     pull = MAX_PULL * contacts.beta[k] / model.rho
     for i in range(model.ground.shape[0]):
@@ -89,14 +89,15 @@ def _may_exceed(segment, ending, shared):
 @kernel
 def _integrate_again(segment, ending, amplitude, packed, shared):
     """Integrate a passage through its layer, on a copy of the state, and observe it."""
-    model, work, outputs = shared.model, shared.work, shared.outputs
-    z, k = work.moved, ending.contact
-    time, _ = _time_in_layer(segment, ending, model, work)
-    copy_state(work.forcing, outputs.pairs)
+    model, work, k = shared.model, shared.work, ending.contact
+    size = work.step.z_end.shape[0]
+    z, pairs = work.moved[:size], work.moved[size:]
+    time, _ = _time_in_layer(segment, ending, model, work.step.rows)
+    copy_state(work.forcing, pairs)
     s = ending.span
     for _ in range(10):
         s = max(s - time, 0.0)
-        state_at(segment, s, shared.tables, work, z)
+        state_at(segment, s, shared.tables, work.step, z)
         if s == 0.0 or abs(distance(k, z, model.contacts)) > model.layer:
             break
     tau = segment.tau + s
@@ -110,7 +111,7 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
         )
         if outcome != COMPLETE:
             break
-    copy_state(outputs.pairs, work.forcing)
+    copy_state(pairs[: work.forcing.shape[0]], work.forcing)
 
 
 @inlined
@@ -119,19 +120,20 @@ def segment_tangent(segment, ending, shared, tangent):
     if tangent is None or tangent.shape[1] == 0:
         return
     model, work = shared.model, shared.work
-    step_tangent(segment, ending.span, 1, tangent, shared)
+    tables, modal, scratch = shared.tables, work.step.spectral, work.tangent
+    step_tangent(segment, ending.span, 1, tangent, model, tables, modal, scratch)
     contact = ending.contact
     if ending.how == FAST:
-        z = work.z_end
+        z = work.step.z_end
         z[model.contacts.row[contact]] = model.contacts.sign[contact] * model.contacts.gap[contact]
         after, tau = segment.key ^ contact_bit(contact), segment.tau + ending.span
         arrival = Arrival(contact, after, tau, work.forcing)
-        passage_tangent(arrival, z, work.a, ending.jerk, model, work.tangent, tangent)
+        passage_tangent(arrival, z, work.step.a, ending.jerk, model, scratch, tangent)
 
 
 @inlined
 def gather(segment, past, span, whole, amplitude, wanted, elements, measures, shared):
-    """Update what is wanted by the first `span` of a step, to ``work.z_end``.
+    """Update what is wanted by the first `span` of a step, to ``work.step.z_end``.
 
     Parameters
     ----------
@@ -147,21 +149,26 @@ def gather(segment, past, span, whole, amplitude, wanted, elements, measures, sh
     if wanted == NO_TALLY:
         return
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
+    step = work.step
     tally.contact[0] |= past
     if measures is None or wanted & DRIFT == 0:  # see `observe.drift.largest_of_storeys`
-        drift_on_segment(segment, span, model, tables, tally, work)
+        drift_on_segment(segment, span, model, tables, tally, step)
     if measures is not None:
         peaks = wanted & PEAKS
-        if elements is not None and drifts_stay(whole, model.elements, tally.peaks, work):
+        if elements is not None and drifts_stay(
+            whole, model.elements, tally.peaks, work.proof.ends
+        ):
             peaks &= ~DRIFT
         if peaks != 0:
-            peaks_on_segment(segment, span, amplitude, peaks, shared)
+            peaks_on_segment(
+                segment, span, amplitude, peaks, model, tables, shared.outputs, tally, step
+            )
         if wanted & IMPACTS:
-            impacts_on_segment(segment, past, span, model, tables, tally, work)
+            impacts_on_segment(segment, past, span, model, tables, tally, step)
         if elements is not None and wanted & ENERGY:
-            energies_on_segment(segment, span, model, tables, work, tally)
+            energies_on_segment(segment, span, tables, tally, step)
     if wants_norms(wanted) and past == np.uint64(0):
-        modal_norm_on_segment(segment, span, model, tables, tally, work)
+        modal_norm_on_segment(segment, span, model, tables, tally, work.norms, step)
 
 
 @inlined
@@ -175,13 +182,13 @@ def gather_passing(
     passing, before : uint64
         Those, and the contacts past their stops along the segment.
     z : ndarray, shape (2R,)
-        As `Ending` has it; the state after the passage is in ``work.z_end``.
+        As `Ending` has it; the state after the passage is in ``work.step.z_end``.
     """
     model, work, tally = shared.model, shared.work, shared.tally
     if wanted & IMPACTS:
         if model.layer == 0.0:
-            record_passing(passing, before, model, tally, work.z_end)
+            record_passing(passing, before, model, tally, work.step.z_end)
         elif elements is None and ending.how != INTEGRATED:
-            passage_at_end(segment, ending, model, tally, work)
+            passage_at_end(segment, ending, model, tally, work.step)
     if elements is None and wanted & ACCELERATION:
         accelerations_at_end(segment, ending, z, amplitude, packed, shared)

@@ -66,7 +66,7 @@ def _visit(packed, interval, z, amplitude, wanted, elements, tangent, shared):
 
 @inlined
 def _step(packed, past, key, index, interval, wanted, ahead, elements, tangent, shared):
-    """Take a step of a set to ``work.z_end``, after those that coasting takes.
+    """Take a step of a set to ``work.step.z_end``, after those that coasting takes.
 
     `index` is that of the table of the step before, -1 if it was of another set.
 
@@ -83,7 +83,7 @@ def _step(packed, past, key, index, interval, wanted, ahead, elements, tangent, 
     model, tables, work = shared.model, shared.tables, shared.work
     tau, end, left = interval
     if elements is not None and tangent is None and is_series(key, tau, end, model, tables):
-        segment = series_step(key, tau, end, model, work)
+        segment = series_step(key, tau, end, model, work.step)
         shared.counts[LINEAR_STEPS] += 1
         return segment, segment.h, 1, 0
     index = index if index >= 0 else table_of(key, tables, packed)
@@ -91,24 +91,26 @@ def _step(packed, past, key, index, interval, wanted, ahead, elements, tangent, 
     coasts = wanted == NO_TALLY
     if elements is not None:
         coasts = coasts and model.elements.stiffness.shape[0] == 0 and past == np.uint64(0)
-    segment, known, steps = coast_on(segment, coasts, left, tangent, shared)
+    segment, tried, steps = coast_on(segment, coasts, left, tangent, shared)
     if elements is None and tangent is not None and wanted != NO_TALLY and ahead == 0:
-        ahead, known = look_ahead(segment, left - steps, model, tables, work)
-    return segment, take_step(segment, known, model, tables, work), steps, ahead
+        ahead, tried = look_ahead(segment, left - steps, model, tables, work.step)
+    return segment, take_step(segment, tried, model, tables, work.step), steps, ahead
 
 
 @inlined
 def _ending(segment, span, ahead, promised, z, amplitude, elements, packed, shared):
-    """Find the first guard within a step, and end the step there, in ``work.z_end``."""
+    """Find the first guard within a step, and end the step there, in ``work.step.z_end``."""
     model, tables, work = shared.model, shared.tables, shared.work
     if elements is None:
         if ahead > 0:
             return Ending(span, -1, INTEGRATED, False, False, 0.0, promised)
-        event = first_event(segment, span, model, tables, work)
+        event = first_event(segment, span, model, tables, work.step)
         if event[0] >= 0:
             return end_at_event(segment, event, promised, z, amplitude, packed, shared)
         return Ending(span, event[0], INTEGRATED, False, False, 0.0, promised)
-    guard, span = first_change(segment, span, shared.modes, tables, model.elements, work)
+    guard, span = first_change(
+        segment, span, shared.modes, tables, model.elements, work.proof, work.step
+    )
     if guard >= 0 and span >= segment.end - segment.tau:
         guard = -1  # what changes at the end does so at the start of what follows
     return Ending(span, guard, INTEGRATED, False, False, 0.0, promised)
@@ -137,13 +139,15 @@ def _pass_guard(segment, ending, past, z, amplitude, elements, tangent, shared):
         return ANY, np.uint64(0), model.layer == 0.0, passing, COMPLETE
     shared.counts[PASSAGES] += 1
     guard, before = ending.contact, past
-    change(guard, segment, ending.span, z, modes, model.elements, shared)
-    if model.elements.guard[guard, ENDS] > 0.0:
-        modes.path[model.elements.owner[guard]] = time_of(segment.tau + ending.span, model)
+    rules, tables, proof = model.elements, shared.tables, work.proof
+    change(guard, segment, ending.span, z, modes, rules, tables, proof, work.step)
+    if rules.guard[guard, ENDS] > 0.0:
+        modes.path[rules.owner[guard]] = time_of(segment.tau + ending.span, model)
         return past, key, False, np.uint64(0), COLLAPSED
-    past, key = sets_of(modes, model.elements)
-    write_loads(modes, model.elements, work.forcing)
-    past, key = settle(segment.tau + ending.span, past, key, z, amplitude, shared)
+    past, key = sets_of(modes, rules)
+    pairs, series, tau = work.forcing, work.step.series, segment.tau + ending.span
+    write_loads(modes, rules, pairs)
+    past, key = settle(tau, past, key, z, amplitude, model, modes, pairs, series, proof)
     passing = past ^ before
     if tangent is not None:
         change_tangent(passing, before, segment.key, model, tangent)
@@ -152,23 +156,23 @@ def _pass_guard(segment, ending, past, z, amplitude, elements, tangent, shared):
 
 @inlined
 def _go_on(segment, ending, tau, ahead, z, amplitude, elements, shared):
-    """Write the augmented state in which the next step begins, in state z, into ``work.x``.
+    """Write the augmented state in which the next step begins, in state z, into ``work.step.x``.
 
     Return its time, and how many steps are proved from there on.
     """
     model, tables, work = shared.model, shared.tables, shared.work
     if ending.contact < 0 and segment.index >= 0:
-        copy_state(z, work.x)
+        copy_state(z, work.step.x)
         if ending.span == segment.h:
-            turn_forcing(work.x, z.shape[0], tables, segment.index)
+            turn_forcing(work.step.x, z.shape[0], tables, segment.index)
         if ahead == 1:
-            tau = go_on(segment.index, z, tables, work)
+            tau = go_on(segment.index, z, tables, work.step)
         return tau, max(ahead - 1, 0)
     if elements is not None:
-        forcing_after(ending.span, tau, amplitude, work.x, z.shape[0], model, work.forcing)
+        forcing_after(ending.span, tau, amplitude, work.step.x, z.shape[0], model, work.forcing)
     elif ending.beyond or ending.rounded:
         forcing_at(tau, amplitude, model, work.forcing, 0)
-    start(work.x, z, work.forcing)
+    start(work.step.x, z, work.forcing)
     return tau, 0
 
 
@@ -206,7 +210,7 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
     if not (is_ordinary(z) and abs(amplitude) < OVERFLOW):
         return NON_FINITE, UNKNOWN
     if not begins:
-        begin_at(0.0, z, amplitude, model, work)
+        begin_at(0.0, z, amplitude, model, work.forcing, work.step.x)
     tau, end, steps, ahead, promised, changed = 0.0, length, 0, 0, np.uint64(0), begins
     index = -1
     while tau < end:
@@ -235,23 +239,23 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
         promised = ending.promised
         segment_tangent(segment, ending, shared, tangent)
         if ending.how != INTEGRATED:
-            copy_state(z, work.z_end)
-        if not is_ordinary(work.z_end):
+            copy_state(z, work.step.z_end)
+        if not is_ordinary(work.step.z_end):
             return NON_FINITE, UNKNOWN
         gather(segment, past, ending.span, span, amplitude, wanted, elements, measures, shared)
         if ending.contact >= 0:
             before, changed, index = past, True, -1
             past, key, begins, passing, outcome = _pass_guard(
-                segment, ending, past, work.z_end, amplitude, elements, tangent, shared
+                segment, ending, past, work.step.z_end, amplitude, elements, tangent, shared
             )
             if outcome != COMPLETE:
-                copy_state(work.z_end, z)
+                copy_state(work.step.z_end, z)
                 return outcome, UNKNOWN
             if measures is not None:
                 gather_passing(
                     segment, ending, passing, before, z, amplitude, wanted, elements, packed, shared
                 )
-        copy_state(work.z_end, z)
+        copy_state(work.step.z_end, z)
         tau = end if ending.span >= end - tau else tau + ending.span
         tau, ahead = _go_on(segment, ending, tau, ahead, z, amplitude, elements, shared)
     return COMPLETE, (past, key, changed or not (elements is None or past == np.uint64(0)))

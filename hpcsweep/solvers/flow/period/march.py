@@ -63,7 +63,7 @@ def _march(packed, z, amplitude, n_periods, points, wanted, tangent, growth, ele
     tangent = as_long_as(tangent, shared.previous)
     length, sets = shared.model.period, UNKNOWN
     for period in range(n_periods):
-        begin_period(z, tangent, shared)
+        begin_period(z, tangent, shared.model, shared.previous)
         outcome, _ = march_interval(
             packed, shared, length, sets, z, amplitude, wanted, elements, tangent, measures
         )

@@ -22,7 +22,7 @@ from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
 from hpcsweep.solvers.flow.elements.contacts import accelerations as field_accelerations
 from hpcsweep.solvers.flow.elements.contacts import by_elements, pushing
-from hpcsweep.solvers.flow.elements.guards import sets_of, write_loads, write_windows
+from hpcsweep.solvers.flow.elements.guards import sets_of, write_loads
 from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
@@ -80,8 +80,6 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
     common = read_shared(shared)
     z = as_long_as(z, common.previous)
     if by_elements(common.model):
-        write_loads(common.modes, common.model.elements, common.work.forcing)
-        write_windows(common.modes, common.model.elements, common.work)
         return _march(shared, common, z, samples, amplitude, intervals, wanted, points, True)
     return _march(shared, common, z, samples, amplitude, intervals, wanted, points, None)
 
@@ -137,18 +135,18 @@ def _sample_peaks(j, z, amplitude, shared):
     outputs, tally, m = shared.outputs, shared.tally, np.uint64(model.contacts.row.shape[0])
     forcing_at(model.period, amplitude, model, work.forcing, 0)
     ground, within = total_forcing(work.forcing, 0, model), inside_layer(z, model)
-    key, a = np.uint64(0), work.a
+    key, a = np.uint64(0), work.step.a
     if within:
         accelerations(ground, z, model, a)
-        write_sliders(modes, model.elements, work.layer)
-        add_sliders(z, model.elements, work.layer, a)
+        write_sliders(modes, model.elements, work.step.layer)
+        add_sliders(z, model.elements, work.step.layer, a)
     else:
-        key = contact_key(model.period, z, amplitude, model, work)
+        key = contact_key(model.period, z, amplitude, model, work.forcing, a)
         _, sliding = sets_of(modes, model.elements)
         key = pushing(key, z, model) | sliding >> m << m
         write_loads(modes, model.elements, work.forcing)
-        field_accelerations(key, z, model, work)
-        copy_state(work.series.a[: a.shape[0]], a)
+        field_accelerations(key, z, work.forcing, model, work.step.series)
+        copy_state(work.step.series.a[: a.shape[0]], a)
     for p in range(tally.peaks.shape[0]):
         i, below, side, flag = model.watched[p]
         k = p - outputs.first_contact
@@ -161,7 +159,7 @@ def _sample_peaks(j, z, amplitude, shared):
             if not within and key & contact_bit(k) == np.uint64(0):
                 value = 0.0
         else:
-            value, _, _, _ = row_at_ends((i, below, side, 0.0), z, z, work.bounds)[0]
+            value, _, _, _ = row_at_ends((i, below, side, 0.0), z, z, work.step.bounds)[0]
         size = abs(value) if side == 0 else value
         if flag > 0 and size > tally.peaks[p]:
             tally.peaks[p], tally.times[p] = size, (j + 1) * model.period

@@ -37,36 +37,36 @@ def begin(tau, z, amplitude, elements, shared):
     Sliders go on as they are. `elements` is that of `march`.
     """
     model, work, modes = shared.model, shared.work, shared.modes
+    pairs, step, proof = work.forcing, work.step, work.proof
     if elements is None:
         past = key = np.uint64(0)
         if inside_layer(z, model):
             past = ANY
         else:
-            past = key = contact_key(tau, z, amplitude, model, work)
+            past = key = contact_key(tau, z, amplitude, model, pairs, step.a)
     else:
-        write_loads(modes, model.elements, work.forcing)
-        past = past_stops(tau, z, amplitude, model, work)
+        write_loads(modes, model.elements, pairs)
+        past = past_stops(tau, z, amplitude, model, pairs, step.series)
         key = pushing(past, z, model)
         set_contacts(past, key, modes, model.contacts)
         past, key = sets_of(modes, model.elements)
-        past, key = settle(tau, past, key, z, amplitude, shared)
-    begin_at(tau, z, amplitude, model, work)
+        past, key = settle(tau, past, key, z, amplitude, model, modes, pairs, step.series, proof)
+    begin_at(tau, z, amplitude, model, pairs, step.x)
     return past, key
 
 
 @inlined
-def begin_at(tau, z, amplitude, model, work):
-    """Write the augmented state at tau into ``work.x``."""
-    forcing_at(tau, amplitude, model, work.forcing, 0)
-    start(work.x, z, work.forcing)
+def begin_at(tau, z, amplitude, model, pairs, x):
+    """Write the augmented state at tau into x."""
+    forcing_at(tau, amplitude, model, pairs, 0)
+    start(x, z, pairs)
 
 
 @inlined
-def settle(tau, past, key, z, amplitude, shared):
+def settle(tau, past, key, z, amplitude, model, modes, pairs, series, proof):
     """Let contacts that rest at their stops go; return the sets, and write the windows, of all."""
-    model, work, modes = shared.model, shared.work, shared.modes
     if model.layer == 0.0 and model.contacts.row.shape[0] > 0:
-        past, key = rest_at_stops(tau, past, key, z, amplitude, model, work)
+        past, key = rest_at_stops(tau, past, key, z, amplitude, model, pairs, series)
     set_contacts(past, key, modes, model.contacts)
-    write_windows(modes, model.elements, work)
+    write_windows(modes, model.elements, proof)
     return past, key

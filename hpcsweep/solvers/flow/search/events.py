@@ -48,11 +48,11 @@ SAME_END = 1e-13
 
 
 @inlined
-def contact_key(tau, z, amplitude, model, work):
+def contact_key(tau, z, amplitude, model, pairs, a):
     """Find the contact set of a state outside all layers.
 
     A contact exactly at a stop of infinite sharpness is closed if it is moving, or otherwise
-    accelerating, towards it.
+    accelerating, towards it. `pairs` and `a` are workspace: the forcing, and accelerations.
     """
     key = np.uint64(0)
     contacts = model.contacts
@@ -60,9 +60,9 @@ def contact_key(tau, z, amplitude, model, work):
         x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
         pushed = 0.0
         if x == 0.0 and w == 0.0:
-            forcing_at(tau, amplitude, model, work.forcing, 0)
-            accelerations(total_forcing(work.forcing, 0, model), z, model, work.a)
-            pushed = contacts.sign[k] * work.a[contacts.row[k]]
+            forcing_at(tau, amplitude, model, pairs, 0)
+            accelerations(total_forcing(pairs, 0, model), z, model, a)
+            pushed = contacts.sign[k] * a[contacts.row[k]]
         if x > 0.0 or (x == 0.0 and (w > 0.0 or (w == 0.0 and pushed > 0.0))):
             key |= contact_bit(k)
     return key
@@ -93,14 +93,14 @@ def is_clear(key, k, d, x, z_end, model, bound4):
 
 
 @inlined
-def first_event(segment, span, model, tables, work):
+def first_event(segment, span, model, tables, step):
     """Find the first contact that reaches the edge of its layer within `span` of a step.
 
     Parameters
     ----------
     segment : Segment
     span : float
-        The step from ``work.x`` ends there, at ``work.z_end``.
+        The step from ``step.x`` ends there, at ``step.z_end``.
     tables : Tables
 
     Returns
@@ -112,17 +112,17 @@ def first_event(segment, span, model, tables, work):
     near : uint64
         Contacts that are not proved to stay outside their layers within `span`.
     """
-    key, h, x, z_end, rows = segment.key, segment.h, work.x, work.z_end, work.rows
+    key, h, x, z_end, rows = segment.key, segment.h, step.x, step.z_end, step.rows
     contact = -1
     near = np.uint64(0)
     first = Bracket(span, 0.0, span, 0.0)
     for k in range(model.contacts.row.shape[0]):
         i = model.contacts.row[k]
         place, speed_place = model.contacts.places[k, 0], model.contacts.places[k, 1]
-        if is_clear(key, k, span, x, z_end, model, work.bounds[place]):
+        if is_clear(key, k, span, x, z_end, model, step.bounds[place]):
             continue
         near |= contact_bit(k)
-        expand(i, segment, tables, work)
+        expand(i, segment, tables, step)
         curve = Curve(rows, i, h)
         edge = layer_edge(key, k, model)
         sign, level = edge
@@ -132,21 +132,21 @@ def first_event(segment, span, model, tables, work):
         start = sign * (x[place] - level), sign * x[speed_place]
         end = sign * (value - level), sign * slope
         part = Part(0.0, start[0], start[1], first.b, end[0], end[1])
-        found = first_passage(curve, part, edge, work.bounds[place], work.stack)
-        if found.a == UNDECIDED:
-            return UNDECIDED, found, near
-        if found.a < 0.0:
+        bracket = first_passage(curve, part, edge, step.bounds[place], step.stack)
+        if bracket.a == UNDECIDED:
+            return UNDECIDED, bracket, near
+        if bracket.a < 0.0:
             continue
-        if contact >= 0 and found.b > first.a:
+        if contact >= 0 and bracket.b > first.a:
             # both within one interval: take the time of the first
-            known = Curve(rows, model.contacts.row[contact], h)
-            a = rising_root(known, first, layer_edge(key, contact, model))
-            b = rising_root(curve, found, edge)
+            earlier = Curve(rows, model.contacts.row[contact], h)
+            a = rising_root(earlier, first, layer_edge(key, contact, model))
+            b = rising_root(curve, bracket, edge)
             if b >= a:
                 first = Bracket(a, 0.0, a, 0.0)
                 continue
-            found = Bracket(b, 0.0, b, 0.0)
-        contact, first = k, found
+            bracket = Bracket(b, 0.0, b, 0.0)
+        contact, first = k, bracket
     return contact, first, near
 
 
@@ -169,62 +169,62 @@ def _all_are_clear(d, strides):
 
 
 @kernel
-def _stride_on(segment, steps_left, model, tables, work):
+def _stride_on(segment, steps_left, model, tables, step):
     """Take strides while no contact can reach the edge of its layer (proved) and time remains.
 
     Each is twice as long as the one before, or half as long as one that is not proved. Return the
-    time reached and the number of steps; if a step more could be taken, ``work.bounds`` are those
+    time reached and the number of steps; if a step more could be taken, ``step.bounds`` are those
     of contacts on it.
     """
     index, h, tau, end = segment.index, segment.h, segment.tau, segment.end
-    modal, spectrum, strides = work.spectral, tables.spectrum, tables.strides
-    first = work.z_end.shape[0]
+    modal, spectrum, strides = step.spectral, tables.spectrum, tables.strides
+    first = step.z_end.shape[0]
     n_steps, level = 0, 0
     if not (tau + h < end and steps_left > 0):
         return tau, n_steps
     if not continues(index, tau, modal):
-        modes_of(work.x, first // 2, spectrum, modal.end)
-    look(modal.end, spectrum, strides, strides.ends)
+        modes_of(step.x, first // 2, spectrum, modal.end)
+    look(modal.end, modal.bounds, spectrum, strides.edges, strides.ends)
     copy_state(strides.ends[: strides.starts.shape[0]], strides.starts)
     while tau + h < end and n_steps < steps_left:
         span, taken = h * 2.0**level, 1 << level
         if level > 0 and (tau + span >= end or n_steps + taken > steps_left):
             level -= 1
             continue
-        stride(level, span, modal.end, work.x[first:], model, spectrum, strides)
-        look(strides.after, spectrum, strides, strides.ends)
+        stride(level, span, step.x[first:], model, spectrum, strides, modal)
+        look(modal.start, modal.bounds, spectrum, strides.edges, strides.ends)
         if _all_are_clear(span, strides):
-            accept(modal.end, work.x, first, strides)
+            accept(modal, step.x, first, strides)
             tau, n_steps = tau + span, n_steps + taken
             level = min(level + 1, strides.steps.shape[0] - 1)
         elif level > 0:
             level -= 1
         else:
             for k in range(model.contacts.row.shape[0]):
-                work.bounds[model.contacts.row[k]] = strides.ends[2 * strides.edges.shape[1] + k]
+                step.bounds[model.contacts.row[k]] = strides.ends[2 * strides.edges.shape[1] + k]
             break
     modal.chain[0], modal.chain[1] = tau, index
     return tau, n_steps
 
 
 @kernel
-def _coast_in_modes(segment, steps_left, model, tables, work):
+def _coast_in_modes(segment, steps_left, model, tables, step):
     """Take such steps as `coast` in modes, of which all rows are written at the end alone."""
     _, key, index, h, tau, end = segment
-    x, wide, places, half = work.x, work.wide, model.contacts.places, work.z_end.shape[0] // 2
-    n_steps, clear = 0, True
+    x, wide, places, half = step.x, step.wide, model.contacts.places, step.z_end.shape[0] // 2
+    modal, spectrum, n_steps, clear = step.spectral, tables.spectrum, 0, True
     free = key == np.uint64(0) and tables.strides.steps.shape[0] > 0
-    if free and have_strides(h, model, tables.spectrum, tables.strides) > 0:
-        tau, n_steps = _stride_on(segment, steps_left, model, tables, work)
+    if free and have_strides(h, model, spectrum, tables.strides) > 0:
+        tau, n_steps = _stride_on(segment, steps_left, model, tables, step)
         if tau + h < end and n_steps < steps_left:
-            modal_step(index, tau, tau + h, model, tables, work)
+            modal_step(index, tau, tau + h, model, tables, step)
             clear = False
     while clear and tau + h < end and n_steps < steps_left:
-        modal_step(index, tau, tau + h, model, tables, work)
-        bound_contacts(index, model, tables, work)
-        ends_of_contacts(model, tables, work)
+        modal_step(index, tau, tau + h, model, tables, step)
+        bound_contacts(h, model, spectrum, step)
+        ends_of_contacts(model, spectrum, modal.end, wide)
         for k in range(places.shape[0]):
-            if not is_clear(key, k, h, x, wide, model, work.bounds[places[k, 0]]):
+            if not is_clear(key, k, h, x, wide, model, step.bounds[places[k, 0]]):
                 clear = False
                 break
         if not clear:
@@ -234,32 +234,31 @@ def _coast_in_modes(segment, steps_left, model, tables, work):
         turn_forcing(x, 2 * half, tables, index)
         tau += h
         n_steps += 1
-    modal, spectrum = work.spectral, tables.spectrum
     if n_steps > 0:
         write_rows(modal.end if clear else modal.terms[0, 0], spectrum, modal, x)
     if not clear:
         write_rows(modal.end, spectrum, modal, wide)
         if model.elements.first.shape[0] > 0:
-            bound_rows(h, tables, work)
+            bound_rows(h, spectrum, step)
     return tau, n_steps, not clear
 
 
 @inlined
-def coast(segment, steps_left, model, tables, work):
+def coast(segment, steps_left, model, tables, step):
     """Take linear steps while no contact can reach the edge of its layer (proved) and time remains.
 
     Returns
     -------
     tau : float
     n_steps : int
-        ``work.x`` holds the augmented state there.
-    known : bool
-        Whether ``work.wide`` and ``work.bounds`` are those of a step from there.
+        ``step.x`` holds the augmented state there.
+    tried : bool
+        Whether ``step.wide`` and ``step.bounds`` are those of a step from there.
     """
     if in_modes(tables):
-        return _coast_in_modes(segment, steps_left, model, tables, work)
+        return _coast_in_modes(segment, steps_left, model, tables, step)
     _, key, index, h, tau, end = segment
-    x, wide, bounds = work.x, work.wide, work.bounds
+    x, wide, bounds = step.x, step.wide, step.bounds
     places = model.contacts.places
     n_steps = 0
     while tau + h < end and n_steps < steps_left:
@@ -268,16 +267,16 @@ def coast(segment, steps_left, model, tables, work):
         for k in range(places.shape[0]):
             if not is_clear(key, k, h, x, wide, model, bounds[places[k, 0]]):
                 return tau, n_steps, True
-        for row in range(work.z_end.shape[0]):
+        for row in range(step.z_end.shape[0]):
             x[row] = wide[row]
-        turn_forcing(x, work.z_end.shape[0], tables, index)
+        turn_forcing(x, step.z_end.shape[0], tables, index)
         tau += h
         n_steps += 1
     return tau, n_steps, False
 
 
 @inlined
-def look_ahead(segment, steps_left, model, tables, work):
+def look_ahead(segment, steps_left, model, tables, step):
     """Take the strides of `coast`, and go back to their start: all is observed step by step.
 
     Returns
@@ -285,66 +284,66 @@ def look_ahead(segment, steps_left, model, tables, work):
     n_steps : int
         Steps to the end of the strides, from where `go_on` goes on: what is gathered does not
         change the motion.
-    known : bool
+    tried : bool
         See `coast`.
     """
-    modal, strides = work.spectral, tables.strides
+    modal, strides = step.spectral, tables.strides
     if not (segment.key == np.uint64(0) and strides.steps.shape[0] > 0):
         return 0, False
-    copy_state(work.x, strides.begun)
-    tau, n_steps, known = _coast_in_modes(segment, steps_left, model, tables, work)
+    copy_state(step.x, step.series.x)
+    tau, n_steps, tried = _coast_in_modes(segment, steps_left, model, tables, step)
     if n_steps == 0:
-        return 0, known
-    copy_state(work.x, strides.reached)
-    copy_state(modal.terms[0, 0] if known else modal.end, strides.modes)
-    copy_state(strides.begun, work.x)
+        return 0, tried
+    copy_state(step.x, strides.reached)
+    copy_state(modal.terms[0, 0] if tried else modal.end, strides.modes)
+    copy_state(step.series.x, step.x)
     strides.time[0] = tau
     return n_steps, False
 
 
 @inlined
-def go_on(index, z, tables, work):
+def go_on(index, z, tables, step):
     """Go to where strides end; return the time."""
-    modal, strides = work.spectral, tables.strides
+    modal, strides = step.spectral, tables.strides
     tau = strides.time[0]
-    copy_state(strides.reached, work.x)
-    copy_state(work.x[: z.shape[0]], z)
+    copy_state(strides.reached, step.x)
+    copy_state(step.x[: z.shape[0]], z)
     copy_state(strides.modes, modal.end)
     modal.chain[0], modal.chain[1] = tau, index
     return tau
 
 
 @inlined
-def take_step(segment, known, model, tables, work):
-    """Take one linear step from ``work.x`` to ``work.z_end``, at most to the end of the period.
+def take_step(segment, tried, model, tables, step):
+    """Take one linear step from ``step.x`` to ``step.z_end``, at most to the end of the period.
 
     Returns
     -------
     float
         Length of the step.
     """
-    index, x = segment.index, work.x
-    for row in range(work.z_end.shape[0]):
-        work.expanded[row] = False
+    index, x = segment.index, step.x
+    for row in range(step.z_end.shape[0]):
+        step.expanded[row] = False
     span, left, spectral = segment.h, segment.end - segment.tau, in_modes(tables)
     whole = segment.tau + span < segment.end
     if model.ramp.shape[0] > 0 and abs(left - span) <= SAME_END * segment.end:
         span, whole = left, True  # steps of a record are parts of its intervals
-    if spectral and not known:
+    if spectral and not tried:
         tau = segment.tau
-        spectral_step(index, tau, tau + segment.h, model, tables, work)
+        spectral_step(index, tau, tau + segment.h, model, tables, step)
         if model.elements.first.shape[0] > 0:
-            bound_rows(segment.h, tables, work)
+            bound_rows(segment.h, tables.spectrum, step)
         else:
-            bound_contacts(index, model, tables, work)
+            bound_contacts(segment.h, model, tables.spectrum, step)
     if whole:
-        if not (known or spectral):
-            product(tables.step, index, x, work.wide)
-        for row in range(work.z_end.shape[0]):
-            work.z_end[row] = work.wide[row]
+        if not (tried or spectral):
+            product(tables.step, index, x, step.wide)
+        for row in range(step.z_end.shape[0]):
+            step.z_end[row] = step.wide[row]
     else:
         span = left
-        state_at(segment, span, tables, work, work.z_end)
-    if not (known or spectral):
-        product_of_moduli(tables.bound4, index, x, work.bounds)
+        state_at(segment, span, tables, step, step.z_end)
+    if not (tried or spectral):
+        product_of_moduli(tables.bound4, index, x, step.bounds)
     return span

@@ -195,7 +195,7 @@ def _where_negative(curve, part, level):
 
     Returns
     -------
-    found : int
+    where : int
         `NEGATIVE` if the search begins there, `AT_ROOT` if g = 0 there and rises, or where it turns
         before it is negative; `NO_ROOT` if it stays above 0 to the end.
     a, ga, da : float
@@ -304,12 +304,12 @@ def first_passage(curve, part, level, bound4, stack):
                 return Bracket(b, gb, b, gb)
         if not (cleared or shortest):
             whole = Part(a, ga, da, b, gb, db)
-            place, found = _first_uncleared(curve, whole, level, bound4, touch)
+            place, uncleared = _first_uncleared(curve, whole, level, bound4, touch)
             if place < LANES - 1:
                 stack[depth, 0], stack[depth, 1], stack[depth, 2] = b, gb, db
                 depth += 1
             if place < LANES:
-                a, ga, da, b, gb, db = found
+                a, ga, da, b, gb, db = uncleared
                 continue
         a, ga, da = b, gb, db
         if depth == 0:

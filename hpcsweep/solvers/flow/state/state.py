@@ -155,11 +155,11 @@ def push_of(k, z, model):
 
 
 @inlined
-def begin_period(z, tangent, shared):
+def begin_period(z, tangent, model, previous):
     """Keep the state at the start of a period, and renew the rows beyond n."""
-    copy_state(z, shared.previous)
-    if shared.model.rows.shape[0] > 0:
-        renew_rows(z, tangent, shared.model)
+    copy_state(z, previous)
+    if model.rows.shape[0] > 0:
+        renew_rows(z, tangent, model)
 
 
 @inlined
@@ -202,7 +202,7 @@ class Ending(NamedTuple):
     """The contact at its end, or the guard of an element, -1 if there is none."""
     how: int
     """How it passes its stop (`passage`). Unless the passage is integrated the state after it is in
-    z, that before it in ``work.z_end``, the forcing is in ``work.forcing``."""
+    z, that before it in ``step.z_end``, the forcing is in ``work.forcing``."""
     beyond: bool
     """Whether the stop is reached after this step: try again from the edge of the layer."""
     rounded: bool

@@ -175,22 +175,14 @@ class Strides(NamedTuple):
     edges: np.ndarray = zeros(2, "stops")
     """Of contacts in free flight: the sign of the way to the edge of the layer, and what the
     distance past it is for a row at 0; -1 beyond the last contact."""
-    after: np.ndarray = zeros("2 modes")
-    """Modes, ..."""
-    turned: np.ndarray = zeros("2H")
-    """... pairs ..."""
-    bound: np.ndarray = zeros("modes")
-    """... and bounds of the fourth derivatives of the modes, of a stride."""
     starts: np.ndarray = zeros("2 stops")
-    """Distances of contacts past their edges, and their speeds, at its start ..."""
+    """Distances of contacts past their edges, and their speeds, at the start of a stride ..."""
     ends: np.ndarray = zeros("3 stops")
     """... and at its end, with bounds of their fourth derivatives."""
-    begun: np.ndarray = zeros("strided N")
-    """Augmented states at the start of some strides ..."""
     reached: np.ndarray = zeros("strided N")
     modes: np.ndarray = zeros("2 modes")
     time: np.ndarray = zeros(1)
-    """... and at their end, its modes and time: see `search.events.look_ahead`."""
+    """Augmented state, modes and time at the end of some: see `search.events.look_ahead`."""
 
 
 REFINED, CONVERGED, SAME_SQUARE = 3, 1e-9, 1e-13
@@ -208,16 +200,16 @@ def _refined_modes(inverse: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray,
     off by Phi (1 + E), E_ij = D_ij / (D_jj - D_ii), in the longest numbers of the processor.
     """
     exact = matrix.astype(np.longdouble)
-    shapes, left = (one.astype(np.longdouble) for one in (np.linalg.inv(inverse), inverse))
+    shapes, left = (m.astype(np.longdouble) for m in (np.linalg.inv(inverse), inverse))
     for _ in range(REFINED):
         # what is small needs no more than doubles
         left += (np.eye(len(left)) - left @ shapes).astype(float) @ left.astype(float)
-        found = left @ (exact @ shapes)
-        squares = np.diag(found).copy()
+        modal = left @ (exact @ shapes)
+        squares = np.diag(modal).copy()
         apart = squares - squares[:, None]
         near = np.abs(apart) <= SAME_SQUARE * squares.max()
-        change = np.where(near, 0, found / np.where(near, 1, apart)).astype(float)
-        squares += np.sum(found * change.T - found.T * change, 1)
+        change = np.where(near, 0, modal / np.where(near, 1, apart)).astype(float)
+        squares += np.sum(modal * change.T - modal.T * change, 1)
         shapes += shapes.astype(float) @ change
         left -= change @ left.astype(float)
         if np.abs(change).max() < CONVERGED:
@@ -310,6 +302,9 @@ CAPACITY = 512
 """Most tables; when more occur the store is emptied and refilled."""
 
 
+UNFILLED = ~np.uint64(0)
+
+
 class Outputs(NamedTuple):
     """Tables of the n floors, and of the bases behind them, see `observe.peaks`, and workspace."""
 
@@ -323,10 +318,8 @@ class Outputs(NamedTuple):
     """Table and time of `end`."""
     ground: np.ndarray
     """(padded F,): `Model.ground`."""
-    key: np.ndarray = zeros("T", dtype=np.uint64)
-    """Contact set of each table ..."""
-    filled: np.ndarray = zeros("T", dtype=bool)
-    """... and which are filled."""
+    key: np.ndarray
+    """(T,) unsigned: contact set of each table, `UNFILLED` of one that is none."""
     pair: np.ndarray = zeros("T", "tabled N", "2 padded F")
     """Column k of values and slopes per x_k, `LANES` of each in turns."""
     poly: np.ndarray = zeros("T", "F", "tabled N", N_COEFFICIENTS)
@@ -339,10 +332,8 @@ class Outputs(NamedTuple):
     """... and at its end."""
     bounds: np.ndarray = zeros("padded F")
     rows: np.ndarray = zeros("F", N_COEFFICIENTS)
-    x_end: np.ndarray = zeros("N")
-    pairs: np.ndarray = zeros("2H")
-    accelerations: np.ndarray = zeros("N", "R")
-    """Workspace: a step, the state and the forcing at its end, and what builds a table."""
+    field: np.ndarray = zeros("N", "R")
+    """Polynomials on a step, and what builds a table."""
 
 
 def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:
@@ -354,5 +345,6 @@ def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:
         first=int(np.argmax(model.watched[:, 3] == ACCELERATION)),
         first_contact=len(model.watched) - padded(len(model.contacts.row)),
         place=np.full(2, -1.0),
+        key=np.full(sizes["T"], UNFILLED),
         ground=np.pad(model.ground, (0, sizes["padded F"] - sizes["F"])),
     )

@@ -28,7 +28,7 @@ class Volterra(NamedTuple):
     has_part: np.ndarray = zeros("levels", N_PARTS, dtype=int)
     seen: np.ndarray = zeros("levels", N_PARTS, "modal n", 2, "nodes+units", LANES)
     """... q, then q', at its nodes by forces on the mode at the nodes of the step, then units."""
-    count: np.ndarray = zeros(1, dtype=int)
+    count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     """Number of responses."""
     place: np.ndarray = zeros("levels", "m", "m", dtype=int)
     """1 + that of the response of a contact to the force of another, 0 if there is none."""

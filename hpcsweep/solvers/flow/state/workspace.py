@@ -32,14 +32,11 @@ class LayerWorkspace(NamedTuple):
     """The stiffness of each contact."""
     missed: np.ndarray = zeros("m")
     """Estimated error of the integral of the force of each active contact over a step."""
-    values: np.ndarray = zeros(N_COEFFICIENTS)
-    """What a polynomial of a step is made of."""
     highest: np.ndarray = zeros(1)
     """Largest distance of a contact past its stop on a step, from 0."""
     state: np.ndarray = zeros("2R")
     rates: np.ndarray = zeros("R")
-    pairs: np.ndarray = zeros("2H")
-    """A state, its accelerations and the forcing."""
+    """A state and its accelerations."""
 
 
 MAX_DEPTH = 16
@@ -103,8 +100,6 @@ class SpectralWorkspace(NamedTuple):
     """The modes at the end of the present step ..."""
     chain: np.ndarray = zeros(2)
     """... and when that is, and its table."""
-    values: np.ndarray = zeros(N_CLOSED)
-    """Terms of a row."""
     sums: np.ndarray = zeros(N_CLOSED + 1, LANES)
     """Terms of eight contacts, and a sum."""
     bounds: np.ndarray = zeros("modes")
@@ -113,49 +108,78 @@ class SpectralWorkspace(NamedTuple):
     """Of free flight, see `spectral._write_exponential`."""
 
 
+class Step(NamedTuple):
+    """The present step of a motion, and what it is made of; see `linear.step`."""
+
+    x: np.ndarray = zeros("N")
+    """The augmented state at its start ..."""
+    z_end: np.ndarray = zeros("2R")
+    """... and the state at its end, ..."""
+    a: np.ndarray = zeros("R")
+    a_end: np.ndarray = zeros("R")
+    """... and accelerations there, inside a layer and at a stop."""
+    pairs: np.ndarray = zeros("2H")
+    """The forcing at its end, or within it."""
+    wide: np.ndarray = zeros("padded 2R")
+    """The state at its end before it is taken."""
+    bounds: np.ndarray = zeros("padded R")
+    """Of the fourth derivatives."""
+    rows: np.ndarray = zeros("2R", N_COEFFICIENTS)
+    """Polynomials, valid where `expanded`."""
+    expanded: np.ndarray = zeros("2R", dtype=bool)
+    values: np.ndarray = zeros(N_CLOSED)
+    """Of what a polynomial is made: terms, stages, samples of a row."""
+    combined: np.ndarray = zeros(1, N_COEFFICIENTS)
+    """A polynomial that is made of these ..."""
+    stack: np.ndarray = zeros(MAX_DEPTH + 2, 3)
+    """... and the parts of one that are searched."""
+    series: SeriesWorkspace = part(SeriesWorkspace)
+    spectral: SpectralWorkspace = part(SpectralWorkspace)
+    layer: LayerWorkspace = part(LayerWorkspace)
+
+
+class Proof(NamedTuple):
+    """What proves that elements keep their modes along a step, see `elements.guards`."""
+
+    ends: np.ndarray = zeros(6, "padded E")
+    """Elongations: at the start of the step, their speeds, both at its end, and bounds of their
+    fourth derivatives; and a row into which eights of drifts reach."""
+    windows: np.ndarray = zeros(4, "padded E")
+    """Within which elongations, below and above, and speeds elements keep their modes, ..."""
+    written: np.ndarray = zeros(2, "padded E")
+    """... from 1 on these, and in these states."""
+    kept: np.ndarray = zeros("padded E", dtype=bool)
+    """Which do so on the present step (proved)."""
+
+
+class Norms(NamedTuple):
+    """An interval of a step on which modal norms are integrated, see `observe.modal_norm`."""
+
+    rows: np.ndarray = zeros("n", N_COEFFICIENTS)
+    """Polynomials of the modal coordinates along the step."""
+    nodes: np.ndarray = zeros("padded n nodes")
+    """Modal coordinates at the nodes of the interval, by mode, then node."""
+    powers: np.ndarray = zeros(N_COEFFICIENTS, N_MODAL)
+    """Powers of these nodes."""
+    parts: np.ndarray = zeros("n")
+    """What the interval adds to each norm."""
+    series: np.ndarray = zeros(LANES)
+    summary: np.ndarray = zeros(LANES)
+    """See `modal_norm.SUMMARY`."""
+
+
 class Workspace(NamedTuple):
     """Workspace for the kernels; contents mean nothing between calls.
 
     But for what says of itself for which elements, or set, it was written, and is kept for these:
-    `windows` and the field of `series`.
+    the windows of `Proof` and the field of `SeriesWorkspace`.
     """
 
-    x: np.ndarray = zeros("N")
-    z_end: np.ndarray = zeros("2R")
-    moved: np.ndarray = zeros("2R")
-    """A trial state."""
-    wide: np.ndarray = zeros("padded 2R")
-    """The end of a step."""
-    bounds: np.ndarray = zeros("padded R")
-    """Of the fourth derivatives on a step."""
-    rows: np.ndarray = zeros("2R", N_COEFFICIENTS)
-    """Polynomials of the present step, valid where `expanded`."""
-    expanded: np.ndarray = zeros("2R", dtype=bool)
-    drift_rows: np.ndarray = zeros(1, N_COEFFICIENTS)
-    ends: np.ndarray = zeros(6, "padded E")
-    """Elongations of elements: at the start of the present step, their speeds, both at its end, and
-    bounds of their fourth derivatives; a row that none reads ..."""
-    windows: np.ndarray = zeros(4, "padded E")
-    """... and within which elongations, below and above, and speeds they keep their modes, ..."""
-    known: np.ndarray = zeros(2, "padded E")
-    """... from 1 on these, and in these states."""
-    kept: np.ndarray = zeros("padded E", dtype=bool)
-    """Which elements keep their modes on the present step (proved)."""
-    modal_rows: np.ndarray = zeros("n", N_COEFFICIENTS)
-    modal_nodes: np.ndarray = zeros("padded n nodes")
-    """Modal coordinates at the nodes of an interval, by mode, then node."""
-    modal_part: np.ndarray = zeros("n")
-    modal_series: np.ndarray = zeros(LANES)
-    modal_powers: np.ndarray = zeros(N_COEFFICIENTS, N_MODAL)
-    """Powers of the nodes of an interval."""
-    modal_summary: np.ndarray = zeros(LANES)
-    """See `modal_norm.SUMMARY`."""
+    step: Step = part(Step)
+    proof: Proof = part(Proof)
+    norms: Norms = part(Norms)
+    tangent: TangentWorkspace = part(TangentWorkspace)
     forcing: np.ndarray = zeros("2H+L")
     """Pairs of the forcing, see `forcing`, and loads of sliders."""
-    stack: np.ndarray = zeros(MAX_DEPTH + 2, 3)
-    a: np.ndarray = zeros("R")
-    a_end: np.ndarray = zeros("R")
-    tangent: TangentWorkspace = part(TangentWorkspace)
-    layer: LayerWorkspace = part(LayerWorkspace)
-    series: SeriesWorkspace = part(SeriesWorkspace)
-    spectral: SpectralWorkspace = part(SpectralWorkspace)
+    moved: np.ndarray = zeros("N")
+    """A trial state, and the forcing where the motion is."""

@@ -25,7 +25,7 @@ CONTRACTION = 3.0
 """Largest h sqrt(|df/dx|): rounding grows by less than cosh(3) = 10 over the iteration."""
 SURE = 1.5
 """Factor by which another contact may move further on a step than estimated."""
-AT_EDGE = 1.001
+INSIDE = 1.001
 """Distance, in half-widths of the layer, of a contact that counts as being inside."""
 
 
@@ -79,7 +79,7 @@ def plan_step(most, model, own):
     for outside in range(2):
         for k in range(contacts.row.shape[0]):
             place, speed, pushed, beta = x[0, k], x[1, k], x[2, k], contacts.beta[k]
-            if (abs(place) < AT_EDGE * layer) == (outside == 1):
+            if (abs(place) < INSIDE * layer) == (outside == 1):
                 continue
             way = SURE * h * (abs(speed) + abs(pushed) * h)
             near = outside == 0 or way > abs(place) - layer

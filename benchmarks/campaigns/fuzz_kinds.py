@@ -13,19 +13,20 @@ import tempfile
 import threading
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 from odd_values import ODD
 from tools import ATTRACTORS, BASINS, RECORDS, REFINED, SMALL, VARY, datasets
 
-from hpcsweep import Contact, Structure, read_record, stroboscopic_points
+from hpcsweep import Contact, Slider, Structure, read_record, stroboscopic_points
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.describe import describe
 from hpcsweep.commands import cli
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.keys import every_key
-from hpcsweep.job.structures import BUILDING, ISOLATION, SLIDER
+from hpcsweep.job.structures import BUILDING, ISOLATION
 from hpcsweep.job.tree import write
 from hpcsweep.kernels import folders
 from hpcsweep.kernels.compile.cache import SUFFIX, kept_in
@@ -115,7 +116,7 @@ MORE_KEYS = {
     "structure": tuple(YIELDS) + tuple(WEIGHED) + ("yield_force", "slider", "rayleigh"),
     "building": BUILDING,
     "isolation": ISOLATION,
-    "slider": SLIDER,
+    "slider": tuple(field.name for field in fields(Slider)),
 }
 UNITS = {"length": "m", "mass": "kg", "time": "s"}
 SHAKEN = {

@@ -327,7 +327,7 @@ def test_the_force_of_a_storey_is_that_at_which_it_yields():
     by_drift = hpcsweep.Structure(2, yield_drift=0.3, hardening=0.1)
     assert by_force.sliders == by_drift.sliders  # of storeys of stiffness 1
     assert by_force.sliders[0].strength == pytest.approx(0.27)
-    with pytest.raises(ValueError, match="yield_drift must be a list of numbers, is 'soft'"):
+    with pytest.raises(ValueError, match="yield_drift must be a number, is 'soft'"):
         hpcsweep.Structure(2, yield_drift="soft")
 
 

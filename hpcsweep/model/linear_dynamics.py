@@ -268,7 +268,7 @@ class LinearDynamics(System):
 
         u = static_equilibrium(self)
         for name, slider in zip(self.slider_names, self.sliders, strict=True):
-            force = abs(slider.stiffness * float(np.dot(slider.direction, u)))
+            force = abs(slider.spring * float(np.dot(slider.direction, u)))
             if force > slider.strength:
                 limit = (
                     f"would slip at rest: a contact with gap below 0 presses it with {force:.4g}"

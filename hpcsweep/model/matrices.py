@@ -284,6 +284,11 @@ class Slider:
             raise refused("slider.name", limit, self.name)
 
     @property
+    def spring(self) -> float:
+        """Stiffness that K has of it in its first mode."""
+        return self.stiffness
+
+    @property
     def limit(self) -> float:
         """Elongation F / k at which it first slips."""
         return self.strength / self.stiffness

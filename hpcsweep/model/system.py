@@ -104,13 +104,13 @@ class System:
         """Stiffness of the springs of all sliders, shape (n, n)."""
         stiffness = np.zeros((self.n_floors, self.n_floors))
         for slider in self.sliders:
-            stiffness += slider.stiffness * np.outer(slider.direction, slider.direction)
+            stiffness += slider.spring * np.outer(slider.direction, slider.direction)
         return stiffness
 
     @property
     def slider_stiffness(self) -> np.ndarray:
         """k_j |b_j|^2 of every slider, shape (L,): the trace of what its spring adds to K."""
-        return np.array([s.stiffness * float(np.square(s.direction).sum()) for s in self.sliders])
+        return np.array([s.spring * float(np.square(s.direction).sum()) for s in self.sliders])
 
     @cached_property
     def stiffness_matrix(self) -> np.ndarray:

@@ -299,7 +299,7 @@ def test_passages_take_strategies_in_and_out(monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     changes = ("structure.n_floors=1", "structure.sharpness=300.0", "output.lyapunov=false")
     changes += ("structure.stiffness_ratio=30.0", "sweep.omega=0.9")
-    changes += ("sweep.amplitude={from=0.3,to=0.4,count=2}",)
+    changes += ("sweep.amplitude={from=0.6,to=0.7,count=2}",)  # periodic
     changes += ("sweep.transient_cycles=1", "sweep.sampling_cycles=1", "sweep.max_orbit_period=1")
     job = ("figure3.toml", *(word for one in changes for word in ("--set", one)))
     monkeypatch.setitem(passages.CASES, "figure 3", job)

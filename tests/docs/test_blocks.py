@@ -34,7 +34,6 @@ VARIED = "[vary]\nstructure.stiffness_ratio = [100, 1000]\nstructure.gap = [0.5,
 LEFT = {
     "README.md": ["study.png", "study.html"],
     "quickstart.md": ["study.png", "own.png"],
-    "results.md": ["ci.png"],
     "earthquakes.md": ["pair.png"],
     "examples.md": ["pounding.png", "bilinear.png"],
     "yielding.md": ["frame-loops.png", "frame-ida.png", "frame-profile.png", "frame-fragility.png"],

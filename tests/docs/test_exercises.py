@@ -53,7 +53,7 @@ def test_a_figure(copy):
     folder, hpcsweep, _ = copy("figure")
     (folder / "small.toml").write_text(SMALL)
     hpcsweep("run", "small.toml")
-    assert "Forcing periods integrated, against the amplitude" in hpcsweep("plot", "--help")
+    assert "forcing periods integrated, against the amplitude" in hpcsweep("plot", "--help")
     hpcsweep("plot", "small.h5", "--kind", "cycles", "--omega", "0.6", "-o", "cycles.png")
     assert (folder / "cycles.png").stat().st_size > 10_000
 

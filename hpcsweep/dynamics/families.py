@@ -125,7 +125,7 @@ def moved_inward(solver, state: np.ndarray, amplitude: float, period: int) -> np
     for j, slider in enumerate(structure.sliders):
         step = np.zeros(state.size)
         step[2 * n + j] = moved = INWARD * slider.limit
-        push = structure.slider_directions[j] * (slider.stiffness * moved)
+        push = structure.slider_directions[j] * (slider.spring * moved)
         step[:n] = np.linalg.solve(structure.stiffness_matrix, push)
         ends = [
             solver.advance(state + way, amplitude, RELAXED * period).state for way in (step, -step)

@@ -154,7 +154,7 @@ def isolated_period(structure: Structure) -> float | None:
         return None
     rows = np.array([slider.direction for slider in bearings])
     sliding = (
-        structure.stiffness_matrix - (rows.T * [slider.stiffness for slider in bearings]) @ rows
+        structure.stiffness_matrix - (rows.T * [slider.spring for slider in bearings]) @ rows
     )
     slabs = np.abs(rows).argmax(axis=1)
     isolated = np.ix_(*2 * [np.isin(structure.buildings, structure.buildings[slabs])])

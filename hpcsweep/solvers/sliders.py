@@ -23,7 +23,7 @@ class Sliders:
 
     def __init__(self, structure: Structure, elements: Elements):
         self._elements, count = elements, len(structure.sliders)
-        springs = [(slider.stiffness, slider.taken) for slider in structure.sliders]
+        springs = [(slider.spring, slider.taken) for slider in structure.sliders]
         self._spring, self._taken = np.array(springs).reshape(-1, 2).T
         self._unit = structure.length_unit
         self.own = slice(len(elements.rows) - count, None)

@@ -153,9 +153,7 @@ def isolated_period(structure: Structure) -> float | None:
     if not bearings:
         return None
     rows = np.array([slider.direction for slider in bearings])
-    sliding = (
-        structure.stiffness_matrix - (rows.T * [slider.spring for slider in bearings]) @ rows
-    )
+    sliding = structure.stiffness_matrix - (rows.T * [slider.spring for slider in bearings]) @ rows
     slabs = np.abs(rows).argmax(axis=1)
     isolated = np.ix_(*2 * [np.isin(structure.buildings, structure.buildings[slabs])])
     frequencies, _ = natural_modes(structure.mass_matrix[isolated], sliding[isolated])

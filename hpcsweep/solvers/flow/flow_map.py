@@ -255,28 +255,15 @@ class FlowMap:
 
         The points of an unstable orbit stay on it so, which one motion through all of them leaves.
         """
-        z, amplitude = self._units.into(states), amplitude / self._units.amplitude_unit
-        wanted, outcome = self._wanted(False, measures), Outcome.COMPLETE
-        reset(self._shared.tally)
-        for row in z:
-            if outcome is Outcome.COMPLETE:
-                _, outcome = self._march(row, amplitude, 1, poll, wanted=wanted)
+        z, outcome = self._march_each(states, amplitude, self._wanted(False, measures), poll)
         return self._gathered(self._units.out_of(z), outcome, False, measures)
 
     def closings(self, states, amplitude, poll=None) -> tuple[int, ...]:
         """Count how often each contact closes in a forcing period from each state, all together."""
-        z, amplitude = self._units.into(states), amplitude / self._units.amplitude_unit
-        wanted, shared = self._wanted(False, IMPACT_FLAG), self._shared
-        nothing = shared.no_tangent, shared.no_growth
-        reset(shared.tally)
-        self._polling.begin(poll)
-        for row in z:
-            _, outcome = self._kernels.march(
-                self._packed, row, amplitude, 1, shared.no_points, wanted, *nothing
-            )
-            if outcome != Outcome.COMPLETE:
-                raise ArithmeticError(f"flow: {Outcome(outcome).name}")
-        return tuple(map(round, shared.tally.impacts[CLOSINGS].tolist()))
+        _, outcome = self._march_each(states, amplitude, self._wanted(False, IMPACT_FLAG), poll)
+        if outcome is not Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {outcome.name}")
+        return tuple(map(round, self._shared.tally.impacts[CLOSINGS].tolist()))
 
     def grow(
         self,
@@ -359,6 +346,16 @@ class FlowMap:
         points = points_array(n_periods, z.size)
         done, outcome = self._march(z, amplitude, n_periods, poll, points, wanted, tangent, growth)
         return self._units.out_of(points[:done]), outcome
+
+    def _march_each(self, states, amplitude, wanted, poll) -> tuple[np.ndarray, Outcome]:
+        """Integrate each state over one forcing period, all into one tally; return their ends."""
+        z, amplitude = self._units.into(states), amplitude / self._units.amplitude_unit
+        outcome = Outcome.COMPLETE
+        reset(self._shared.tally)
+        for row in z:
+            if outcome is Outcome.COMPLETE:
+                _, outcome = self._march(row, amplitude, 1, poll, wanted=wanted)
+        return z, outcome
 
     def _march(
         self,

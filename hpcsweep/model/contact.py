@@ -5,13 +5,13 @@ every form: for numbers, for `Lanes` of kernels, and with its derivative.
 `reference` has a form of its own, to be independent.
 
 The force depends on the position alone (`Contacts.is_elastic`). Passages in closed form, by their
-energy (`flow.passage.passage.pass_layer`), and steps with a few contacts in their layers
+energy (`flow.layer.passage.passage.pass_layer`), and steps with a few contacts in their layers
 (`flow.layer.volterra`) rely on that. Collocation evaluates the force at a state, whatever it
 depends on.
 
 With a dashpot (`hpcsweep.model.dashpot`) it depends on the speed, too, and jumps where the
 contact closes. Such a contact is sharp, and its motion is linear from one change of the contact to
-the next: `flow.elements`.
+the next: `flow.guard.elements`.
 """
 
 import math

@@ -8,7 +8,7 @@ ends where one of its guards
 
 rises through 0: a linear row with an offset, which may be the state p of the element. Guards lead
 to another mode; some set p = y + shift. So all that an element is stands in rows of numbers, and
-one march (`hpcsweep.solvers.flow.elements`) serves all:
+one march (`hpcsweep.solvers.flow.guard.elements`) serves all:
 
 - a contact, open, pushing or, without tension, past its stop and having let go; it opens and closes
   where y is at its stop, and lets go, or pushes again, where its force is 0 (`dashpot`);

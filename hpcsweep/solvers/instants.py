@@ -1,6 +1,6 @@
 r"""States of a motion under a record at many instants, from one march.
 
-Intervals are marched in chunks (`flow.period.record`), which gives the states at their ends, and
+Intervals are marched in chunks (`flow.march.record`), which gives the states at their ends, and
 nothing else is gathered. What changes within a chunk, a contact or a slider, the kernels' counts
 tell. Such a chunk is marched again in halves, down to single intervals, of which alone the peaks of
 the forces are needed: where nothing changes, and no contact is closed at the end, none pushes.
@@ -23,8 +23,8 @@ import numpy as np
 
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.march.record import ALL_PEAKS, WITH_ENERGY, march_record
 from hpcsweep.solvers.flow.observe.gathered import reset
-from hpcsweep.solvers.flow.period.record import ALL_PEAKS, WITH_ENERGY, march_record
 from hpcsweep.solvers.flow.record_map import RecordMap
 from hpcsweep.solvers.flow.state.shared import PASSAGES, TABLES
 from hpcsweep.solvers.measures import DISSIPATED

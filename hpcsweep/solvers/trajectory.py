@@ -1,7 +1,7 @@
 r"""The motion within forcing periods, from one march.
 
 A part of a forcing period is to the kernels what a sample interval of a record is
-(`flow.period.record`): it begins at its own phases of the harmonics, in place of its own sample. So
+(`flow.march.record`): it begins at its own phases of the harmonics, in place of its own sample. So
 the states at all instants are those of the exact flow, of a period that begins at its stroboscopic
 point.
 """
@@ -18,7 +18,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
-from hpcsweep.solvers.flow.period.record import march_record
+from hpcsweep.solvers.flow.march.record import march_record
 from hpcsweep.solvers.flow.record_map import kernels_of
 from hpcsweep.solvers.flow.state.shared import shared_at
 from hpcsweep.solvers.outcome import Outcome

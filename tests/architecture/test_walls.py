@@ -23,7 +23,7 @@ BREACHES = {
     "The rooms of the studies": ("studies/grid.py", "from hpcsweep.studies import sweep"),
     "The rooms of the flow map": (
         "solvers/flow/state/state.py",
-        "from hpcsweep.solvers.flow.linear import forcing",
+        "from hpcsweep.solvers.flow.step import forcing",
     ),
     "The rooms of the solvers": ("solvers/free.py", "from hpcsweep.solvers import bdf"),
     "The rooms of the kernels": ("kernels/simd/vectors.py", "import hpcsweep.kernels.compile"),

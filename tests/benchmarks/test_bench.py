@@ -240,7 +240,7 @@ def test_a_warm_start_is_shorter_than_a_cold_one(monkeypatch):
     def with_most_kernels(command, **variables):
         cache = Path(variables.get("NUMBA_CACHE_DIR", "."))
         if not cache.exists():
-            lost = ("solvers/flow/passage/passage", "solvers/flow/orbit/transient")
+            lost = ("solvers/flow/layer/passage/passage", "solvers/flow/orbit/transient")
             assert kernels_but(cache, *lost) == 2
         return run_command(command, **variables)
 

@@ -163,7 +163,7 @@ from hpcsweep.kernels.compile import warm
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow import specialised
-from hpcsweep.solvers.flow.passage.passage import pass_layer
+from hpcsweep.solvers.flow.layer.passage.passage import pass_layer
 
 n = int(sys.argv[1])
 solver = FlowMap(Structure(n, 1000.0), 0.5)

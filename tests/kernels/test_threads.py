@@ -39,6 +39,6 @@ def test_four_threads_whose_calls_are_the_first_give_what_one_gives():
 
 @pytest.mark.slow
 def test_four_threads_that_find_kernels_missing_compile_once_and_agree(tmp_path):
-    lost = kernels_but(tmp_path, "solvers/flow/passage/passage", "solvers/flow/orbit/chain")
+    lost = kernels_but(tmp_path, "solvers/flow/layer/passage/passage", "solvers/flow/orbit/chain")
     assert python(FIRST_CALLS, NUMBA_CACHE_DIR=str(tmp_path)).stdout == "equal\n"
     assert lost == 2

@@ -179,7 +179,7 @@ amplitude = {from = 0.02, to = 0.1, count = 3}
 """
 
 
-LEFT_OUT = ("solvers/flow/passage/passage", "solvers/flow/orbit/transient")
+LEFT_OUT = ("solvers/flow/layer/passage/passage", "solvers/flow/orbit/transient")
 """Modules of a kernel each that every run needs, compiled in seconds."""
 
 

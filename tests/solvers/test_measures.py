@@ -19,7 +19,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.observe.drift import SAME_PEAK
+from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.studies.quantities import CONTACT_MEASURES, MEASURES

@@ -213,7 +213,7 @@ def test_orbit_period_is_the_smallest_that_repeats():
 LEFT_TO_COMPILE = """
 import numpy as np
 from hpcsweep.studies.sweep import amplitude_sweep as sweep
-from hpcsweep.solvers.flow.period import march
+from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.orbit import transient
 from hpcsweep.studies.compilation import warm_up
 from hpcsweep.studies.settings import SweepSettings

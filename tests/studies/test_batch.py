@@ -13,8 +13,8 @@ from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import floquet_multipliers, orbit_exponent
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.linear.algebra import spectral_radius
 from hpcsweep.solvers.flow.orbit.batch import new_orbits
+from hpcsweep.solvers.flow.step.algebra import spectral_radius
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.records import Followed
 from hpcsweep.solvers.skip_rule import SkipRule

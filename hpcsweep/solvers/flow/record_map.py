@@ -10,16 +10,16 @@ from hpcsweep.model.kernel_model import record_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
-from hpcsweep.solvers.flow.elements.layers import visit_layers
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
+from hpcsweep.solvers.flow.layer.elements import visit_layers
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
-from hpcsweep.solvers.flow.observe.gathered import reset
-from hpcsweep.solvers.flow.period.record import (
+from hpcsweep.solvers.flow.march.record import (
     ALL_PEAKS,
     PEAKS_AT_SAMPLES,
     WITH_ENERGY,
     march_record,
 )
+from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 from hpcsweep.solvers.outcome import COLLAPSED, Outcome
 from hpcsweep.solvers.polling import Polling

@@ -24,13 +24,13 @@ from hpcsweep.kernels.compile.places import Pattern, Words
 from hpcsweep.kernels.compile.warm import load_all, missing
 from hpcsweep.model.kernel_model import Model, kernel_model
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.elements.layers import visit_layers
+from hpcsweep.solvers.flow.layer.elements import visit_layers
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step
+from hpcsweep.solvers.flow.march.march import march, march_elements, march_measured
 from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
 from hpcsweep.solvers.flow.orbit.contract import take_round
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
-from hpcsweep.solvers.flow.period.march import march, march_elements, march_measured
 from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
 
 

@@ -12,9 +12,9 @@ from hpcsweep.model.contact import layer_half_width, less_contact_forces
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.layer import scheme, visit
-from hpcsweep.solvers.flow.linear import forcing
-from hpcsweep.solvers.flow.linear.step import layer_segment
 from hpcsweep.solvers.flow.state.state import accelerations
+from hpcsweep.solvers.flow.step import forcing
+from hpcsweep.solvers.flow.step.step import layer_segment
 
 compiled_only = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="many periods: too long as plain Python"

@@ -9,8 +9,8 @@ from hpcsweep.kernels.simd import vectors
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.linear import forcing, polynomials, step
 from hpcsweep.solvers.flow.state import tables
+from hpcsweep.solvers.flow.step import forcing, polynomials, step
 
 OMEGA = 0.445
 

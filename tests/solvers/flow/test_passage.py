@@ -9,7 +9,7 @@ from reference import reference_points
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.passage import crossing, tangent
+from hpcsweep.solvers.flow.layer.passage import crossing, tangent
 
 PERIOD = 1.0
 """Short: the floor passes its stop once and comes back."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
-from hpcsweep.solvers.flow.passage import crossing
+from hpcsweep.solvers.flow.layer.passage import crossing
 from hpcsweep.solvers.flow.rules import tableau
 from hpcsweep.solvers.flow.state.tables import economisation
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from hpcsweep.solvers.flow.linear import polynomials
-from hpcsweep.solvers.flow.search import search
+from hpcsweep.solvers.flow.guard import search
 from hpcsweep.solvers.flow.state import tables
+from hpcsweep.solvers.flow.step import polynomials
 
 
 def test_a_modulus_is_bounded_by_the_larger_of_both_sides():

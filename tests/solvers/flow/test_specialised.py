@@ -76,7 +76,7 @@ def test_a_structure_of_other_sizes_has_other_kernels():
     assert not {kernel for kernel in one if kernel.specialisation} & set(other)
     assert {kernel.name for kernel in one if kernel.specialisation is None} == {
         "hpcsweep.solvers.free.is_free",
-        "hpcsweep.solvers.flow.linear.step.lookup",
+        "hpcsweep.solvers.flow.step.step.lookup",
     }
 
 

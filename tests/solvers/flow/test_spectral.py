@@ -1,4 +1,4 @@
-"""Steps in modes (`linear.spectral`): equal to those of tables, and right where there are none."""
+"""Steps in modes (`step.spectral`): equal to those of tables, and right where there are none."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Strides of free flight (`linear.strides`): their tables, their proofs, and what is gathered."""
+"""Strides of free flight (`step.strides`): their tables, their proofs, and what is gathered."""
 
 import math
 

@@ -11,7 +11,7 @@ otherwise it needs five things of the scheme, here Gauss collocation:
 - end: `scheme.finish` gives the state at the end of the step from its stages;
 - error: `error.quadrature_error` measures the error of that state, relative to max(1, |z|), of a
   known order in h (`visit.shortening`); it is a bound or an estimate from above;
-- dense output: its stages give the polynomials of rows and what bounds them (`linear.step`), from
+- dense output: its stages give the polynomials of rows and what bounds them (`step.step`), from
   which maxima, peaks and impacts are taken as on a linear step (`measures`); those of parts of a
   step of `volterra` are given likewise (`volterra.output`);
 - tangent: `variations.layer_tangent` multiplies a matrix by the derivative of the map from start to

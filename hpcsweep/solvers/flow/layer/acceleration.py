@@ -2,7 +2,7 @@ r"""Peaks of absolute accelerations over a step inside a layer.
 
 The acceleration changes within a layer as fast as the contact's force does: it is no interpolant of
 accelerations but the equation of motion itself, along the polynomials of displacements and
-velocities (`linear.step`). A peak is found on the polynomial of the step that the accelerations at
+velocities (`step.step`). A peak is found on the polynomial of the step that the accelerations at
 `SAMPLES` have, where that may exceed the peak so far, and evaluated exactly there: what the place
 is off by counts by its square.
 """
@@ -14,14 +14,14 @@ from numpy.polynomial import chebyshev
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum
+from hpcsweep.solvers.flow.guard.extremum import Peak, raise_peak
 from hpcsweep.solvers.flow.layer.sliders import add_sliders
-from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
-from hpcsweep.solvers.flow.linear.polynomials import evaluate_rows, value_and_slope
-from hpcsweep.solvers.flow.linear.step import expand
-from hpcsweep.solvers.flow.observe.drift import Peak, raise_peak
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.state import accelerations, time_of
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.step.forcing import forcing_at, total_forcing
+from hpcsweep.solvers.flow.step.polynomials import evaluate_rows, value_and_slope
+from hpcsweep.solvers.flow.step.step import expand
 
 BETWEEN = 0.1
 """How far a component may come beyond its values at ends and nodes, over their range; of a parabola

@@ -5,13 +5,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import load, total
 from hpcsweep.model.contact import contact_forces
-from hpcsweep.solvers.flow.layer.scheme import allowed_error, distances
-from hpcsweep.solvers.flow.linear.polynomials import evaluate, value_and_slope
-from hpcsweep.solvers.flow.linear.step import expand
-from hpcsweep.solvers.flow.observe.drift import fourth_derivative
-from hpcsweep.solvers.flow.observe.impacts import note_arch, record
-from hpcsweep.solvers.flow.rules.tableau import NODES, WEIGHTS
-from hpcsweep.solvers.flow.search.search import (
+from hpcsweep.solvers.flow.guard.search import (
     Bracket,
     Curve,
     Level,
@@ -20,7 +14,12 @@ from hpcsweep.solvers.flow.search.search import (
     may_reach,
     rising_root,
 )
+from hpcsweep.solvers.flow.layer.scheme import allowed_error, distances
+from hpcsweep.solvers.flow.observe.impacts import note_arch, record
+from hpcsweep.solvers.flow.rules.tableau import NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
+from hpcsweep.solvers.flow.step.polynomials import evaluate, fourth_derivative, value_and_slope
+from hpcsweep.solvers.flow.step.step import expand
 from hpcsweep.solvers.measures import FORCE, TIME
 
 MISSED = 1e-13

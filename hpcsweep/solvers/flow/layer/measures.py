@@ -1,4 +1,4 @@
-"""Observe a step inside a layer (`linear.step`): contact set, drift, norms and other measures."""
+"""Observe a step inside a layer (`step.step`): contact set, drift, norms and other measures."""
 
 import math
 
@@ -18,11 +18,10 @@ from hpcsweep.kernels.simd.vectors import (
     total,
 )
 from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
+from hpcsweep.solvers.flow.guard.extremum import Peak
 from hpcsweep.solvers.flow.layer.acceleration import accelerations_in_layer, may_be_higher
 from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer, may_change
-from hpcsweep.solvers.flow.linear.polynomials import evaluate
-from hpcsweep.solvers.flow.linear.step import begin_layer_step, expand, layer_segment
-from hpcsweep.solvers.flow.observe.drift import Peak, drift_on_segment, raise_row
+from hpcsweep.solvers.flow.observe.drift import drift_on_segment, raise_row
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
 from hpcsweep.solvers.flow.observe.peaks import DISPLACEMENTS, displacements_on_segment
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
@@ -34,6 +33,8 @@ from hpcsweep.solvers.flow.state.state import (
     distance,
 )
 from hpcsweep.solvers.flow.state.tables import ZERO
+from hpcsweep.solvers.flow.step.polynomials import evaluate
+from hpcsweep.solvers.flow.step.step import begin_layer_step, expand, layer_segment
 
 PIECES = 4
 """Of a step on which a mode changes its sign, or a contact closes or opens."""
@@ -44,7 +45,7 @@ STEP = type_of((0.0, 0.0, 0.0, 0.0, 0.0))
 def observe_layer_step(segment, z0, wanted, shared):
     """Update maxima and norms by a step inside a layer, from z0 to ``work.step.z_end``.
 
-    It becomes the present step (`linear.step`); ``work.step.a`` and ``work.step.a_end`` hold the
+    It becomes the present step (`step.step`); ``work.step.a`` and ``work.step.a_end`` hold the
     accelerations at the ends.
     """
     model, tally, work = shared.model, shared.tally, shared.work

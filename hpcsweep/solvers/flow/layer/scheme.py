@@ -45,7 +45,6 @@ from hpcsweep.model.contact import (
     less_contact_forces,
 )
 from hpcsweep.solvers.flow.layer.sliders import add_sliders_at_stages
-from hpcsweep.solvers.flow.linear.forcing import SHORT_ANGLE, short_turn
 from hpcsweep.solvers.flow.rules.tableau import (
     ADDED_SLOPE,
     CHECK_ADDED,
@@ -62,6 +61,7 @@ from hpcsweep.solvers.flow.rules.tableau import (
     WEIGHTS,
 )
 from hpcsweep.solvers.flow.state.state import approach_speed, distance
+from hpcsweep.solvers.flow.step.forcing import SHORT_ANGLE, short_turn
 
 
 @inlined

@@ -48,8 +48,6 @@ from hpcsweep.solvers.flow.layer.volterra.step import (
     steps_in_modes,
     volterra_steps,
 )
-from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
-from hpcsweep.solvers.flow.linear.step import layer_segment
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.shared import (
     ANY_MEASURE,
@@ -64,6 +62,8 @@ from hpcsweep.solvers.flow.state.state import (
     distance,
     is_ordinary,
 )
+from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, total_forcing
+from hpcsweep.solvers.flow.step.step import layer_segment
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 ELLIPSE = 5.5
@@ -241,7 +241,7 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
     z : ndarray, shape (2R,)
     amplitude : float
     wanted, tangent
-        See `period.march`.
+        See `march.march`.
 
     Returns
     -------

@@ -1,10 +1,10 @@
-"""Integrals of the energy over a step, by the polynomials of its rows (`linear.step`)."""
+"""Integrals of the energy over a step, by the polynomials of its rows (`step.step`)."""
 
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.simd.vectors import fma
-from hpcsweep.solvers.flow.linear.polynomials import evaluate
-from hpcsweep.solvers.flow.linear.step import expand
 from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
+from hpcsweep.solvers.flow.step.polynomials import evaluate
+from hpcsweep.solvers.flow.step.step import expand
 
 
 @kernel

@@ -20,7 +20,6 @@ from hpcsweep.kernels.simd.vectors import (
     store,
     total,
 )
-from hpcsweep.solvers.flow.linear.step import expand_modal
 from hpcsweep.solvers.flow.state.products import product
 from hpcsweep.solvers.flow.state.tables import (
     MODAL_NODES,
@@ -29,6 +28,7 @@ from hpcsweep.solvers.flow.state.tables import (
     N_MODAL,
     ZERO,
 )
+from hpcsweep.solvers.flow.step.step import expand_modal
 
 MODAL_TOLERANCE = 1e-5
 """Largest tail of the interpolant of q_j / ||q|| on an interval that counts as resolved. The norms

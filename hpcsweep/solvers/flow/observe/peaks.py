@@ -13,20 +13,20 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
-from hpcsweep.solvers.flow.linear.accelerations import ends_of_accelerations, expand_acceleration
-from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
-from hpcsweep.solvers.flow.linear.step import bound_all_rows, write_row
-from hpcsweep.solvers.flow.observe.drift import (
+from hpcsweep.solvers.flow.guard.extremum import (
     SAME_PEAK,
     Peak,
     raise_peak,
-    raise_row,
     raise_to_ends,
     row_at_ends,
     row_may_be_higher,
 )
-from hpcsweep.solvers.flow.search.search import HERMITE_MIDDLE
+from hpcsweep.solvers.flow.guard.search import HERMITE_MIDDLE
+from hpcsweep.solvers.flow.observe.drift import raise_row
 from hpcsweep.solvers.flow.state.state import contact_bit, time_of
+from hpcsweep.solvers.flow.step.accelerations import ends_of_accelerations, expand_acceleration
+from hpcsweep.solvers.flow.step.polynomials import value_and_slope
+from hpcsweep.solvers.flow.step.step import bound_all_rows, write_row
 
 DISPLACEMENT_KINDS = 3
 DISPLACEMENTS = DRIFT | FLOOR | CONTACT

@@ -18,8 +18,8 @@ from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, INT, entry_point, type_of
 from hpcsweep.kernels.compile.places import allocate, zeros
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.flow.march.march import march
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
-from hpcsweep.solvers.flow.period.march import march
 from hpcsweep.solvers.flow.state.shared import (
     IMPACTS,
     MAXIMA,

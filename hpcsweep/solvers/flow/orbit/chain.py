@@ -12,7 +12,7 @@ import numpy as np
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, entry_point
 from hpcsweep.model.units import Units
-from hpcsweep.solvers.flow.period.march import advance
+from hpcsweep.solvers.flow.march.march import advance
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.outcome import COMPLETE, Outcome

@@ -20,10 +20,10 @@ from hpcsweep.kernels.compile.entry_points import (
     entry_point,
     type_of,
 )
-from hpcsweep.solvers.flow.linear.algebra import invert
-from hpcsweep.solvers.flow.period.march import advance
+from hpcsweep.solvers.flow.march.march import advance
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state
+from hpcsweep.solvers.flow.step.algebra import invert
 from hpcsweep.solvers.outcome import COMPLETE
 
 PLACES = type_of(np.zeros(0, np.int64))

@@ -8,9 +8,9 @@ it is tried and when the orbit is that of the motion.
 import math
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.solvers.flow.linear.algebra import solve, spectral_radius
-from hpcsweep.solvers.flow.period.march import advance
+from hpcsweep.solvers.flow.march.march import advance
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state, make_unit
+from hpcsweep.solvers.flow.step.algebra import solve, spectral_radius
 from hpcsweep.solvers.outcome import COMPLETE
 from hpcsweep.solvers.skip_rule import LINEAR_DEFECT, STABLE
 

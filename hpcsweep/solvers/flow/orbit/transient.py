@@ -20,8 +20,8 @@ from typing import NamedTuple
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point, type_of
+from hpcsweep.solvers.flow.march.march import advance
 from hpcsweep.solvers.flow.orbit.newton import newton_orbit
-from hpcsweep.solvers.flow.period.march import advance
 from hpcsweep.solvers.flow.state.shared import (
     LAYER_STEPS,
     LINEAR_STEPS,

@@ -12,7 +12,7 @@ class Strategies(NamedTuple):
     """Which strategies there are."""
 
     fast: bool = True
-    """A closed form (`passage.crossing`)."""
+    """A closed form (`layer.passage.crossing`)."""
     volterra: bool = True
     """Integral equations for a few contacts, in modes (`layer.volterra`)."""
 

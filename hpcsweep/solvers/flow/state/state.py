@@ -178,7 +178,7 @@ def end_period(period, z, points, tangent, growth):
 
 
 class Segment(NamedTuple):
-    """A step of the motion, of one contact set; what is asked of it is in `linear.step`."""
+    """A step of the motion, of one contact set; what is asked of it is in `step.step`."""
 
     kind: int
     key: np.uint64

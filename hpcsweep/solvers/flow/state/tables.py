@@ -69,7 +69,7 @@ THETA_FREE = 2.2
 MAX_TABLES = 64
 """Most tables; when more contact sets occur the table store is emptied and refilled."""
 LARGE, LARGE_COUPLED, LARGE_SPARED = 20, 32, 65
-"""Rows from which on there are no propagators: steps are taken in modes (`linear.spectral`). The
+"""Rows from which on there are no propagators: steps are taken in modes (`step.spectral`). The
 second is for a damping that couples modes, whose steps take n times as long, the third for smooth
 contacts beside it, which are collocated anyway, and for sliders, most sets of which have no table
 anyway (`series`)."""
@@ -160,7 +160,7 @@ FEW = 3
 
 
 class Strides(NamedTuple):
-    """Strides of free flight, see `linear.strides`: tables by their length, and workspace."""
+    """Strides of free flight, see `step.strides`: tables by their length, and workspace."""
 
     count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     """Number of lengths, 0 before there are tables."""
@@ -182,7 +182,7 @@ class Strides(NamedTuple):
     reached: np.ndarray = zeros("strided N")
     modes: np.ndarray = zeros("2 modes")
     time: np.ndarray = zeros(1)
-    """Augmented state, modes and time at the end of some: see `search.events.look_ahead`."""
+    """Augmented state, modes and time at the end of some: see `guard.events.look_ahead`."""
 
 
 REFINED, CONVERGED, SAME_SQUARE = 3, 1e-9, 1e-13

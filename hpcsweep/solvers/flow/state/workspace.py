@@ -62,7 +62,7 @@ N_TERMS = 24
 
 
 class SeriesWorkspace(NamedTuple):
-    """A step as a Taylor series, see `linear.series`."""
+    """A step as a Taylor series, see `step.series`."""
 
     field: np.ndarray = zeros("N", "padded R")
     """y'' of all rows in the augmented state, by its columns ..."""
@@ -84,7 +84,7 @@ N_CLOSED = 31
 
 
 class SpectralWorkspace(NamedTuple):
-    """A step of a large structure, see `linear.spectral`."""
+    """A step of a large structure, see `step.spectral`."""
 
     terms: np.ndarray = zeros(2, N_CLOSED, "2 modes")
     """Terms of modal coordinates, then of their speeds, of a step, and of a tangent vector."""
@@ -109,7 +109,7 @@ class SpectralWorkspace(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The present step of a motion, and what it is made of; see `linear.step`."""
+    """The present step of a motion, and what it is made of; see `step.step`."""
 
     x: np.ndarray = zeros("N")
     """The augmented state at its start ..."""
@@ -139,7 +139,7 @@ class Step(NamedTuple):
 
 
 class Proof(NamedTuple):
-    """What proves that elements keep their modes along a step, see `elements.guards`."""
+    """What proves that elements keep their modes along a step, see `guard.elements`."""
 
     ends: np.ndarray = zeros(6, "padded E")
     """Elongations: at the start of the step, their speeds, both at its end, and bounds of their

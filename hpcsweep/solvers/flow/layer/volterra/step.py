@@ -23,12 +23,12 @@ from hpcsweep.solvers.flow.layer.volterra.equation import (
 )
 from hpcsweep.solvers.flow.layer.volterra.plan import level_of, plan_step
 from hpcsweep.solvers.flow.layer.volterra.tables import longest_step
-from hpcsweep.solvers.flow.linear.forcing import forcing_after, total_forcing
-from hpcsweep.solvers.flow.linear.spectral import modes_of, write_rows
 from hpcsweep.solvers.flow.rules import strategies
 from hpcsweep.solvers.flow.state.shared import NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state
 from hpcsweep.solvers.flow.state.tables import LEVELS
+from hpcsweep.solvers.flow.step.forcing import forcing_after, total_forcing
+from hpcsweep.solvers.flow.step.spectral import modes_of, write_rows
 
 CONTACTS, LEVEL, GOING = range(3)
 """Places in ``Volterra.last``."""

@@ -12,23 +12,21 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.solvers.flow.linear.forcing import forcing_after
-from hpcsweep.solvers.flow.linear.step import expand_contacts, state_at
-from hpcsweep.solvers.flow.passage.passage import (
+from hpcsweep.solvers.flow.guard.events import layer_edge
+from hpcsweep.solvers.flow.guard.search import (
+    SAME_INSTANT,
+    Bracket,
+    Curve,
+    Level,
+    rising_root,
+)
+from hpcsweep.solvers.flow.layer.passage.passage import (
     EXTRAPOLATION,
     FAST,
     INTEGRATED,
     first_at_stop,
     pass_layer,
     time_at_stop,
-)
-from hpcsweep.solvers.flow.search.events import layer_edge
-from hpcsweep.solvers.flow.search.search import (
-    SAME_INSTANT,
-    Bracket,
-    Curve,
-    Level,
-    rising_root,
 )
 from hpcsweep.solvers.flow.state.state import (
     Ending,
@@ -37,6 +35,8 @@ from hpcsweep.solvers.flow.state.state import (
     copy_state,
     distance,
 )
+from hpcsweep.solvers.flow.step.forcing import forcing_after
+from hpcsweep.solvers.flow.step.step import expand_contacts, state_at
 
 SHORTEST = 0.01
 """Fraction of a step after which a contact that reaches its stop beyond the step is tried again."""

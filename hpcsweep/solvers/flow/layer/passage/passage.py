@@ -29,11 +29,14 @@ from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, KEY, VECTOR, entry_point
 from hpcsweep.model.contact import FULL_POTENTIAL
-from hpcsweep.solvers.flow.linear.forcing import forcing_rate, steepest_forcing, total_forcing
-from hpcsweep.solvers.flow.linear.polynomials import value_and_slope, value_slope_bend
-from hpcsweep.solvers.flow.passage.crossing import NEGLECTED, add_kick, moments, passage_is_fast
+from hpcsweep.solvers.flow.guard.search import LAST_STEP
+from hpcsweep.solvers.flow.layer.passage.crossing import (
+    NEGLECTED,
+    add_kick,
+    moments,
+    passage_is_fast,
+)
 from hpcsweep.solvers.flow.rules import strategies
-from hpcsweep.solvers.flow.search.search import LAST_STEP
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import (
     SEGMENT,
@@ -42,6 +45,8 @@ from hpcsweep.solvers.flow.state.state import (
     distance,
     less_linear,
 )
+from hpcsweep.solvers.flow.step.forcing import forcing_rate, steepest_forcing, total_forcing
+from hpcsweep.solvers.flow.step.polynomials import value_and_slope, value_slope_bend
 
 MEAN_WAY = 3.0
 """rho v s, at least 2.19 where the speed changes on the way."""

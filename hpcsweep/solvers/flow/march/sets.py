@@ -8,17 +8,17 @@ contact within its layer is past its stop and does not push: a motion with such 
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.solvers.flow.elements.contacts import (
+from hpcsweep.solvers.flow.guard.contacts import (
     past_stops,
     pushing,
     rest_at_stops,
     set_contacts,
 )
-from hpcsweep.solvers.flow.elements.guards import sets_of, write_loads, write_windows
+from hpcsweep.solvers.flow.guard.elements import sets_of, write_loads, write_windows
+from hpcsweep.solvers.flow.guard.events import contact_key
 from hpcsweep.solvers.flow.layer.visit import inside_layer
-from hpcsweep.solvers.flow.linear.forcing import forcing_at
-from hpcsweep.solvers.flow.search.events import contact_key
 from hpcsweep.solvers.flow.state.state import start
+from hpcsweep.solvers.flow.step.forcing import forcing_at
 
 ANY = ~np.uint64(0)
 """In place of the contacts past their stops: some are within their layers."""

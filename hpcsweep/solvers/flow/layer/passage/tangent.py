@@ -27,8 +27,8 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.simd.vectors import fma
-from hpcsweep.solvers.flow.linear.step import step_tangent
-from hpcsweep.solvers.flow.passage.crossing import (
+from hpcsweep.solvers.flow.guard.events import coast
+from hpcsweep.solvers.flow.layer.passage.crossing import (
     add_kick,
     at_stop,
     delays,
@@ -37,9 +37,9 @@ from hpcsweep.solvers.flow.passage.crossing import (
     since_linear,
     sums,
 )
-from hpcsweep.solvers.flow.search.events import coast
 from hpcsweep.solvers.flow.state.shared import LINEAR_STEPS
 from hpcsweep.solvers.flow.state.state import Segment
+from hpcsweep.solvers.flow.step.step import step_tangent
 
 
 @inlined

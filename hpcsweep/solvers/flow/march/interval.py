@@ -2,8 +2,8 @@
 
 A forcing period runs from tau = 0 to T = 2 pi / Omega, so that the phase is exact in every period;
 of a record an interval has a ramp in place of harmonics. Between two changes the motion takes steps
-of the present set (`linear.step`). A step ends where the first guard is passed, which is found, or
-proved to be none (`search`, `elements.guards`); it is observed, the guard is passed, and the motion
+of the present set (`step.step`). A step ends where the first guard is passed, which is found, or
+proved to be none (`search`, `guard.elements`); it is observed, the guard is passed, and the motion
 goes on. A guard of an elastic contact is the edge of its layer, and passing it changes the bit of
 the set, through the layer in closed form where that is so (`ending`); those of elements lead to
 other modes (`elements`). A motion with a contact within its layer is that of `layer`.
@@ -17,19 +17,17 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.model.elements import ENDS
-from hpcsweep.solvers.flow.elements.contacts import change_tangent
-from hpcsweep.solvers.flow.elements.guards import change, first_change, sets_of, write_loads
-from hpcsweep.solvers.flow.elements.layers import visit_layers
+from hpcsweep.solvers.flow.guard.contacts import change_tangent
+from hpcsweep.solvers.flow.guard.elements import change, first_change, sets_of, write_loads
+from hpcsweep.solvers.flow.guard.events import first_event, go_on, look_ahead, take_step
+from hpcsweep.solvers.flow.guard.search import UNDECIDED
+from hpcsweep.solvers.flow.layer.elements import visit_layers
+from hpcsweep.solvers.flow.layer.passage.passage import INTEGRATED
+from hpcsweep.solvers.flow.layer.passage.tangent import coast_on
 from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
-from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, turn_forcing
-from hpcsweep.solvers.flow.linear.step import is_series, series_step, step_of, table_of
-from hpcsweep.solvers.flow.passage.passage import INTEGRATED
-from hpcsweep.solvers.flow.passage.tangent import coast_on
-from hpcsweep.solvers.flow.period.ending import end_at_event, passing_contacts
-from hpcsweep.solvers.flow.period.gather import gather, gather_passing, segment_tangent
-from hpcsweep.solvers.flow.period.sets import ANY, begin, begin_at, is_within, settle
-from hpcsweep.solvers.flow.search.events import first_event, go_on, look_ahead, take_step
-from hpcsweep.solvers.flow.search.search import UNDECIDED
+from hpcsweep.solvers.flow.march.ending import end_at_event, passing_contacts
+from hpcsweep.solvers.flow.march.gather import gather, gather_passing, segment_tangent
+from hpcsweep.solvers.flow.march.sets import ANY, begin, begin_at, is_within, settle
 from hpcsweep.solvers.flow.state.shared import (
     LAYER_STEPS,
     LINEAR_STEPS,
@@ -45,6 +43,8 @@ from hpcsweep.solvers.flow.state.state import (
     start,
     time_of,
 )
+from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, turn_forcing
+from hpcsweep.solvers.flow.step.step import is_series, series_step, step_of, table_of
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 UNKNOWN = np.uint64(0), np.uint64(0), True

@@ -37,11 +37,11 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, modulus, store, total
 from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.linear.polynomials import FOURTH, fourth_derivative
-from hpcsweep.solvers.flow.linear.series import about_start
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
 from hpcsweep.solvers.flow.state.tables import FEW, N_COEFFICIENTS, ZERO
 from hpcsweep.solvers.flow.state.workspace import N_CLOSED
+from hpcsweep.solvers.flow.step.polynomials import FOURTH, fourth_derivative
+from hpcsweep.solvers.flow.step.series import about_start
 
 N_FREE = 24
 """Terms of a step of free flight."""

@@ -20,15 +20,14 @@ from hpcsweep.kernels.compile.entry_points import (
 )
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
-from hpcsweep.solvers.flow.elements.contacts import accelerations as field_accelerations
-from hpcsweep.solvers.flow.elements.contacts import by_elements, pushing
-from hpcsweep.solvers.flow.elements.guards import sets_of, write_loads
+from hpcsweep.solvers.flow.guard.contacts import accelerations as field_accelerations
+from hpcsweep.solvers.flow.guard.contacts import by_elements, pushing
+from hpcsweep.solvers.flow.guard.elements import sets_of, write_loads
+from hpcsweep.solvers.flow.guard.events import contact_key
+from hpcsweep.solvers.flow.guard.extremum import row_at_ends
 from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
-from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing
-from hpcsweep.solvers.flow.observe.drift import row_at_ends
-from hpcsweep.solvers.flow.period.interval import UNKNOWN, march_interval
-from hpcsweep.solvers.flow.search.events import contact_key
+from hpcsweep.solvers.flow.march.interval import UNKNOWN, march_interval
 from hpcsweep.solvers.flow.state.shared import (
     ENERGY,
     IMPACTS,
@@ -44,6 +43,7 @@ from hpcsweep.solvers.flow.state.state import (
     distance,
     renew_rows,
 )
+from hpcsweep.solvers.flow.step.forcing import forcing_at, total_forcing
 from hpcsweep.solvers.outcome import COMPLETE
 
 PEAKS_AT_SAMPLES, ALL_PEAKS, WITH_ENERGY = 1, 2, 3

@@ -29,9 +29,9 @@ import math
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, root, store
-from hpcsweep.solvers.flow.linear.spectral import N_FREE
 from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.flow.state.tables import ZERO
+from hpcsweep.solvers.flow.step.spectral import N_FREE
 
 NONE = -1
 """In place of the number of lengths of a structure whose modes are not all bounded so."""

@@ -8,21 +8,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, load
-from hpcsweep.solvers.flow.linear.forcing import forcing_at, total_forcing, turn_forcing
-from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
-from hpcsweep.solvers.flow.linear.spectral import (
-    bound_contacts,
-    bound_rows,
-    continues,
-    ends_of_contacts,
-    modal_step,
-    modes_of,
-    spectral_step,
-    write_rows,
-)
-from hpcsweep.solvers.flow.linear.step import expand, in_modes, state_at
-from hpcsweep.solvers.flow.linear.strides import accept, have_strides, look, stride
-from hpcsweep.solvers.flow.search.search import (
+from hpcsweep.solvers.flow.guard.search import (
     UNDECIDED,
     Bracket,
     Curve,
@@ -42,6 +28,20 @@ from hpcsweep.solvers.flow.state.state import (
     copy_state,
     distance,
 )
+from hpcsweep.solvers.flow.step.forcing import forcing_at, total_forcing, turn_forcing
+from hpcsweep.solvers.flow.step.polynomials import value_and_slope
+from hpcsweep.solvers.flow.step.spectral import (
+    bound_contacts,
+    bound_rows,
+    continues,
+    ends_of_contacts,
+    modal_step,
+    modes_of,
+    spectral_step,
+    write_rows,
+)
+from hpcsweep.solvers.flow.step.step import expand, in_modes, state_at
+from hpcsweep.solvers.flow.step.strides import accept, have_strides, look, stride
 
 SAME_END = 1e-13
 """Rounding of the end of an interval that is reached by steps of equal length."""

@@ -4,7 +4,7 @@ Between two changes the set of the sliders that slip is constant, and with it th
 equation and its constant loads (`layer.sliders`); p is no variable of it, since it changes only
 with y, which the step knows: p = y -+ delta while a slider slips. So a step is a collocated one,
 whatever the set, and its guards are rows of its polynomials (`guards`), as those of linear segments
-are. What is proved of a row from the states at both ends needs the bounds of `linear.step` alone:
+are. What is proved of a row from the states at both ends needs the bounds of `step.step` alone:
 |y - H| <= D h^2 / 12 and |y' - H'| <= 0.21 D h, H the cubic Hermite interpolant and D as there, and
 for these 40 D / h^2 in place of |y''''| gives more, 0.10 D h^2 and 0.32 D h.
 
@@ -28,14 +28,15 @@ from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point
 from hpcsweep.model.elements import ENDS
-from hpcsweep.solvers.flow.elements.contacts import set_contacts
-from hpcsweep.solvers.flow.elements.guards import (
+from hpcsweep.solvers.flow.guard.contacts import set_contacts
+from hpcsweep.solvers.flow.guard.elements import (
     all_keep_modes,
     change,
     first_change,
     write_loads,
     write_windows,
 )
+from hpcsweep.solvers.flow.guard.search import UNDECIDED
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step, observe_layer_step
 from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import (
@@ -45,10 +46,7 @@ from hpcsweep.solvers.flow.layer.visit import (
     inside_layer,
     longest_step,
 )
-from hpcsweep.solvers.flow.linear.forcing import forcing_after, forcing_at, total_forcing
-from hpcsweep.solvers.flow.linear.step import begin_layer_step, layer_segment
 from hpcsweep.solvers.flow.observe.energies import energies_on_segment
-from hpcsweep.solvers.flow.search.search import UNDECIDED
 from hpcsweep.solvers.flow.state.shared import (
     ANY_MEASURE,
     ENERGY,
@@ -57,6 +55,8 @@ from hpcsweep.solvers.flow.state.shared import (
     read_shared,
 )
 from hpcsweep.solvers.flow.state.state import accelerations, copy_state, is_ordinary, start, time_of
+from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, total_forcing
+from hpcsweep.solvers.flow.step.step import begin_layer_step, layer_segment
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
 PARTS = 4

@@ -21,7 +21,6 @@ from hpcsweep.kernels.simd.vectors import (
     modulus,
     store,
 )
-from hpcsweep.solvers.flow.linear.generator import spectral_bound, write_generator
 from hpcsweep.solvers.flow.state.tables import (
     BOUND_SAMPLES,
     ECONOMISATION,
@@ -34,6 +33,7 @@ from hpcsweep.solvers.flow.state.tables import (
     THETA_FREE,
     ZERO,
 )
+from hpcsweep.solvers.flow.step.generator import spectral_bound, write_generator
 
 
 @kernel

@@ -18,23 +18,24 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
-from hpcsweep.solvers.flow.elements.guards import drifts_stay
+from hpcsweep.solvers.flow.guard.elements import drifts_stay
+from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
+from hpcsweep.solvers.flow.layer.passage.impacts import passage_at_end
+from hpcsweep.solvers.flow.layer.passage.passage import FAST, INTEGRATED, Arrival
+from hpcsweep.solvers.flow.layer.passage.tangent import passage_tangent
 from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
-from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
-from hpcsweep.solvers.flow.linear.step import state_at, step_tangent
-from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, drift_on_segment
+from hpcsweep.solvers.flow.observe.drift import drift_on_segment
 from hpcsweep.solvers.flow.observe.energies import energies_on_segment
 from hpcsweep.solvers.flow.observe.impacts import (
     impacts_on_segment,
-    passage_at_end,
     record_passing,
 )
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
-from hpcsweep.solvers.flow.passage.passage import FAST, INTEGRATED, Arrival
-from hpcsweep.solvers.flow.passage.tangent import passage_tangent
 from hpcsweep.solvers.flow.state.shared import ENERGY, IMPACTS, NO_TALLY, PEAKS, wants_norms
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, distance
+from hpcsweep.solvers.flow.step.polynomials import value_and_slope
+from hpcsweep.solvers.flow.step.step import state_at, step_tangent
 from hpcsweep.solvers.outcome import COMPLETE
 
 MAX_PULL = 0.2785

@@ -6,8 +6,8 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.linear.algebra import spectral_radius
 from hpcsweep.solvers.flow.state.state import contact_bit
+from hpcsweep.solvers.flow.step.algebra import spectral_radius
 
 
 @kernel

@@ -5,7 +5,7 @@ past it and have let go (`hpcsweep.model.dashpot`). The set of those that push m
 linear, and is in the key of its table; the set of those past their stops tells what ends it. Both
 follow from a state where a stretch begins. The state does not jump. Smooth contacts are past their
 stops here from the near edge of their layers on, and push beyond the far one; within they do
-neither, and the motion is that of `elements.layers`.
+neither, and the motion is that of `layer.elements`.
 """
 
 import math
@@ -15,9 +15,9 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.elements import LET_GO, OPEN, PUSHING
 from hpcsweep.model.kernel_contacts import DASHPOT, DRAG, LETS_GO, SPRING
-from hpcsweep.solvers.flow.linear.forcing import forcing_at
-from hpcsweep.solvers.flow.linear.series import accelerations_of
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance, start
+from hpcsweep.solvers.flow.step.forcing import forcing_at
+from hpcsweep.solvers.flow.step.series import accelerations_of
 from hpcsweep.solvers.measures import ROUNDING
 
 AT_REST = 2.0**-40

@@ -15,9 +15,9 @@ cannot be exceeded.
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES
-from hpcsweep.solvers.flow.linear.propagators import max_fourth_derivative
-from hpcsweep.solvers.flow.linear.series import write_field
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
+from hpcsweep.solvers.flow.step.propagators import max_fourth_derivative
+from hpcsweep.solvers.flow.step.series import write_field
 
 
 @inlined

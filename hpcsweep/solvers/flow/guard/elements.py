@@ -20,10 +20,8 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
 from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
-from hpcsweep.solvers.flow.linear.polynomials import value_and_slope
-from hpcsweep.solvers.flow.linear.step import expand, state_at, write_row
-from hpcsweep.solvers.flow.observe.drift import SAME_PEAK, row_at_ends
-from hpcsweep.solvers.flow.search.search import (
+from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK, row_at_ends
+from hpcsweep.solvers.flow.guard.search import (
     HERMITE_MIDDLE,
     HERMITE_SLOPE,
     SAME_INSTANT,
@@ -37,6 +35,8 @@ from hpcsweep.solvers.flow.search.search import (
     may_reach,
     rising_root,
 )
+from hpcsweep.solvers.flow.step.polynomials import value_and_slope
+from hpcsweep.solvers.flow.step.step import expand, state_at, write_row
 from hpcsweep.solvers.measures import ROUNDING
 
 ALL_LANES = (1 << LANES) - 1

@@ -40,12 +40,12 @@ from hpcsweep.kernels.simd.vectors import (
     negative,
     shifted,
 )
-from hpcsweep.solvers.flow.linear.polynomials import (
+from hpcsweep.solvers.flow.state.workspace import MAX_DEPTH
+from hpcsweep.solvers.flow.step.polynomials import (
     value_and_slope,
     value_slope_bend,
     values_and_slopes,
 )
-from hpcsweep.solvers.flow.state.workspace import MAX_DEPTH
 
 HERMITE_MIDDLE = 1.0 / 144.0
 HERMITE_SLOPE = 0.00802

@@ -26,26 +26,26 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, INT, KEY, entry_point
 from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, store
-from hpcsweep.solvers.flow.linear.generator import bound_of_set
-from hpcsweep.solvers.flow.linear.polynomials import (
+from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, STAGE_POLYNOMIALS
+from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
+from hpcsweep.solvers.flow.state.state import Segment, contact_bit
+from hpcsweep.solvers.flow.state.tables import MAX_TABLES, N_COEFFICIENTS, THETA, ZERO
+from hpcsweep.solvers.flow.step.generator import bound_of_set
+from hpcsweep.solvers.flow.step.polynomials import (
     evaluate_rows,
     expand_row,
     fourth_derivative,
 )
-from hpcsweep.solvers.flow.linear.propagators import build_table, write_length
-from hpcsweep.solvers.flow.linear.series import expand_series, expand_term_row, sum_series
-from hpcsweep.solvers.flow.linear.spectral import (
+from hpcsweep.solvers.flow.step.propagators import build_table, write_length
+from hpcsweep.solvers.flow.step.series import expand_series, expand_term_row, sum_series
+from hpcsweep.solvers.flow.step.spectral import (
     bound_rows,
     modal_state,
     spectral_tangent,
     write_modal_row,
     write_modes,
 )
-from hpcsweep.solvers.flow.linear.tangent import table_tangent, tangent_of_steps
-from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, STAGE_POLYNOMIALS
-from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
-from hpcsweep.solvers.flow.state.state import Segment, contact_bit
-from hpcsweep.solvers.flow.state.tables import MAX_TABLES, N_COEFFICIENTS, THETA, ZERO
+from hpcsweep.solvers.flow.step.tangent import table_tangent, tangent_of_steps
 
 TABLE, MODES, SERIES, STAGES = range(4)
 """Kinds of steps."""

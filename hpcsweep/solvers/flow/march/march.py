@@ -4,9 +4,9 @@ from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
 from hpcsweep.model.kernel_model import DRIFT
-from hpcsweep.solvers.flow.elements.contacts import by_elements
+from hpcsweep.solvers.flow.guard.contacts import by_elements
+from hpcsweep.solvers.flow.march.interval import UNKNOWN, march_interval
 from hpcsweep.solvers.flow.observe.drift import largest_of_storeys
-from hpcsweep.solvers.flow.period.interval import UNKNOWN, march_interval
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import begin_period, copy_state, end_period
 from hpcsweep.solvers.outcome import COMPLETE

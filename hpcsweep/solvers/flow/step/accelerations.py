@@ -12,28 +12,28 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, store
 from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.linear.forcing import (
+from hpcsweep.solvers.flow.state.products import product, product_of_moduli
+from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.state.workspace import N_TERMS
+from hpcsweep.solvers.flow.step.forcing import (
     forcing_after,
     forcing_rate,
     total_forcing,
     turn_forcing,
 )
-from hpcsweep.solvers.flow.linear.outputs import differentiate, fill_outputs
-from hpcsweep.solvers.flow.linear.polynomials import (
+from hpcsweep.solvers.flow.step.outputs import differentiate, fill_outputs
+from hpcsweep.solvers.flow.step.polynomials import (
     expand_row,
     fourth_derivative,
     value_and_slope,
 )
-from hpcsweep.solvers.flow.linear.spectral import (
+from hpcsweep.solvers.flow.step.spectral import (
     bound_by_terms,
     write_accelerations,
     write_forcing,
 )
-from hpcsweep.solvers.flow.linear.step import MODES, TABLE, expand, in_modes
-from hpcsweep.solvers.flow.state.products import product, product_of_moduli
-from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
-from hpcsweep.solvers.flow.state.workspace import N_TERMS
+from hpcsweep.solvers.flow.step.step import MODES, TABLE, expand, in_modes
 
 FIFTH_OF_TERMS = np.array([math.perm(k, 5) for k in range(N_TERMS)], float)
 """As `series.FOURTH_OF_TERMS`, of speeds for accelerations."""

@@ -1,1 +1,0 @@
-"""Motions of elements: modes, guards that end them, contacts with dashpots, sliders, layers."""

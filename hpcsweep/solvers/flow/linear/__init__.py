@@ -1,1 +1,0 @@
-"""Linear motion between contact changes: propagators, polynomials, series, forcing."""

@@ -1,1 +1,0 @@
-"""Combine segments to a forcing period, and periods to longer motions."""

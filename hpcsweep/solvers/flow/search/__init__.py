@@ -1,1 +1,0 @@
-"""The first contact that reaches its layer, with a proof that none is stepped over."""

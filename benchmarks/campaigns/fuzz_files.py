@@ -195,7 +195,7 @@ def results(kind: str) -> tuple[bytes, str]:
         job = parse_job(text, kind, kind, folder)
         if campaign.run(job, folder / "a.h5", Serial()):
             raise Damaged(f"the job of {kind} does not run")
-        return (folder / "a.h5").read_bytes(), job.study.holds
+        return (folder / "a.h5").read_bytes(), job.study.content
 
 
 def of_options(command: str, folder: Path, rng: random.Random) -> str:

@@ -74,7 +74,7 @@ def run(options) -> int:
         raise CommandError(f"{output}: cannot be written: {output.parent} is not a folder")
     check_overwriting(output, PAGE)
     with contextlib.closing(Frames(options.file, HELD, options.at)) as frames:
-        make = _responses if frames.study.holds == "responses" else _motions
+        make = _responses if frames.study.content == "responses" else _motions
         page, sizes, contents, advice = make(options, frames)
     check_size(sizes, options.max_mb * 1e6, advice)
     with writing(output):

@@ -62,14 +62,14 @@ def _default(job, every: dict[str, "Figure"]) -> str:
     from hpcsweep.job import part_of
 
     study = part_of(job, (0,) * len(job.study.axes)).study
-    if study.refine and study.holds == "attractors":
+    if study.refine and study.content == "attractors":
         return "number"
-    pointless = study.holds == "motions" and "poincare" not in {v.name for v in study.variables}
+    pointless = study.content == "motions" and "poincare" not in {v.name for v in study.variables}
     frame_and_along = study.run_dims[-2:]
-    plane = study.holds == "attractors" and {*frame_and_along} == {"omega", "amplitude"}
+    plane = study.content == "attractors" and {*frame_and_along} == {"omega", "amplitude"}
     plane &= min(study.dimensions[name] for name in frame_and_along) > 1
-    in_map = study.holds in ("motions", "attractors") and (study.is_list or study.refine)
-    return "map" if in_map or pointless or plane else _defaults(every)[study.holds]
+    in_map = study.content in ("motions", "attractors") and (study.is_list or study.refine)
+    return "map" if in_map or pointless or plane else _defaults(every)[study.content]
 
 
 def _describe(figure, default: dict[str, str]) -> str:

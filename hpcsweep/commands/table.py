@@ -115,7 +115,7 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
     from hpcsweep.studies.ground_motion.stripes import RESPONSES
     from hpcsweep.studies.variables import STOREY_HEIGHT
 
-    study, is_records = frames.study, frames.study.holds == "responses"
+    study, is_records = frames.study, frames.study.content == "responses"
     held = {v.name: v for v in (*(v for v, _ in study.given), *frames.variables)}
     fit = [name for name, v in held.items() if len({*v.dims} - {*study.run_dims}) <= 1]
     offered = {key: each.name for key, each in RESPONSES.items() if is_records and each.name in fit}

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, LONGEST, Spectrum, periods_of
+from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, LONGEST, ResponseSpectrum, periods_of
 from hpcsweep.model.arguments import callback, finite, items, number, refused
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
@@ -63,7 +63,7 @@ def floor_spectra(
     places: Sequence[str] | None = None,
     rtol: float = 1e-9,
     poll: Callable[[], None] | None = None,
-) -> Spectrum:
+) -> ResponseSpectrum:
     """Compute response spectra of the floors of a structure under a record.
 
     Oscillators start at rest, weigh nothing, and are integrated to the end of the tail, or to a
@@ -84,7 +84,7 @@ def floor_spectra(
 
     Returns
     -------
-    Spectrum
+    ResponseSpectrum
         Displacement D relative to the floor, pseudo-velocity w D and pseudo-acceleration w^2 D,
         w = 2 pi / T, each of shape (m, p).
 
@@ -127,7 +127,7 @@ def floor_spectra(
                     poll()
                 row[k] = signal.peak(float(omegas[k]), ratio)
         left &= ~now
-    return Spectrum(displacement, omegas * displacement, omegas**2 * displacement)
+    return ResponseSpectrum(displacement, omegas * displacement, omegas**2 * displacement)
 
 
 def _signals(structure: Structure, record: Record, run: tuple, parts: int, floors: list[int]):

@@ -45,7 +45,7 @@ SHORTEST, LONGEST = 0.01, 1e6
 """Periods in steps of the record: shorter oscillators stand still, longer ones do not move."""
 
 
-class Spectrum(NamedTuple):
+class ResponseSpectrum(NamedTuple):
     """A response spectrum, one number a period, in the structure's units."""
 
     displacement: np.ndarray
@@ -58,7 +58,7 @@ class Spectrum(NamedTuple):
 
 def spectrum(
     record: Record, periods: Any, damping_ratio: float = DAMPING_RATIO, at_samples: bool = False
-) -> Spectrum:
+) -> ResponseSpectrum:
     """Compute the response spectrum of a record.
 
     Oscillators start at rest and are integrated to the last sample, exactly for an acceleration
@@ -77,7 +77,7 @@ def spectrum(
 
     Returns
     -------
-    Spectrum
+    ResponseSpectrum
         Displacement, pseudo-velocity and pseudo-acceleration, each of shape (p,), in the units of
         the record.
 
@@ -110,7 +110,7 @@ def spectrum(
         batch = slice(first, first + size)
         oscillators = Oscillators(record.acceleration, record.dt, omegas[batch], ratio)
         displacement[batch] = oscillators.peaks(bool(at_samples))
-    return Spectrum(displacement, omegas * displacement, omegas**2 * displacement)
+    return ResponseSpectrum(displacement, omegas * displacement, omegas**2 * displacement)
 
 
 def periods_of(values: Any, dt: float, limits: tuple[float, float]) -> np.ndarray:

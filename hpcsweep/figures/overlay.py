@@ -71,7 +71,7 @@ class Overlay:
     def __init__(self, path: Path, under: RunGrid):
         from hpcsweep.store import Frames
 
-        self.frames = Frames(path, holds="branches")
+        self.frames = Frames(path, content="branches")
         self.study = as_kind(self.frames.study, Branches)
         if problem := not_beneath(self.study, under):
             raise PlotError(f"--branches {path}: {problem}")

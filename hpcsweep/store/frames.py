@@ -32,8 +32,8 @@ class Frames:
     Parameters
     ----------
     path : str or Path
-    holds : str or tuple of str, optional
-        What the file must hold (`Study.holds`), or one of several; None: anything.
+    content : str or tuple of str, optional
+        What the file must hold (`Study.content`), or one of several; None: anything.
     at : mapping of str to number or str, optional
         Value of each axis of a job that varies keys; the nearest is chosen, by default the first.
 
@@ -59,7 +59,7 @@ class Frames:
     def __init__(
         self,
         path: str | Path,
-        holds: str | tuple[str, ...] | None = "motions",
+        content: str | tuple[str, ...] | None = "motions",
         at: Mapping[str, float | str] | None = None,
     ):
         self.path = path_of("path", path)
@@ -69,16 +69,16 @@ class Frames:
         self.given = tuple(at or ())
         try:
             self.choose(_place_of(self.path, self.whole.study.axes, at or {}))
-            self._check(holds)
+            self._check(content)
         except BaseException:
             self.close()
             raise
 
-    def _check(self, holds: str | tuple[str, ...] | None) -> None:
-        accepted = (holds,) if isinstance(holds, str) else holds
-        if accepted is not None and self.study.holds not in accepted:
+    def _check(self, content: str | tuple[str, ...] | None) -> None:
+        accepted = (content,) if isinstance(content, str) else content
+        if accepted is not None and self.study.content not in accepted:
             raise StoreError(
-                f'{self.path}: holds {self.study.holds} (study.kind = "{self.study.kind}") where '
+                f'{self.path}: holds {self.study.content} (study.kind = "{self.study.kind}") where '
                 f"{' or '.join(accepted)} are needed; hpcsweep plot FILE draws it"
             )
 

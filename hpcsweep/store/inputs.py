@@ -165,9 +165,9 @@ def with_inputs(job: Job) -> Job:
 
 def _choose_part(frames: Frames, where: Where) -> None:
     """Choose the part of a file that is of the structure."""
-    if frames.whole.study.holds not in SEED_KINDS:
+    if frames.whole.study.content not in SEED_KINDS:
         raise StoreError(
-            f"{frames.path}: holds {frames.whole.study.holds}; seeds are motions of sweeps and "
+            f"{frames.path}: holds {frames.whole.study.content}; seeds are motions of sweeps and "
             "points, or attractors"
         )
     for place in frames.places:

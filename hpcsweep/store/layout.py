@@ -149,7 +149,7 @@ class Layout:
         """Attributes that follow from the job: `ATTRIBUTES`, and some of `IF_KNOWN`."""
         study, settings = self.study, self.study.settings
         structure = study.part((0,) * len(study.axes)).structure
-        forcing = description.RECORDED if study.holds == "responses" else description.HARMONIC
+        forcing = description.RECORDED if study.content == "responses" else description.HARMONIC
         title = f"{self.name}: {study.kind.replace('_', ' ')}, {description.one_line(structure)}"
         starts = starting_range(study)
         return {

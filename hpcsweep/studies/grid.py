@@ -70,7 +70,7 @@ class RunGrid(Part):
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
     always: ClassVar[frozenset[str]] = frozenset()  # metrics that its runs compute unasked
-    holds: ClassVar[str] = "motions"
+    content: ClassVar[str] = "motions"
     point_dim: ClassVar[str] = "point"
     """Dimension of the stroboscopic points."""
     status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "skip_rule")

@@ -294,7 +294,7 @@ class Contents(Protocol):
         """Values of the axes of its map, by key of the job."""
 
     @property
-    def holds(self) -> str:
+    def content(self) -> str:
         """``motions``, one a run, ``attractors``, several, or ``responses`` to records."""
 
     @property

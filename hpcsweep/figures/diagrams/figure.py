@@ -38,7 +38,7 @@ class Figure(Protocol):
     NAME : str
         Name for ``--kind``.
     DRAWS : str or tuple of str
-        What a file must hold (`Study.holds`), or one of several.
+        What a file must hold (`Study.content`), or one of several.
     OPTIONS : tuple of Option
         Options of the figure.
     """

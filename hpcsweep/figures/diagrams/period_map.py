@@ -52,7 +52,7 @@ def load(
     branches: Path | None = None,
 ):
     """Read the map of one direction, and special points of branches."""
-    if frames.study.holds == "attractors":
+    if frames.study.content == "attractors":
         results = attractor_map.load(frames, cells=cells, value=value)
         if value == IDENTITY:
             results[IDENTITY] = results["attractor_id"].dims, identities(frames)[None]

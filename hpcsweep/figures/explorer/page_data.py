@@ -125,7 +125,7 @@ def gather(
         size = f"{grid.rows.size} frequencies and {grid.along.size} amplitudes"
         most = f"more than {MAX_CELLS} places"
         raise style.PlotError(f"{path}: its points lie on a grid of {size}, {most}")
-    if by_share and study.holds != "attractors":
+    if by_share and study.content != "attractors":
         raise style.PlotError(f"{path}: --by-share: holds no attractors")
     n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
     stored = study.settings.stored_points

@@ -52,7 +52,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     direction_name: ClassVar[str] = "direction in which attractors are continued"
     keys: ClassVar[Tables] = {"study": (*search.KEYS, POINTS, REFINE), "sweep": (*OMEGA, ALONG)}
     carried: ClassVar[tuple[str, ...]] = ("attractor_id", "n_points", "poincare", "last_id")
-    holds: ClassVar[str] = "attractors"
+    content: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"
     slots: ClassVar[Mapping[str, str]] = SLOTS
     status_variables: ClassVar[tuple[str, ...]] = (

@@ -82,7 +82,7 @@ class SliceGrid(RunGrid):
         "sweep": OMEGA,
     }
     carried: ClassVar[tuple[str, ...]] = ()
-    holds: ClassVar[str] = "basins"
+    content: ClassVar[str] = "basins"
     point_dim: ClassVar[str] = "column"
 
     @property

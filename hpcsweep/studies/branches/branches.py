@@ -64,7 +64,7 @@ class Branches(BranchGrid):
     always: ClassVar[frozenset[str]] = frozenset(["impacts"])
     """An orbit's signature counts them."""
     carried: ClassVar[tuple[str, ...]] = ()
-    holds: ClassVar[str] = "branches"
+    content: ClassVar[str] = "branches"
     point_dim: ClassVar[str] = "step"
     slots: ClassVar[Mapping[str, str]] = variables.SLOTS
     status_variables: ClassVar[tuple[str, ...]] = ("n_branches", "n_seeds", "n_covered")

@@ -51,7 +51,7 @@ class Records(RecordGrid):
     run_dims: ClassVar[tuple[str, ...]] = RUN
     carried: ClassVar[tuple[str, ...]] = ()
     directions: ClassVar[tuple[str, ...]] = ()  # type: ignore[misc]
-    holds: ClassVar[str] = "responses"
+    content: ClassVar[str] = "responses"
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     starts_at_rest: ClassVar[bool] = True
     kernels: ClassVar[tuple] = ()

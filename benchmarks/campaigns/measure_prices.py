@@ -20,7 +20,8 @@ from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.specialised import FOR_ANY
 from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.studies.compilation import warm_up
-from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.quantities import METRICS
+from hpcsweep.studies.settings import SweepSettings
 
 FLAGS = dict(
     zip(

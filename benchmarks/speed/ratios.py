@@ -17,7 +17,7 @@ from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
-from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
+from hpcsweep.studies.sweep.runs import frame_runs
 from speed import cpu_seconds
 from speed.peers import Stretch, absent, absent_text, methods
 
@@ -165,10 +165,10 @@ def sweep_ratio(job: Job, n_samples: int = 12, repeats: int = 3) -> dict:
     study = as_kind(job.study, RunGrid)
     omega = float(study.omega[0])
     size = 2 * study.structure.n_floors
-    sweep_block(study.structure, omega, study.amplitude[:2], np.zeros(size), study.settings)
+    frame_runs(study.structure, omega, study.settings).follow(study.amplitude[:2], np.zeros(size))
     begun = time.process_time()
-    swept = sweep_block(
-        study.structure, omega, study.amplitude, study.initial_state, study.settings
+    swept = frame_runs(study.structure, omega, study.settings).follow(
+        study.amplitude, study.initial_state
     )
     seconds = time.process_time() - begun
     flow = make_solver("flow", study.structure, omega, 1e-9)

@@ -91,7 +91,7 @@ def distances(plain: dict, skipped: dict) -> dict[str, float]:
     Parameters
     ----------
     plain, skipped : dict
-        Results of `sweep.sweep_block`, one run each.
+        Results of `FrameRuns.follow`, one run each.
 
     Returns
     -------

@@ -108,12 +108,12 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
     arc, structure = catalogue.branches[0].arc, forced.structure
     specials = [special for _, special in arc.specials]
     variables, held = variables_of(structure), (("branch",), ("step",), ("special",))
-    kept = [variable for variable in variables if variable.dims[3:4] in held]
+    kept = [variable for variable in variables if variable.dims[:1] in held]
     sizes = {"branch": 1, "step": len(arc.points), "special": len(specials)}
     every = [*kept, *(variable for variable in variables if variable.name == "n_branches")]
     rows = empty_results(every, structure, 1, **sizes, number=forced.size)
     store_branches(rows, forced, catalogue)
-    stored = {v.name: (v.dims[3:], rows[v.name][0], attributes_of(v, structure)) for v in kept}
+    stored = {v.name: (v.dims, rows[v.name][0], attributes_of(v, structure)) for v in kept}
     stored["value"][2]["long_name"] = forced.parameter
     leaving = np.full((len(specials), forced.size), np.nan)
     leaving_value = np.full(len(specials), np.nan)

@@ -11,14 +11,15 @@ from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.keys import BLOCK, Key, Tables, names
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS, STUDIES
+from hpcsweep.studies.quantities import METRIC_KEYS
 from hpcsweep.studies.settings import (
     MAX_CYCLES,
-    METRIC_KEYS,
     SAMPLING,
     SPECTRUM_CYCLES,
     SPECTRUM_ERROR,
     TRANSIENT,
 )
+from hpcsweep.studies.variables import STOREY_HEIGHT
 
 OF_STOREYS = ", above 0: a number, or a list of n, from the lowest on"
 SIDES = (
@@ -74,6 +75,7 @@ STRUCTURE: Tables = {
             "c of a dashpot in each storey, besides, at least 0: a number, or a list of n",
             0.0,
             units="damping",
+            limiting=True,
         ),
         Key(
             "restitution",
@@ -107,6 +109,7 @@ STRUCTURE: Tables = {
             "whether the weight above each storey over its height is taken from its stiffness "
             "([how](yielding.md#p-delta-and-collapse))",
             False,
+            limiting=True,
         ),
         Key(
             "weight",
@@ -115,10 +118,10 @@ STRUCTURE: Tables = {
             units="force",
         ),
         Key(
-            "storey_height",
-            "height of each storey" + OF_STOREYS,
+            STOREY_HEIGHT.name,
+            STOREY_HEIGHT.long_name + OF_STOREYS,
             told="not known",
-            units="length",
+            units=STOREY_HEIGHT.units,
         ),
         Key(
             "collapse_drift",
@@ -126,16 +129,19 @@ STRUCTURE: Tables = {
             "for none; goes with storeys that yield, or sliders",
             told="none",
             units="length",
+            limiting=True,
         ),
         Key(
             "matrices",
             "table of matrices in place of a building ([how](structures.md#matrices)): `mass`, "
             "`stiffness`, and if wanted `damping`, `forcing`, `drift`",
+            limiting=True,
         ),
         Key(
             "model",
             "table of a finite element model in place of a building ([how](models.md)): `file`, "
             "and if wanted `names`, `influence`, `fixed`, `outputs`, `reduce` and `damping_ratio`",
+            limiting=True,
         ),
         Key(
             "contact",
@@ -316,7 +322,9 @@ OF_BEARINGS = {
 BUILDING = (
     *STRUCTURE["structure"],
     *(Key(name, "", units=units, alone=True) for name, units in OF_BEARINGS.items()),
-    *(Key(name, "", units="stiffness") for name in ("initial_stiffness", "wall_stiffness")),
+    Key("initial_stiffness", "", units="stiffness", limiting=True),
+    Key("wall_stiffness", "", units="stiffness"),
+    Key("column", "", limiting=True),
 )
 """Keys of a building and of its bearings, and the strength of a slider."""
 UNITS = {key.name: key.units for key in (*STRUCTURE["pounding"], *BUILDING)}
@@ -339,6 +347,12 @@ def declared(study) -> Tables:
         table: (*study.keys.get(table, ()), *(() if table in study.without else keys))
         for table, keys in KEYS.items()
     }
+
+
+def limiting(study) -> set[str]:
+    """Return the names of keys of one kind of study that the limits of other keys depend on."""
+    tables = (*declared(study).values(), BUILDING)
+    return {key.name for table in tables for key in table if key.limiting}
 
 
 def keys_of(study) -> dict[str, tuple[str, ...]]:

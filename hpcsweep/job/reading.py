@@ -33,10 +33,10 @@ from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.path import ALONG
+from hpcsweep.studies.quantities import METRIC_KEYS
 from hpcsweep.studies.run_names import count
 from hpcsweep.studies.settings import (
     MAX_CYCLES,
-    METRIC_KEYS,
     SAMPLING,
     SPECTRUM_CYCLES,
     SPECTRUM_ERROR,

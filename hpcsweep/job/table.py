@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.job.keys import ALONE, bare
+from hpcsweep.job.keys import ALONE, bare, limiting
 from hpcsweep.job.structures import MAX_DAMPING
 from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.modes import chain_periods
@@ -26,11 +26,6 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Axis, as_kind
 from hpcsweep.studies.variable import Variable
 
-COMMON = {
-    *("p_delta", "collapse_drift", "storey_damping", "column", "initial_stiffness"),
-    *("along", "points", "model", "matrices"),
-}
-"""Keys whose limits depend on others."""
 OTHERS = {"column", "model", "matrices"}
 """Keys of structures that are not storeys alone, on the ground or on bearings."""
 TABLES = ("study", "structure", "building", "pounding", "sweep")
@@ -75,7 +70,7 @@ class Table:
         columns = {key: values for axis in self._numbers for key, values in axis.items()}
         keys = [column.key for column in columns_of(self.axes)]
         is_separate = all(key in columns and _is_alone(key) for key in keys)
-        if base.kind not in KINDS or not is_separate or COMMON & self._names:
+        if base.kind not in KINDS or not is_separate or limiting(base) & self._names:
             return []
         if not _keeps_far(base, columns):
             return []
@@ -241,33 +236,3 @@ def _positive(values: tuple[Any, ...]) -> np.ndarray | None:
         return None
     numbers = np.array(lists, float)
     return numbers if numbers.size and np.all((numbers > 0.0) & np.isfinite(numbers)) else None
-
-
-def shape_of(part: RunGrid) -> tuple:
-    """Return what parts that share a file have in common, and what is known of each beforehand."""
-    return part.structure.contact_labels, part.variables, part.coordinates, part.given
-
-
-def difference(base: tuple, part: tuple) -> str:
-    """Return why two parts, by `shape_of`, cannot share a file; '' where they can."""
-    labels, variables, coordinates, known_first = base
-    if part[0] != labels:
-        return "has other contacts than the first"
-    if part[1] != variables or _sizes(part[2]) != _sizes(coordinates):
-        return "has not the dimensions of the first"
-    for name, coordinate in coordinates.items():
-        if not _equal(part[2][name].values, coordinate.values):
-            return f"has another {name} than the first"
-    for (variable, before), (_, values) in zip(known_first, part[3], strict=True):
-        if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
-            return f"has another {variable.name} than the first"
-    return ""
-
-
-def _sizes(coordinates: Mapping[str, Any]) -> dict[str, int]:
-    return {name: coordinate.values.size for name, coordinate in coordinates.items()}
-
-
-def _equal(first: np.ndarray, second: np.ndarray) -> bool:
-    """Return whether values of a dimension are the same; NaN, of none, equals NaN."""
-    return np.array_equal(first, second, equal_nan=first.dtype.kind == "f")

@@ -22,6 +22,8 @@ MAX_VALUES = 10_000_000
 MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-250, 1e250
 """Beyond these limits a run leaves double precision, or one forcing period takes over a minute; an
 amplitude may be 0."""
+MAX_END = 1e200
+"""Of the ends of a span."""
 LEAST, LARGEST = 1e-12, 1e12
 """Of quantities above 0, in whatever units."""
 NEAR = 0.6
@@ -237,9 +239,30 @@ class Values:
             raise self.error(key, content, "must not hold a value twice")
         return values
 
-    def frequencies(self, key: str) -> np.ndarray:
+    def pairs(self, key: str, value: object, listed: object, limit: str) -> np.ndarray:
+        """Return listed pairs of numbers, shape (k, 2), of which the value is made."""
+        if not isinstance(listed, list) or not listed:
+            raise self.error(key, value, limit)
+        if not all(isinstance(pair, list) and len(pair) == 2 for pair in listed):
+            raise self.error(key, value, limit)
+        return np.array([[self.number(key, end) for end in pair] for pair in listed])
+
+    def spans(self, key: str, value: object, listed: object, limit: str) -> np.ndarray:
+        """Return listed pairs of a low and a high number, as `pairs` does."""
+        spans = self.pairs(key, value, listed, limit)
+        low, high = spans.T
+        if not np.all((low >= -MAX_END) & (low < high) & (high <= MAX_END)):
+            limit = f"must have low below high, both at most {MAX_END:g}"
+            raise self.error(key, value, limit)
+        return spans
+
+    def forcing(self, name: str) -> np.ndarray:
+        """Read the frequencies ``omega`` or the amplitudes ``amplitude`` of a sweep."""
+        return self._frequencies() if name == "omega" else self._amplitudes()
+
+    def _frequencies(self) -> np.ndarray:
         """Read forcing frequencies Omega, or in their place ``frequency`` in cycles per time."""
-        cycles = f"{key.split('.')[0]}.frequency"
+        key, cycles = "sweep.omega", "sweep.frequency"
         if self.has(cycles):
             if self.has(key):
                 limit = f'does not go with {key}: remove one (= "unset" where it is inherited)'
@@ -270,8 +293,9 @@ class Values:
             if wrong.any():
                 raise self.error(key, numbers[wrong][0], f"{what} from {least:g} to {most:g}")
 
-    def amplitudes(self, key: str) -> np.ndarray:
+    def _amplitudes(self) -> np.ndarray:
         """Read forcing amplitudes, ascending."""
+        key = "sweep.amplitude"
         amplitude = self.numbers(key, self._no_formula(key), ascending=True)
         if amplitude[0] < 0:
             raise self.error(key, amplitude[0], "must be at least 0")

@@ -15,7 +15,7 @@ import numpy as np
 from hpcsweep.job.job import JobError
 from hpcsweep.job.keys import UNITS, bare
 from hpcsweep.job.rows import FIRST_LINE, NAME
-from hpcsweep.job.table import Table, columns_of, difference, shape_of
+from hpcsweep.job.table import Table, columns_of
 from hpcsweep.job.tree import INDEXED, MAX_WORD, with_value, write_value
 from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.model.structure import Structure
@@ -25,7 +25,7 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.path import ALONG, FORCING, Followed
 from hpcsweep.studies.study import ROWS, Axis
 from hpcsweep.studies.variable import Variable
-from hpcsweep.studies.vary import Varied
+from hpcsweep.studies.vary import Varied, difference, shape_of
 
 MAX_WRONG = 10
 """Wrong lines of a file that an error tells."""

@@ -16,7 +16,8 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.compiling import announced
 from hpcsweep.solvers.solver import SOLVERS, make_solver
 from hpcsweep.studies.blocks import Say
-from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.quantities import METRICS
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Study
 
 SPECIALISED_FROM = 500_000

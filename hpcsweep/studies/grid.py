@@ -15,15 +15,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies import variables
-from hpcsweep.studies.blocks import (
-    Amplitudes,
-    Block,
-    Place,
-    Poll,
-    Rows,
-    Say,
-    Timed,
-)
+from hpcsweep.studies.blocks import Block, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
@@ -119,9 +111,9 @@ class RunGrid(Part):
         """Return the frequencies of the runs of a frame, shape (n_along,)."""
         return np.full(self.n_along, self.omega[frame])
 
-    @cached_property
-    def variables(self) -> list[Variable]:
-        """Variables of the runs, in the order of the file."""
+    @property
+    def of_run(self) -> list[Variable]:
+        """Variables of a run, see `Part.of_run`."""
         return variables.run_variables(self.settings, self.structure)
 
     @property
@@ -153,25 +145,14 @@ class RunGrid(Part):
         """Variables that are known in advance, with their values."""
         return variables.storey_heights(self.structure) if "storey" in self.coordinates else []
 
-    def end_state(self, rows: Rows, row: int) -> np.ndarray:
-        """Return the state from which the run after one of the rows starts."""
-        return rows["final_state"][row] if self.carried else self.initial_state
-
-    def stretch(
-        self,
-        structure: Structure,
-        omega: float,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Poll = None,
-    ) -> Rows:
-        """Compute runs of one structure at one frequency, from an `end_state`."""
+    def runs_of(self, structure: Structure, omega: float) -> Any:
+        """Return what computes runs of one structure at one frequency, from an `end_state`."""
         raise NotImplementedError
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute runs at amplitudes of a frame; see `Part.runs_at`."""
-        amplitudes = self.amplitudes_of(frame)[places]
-        return self.stretch(self.moving, float(self.omega[frame]), amplitudes, state, poll)
+        runs = self.runs_of(self.moving, float(self.omega[frame]))
+        return runs.each(self.amplitudes_of(frame)[places], state, poll)
 
     def with_settings(self, **changes: Any) -> Self:
         """Return the same study with other settings."""

@@ -188,6 +188,11 @@ def _of_points(settings: SweepSettings, rows: Rows, units: np.ndarray) -> Broken
     return broken | {"orbit_period is 0 only where the points do not repeat": hidden}
 
 
+def misnumbered(ids: np.ndarray) -> np.ndarray:
+    """Return in which rows the things in their slots, (k, slots), are not numbered from 1."""
+    return ((ids > 0) & (ids != np.arange(1, ids.shape[1] + 1))).any(axis=1)
+
+
 def of_points(rows: Rows, held: np.ndarray, expected: np.ndarray, last: str) -> Broken:
     """Check which stroboscopic points are stored of what is `held`, in runs or in their slots.
 

@@ -35,6 +35,8 @@ class Key:
         Quantity of a number, as `hpcsweep.model.unit_names` has it.
     alone : bool
         Whether the limits of its numbers above 0 depend on no other key.
+    limiting : bool
+        Whether limits of other keys depend on it.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Key:
     example: str = ""
     units: str = "1"
     alone: bool = False
+    limiting: bool = False
 
     @property
     def shown(self) -> str:

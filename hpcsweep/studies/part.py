@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -25,6 +26,7 @@ class Part(ABC):
     """
 
     structure: Structure
+    initial_state: np.ndarray
     block_size: int
     directions: tuple[str, ...]
 
@@ -37,8 +39,11 @@ class Part(ABC):
     without: ClassVar[tuple[str, ...]] = ()  # tables of which it knows its own keys alone
     default_block: ClassVar[int] = 1
     run_dims: ClassVar[tuple[str, ...]]
+    carried: ClassVar[tuple[str, ...]] = ()
     checksum: ClassVar[str] = "checksum of a block"
     """Long name of `commit`."""
+    by_frame: ClassVar[bool] = False
+    """Whether a frame is a task; else each block is one."""
     is_list: ClassVar[bool] = False
     grid_fields: ClassVar[tuple[str, ...]] = ()
     axes: ClassVar[tuple[Axis, ...]] = ()
@@ -95,8 +100,13 @@ class Part(ABC):
 
     @property
     @abstractmethod
+    def of_run(self) -> list[Variable]:
+        """Variables of a run, in the order of the file; their dimensions those of its values."""
+
+    @cached_property
     def variables(self) -> list[Variable]:
         """Variables of the runs, in the order of the file."""
+        return [variable.along(self.run_dims) for variable in self.of_run]
 
     @property
     @abstractmethod
@@ -134,12 +144,19 @@ class Part(ABC):
         return max(len(self.directions), 1) * self.n_frames * self.n_along
 
     def task_of(self, *place):
-        """Return the task of blocks, numbers or arrays of their places: every block is one."""
-        return place[-2] * self.n_blocks + place[-1]
+        """Return the task of blocks, numbers or arrays of their places."""
+        return place[-2] if self.by_frame else place[-2] * self.n_blocks + place[-1]
 
     def path(self, task: int) -> Sequence[Block]:
-        """Return the blocks of a task in the order of computation: one."""
-        return Path(1, lambda _: self.block((0, *divmod(task, self.n_blocks))))
+        """Return the blocks of a task in the order of computation, direction after direction."""
+        if not self.by_frame:
+            return Path(1, lambda _: self.block((0, *divmod(task, self.n_blocks))))
+
+        def block(position: int) -> Block:
+            direction, number = divmod(position, self.n_blocks)
+            return self.block((direction, task, number)[-len(self.run_dims) :])
+
+        return Path(max(len(self.directions), 1) * self.n_blocks, block)
 
     def descends(self, _direction: int) -> bool:
         """Return whether the runs of a direction are computed in descending order."""
@@ -165,6 +182,10 @@ class Part(ABC):
         """Compute one run alone from a state."""
         *_, frame, at = block.run(row)
         return self.runs_at(frame, np.array([at]), state)
+
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
+        """Return the state from which the run after one of the rows starts."""
+        return rows["final_state"][row] if self.carried else self.initial_state
 
     def predecessor(self, _block: Block, _row: int) -> Place | None:
         """Return None: every run is independent."""

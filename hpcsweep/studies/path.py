@@ -26,6 +26,7 @@ ALONG = Key(
     "key of structure, pounding or `building[0]` whose values `[vary]` has "
     "([how](studies.md#sweeps-along-other-parameters))",
     "amplitude",
+    limiting=True,
 )
 
 
@@ -124,6 +125,15 @@ class Steps:
         return ", ".join([text, *self.ties])
 
 
+def read_ties(values: Any, along: str, what: str) -> dict[str, str]:
+    """Return the formulas of frequency and amplitude; of what a path is along there is none."""
+    table = values.table("sweep")
+    ties = {name: table[name] for name in FORCING if isinstance(table.get(name), str)}
+    if along in ties:
+        raise values.error(f"sweep.{along}", ties[along], f"must be numbers: {what} along it")
+    return ties
+
+
 def read_path(values: Any, followed: Followed | None) -> Steps | None:
     """Read the paths of a job; None along the amplitude, each at one frequency.
 
@@ -134,14 +144,10 @@ def read_path(values: Any, followed: Followed | None) -> Steps | None:
         Of a key of the structure.
     """
     along = followed.name if followed else values.get("sweep.along", ALONG.default)
-    table = values.table("sweep")
-    ties = {name: table[name] for name in FORCING if isinstance(table.get(name), str)}
+    ties = read_ties(values, along, "the sweep is")
     if along == ALONG.default and not ties:
         return None
-    if along in ties:
-        raise values.error(f"sweep.{along}", ties[along], "must be numbers: the sweep is along it")
-    readers = {"omega": values.frequencies, "amplitude": values.amplitudes}
-    numbers = {name: read(f"sweep.{name}") for name, read in readers.items() if name not in ties}
+    numbers = {name: values.forcing(name) for name in FORCING if name not in ties}
     if followed is None:
         column = numbers.pop(along)
         if np.any(np.diff(column) <= 0):

@@ -1,14 +1,13 @@
 """Base of studies each frame of which is a path: along the amplitude, or any other parameter."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import groupby
 from typing import Any, ClassVar
 
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, joined
+from hpcsweep.studies.blocks import Block, Place, Poll, Rows, joined
 from hpcsweep.studies.grid import DOWN, RunGrid
 from hpcsweep.studies.path import FORCING, Followed, Steps, read_path
 from hpcsweep.studies.report import MAX_FRAMES, Step
@@ -31,6 +30,7 @@ class PathGrid(RunGrid):
     steps: Steps | None = None
 
     is_path: ClassVar[bool] = True
+    by_frame: ClassVar[bool] = True
 
     @staticmethod
     def read_grid(values: Any, followed: Followed | None) -> dict[str, Any]:
@@ -38,10 +38,7 @@ class PathGrid(RunGrid):
         if steps := read_path(values, followed):
             forcing = {name: np.unique(getattr(steps, name)) for name in FORCING}
             return {"steps": steps, **forcing}
-        return {
-            "omega": values.frequencies("sweep.omega"),
-            "amplitude": values.amplitudes("sweep.amplitude"),
-        }
+        return {name: values.forcing(name) for name in FORCING}
 
     def cut(self, frames: slice) -> dict[str, Any]:
         """Return the fields of a study of some frames."""
@@ -66,14 +63,6 @@ class PathGrid(RunGrid):
     def grid(self) -> dict[str, Coordinate]:
         """Values of the dimensions of the frames, and of the runs of a frame."""
         return self.steps.coordinates if self.steps else super().grid
-
-    @cached_property
-    def variables(self) -> list[Variable]:
-        """Variables of the runs, in the order of the file."""
-        size = len(self.run_dims)
-        return [
-            replace(each, dims=(*self.run_dims, *each.dims[size:])) for each in super().variables
-        ]
 
     @property
     def given(self) -> list[tuple[Variable, np.ndarray]]:
@@ -146,22 +135,10 @@ class PathGrid(RunGrid):
         parts: list[Rows] = []
         for (omega, at), stretch in groupby(places.tolist(), lambda k: (omegas[k], k * several)):
             structure = self.structure_at(at) if several else self.moving
-            parts.append(self.stretch(structure, omega, amplitudes[[*stretch]], state, poll))
+            runs = self.runs_of(structure, omega)
+            parts.append(runs.follow(amplitudes[[*stretch]], state, poll))
             state = self.end_state(parts[-1], -1)
         return joined(parts)
-
-    def task_of(self, *place):
-        """Return the task of blocks: their frame."""
-        return place[-2]
-
-    def path(self, task: int) -> Path:
-        """Return the blocks of a frame: up, then down."""
-
-        def block(position: int) -> Block:
-            direction, number = divmod(position, self.n_blocks)
-            return self.block((direction, task, number))
-
-        return Path(len(self.directions) * self.n_blocks, block)
 
     def descends(self, direction: int) -> bool:
         """Return whether the amplitudes of a direction are computed in descending order."""

@@ -22,24 +22,22 @@ POINTS = Key(
     "points",
     "list of pairs [A, Omega], in place of `sweep.omega` and `sweep.amplitude`; of branches along "
     "a number of the structure",
+    limiting=True,
 )
 
 
 def read_points(values) -> tuple[np.ndarray, np.ndarray]:
     """Read the frequencies and amplitudes of the list of points of a job, or of its axes."""
     if not values.has("study.points"):
-        return values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
+        return values.forcing("omega"), values.forcing("amplitude")
     for key in ("sweep.omega", "sweep.amplitude"):
         if values.has(key):
             raise values.error(
                 key, values.get(key), "must not be given beside study.points, a list of points"
             )
     pairs = values.get("study.points")
-    if not isinstance(pairs, list) or not pairs or not all(map(_is_pair, pairs)):
-        raise values.error("study.points", pairs, "must be a list of pairs [A, Omega]")
-    amplitude, omega = np.array(
-        [[values.number("study.points", value) for value in pair] for pair in pairs]
-    ).T
+    limit = "must be a list of pairs [A, Omega]"
+    amplitude, omega = values.pairs("study.points", pairs, pairs, limit).T
     wrong = ~(np.isfinite(amplitude) & np.isfinite(omega) & (amplitude >= 0) & (omega > 0))
     if wrong.any():
         first = pairs[int(np.argmax(wrong))]
@@ -48,10 +46,6 @@ def read_points(values) -> tuple[np.ndarray, np.ndarray]:
     if np.unique(np.stack((amplitude, omega)), axis=1).shape[1] < len(pairs):
         raise values.error("study.points", pairs, "must not hold a point twice")
     return omega.copy(), amplitude.copy()
-
-
-def _is_pair(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.point_grid import POINTS, PointGrid
 from hpcsweep.studies.refinement import REFINE, read_refinement
-from hpcsweep.studies.sweep.runs import frame_runs
+from hpcsweep.studies.sweep.runs import FrameRuns, frame_runs
 
 START = "initial"
 
@@ -35,13 +32,6 @@ class Points(PointGrid):
         refine = read_refinement(values, common["settings"], common["block_size"])
         return cls.of(values, refine=refine, **common)
 
-    def stretch(
-        self,
-        structure: Structure,
-        omega: float,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Poll = None,
-    ) -> Rows:
-        """Compute runs, each from the same state."""
-        return frame_runs(structure, omega, self.settings).each(amplitudes, state, poll)
+    def runs_of(self, structure: Structure, omega: float) -> FrameRuns:
+        """Return what computes runs of one structure at one frequency."""
+        return frame_runs(structure, omega, self.settings)

@@ -30,12 +30,12 @@ from hpcsweep.solvers.records import Observation, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
 from hpcsweep.studies.blocks import Block, Rows
-from hpcsweep.studies.quantities import MEASURES
+from hpcsweep.studies.quantities import DRIFT, MEASURES
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import RunAgain, Study
 from hpcsweep.studies.variable import CONTACT_SET
-from hpcsweep.studies.variables import DRIFT, RUN_VARIABLES, empty_results, store_measures
+from hpcsweep.studies.variables import RUN_VARIABLES, empty_results, store_measures
 
 STEPS = 3
 """Forcing periods of an aperiodic run that are computed again."""
@@ -215,7 +215,7 @@ def _judge_metrics(
         elif v.units in lengths and again.amplitude:
             excess = (value - stored) * lengths[v.units]
             wrong = (abs(excess) if equal else excess) > allowed
-        elif v.dims[-1] == "mode" and equal and again.amplitude:
+        elif v.dims == ("mode",) and equal and again.amplitude:
             wrong = ~np.isclose(value, stored, rtol=0, atol=MODAL_ALLOWED, equal_nan=True)
         if wrong.any():
             again.problem = (

@@ -2,30 +2,8 @@
 
 from dataclasses import dataclass
 
-from hpcsweep.studies.keys import Key, names
-from hpcsweep.studies.quantities import FLAGS, of_motions
-
-METRIC_KEYS = (
-    Key("poincare", "stroboscopic points (u, v)", True),
-    Key("contact", "which contacts close", True),
-    Key("drift", "peak interstorey drift, in A/Omega^2", True),
-    Key("modal_norm", "mean modal norms, free of contact", True),
-    Key(
-        "lyapunov",
-        "largest Lyapunov exponent, per unit of time; without it, and with `sweep.classify_cycles "
-        "= 0`, nothing is called chaotic or quasi-periodic",
-        False,
-    ),
-    Key(
-        "lyapunov_spectrum",
-        "all Lyapunov exponents, per unit of time, with their errors, and the Kaplan-Yorke "
-        "dimension of the stroboscopic points",
-        False,
-    ),
-    *(Key(name, of_motions(name).long_name, False) for name in FLAGS),
-)
-METRICS = names(METRIC_KEYS)
-"""Optional results of a job; the final state, period, cycles and outcome are always kept."""
+from hpcsweep.studies.keys import Key
+from hpcsweep.studies.quantities import FLAGS, METRIC_KEYS
 
 SKIP_RULES = ("linear", "converged", "newton")
 """Rules by which periods are not integrated because their result is known; see `sweep`."""

@@ -7,64 +7,43 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.named_measures import named_measures
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies import quantities
 from hpcsweep.studies.blocks import Rows
-from hpcsweep.studies.quantities import CONTACT_MEASURES, FLOOR_MEASURES, MEASURES, of_motions
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import (
-    BELOW_INFINITY,
     COUNT,
     FINITE,
-    SHARE,
     VALID,
     Coordinate,
     Variable,
     code,
-    contacts,
     count,
     real,
 )
 
-STATES = "length; velocity"
 RUN = ("direction", "omega", "amplitude")
 """Dimensions of a run."""
-
-
-def measured(names: tuple[str, ...], dims: tuple[str, ...]) -> list[Variable]:
-    """Return quantities of motions as variables whose dimensions come first."""
-    return [of_motions(name, dims) for name in names]
-
-
-CYCLES = count("cycles", RUN, "forcing periods integrated", "forcing periods", failed=VALID)
+CYCLES = count("cycles", (), "forcing periods integrated", "forcing periods", failed=VALID)
 OUTCOME = code(
-    *("outcome", RUN, Outcome),
+    *("outcome", (), Outcome),
     "outcome: 1 complete, 2 non-finite, 3 step limit, 4 solver failed, 5 collapsed",
     failed=VALID,
 )
 SKIP_RULE = code(
-    *("skip_rule", RUN, SkipRule),
+    *("skip_rule", (), SkipRule),
     "rule that spared periods: 0 none, 1 linear, 2 converged, 3 newton",
     limits=COUNT,
     failed=VALID,
 )
-DRIFT = real("drift", RUN, "A / Omega^2", "normalised peak interstorey drift", optional=True)
-MODAL_NORM = real(
-    "modal_norm", (*RUN, "mode"), "1", "mean modal norm free of contact", SHARE, optional=True
-)
-LYAPUNOV = real("lyapunov", RUN, "rate", "largest Lyapunov exponent", BELOW_INFINITY, optional=True)
 SPECTRUM = (
+    quantities.LYAPUNOV_SPECTRUM,
     real(
-        *("lyapunov_spectrum", (*RUN, "exponent"), "rate"),
-        "Lyapunov exponents, largest first",
-        BELOW_INFINITY,
-        optional=True,
-    ),
-    real(
-        *("lyapunov_spectrum_error", (*RUN, "exponent"), "rate"),
+        *("lyapunov_spectrum_error", ("exponent",), "rate"),
         "half their 95 % confidence intervals; of an orbit their rounding",
         optional=True,
     ),
     *(
-        real(f"kaplan_yorke{end}", RUN, "1", f"Kaplan-Yorke dimension{which}", optional=True)
+        real(f"kaplan_yorke{end}", (), "1", f"Kaplan-Yorke dimension{which}", optional=True)
         for end, which in (
             ("", " of the stroboscopic points"),
             ("_low", " at the lower ends of the exponents"),
@@ -72,57 +51,62 @@ SPECTRUM = (
         )
     ),
     count(
-        *("spectrum_cycles", RUN),
+        *("spectrum_cycles", ()),
         "forcing periods over which the exponents were averaged, 0 of an orbit",
         "forcing periods",
     ),
 )
 """All Lyapunov exponents, and what follows from them."""
 RUN_VARIABLES = (
-    real("poincare", (*RUN, "point", "state"), STATES, "stroboscopic points", None),
-    count("n_points", RUN, "number of stroboscopic points stored"),
-    count("orbit_period", RUN, "orbit period, 0 if none was found", "forcing periods"),
-    contacts("contact", RUN),
-    DRIFT,
-    MODAL_NORM,
-    *measured(MEASURES, RUN),
-    *measured(("ductility", "plastic", "slider_energy"), RUN),
+    quantities.POINTS,
+    count("n_points", (), "number of stroboscopic points stored"),
+    count("orbit_period", (), "orbit period, 0 if none was found", "forcing periods"),
+    quantities.CONTACT,
+    quantities.DRIFT,
+    quantities.MODAL_NORM,
+    *map(quantities.of_motions, quantities.MEASURES),
+    *map(quantities.of_motions, ("ductility", "plastic", "slider_energy")),
     code(
-        *("shakedown", RUN, Shakedown),
+        *("shakedown", (), Shakedown),
         "what the sliders do over the orbit: 1 elastic, none slips, 2 plastic, 3 ratcheting; 0 "
         "without an orbit",
         limits=COUNT,
     ),
-    LYAPUNOV,
-    real("lyapunov_low", RUN, "rate", "its 95 % confidence interval, lower end", None),
-    real("lyapunov_high", RUN, "rate", "its 95 % confidence interval, upper end", None),
+    quantities.LYAPUNOV,
+    real("lyapunov_low", (), "rate", "its 95 % confidence interval, lower end", None),
+    real("lyapunov_high", (), "rate", "its 95 % confidence interval, upper end", None),
     *SPECTRUM,
     code(
-        *("motion", RUN, MotionClass),
+        *("motion", (), MotionClass),
         "motion: 1 no contact, 2 periodic, 3 long period, 4 quasi-periodic, 5 chaotic, "
         "6 undecided, 7 failed",
         failed=VALID,
     ),
     code(
-        *("window_class", RUN, MotionClass),
+        *("window_class", (), MotionClass),
         "what the window shows by itself, as of motion: 1 no contact, 2 repeats, 5 chaotic, "
         "6 undecided; 0 without a window",
         limits=COUNT,
     ),
     count(
-        *("window_period", RUN),
+        *("window_period", ()),
         "period after which the points of the window repeat, 0 if they do not, -1 if no whole "
         "window was integrated",
         "forcing periods",
         None,
     ),
     count(
-        *("classification_cycles", RUN),
+        *("classification_cycles", ()),
         "forcing periods integrated after the window until the motion was classified",
         "forcing periods",
     ),
     real(
-        "final_state", (*RUN, "state"), STATES, "state after the last period", FINITE, failed=VALID
+        "final_state",
+        ("state",),
+        quantities.STATES,
+        "state after the last period",
+        FINITE,
+        failed=VALID,
     ),
     CYCLES,
     OUTCOME,
@@ -149,7 +133,13 @@ def run_variables(settings: SweepSettings, structure: Structure) -> list[Variabl
             wanted |= {"lyapunov_low", "lyapunov_high"}
     if settings.classify_cycles:
         wanted |= {"motion", "window_class", "classification_cycles"}
+    wanted -= without_contacts(structure)
     return [variable for variable in RUN_VARIABLES if variable.name in wanted]
+
+
+def without_contacts(structure: Structure) -> set[str]:
+    """Return the variables that a structure without contacts has no values of."""
+    return set() if structure.all_contact_numbers else set(quantities.CONTACT_MEASURES)
 
 
 def empty_results(
@@ -160,7 +150,7 @@ def empty_results(
     Parameters
     ----------
     variables : list of Variable
-        Of a run: their first three dimensions are those of all runs.
+        Of a run.
     structure : Structure
         Gives the sizes of states, modes, storeys, floors, contacts and sliders.
     n_runs : int
@@ -177,7 +167,7 @@ def empty_results(
     sizes |= {"mode": n, "exponent": 2 * n, "floor": n, "stop": n_contacts, "storey": n_storeys}
     sizes |= {"state": structure.state_units.size, "slider": len(structure.sliders)}
     return {
-        each.name: np.full((n_runs, *(sizes[d] for d in each.dims[3:])), each.missing, each.dtype)
+        each.name: np.full((n_runs, *(sizes[d] for d in each.dims)), each.missing, each.dtype)
         for each in variables
     }
 
@@ -189,8 +179,8 @@ def store_measures(rows: Rows, structure: Structure, measures: np.ndarray) -> No
     """
     numbers, named = structure.all_contact_numbers, named_measures(structure, measures)
     places = [numbers.index(number) for number in structure.contact_numbers]
-    for name in rows.keys() & set(MEASURES):
-        if name not in CONTACT_MEASURES:
+    for name in rows.keys() & set(quantities.MEASURES):
+        if name not in quantities.CONTACT_MEASURES:
             rows[name][:] = getattr(named, name)
         else:
             rows[name][:] = 0.0
@@ -244,8 +234,9 @@ def measure_coordinates(structure: Structure, settings: SweepSettings) -> dict[s
         made["exponent"] = numbered(2 * structure.n_floors, "Lyapunov exponent", first=1)
     if "storey_drift" in settings.metrics:
         made["storey"] = named(structure.storey_names, "storey")
-    if not settings.metrics.isdisjoint(FLOOR_MEASURES):
+    if not settings.metrics.isdisjoint(quantities.FLOOR_MEASURES):
         made["floor"] = named(structure.floor_names, "floor")
-    if not settings.metrics.isdisjoint(CONTACT_MEASURES):
+    contacts = set(quantities.CONTACT_MEASURES) - without_contacts(structure)
+    if not settings.metrics.isdisjoint(contacts):
         made["stop"] = named(tuple(structure.contact_names.values()), "contact")
     return made

@@ -6,7 +6,7 @@ not depend on other parts, so the tasks of all parts are tasks of the whole, and
 are equal, to the last bit, to those of a job of its own.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -292,6 +292,36 @@ class Varied:
 
 SHARED = frozenset((*vars(Work), *vars(Contents), *vars(Description)))
 """The interface of a study: what a `Varied` does not define all of its parts have in common."""
+
+
+def shape_of(part: RunGrid) -> tuple:
+    """Return what parts that share a file have in common, and what is known of each beforehand."""
+    return part.structure.contact_labels, part.variables, part.coordinates, part.given
+
+
+def difference(base: tuple, part: tuple) -> str:
+    """Return why two parts, by `shape_of`, cannot share a file; '' where they can."""
+    labels, variables, coordinates, known_first = base
+    if part[0] != labels:
+        return "has other contacts than the first"
+    if part[1] != variables or _sizes(part[2]) != _sizes(coordinates):
+        return "has not the dimensions of the first"
+    for name, coordinate in coordinates.items():
+        if not _equal(part[2][name].values, coordinate.values):
+            return f"has another {name} than the first"
+    for (variable, before), (_, values) in zip(known_first, part[3], strict=True):
+        if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
+            return f"has another {variable.name} than the first"
+    return ""
+
+
+def _sizes(coordinates: Mapping[str, Any]) -> dict[str, int]:
+    return {name: coordinate.values.size for name, coordinate in coordinates.items()}
+
+
+def _equal(first: np.ndarray, second: np.ndarray) -> bool:
+    """Return whether values of a dimension are the same; NaN, of none, equals NaN."""
+    return np.array_equal(first, second, equal_nan=first.dtype.kind == "f")
 
 
 @lru_cache(maxsize=PARTS_KEPT)

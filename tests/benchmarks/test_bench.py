@@ -19,7 +19,7 @@ from hpcsweep.job import load_job, parse_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep import amplitude_sweep as sweep
+from hpcsweep.studies.sweep.runs import frame_runs
 
 P1 = work_precision.Stretch("P1 C3", Structure(), 0.445, 0.06, 100, 3)
 UNDECIDED = (0.593820358198865, 0.18524934160705717)
@@ -28,7 +28,7 @@ UNDECIDED = (0.593820358198865, 0.18524934160705717)
 
 def one_run(skip=frozenset()):
     settings = SweepSettings(transient_cycles=60, sampling_cycles=32, skip=skip)
-    block = sweep.sweep_block(Structure(), 0.445, [0.0987], np.zeros(6), settings)
+    block = frame_runs(Structure(), 0.445, settings).follow([0.0987], np.zeros(6))
     return {name: values[0] for name, values in block.items()}
 
 

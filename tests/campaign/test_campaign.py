@@ -165,14 +165,14 @@ def test_an_exception_on_a_worker_ends_the_job_with_one_traceback(tmp_path, smal
     script.write_text(
         "import sys\n"
         "from hpcsweep.commands import cli\n"
-        "from hpcsweep.studies.sweep import amplitude_sweep as sweep\n"
+        "from hpcsweep.studies.sweep.runs import FrameRuns\n"
         "from hpcsweep.parallel import mpi\n"
-        "good = sweep.sweep_block\n"
+        "good = FrameRuns.follow\n"
         "def broken(*a, **k):\n"
         "    if mpi.launched_rank() == 1:\n"
         "        raise RuntimeError('the worker broke')\n"
         "    return good(*a, **k)\n"
-        "sweep.sweep_block = broken\n"
+        "FrameRuns.follow = broken\n"
         "if __name__ == '__main__':  # not in a process that compiles\n"
         "    sys.exit(cli.main(sys.argv[1:]))\n"
     )

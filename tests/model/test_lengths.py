@@ -11,7 +11,8 @@ from hpcsweep import Contact, Structure, stroboscopic_points
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.job import parse_job
 from hpcsweep.model.reach import reach_of_motions
-from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.quantities import METRICS
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.runs import FrameRuns
 
 SETTINGS = SweepSettings(metrics=frozenset(METRICS), classify_cycles=20_000)

@@ -425,21 +425,21 @@ def test_the_log_has_a_line_a_minute_without_any_news(monkeypatch, capsys):
 
 
 def test_what_a_run_gives_depends_on_the_path_so_a_frame_is_not_cut():
-    from hpcsweep.studies.sweep import amplitude_sweep as sweep
+    from hpcsweep.studies.sweep.runs import frame_runs
 
     job = parse_job(
         "[sweep]\nomega = 0.445\namplitude = {from = 0.21, to = 0.25, step = 0.002}\n", "h", "h"
     )
     arguments = job.structure, 0.445
-    up = sweep.sweep_block(*arguments, job.study.amplitude, job.study.initial_state, job.settings)
-    down = sweep.sweep_block(
-        *arguments, job.study.amplitude[::-1], up["final_state"][-1], job.settings
+    up = frame_runs(*arguments, job.settings).follow(job.study.amplitude, job.study.initial_state)
+    down = frame_runs(*arguments, job.settings).follow(
+        job.study.amplitude[::-1], up["final_state"][-1]
     )
     other = up["contact"] != down["contact"][::-1]
     assert other.sum() >= 3
     # cut in the middle and started from rest, the rest of the path differs, if only in last bits
     middle = job.study.amplitude.size // 2
-    cut = sweep.sweep_block(
-        *arguments, job.study.amplitude[middle:], job.study.initial_state, job.settings
+    cut = frame_runs(*arguments, job.settings).follow(
+        job.study.amplitude[middle:], job.study.initial_state
     )
     assert not np.array_equal(cut["final_state"], up["final_state"][middle:])

@@ -19,7 +19,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import stroboscopic_points
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
+from hpcsweep.studies.sweep.runs import frame_runs
 
 PLAIN = frozenset()
 
@@ -108,7 +108,7 @@ def test_described_chaos_where_the_paper_says(tmp_path):
     job = load_job(PAPER / "figure3-described.toml")
     settings = replace(job.settings, metrics=frozenset({"lyapunov", "contact"}))
     path = job.study.amplitude[: int(np.searchsorted(job.study.amplitude, 0.0991))]
-    swept = sweep_block(job.structure, 0.445, path, job.study.initial_state, settings)
+    swept = frame_runs(job.structure, 0.445, settings).follow(path, job.study.initial_state)
     at = int(np.argmin(np.abs(path - 0.09877)))
     assert swept["orbit_period"][at] == 0
     assert swept["lyapunov"][at] > 1e-3
@@ -124,8 +124,10 @@ def test_skip_rules_give_the_results_of_the_plain_procedure(skip):
     settings = SweepSettings(period_tolerance=1e-8)
     start = np.zeros(6)
     for path in (amplitude, amplitude[::-1]):
-        plain = sweep_block(structure, 0.445, path, start, replace(settings, skip=PLAIN))
-        quick = sweep_block(structure, 0.445, path, start, replace(settings, skip=frozenset(skip)))
+        plain = frame_runs(structure, 0.445, replace(settings, skip=PLAIN)).follow(path, start)
+        quick = frame_runs(structure, 0.445, replace(settings, skip=frozenset(skip))).follow(
+            path, start
+        )
         assert quick["cycles"].sum() < (0.25 if "newton" in skip else 0.6) * 200 * path.size
         assert np.all(plain["cycles"] == 200)
         assert np.array_equal(quick["contact"], plain["contact"])
@@ -150,26 +152,26 @@ def test_newton_decides_what_the_plain_procedure_leaves_unsettled():
     # a period-1 orbit whose largest multiplier is -0.97: plain ends some 1e-5 away, alternating
     structure = Structure()
     settings = SweepSettings()
-    state = sweep_block(structure, 0.445, [0.25], np.zeros(6), settings)["final_state"][0]
+    state = frame_runs(structure, 0.445, settings).follow([0.25], np.zeros(6))["final_state"][0]
     path = np.linspace(0.25, 0.22, 13)
-    plain = sweep_block(structure, 0.445, path, state, replace(settings, skip=PLAIN))
-    quick = sweep_block(structure, 0.445, path, state, settings)
+    plain = frame_runs(structure, 0.445, replace(settings, skip=PLAIN)).follow(path, state)
+    quick = frame_runs(structure, 0.445, settings).follow(path, state)
     assert plain["orbit_period"][-1] != 1
     assert quick["orbit_period"][-1] == 1
     long = replace(settings, skip=PLAIN, transient_cycles=2000)
-    truth = sweep_block(structure, 0.445, path[-1:], plain["final_state"][-1], long)
+    truth = frame_runs(structure, 0.445, long).follow(path[-1:], plain["final_state"][-1])
     assert truth["orbit_period"][0] == 1
     assert np.abs(truth["final_state"][0] - quick["final_state"][-1]).max() < 1e-8
 
 
 def test_linear_rule_is_the_closed_form_and_says_so():
     structure = Structure()
-    swept = sweep_block(structure, 0.9, [0.01, 0.02], np.zeros(6), SweepSettings())
+    swept = frame_runs(structure, 0.9, SweepSettings()).follow([0.01, 0.02], np.zeros(6))
     assert np.array_equal(swept["cycles"], [0, 0])
     response = structure.linear_steady_state(0.9)
     drift = np.abs(np.diff(response, prepend=0)).max() * 0.9**2
     assert swept["drift"] == pytest.approx([drift, drift], rel=1e-12)
-    plain = sweep_block(structure, 0.9, [0.01], np.zeros(6), SweepSettings(skip=PLAIN))
+    plain = frame_runs(structure, 0.9, SweepSettings(skip=PLAIN)).follow([0.01], np.zeros(6))
     assert plain["drift"][0] == pytest.approx(drift, rel=1e-6)
     assert plain["modal_norm"][0] == pytest.approx(swept["modal_norm"][0], abs=1e-4)
     assert np.abs(plain["final_state"][0] - swept["final_state"][0]).max() < 1e-12
@@ -182,9 +184,9 @@ def test_blocks_join_without_a_seam(solver):
         transient_cycles=4, sampling_cycles=4, max_orbit_period=2, solver=solver, rtol=1e-6
     )
     path = np.linspace(0.05, 0.2, 4)
-    whole = sweep_block(structure, 0.7, path, np.zeros(4), settings)
-    first = sweep_block(structure, 0.7, path[:2], np.zeros(4), settings)
-    second = sweep_block(structure, 0.7, path[2:], first["final_state"][-1], settings)
+    whole = frame_runs(structure, 0.7, settings).follow(path, np.zeros(4))
+    first = frame_runs(structure, 0.7, settings).follow(path[:2], np.zeros(4))
+    second = frame_runs(structure, 0.7, settings).follow(path[2:], first["final_state"][-1])
     for name, values in whole.items():
         joined = np.concatenate((first[name], second[name]))
         assert np.array_equal(values, joined, equal_nan=values.dtype.kind == "f"), name
@@ -193,7 +195,7 @@ def test_blocks_join_without_a_seam(solver):
 def test_a_failed_run_is_data_and_the_sweep_goes_on():
     structure = Structure(n_floors=1, stiffness_ratio=0.0, damping_ratio=0.0)
     settings = SweepSettings(transient_cycles=5, sampling_cycles=5, max_orbit_period=2)
-    swept = sweep_block(structure, 1.0, [1e150, 0.1], np.array([0.0, 1e99]), settings)
+    swept = frame_runs(structure, 1.0, settings).follow([1e150, 0.1], np.array([0.0, 1e99]))
     assert swept["outcome"][0] == Outcome.NON_FINITE
     assert math.isnan(swept["drift"][0])
     assert np.isnan(swept["poincare"][0]).all()
@@ -212,7 +214,7 @@ def test_orbit_period_is_the_smallest_that_repeats():
 
 LEFT_TO_COMPILE = """
 import numpy as np
-from hpcsweep.studies.sweep import amplitude_sweep as sweep
+from hpcsweep.studies.sweep.runs import frame_runs
 from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.orbit import transient
 from hpcsweep.studies.compilation import warm_up
@@ -224,7 +226,7 @@ warm_up(settings)
 kernels = march.march, transient.end_of_transient
 before = [len(kernel.dispatcher.signatures) for kernel in kernels]
 amplitude = np.linspace(0.01, 0.25, 40)
-found = sweep.sweep_block(Structure(), 0.21, amplitude, np.zeros(6), settings)
+found = frame_runs(Structure(), 0.21, settings).follow(amplitude, np.zeros(6))
 assert set(found["skip_rule"].tolist()) >= {{0, 1, 3}}
 print(sum(before), sum(len(kernel.dispatcher.signatures) for kernel in kernels))
 """
@@ -245,7 +247,7 @@ def test_what_the_paper_calls_p2_on_the_way_down_of_figure_3_is_p1():
     study = load_job(PAPER / "figure3.toml").study
     start = stroboscopic_points(study.structure, 0.2488, 0.445, np.zeros(6), 300)[-1]
     amplitudes = study.amplitude[(study.amplitude > 0.212) & (study.amplitude < 0.249)][::-1]
-    found = sweep_block(study.structure, 0.445, amplitudes, start, study.settings)
+    found = frame_runs(study.structure, 0.445, study.settings).follow(amplitudes, start)
     claimed = found["window_period"] == 2
     assert claimed.sum() == 3
     assert (found["orbit_period"] == 1).all()
@@ -260,12 +262,8 @@ def test_the_path_is_that_of_the_plain_procedure_whatever_is_decided():
     study = load_job(PAPER / "figure3-described.toml").study
     amplitudes = study.amplitude[::12]
     rows = [
-        sweep_block(
-            study.structure,
-            0.445,
-            amplitudes,
-            study.initial_state,
-            replace(study.settings, classify_cycles=cycles),
+        frame_runs(study.structure, 0.445, replace(study.settings, classify_cycles=cycles)).follow(
+            amplitudes, study.initial_state
         )
         for cycles in (None, 0, 50_000)
     ]
@@ -287,7 +285,9 @@ def test_metrics_are_those_of_the_decided_motion():
     # Figure 3 as described, up: P8 with a multiplier of modulus 0.52, not settled in the window
     study = load_job(PAPER / "figure3-described.toml").study
     amplitudes = study.amplitude[study.amplitude < 0.0681]
-    found = sweep_block(study.structure, 0.445, amplitudes, study.initial_state, study.settings)
+    found = frame_runs(study.structure, 0.445, study.settings).follow(
+        amplitudes, study.initial_state
+    )
     assert amplitudes[-1] == pytest.approx(0.068)
     assert found["orbit_period"][-1] == 8
     assert found["drift"][-1] == pytest.approx(2.391483, abs=1e-6)

@@ -18,7 +18,8 @@ from hpcsweep.solvers.flow.step.algebra import spectral_radius
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.records import Followed
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.settings import METRICS, SweepSettings
+from hpcsweep.studies.quantities import METRICS
+from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.batch import Batch
 from hpcsweep.studies.sweep.classification import spectrum_variables
 from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store

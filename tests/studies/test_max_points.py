@@ -10,7 +10,7 @@ from tools import SMALL, hpcsweep
 from hpcsweep.figures.style import classes_of
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.store import Frames, open_results
-from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
+from hpcsweep.studies.sweep.runs import frame_runs
 
 OPEN = SMALL.replace("[sweep]\n", "[sweep]\nclassify_cycles = 0\n")
 """Some of its runs have no orbit within their windows."""
@@ -36,7 +36,7 @@ def test_fewer_points_than_tell_an_orbit_are_refused(value):
 def test_only_the_stored_points_change():
     whole, few = job(text=OPEN), job("max_points = 12", OPEN)
     rows = [
-        sweep_block(j.structure, 0.8, j.study.amplitude, j.study.initial_state, j.settings)
+        frame_runs(j.structure, 0.8, j.settings).follow(j.study.amplitude, j.study.initial_state)
         for j in (whole, few)
     ]
     count = rows[0]["n_points"]

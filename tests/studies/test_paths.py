@@ -18,7 +18,7 @@ from hpcsweep.job import JobError, parse_job, part_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.store import Frames, StoreError
 from hpcsweep.studies.attractors.runs import AttractorRuns
-from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
+from hpcsweep.studies.sweep.runs import frame_runs
 
 ONE = """
 [structure]
@@ -102,8 +102,8 @@ def test_runs_with_skip_rules_are_those_of_the_numerical_core_to_the_last_bit(fo
     spared = 0
     for run, _ in walk(results, 2, state):
         at = int(np.searchsorted(study.along_of(2), float(run[study.run_dims[-1]])))
-        point = study.structure_at(at), float(run["omega"]), [float(run["amplitude"])]
-        rows = sweep_block(*point, state, study.settings)
+        runs = frame_runs(study.structure_at(at), float(run["omega"]), study.settings)
+        rows = runs.follow([float(run["amplitude"])], state)
         for variable, values in rows.items():
             assert np.asarray(run[variable].values, values.dtype).tobytes() == values.tobytes()
         state = study.end_state(rows, 0)

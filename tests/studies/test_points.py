@@ -10,7 +10,8 @@ from hpcsweep import open_results
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.store import Frames, Grid
-from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
+from hpcsweep.studies.quantities import CONTACT_MEASURES, MEASURES
+from hpcsweep.studies.sweep.runs import frame_runs
 
 LIST = """
 [study]
@@ -42,12 +43,8 @@ def test_a_point_is_the_run_from_the_initial_state(tmp_path, grid_job):
     assert results["direction"].values.tolist() == ["initial"]
     assert dict(results.sizes)["omega"] == 4
     for frame, at in ((0, 0), (2, 7), (3, 10)):
-        alone = sweep_block(
-            study.structure,
-            float(study.omega[frame]),
-            study.amplitude[at : at + 1],
-            study.initial_state,
-            study.settings,
+        alone = frame_runs(study.structure, float(study.omega[frame]), study.settings).follow(
+            study.amplitude[at : at + 1], study.initial_state
         )
         for name, values in alone.items():
             stored = results[name].values[0, frame, at]
@@ -80,7 +77,7 @@ def test_a_list_of_points_has_a_frame_a_point(tmp_path):
     assert results["omega"].values.tolist() == [0.6, 0.5, 0.6, 0.7]
     assert dict(results.sizes)["amplitude"] == 1
     study = parse_job(LIST, "", "list").study
-    alone = sweep_block(study.structure, 0.6, [0.2], study.initial_state, study.settings)
+    alone = frame_runs(study.structure, 0.6, study.settings).follow([0.2], study.initial_state)
     assert np.array_equal(results["final_state"].values[0, 2, 0], alone["final_state"][0])
     assert validate(path, samples=1).problems == []
     state = json.loads(hpcsweep(0, "status", path, "--json").stdout)
@@ -138,3 +135,15 @@ def test_points_without_their_stroboscopic_points_are_drawn_as_a_map(tmp_path):
         done = hpcsweep(0, "plot", path, *kind, "-o", tmp_path / f"{place}.png")
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "0.png").read_bytes() == (tmp_path / "1.png").read_bytes()
+
+
+def test_contacts_that_a_structure_lacks_have_no_variable(tmp_path):
+    text = "[structure]\nn_floors = 1\ngap = inf\n[sweep]\nomega = 0.6\namplitude = 0.1\n"
+    text += "\n".join(["[output]", *(f"{name} = true" for name in MEASURES)])
+    for kind in ("amplitude_sweep", "points", "attractors", "basins"):
+        study = parse_job(f"{text}\n[study]\nkind = '{kind}'\n", "job", "job").study
+        assert min(study.dimensions.values()) > 0, kind
+        assert not {v.name for v in study.variables} & {*CONTACT_MEASURES}, kind
+    (tmp_path / "job.toml").write_text(text)
+    assert hpcsweep(0, "run", tmp_path / "job.toml", "-o", tmp_path / "a.h5").returncode == 0
+    assert open_results(tmp_path / "a.h5")["displacement"].notnull().all()

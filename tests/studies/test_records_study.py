@@ -392,7 +392,7 @@ def test_a_bad_record_is_one_line(tmp_path, name, wrong):
         ("tail = 1.0", "tail = -1.0", ("records.tail", "from 0 to")),
         ("tail = 1.0", "gravity = 0", ("records.gravity", "above 0")),
         ("tail = 1.0", 'unit = "g"', ("records.unit", "goes with records.files")),
-        ("[records]", "[records]\nfound = 3", ("records.found", "written by hpcsweep")),
+        ("[records]", "[records]\nfound = 3", ("records.found", "as hpcsweep wrote it")),
         ("[output]", "[sweep]\nomega = 1.0\n[output]", ("sweep.omega", "study.kind")),
         ("[output]", "[forcing]\nharmonics = []\n[output]", ("forcing.harmonics", "study.kind")),
         ("[output]", "[output]\npoincare = true", ("output.poincare", "study.kind")),

@@ -4,7 +4,7 @@ import sys
 import time
 
 from hpcsweep.commands import cli
-from hpcsweep.studies.sweep import amplitude_sweep as sweep
+from hpcsweep.studies.sweep.runs import FrameRuns
 
 SLICE = 0.002
 """Seconds between two polls: the master serves the others meanwhile."""
@@ -12,17 +12,17 @@ SLICE = 0.002
 
 def main() -> int:
     """Wait out what a block's seconds leave over."""
-    seconds, compute = float(sys.argv[1]), sweep.sweep_block
+    seconds, compute = float(sys.argv[1]), FrameRuns.follow
 
-    def paced(structure, omega, amplitudes, state, settings, poll):
+    def paced(runs, amplitudes, state, poll):
         begun = time.monotonic()
-        result = compute(structure, omega, amplitudes, state, settings, poll)
+        result = compute(runs, amplitudes, state, poll)
         while time.monotonic() < begun + seconds:
             poll()
             time.sleep(SLICE)
         return result
 
-    sweep.sweep_block = paced
+    FrameRuns.follow = paced
     return cli.main(sys.argv[2:])
 
 

@@ -15,8 +15,7 @@ the structure, A, Omega and the job.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors import search
 from hpcsweep.studies.attractors.tally import AttractorTally
 from hpcsweep.studies.attractors.variables import SLOTS, attractor_variables
-from hpcsweep.studies.blocks import Amplitudes, Block, Poll, Rows, joined
+from hpcsweep.studies.blocks import Block, Poll, Rows, joined
 from hpcsweep.studies.grid import UP, RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
@@ -36,6 +35,9 @@ from hpcsweep.studies.refinement import REFINE, read_refinement
 from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
+
+if TYPE_CHECKING:
+    from hpcsweep.studies.attractors.runs import AttractorRuns
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +104,9 @@ class AttractorGrid(search.SearchLimits, RunGrid):
         """Return the number of starts of a point."""
         return self.starts
 
-    @cached_property
-    def variables(self) -> list[Variable]:
-        """Variables of the points, in the order of the file."""
+    @property
+    def of_run(self) -> list[Variable]:
+        """Variables of a point, see `Part.of_run`."""
         return attractor_variables(self.settings, self.structure)
 
     @property
@@ -115,19 +117,12 @@ class AttractorGrid(search.SearchLimits, RunGrid):
             "attractor": numbered(self.max_attractors, "attractor, by falling share"),
         }
 
-    def stretch(
-        self,
-        structure: Structure,
-        omega: float,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Poll = None,
-    ) -> Rows:
-        """Find the attractors of consecutive amplitudes; `state` is an `end_state`."""
+    def runs_of(self, structure: Structure, omega: float) -> "AttractorRuns":
+        """Return what finds the attractors of one structure at one frequency."""
         # imported here: reading results needs no kernels
         from hpcsweep.studies.attractors.runs import AttractorRuns
 
-        return AttractorRuns(structure, omega, self.settings, self).follow(amplitudes, state, poll)
+        return AttractorRuns(structure, omega, self.settings, self)
 
     def end_state(self, rows: Rows, row: int) -> np.ndarray:
         """Return the attractors of a point, from which the next one starts."""
@@ -138,7 +133,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractors of a point as motions in which runs ended."""
-        return search.attractors_as_runs(self.variables, run)
+        return search.attractors_as_runs(self.of_run, run)
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count attractors, and the starts that reached no stored one."""
@@ -187,6 +182,6 @@ class AttractorPoints(PointGrid, AttractorGrid):
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of amplitudes, each from the same state."""
-        at, omega = self.amplitudes_of(frame), float(self.omega[frame])
-        alone = [self.stretch(self.moving, omega, at[[k]], state, poll) for k in places.tolist()]
-        return joined(alone)
+        runs = self.runs_of(self.moving, float(self.omega[frame]))
+        amplitudes = self.amplitudes_of(frame)
+        return joined([runs.follow(amplitudes[[k]], state, poll) for k in places.tolist()])

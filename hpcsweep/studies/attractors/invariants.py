@@ -7,7 +7,7 @@ from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.studies.attractors.search import KINDS, UNSTORED, SearchLimits
 from hpcsweep.studies.blocks import Rows
-from hpcsweep.studies.invariants import Broken, of_points
+from hpcsweep.studies.invariants import Broken, misnumbered, of_points
 
 ROUNDING = 1e-12
 
@@ -100,9 +100,8 @@ def _of_labels(rows: Rows) -> Broken:
 def _of_listed(rows: Rows) -> Broken:
     ids = rows["attractor_id"]
     held = ids > 0
-    number = np.arange(1, ids.shape[1] + 1)
     return {
-        "attractors are numbered from 1": (held & (ids != number)).any(axis=1),
+        "attractors are numbered from 1": misnumbered(ids),
         "attractors come first": _with_gaps(held),
         **_of_motions(rows, held),
     }

@@ -125,24 +125,16 @@ def read_search(values, structures: Iterable[Structure]) -> dict[str, Any]:
     n = len(reach) // 2
     limits = read_limits(values, "attractors")
     limits |= {key.name: values.read("study", key) for key in (CONFIDENCE, MATCH_DISTANCE)}
-    ends = [
-        *_pairs(values, "study.displacement", n, float(reach[0])),
-        *_pairs(values, "study.velocity", n, float(reach[-1])),
-    ]
-    return limits | {"box": tuple(ends)}
-
-
-def _pairs(values, key: str, n: int, reach: float) -> list[tuple[float, float]]:
-    """Read [low, high], or n of them; default minus to plus a reach."""
-    box = values.get(key, [-reach, reach])
-    listed = box if isinstance(box, list) else [box]
-    pairs = listed if listed and isinstance(listed[0], list) else [listed] * n
-    if len(pairs) != n or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-        raise values.error(key, box, f"must be [low, high], or a list of n = {n} such pairs")
-    read = [(values.number(key, low), values.number(key, high)) for low, high in pairs]
-    if not all(-1e200 <= low < high <= 1e200 for low, high in read):
-        raise values.error(key, box, "must have low below high, both at most 1e200")
-    return read
+    box: list[tuple[float, float]] = []
+    for key, most in (("study.displacement", reach[0]), ("study.velocity", reach[-1])):
+        asked = values.get(key, [-float(most), float(most)])
+        several = isinstance(asked, list) and asked and isinstance(asked[0], list)
+        limit = f"must be [low, high], or a list of n = {n} such pairs"
+        pairs = values.spans(key, asked, asked if several else [asked] * n, limit)
+        if len(pairs) != n:
+            raise values.error(key, asked, limit)
+        box += map(tuple, pairs.tolist())
+    return limits | {"box": tuple(box)}
 
 
 def store_attractor(
@@ -159,7 +151,7 @@ def store_attractor(
 
 def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
     """Return each attractor of a run as a motion of a run; `final_state` is its `point`."""
-    named = [v.name for v in variables if v.dims[3:4] == ("attractor",)]
+    named = [v.name for v in variables if "attractor" in v.dims]
     motions = []
     for k in np.flatnonzero(run["attractor_id"]):
         motion = {name: run[name][k] for name in named}

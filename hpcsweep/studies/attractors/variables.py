@@ -5,24 +5,19 @@ from dataclasses import replace
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import ISOLATED
-from hpcsweep.studies.quantities import MEASURES
+from hpcsweep.studies import quantities
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.variable import ANY, FINITE, VALID, Variable, code, contacts, count, real
+from hpcsweep.studies.variable import ANY, FINITE, VALID, Variable, code, count, real
 from hpcsweep.studies.variables import (
     CYCLES,
-    DRIFT,
-    LYAPUNOV,
-    MODAL_NORM,
     OF_SLIDERS,
     OUTCOME,
-    RUN,
     RUN_VARIABLES,
     SPECTRUM,
-    STATES,
-    measured,
+    without_contacts,
 )
 
-EACH = (*RUN, "attractor")
+EACH = ("attractor",)
 SLOTS = {"attractor": "attractor_id"}
 LIFETIME = {
     "transient_lifetime": "mean lifetime",
@@ -30,9 +25,9 @@ LIFETIME = {
     "transient_lifetime_high": "upper end of the mean lifetime",
 }
 TRANSIENT = (
-    count("n_transient", RUN, "starts that were transient chaos, wherever they end", failed=VALID),
+    count("n_transient", (), "starts that were transient chaos, wherever they end", failed=VALID),
     *(
-        real(name, RUN, "forcing periods", f"{which} of transient chaos", None, failed=ANY)
+        real(name, (), "forcing periods", f"{which} of transient chaos", None, failed=ANY)
         for name, which in LIFETIME.items()
     ),
 )
@@ -46,34 +41,37 @@ ATTRACTOR = (
     real("share_high", EACH, "1", "upper end of the share's confidence interval", None),
     count("orbit_period", EACH, "orbit period, 0 if it is no orbit", "forcing periods"),
     real("multiplier", EACH, "1", "modulus of the largest Floquet multiplier", None),
-    replace(LYAPUNOV, dims=EACH),
+    quantities.LYAPUNOV.along(EACH),
     real("lyapunov_low", EACH, "rate", "lower end of the exponent's interval", None),
     real("lyapunov_high", EACH, "rate", "upper end of the exponent's interval", None),
-    *(replace(v, dims=(*EACH, *v.dims[len(RUN) :])) for v in SPECTRUM),
-    contacts("contact", EACH),
-    replace(DRIFT, dims=EACH),
-    replace(MODAL_NORM, dims=(*EACH, "mode")),
-    *(replace(variable, optional=True) for variable in measured(MEASURES, EACH)),
-    *(replace(v, dims=(*EACH, *v.dims[len(RUN) :])) for v in RUN_VARIABLES if v.name in OF_SLIDERS),
+    *(variable.along(EACH) for variable in SPECTRUM),
+    quantities.CONTACT.along(EACH),
+    quantities.DRIFT.along(EACH),
+    quantities.MODAL_NORM.along(EACH),
+    *(
+        replace(quantities.of_motions(name), optional=True).along(EACH)
+        for name in quantities.MEASURES
+    ),
+    *(variable.along(EACH) for variable in RUN_VARIABLES if variable.name in OF_SLIDERS),
     count("families", EACH, "dimensions of the family of orbits that is the attractor"),
-    real("point", (*EACH, "state"), STATES, "a stroboscopic point", FINITE),
+    real("point", (*EACH, "state"), quantities.STATES, "a stroboscopic point", FINITE),
 )
 """Variables of an attractor."""
 VARIABLES = (
-    count("n_attractors", RUN, "attractors found, more than stored if too many", failed=VALID),
+    count("n_attractors", (), "attractors found, more than stored if too many", failed=VALID),
     *ATTRACTOR,
     count("n_points", EACH, "number of stroboscopic points stored"),
-    real("poincare", (*EACH, "cycle", "state"), STATES, "stroboscopic points", None),
-    count("n_undecided", RUN, "starts that were not classified", failed=VALID),
+    real("poincare", (*EACH, "cycle", "state"), quantities.STATES, "stroboscopic points", None),
+    count("n_undecided", (), "starts that were not classified", failed=VALID),
     *TRANSIENT,
-    count("n_failed", RUN, "starts whose integration failed", failed=VALID),
-    count("n_elsewhere", RUN, "starts that reached attractors not stored", failed=VALID),
-    count("last_id", RUN, "largest identity given on the path so far", failed=VALID),
+    count("n_failed", (), "starts whose integration failed", failed=VALID),
+    count("n_elsewhere", (), "starts that reached attractors not stored", failed=VALID),
+    count("last_id", (), "largest identity given on the path so far", failed=VALID),
     CYCLES,
     OUTCOME,
 )
 OF_SPECTRUM = tuple(each.name for each in SPECTRUM)
-OPTIONAL = ("contact", "drift", "modal_norm", *MEASURES, *OF_SPECTRUM)
+OPTIONAL = ("contact", "drift", "modal_norm", *quantities.MEASURES, *OF_SPECTRUM)
 """Variables that a job may leave out."""
 
 
@@ -81,7 +79,7 @@ def attractor_variables(
     settings: SweepSettings, structure: Structure, variables: tuple[Variable, ...] = VARIABLES
 ) -> list[Variable]:
     """Return those of the variables of each point that a job has, in the order of the file."""
-    out = set(OPTIONAL) - set(settings.metrics)
+    out = set(OPTIONAL) - set(settings.metrics) | without_contacts(structure)
     if "lyapunov_spectrum" in settings.metrics:
         out -= set(OF_SPECTRUM)
     if ISOLATED.of(structure):

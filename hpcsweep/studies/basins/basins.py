@@ -8,7 +8,7 @@ attractors are listed when the map is complete.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -70,9 +70,9 @@ class Basins(SliceGrid):
         """Return the number of starts of a row."""
         return self.horizontal.size
 
-    @cached_property
-    def variables(self) -> list[Variable]:
-        """Variables of the rows, in the order of the file."""
+    @property
+    def of_run(self) -> list[Variable]:
+        """Variables of a row, see `Part.of_run`."""
         return variables.basin_variables(self.settings, self.structure)
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
@@ -81,7 +81,7 @@ class Basins(SliceGrid):
 
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the attractors listed by a row as motions in which runs ended."""
-        return attractors_as_runs(self.variables, run)
+        return attractors_as_runs(self.of_run, run)
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the starts, and those that reached none of the listed attractors."""
@@ -138,10 +138,10 @@ class RefinedBasins(SliceGrid):
         """Values of the axes of the map, by key of the job."""
         return {"study.vertical": self.vertical, "study.horizontal": self.horizontal}
 
-    @cached_property
-    def variables(self) -> list[Variable]:
-        """Variables of the starts, in the order of the file."""
-        return list(variables.START_VARIABLES)
+    @property
+    def of_run(self) -> list[Variable]:
+        """Variables of a start, see `Part.of_run`."""
+        return variables.START_VARIABLES
 
     @property
     def listed_variables(self) -> list[Variable]:

@@ -18,6 +18,7 @@ from hpcsweep.studies.attractors import search
 from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
+from hpcsweep.studies.path import FORCING
 from hpcsweep.studies.refinement import REFINE
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered, state_names
@@ -144,10 +145,11 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     """
     structure, settings = common["structure"], common["settings"]
     limits = search.read_limits(values, "basins")
-    point = values.frequencies("sweep.omega"), values.amplitudes("sweep.amplitude")
-    for key, numbers in zip(("sweep.omega", "sweep.amplitude"), point, strict=True):
+    point = {name: values.forcing(name) for name in FORCING}
+    for name, numbers in point.items():
         if numbers.size != 1:
-            raise values.error(key, values.get(key), "must be one number: basins of one point")
+            asked, limit = values.get(f"sweep.{name}"), "must be one number: basins of one point"
+            raise values.error(f"sweep.{name}", asked, limit)
     if "lyapunov_spectrum" in settings.metrics:
         limit = "must be false: spectra are of sweeps, points and attractors"
         raise values.error("output.lyapunov_spectrum", True, limit)
@@ -162,8 +164,8 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
         **common,
         **limits,
         "settings": replace(settings, metrics=metrics, classify_cycles=None),
-        "omega": np.full(vertical.size, point[0][0]),
-        "amplitude": point[1],
+        "omega": np.full(vertical.size, point["omega"][0]),
+        "amplitude": point["amplitude"],
         "directions": (START,),
         "components": components,
         "horizontal": horizontal,

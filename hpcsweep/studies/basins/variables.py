@@ -6,15 +6,15 @@ from enum import IntEnum
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.attractors.search import MAX_ATTRACTORS, UNSTORED
 from hpcsweep.studies.attractors.variables import ATTRACTOR, OF_SPECTRUM, attractor_variables
+from hpcsweep.studies.quantities import STATES
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import ANY, VALID, Variable, code, count, real
-from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, STATES
+from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME
 
 RUN = ("direction", "row", "amplitude")
 """Dimensions of a row."""
 START_RUN = ("direction", "row", "column")
 """Dimensions of a start."""
-EACH = (*RUN, "attractor")
 OF_LABEL = (
     "attractor that a start goes to: its attractor_id; -1 undecided, -2 failed, -3 one that is "
     "not listed"
@@ -35,21 +35,21 @@ NUMBERS = range(1, int(MAX_ATTRACTORS.limits[1]) + 1)
 Label = IntEnum(  # type: ignore[misc]
     "Label", {**UNSTORED, **{f"attractor_{number}": number for number in NUMBERS}}
 )
-LABEL = code("label", (*RUN, "column"), Label, OF_LABEL, failed=ANY)
+LABEL = code("label", ("column",), Label, OF_LABEL, failed=ANY)
 VARIABLES = (
     LABEL,
     *(
-        replace(v, dims=(*EACH, *v.dims[len(EACH) :]), long_name=OWN.get(v.name, v.long_name))
+        replace(v, long_name=OWN.get(v.name, v.long_name))
         for v in ATTRACTOR
         if v.name not in NOT_HERE
     ),
-    count("n_undecided", RUN, "starts of the row that were not classified", failed=VALID),
-    count("n_failed", RUN, "starts of the row whose integration failed", failed=VALID),
-    count("n_elsewhere", RUN, "starts of the row that went to none of the list", failed=VALID),
-    replace(CYCLES, dims=RUN),
-    replace(OUTCOME, dims=RUN),
+    count("n_undecided", (), "starts of the row that were not classified", failed=VALID),
+    count("n_failed", (), "starts of the row whose integration failed", failed=VALID),
+    count("n_elsewhere", (), "starts of the row that went to none of the list", failed=VALID),
+    CYCLES,
+    OUTCOME,
 )
-START_VARIABLES = tuple(replace(each, dims=START_RUN) for each in (LABEL, CYCLES, OUTCOME))
+START_VARIABLES = [replace(LABEL, dims=()), CYCLES, OUTCOME]
 
 
 def basin_variables(settings: SweepSettings, structure: Structure) -> list[Variable]:
@@ -60,7 +60,7 @@ def basin_variables(settings: SweepSettings, structure: Structure) -> list[Varia
 def of_attractors(settings: SweepSettings, structure: Structure) -> list[Variable]:
     """Return those variables of a row that have a value for each attractor."""
     listed = basin_variables(settings, structure)
-    return [each for each in listed if each.dims[: len(EACH)] == EACH]
+    return [each for each in listed if "attractor" in each.dims]
 
 
 def listed_variables(settings: SweepSettings, structure: Structure) -> list[Variable]:
@@ -69,7 +69,7 @@ def listed_variables(settings: SweepSettings, structure: Structure) -> list[Vari
     They are those of a row, but for its own `hits`.
     """
     return [
-        replace(variable, dims=(*START_RUN[:2], *variable.dims[len(RUN) :]))
+        variable.along(START_RUN[:2])
         for variable in of_attractors(settings, structure)
         if variable.name != "hits"
     ]

@@ -12,7 +12,6 @@ files and the job alone.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -137,9 +136,9 @@ class Branches(BranchGrid):
         """Return the amplitude of a line; along the amplitude the highest, shape (1,)."""
         return self.amplitude[frame : frame + 1]
 
-    @cached_property
-    def variables(self) -> list[Variable]:
-        """Variables of the lines, in the order of the file."""
+    @property
+    def of_run(self) -> list[Variable]:
+        """Variables of a line, see `Part.of_run`."""
         of_branches = variables.variables_of(self.structure)
         return [*of_branches, *(variables.CURVE_VARIABLES if self.curves else ())]
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.branches.keys import BranchGrid
-from hpcsweep.studies.invariants import Broken
+from hpcsweep.studies.invariants import Broken, misnumbered
 
 ROUNDING = 1e-9
 
@@ -18,9 +18,8 @@ def broken_relations(study: BranchGrid, rows: Rows) -> Broken:
 def _of_branches(rows: Rows) -> Broken:
     ids = rows["branch_id"]
     held = ids > 0
-    number = np.arange(1, ids.shape[1] + 1)
     return {
-        "branches are numbered from 1": (held & (ids != number)).any(axis=1),
+        "branches are numbered from 1": misnumbered(ids),
         "n_branches counts them": held.sum(axis=1) != rows["n_branches"],
         "a branch leaves one found before it": (held & (rows["parent"] >= ids)).any(axis=1),
     }
@@ -46,11 +45,11 @@ def _of_points(study: BranchGrid, rows: Rows) -> Broken:
 
 def _of_curves(study: BranchGrid, rows: Rows) -> Broken:
     ids, step = rows["curve_id"], rows["curve_of_step"]
-    number, n_curves = np.arange(1, ids.shape[1] + 1), rows["n_curves"][:, None]
+    n_curves = rows["n_curves"][:, None]
     inside = _inside(rows["curve_amplitude"], study.span)
     inside &= _inside(rows["curve_omega"], study.curve_span)
     return {
-        "curves are numbered from 1": ((ids > 0) & (ids != number)).any(axis=1),
+        "curves are numbered from 1": misnumbered(ids),
         "n_curves counts them": (ids > 0).sum(axis=1) != rows["n_curves"],
         "points of curves lie in the spans": ((step > 0) & ~inside).any(axis=1),
         "points, meetings and special points are on curves of the line": (

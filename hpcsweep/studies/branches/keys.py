@@ -19,7 +19,7 @@ from hpcsweep.solvers.offers import CURVES
 from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import Key
-from hpcsweep.studies.path import FORCING, Tie
+from hpcsweep.studies.path import FORCING, Tie, read_ties
 from hpcsweep.studies.point_grid import read_points
 
 PARAMETER = Key("parameter", "what changes along a branch", "amplitude", PARAMETERS)
@@ -40,6 +40,7 @@ ZOOMS = 25
 """Steps to an extreme between them, to a quarter each: to the last digit."""
 POLE = 1e6
 """Times as large as at these values a formula has a pole between them."""
+PAIR = "must be [low, high]"
 NUMBERS = {key.name: key for key in _NUMBERS}
 KEYS = (
     Key(
@@ -175,7 +176,8 @@ def _read_curves(values, structure: Structure, parameter: str, omega: np.ndarray
     if names and not CURVES.of(structure):
         raise values.error("branches.curves", names, f"must be [] {CURVES.lacks}")
     whole = [float(omega.min()), float(omega.max())] if omega.size else [1.0, 1.0]
-    span, low, high = _pair_of(values, "branches.curve_span", whole)
+    span = values.get("branches.curve_span", whole)
+    ((low, high),) = values.pairs("branches.curve_span", span, [span], PAIR).tolist()
     values.check_range("branches.curve_span", omega=(low, high))
     if names and not (low < high and low <= omega.min() and omega.max() <= high):
         raise values.error("branches.curve_span", span, "must be two ends that hold sweep.omega")
@@ -194,11 +196,7 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
         check_hardening(structure)
     except ValueError as error:
         raise values.error("study.kind", "branches", str(error)) from None
-    listed, table = values.has("study.points"), values.table("sweep")
-    texts = {name: table[name] for name in FORCING if isinstance(table.get(name), str)}
-    if parameter in texts:
-        limit = "must be numbers: the branches are along it"
-        raise values.error(f"sweep.{parameter}", texts[parameter], limit)
+    listed, texts = values.has("study.points"), read_ties(values, parameter, "the branches are")
     if listed and parameter in FORCING_PARAMETERS:
         chosen = values.get("study.points")
         limit = f"must not be given along {parameter}: sweep.omega and sweep.amplitude make lines"
@@ -206,9 +204,8 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
     if listed:
         omega, amplitude = read_points(values)
     else:
-        read = {"omega": values.frequencies, "amplitude": values.amplitudes}
         omega, amplitude = (
-            np.empty(0) if name in texts else read[name](f"sweep.{name}") for name in FORCING
+            np.empty(0) if name in texts else values.forcing(name) for name in FORCING
         )
     span = _span_of(values, parameter, omega, amplitude)
     # the parameter of a line is at the end of its span
@@ -237,25 +234,15 @@ def read_lines(values, structure: Structure) -> dict[str, Any]:
     }
 
 
-def _pair_of(values, key: str, default: list[float] | None) -> tuple[list, float, float]:
-    """Read two numbers; return them as they are given, too."""
-    pair = values.get(key, default)
-    if not isinstance(pair, list) or len(pair) != 2:
-        raise values.error(key, pair, "must be [low, high]")
-    low, high = (values.number(key, end) for end in pair)
-    return pair, low, high
-
-
 def _span_of(
     values, parameter: str, omega: np.ndarray, amplitude: np.ndarray
 ) -> tuple[float, float]:
     """Read the span; default, along A and Omega, that of the job's own."""
     axis = {"omega": omega, "amplitude": amplitude}.get(parameter, np.empty(0))
     default = [float(axis.min()), float(axis.max())] if axis.size > 1 else None
-    pair, low, high = _pair_of(values, "branches.span", default)
-    if not -1e200 <= low < high <= 1e200:
-        raise values.error("branches.span", pair, "must have low below high, both at most 1e200")
-    if parameter in ("omega", "amplitude"):
+    pair = values.get("branches.span", default)
+    ((low, high),) = values.spans("branches.span", pair, [pair], PAIR).tolist()
+    if parameter in FORCING:
         values.check_range("branches.span", **{parameter: (low, high)})
     elif low < 0:
         raise values.error("branches.span", pair, f"{parameter} must be at least 0")

@@ -65,7 +65,7 @@ def line_of(study: BranchGrid, line: int, seeds: Seeds, poll: Poll = None) -> Ro
         study.max_branches,
         study.max_points,
     )
-    rows = empty_results(study.variables, study.structure, 1, **study.dimensions)
+    rows = empty_results(study.of_run, study.structure, 1, **study.dimensions)
     _take(rows, study, forced, catalogue, seeds)
     catalogue.grow()
     if study.starts:

@@ -1,11 +1,11 @@
 """Variables of the results of a study of branches: a run is a line in the space of parameters."""
 
-from dataclasses import replace
 from enum import IntEnum
 
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.meetings import Meeting
 from hpcsweep.model.structure import Structure
+from hpcsweep.studies.quantities import CONTACT, DRIFT, STATES
 from hpcsweep.studies.variable import (
     COUNT,
     FINITE,
@@ -17,15 +17,7 @@ from hpcsweep.studies.variable import (
     count,
     real,
 )
-from hpcsweep.studies.variables import (
-    AMPLITUDE,
-    CYCLES,
-    DRIFT,
-    OMEGA,
-    OUTCOME,
-    RUN_VARIABLES,
-    STATES,
-)
+from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, RUN_VARIABLES
 
 
 class End(IntEnum):
@@ -82,8 +74,7 @@ Met = IntEnum("Met", [one.name for one in Meeting])  # type: ignore[misc]
 """Numbers of the kinds of meetings in the file, from 1."""
 RUN = ("direction", "line", "amplitude")
 """Dimensions of a line."""
-BRANCH, STEP = (*RUN, "branch"), (*RUN, "step")
-SPECIAL, SEED = (*RUN, "special"), (*RUN, "seed")
+BRANCH, STEP, SPECIAL, SEED = ("branch",), ("step",), ("special",), ("seed",)
 SLOTS = {
     "branch": "branch_id",
     "step": "step_branch",
@@ -109,8 +100,8 @@ VARIABLES = (
         *("stable", STEP, Stability, "1 where all multipliers are inside the unit circle"),
         limits=COUNT,
     ),
-    contacts("contact", STEP),
-    replace(DRIFT, dims=STEP),
+    CONTACT.along(STEP),
+    DRIFT.along(STEP),
     real("point", (*STEP, "state"), STATES, "a stroboscopic point of the orbit", FINITE),
     real("multiplier_real", (*STEP, "number"), "1", "Floquet multipliers, real part", None),
     real("multiplier_imag", (*STEP, "number"), "1", "Floquet multipliers, imaginary", None),
@@ -142,18 +133,18 @@ VARIABLES = (
     count("seed_period", SEED, "orbit period of a seed, 0 for none", "forcing periods"),
     real("seed_point", (*SEED, "state"), STATES, "a stroboscopic point of a seed", None),
     real("seed_distance", SEED, "1", "its distance from the orbit, units of the state", None),
-    count("n_branches", RUN, "branches of the line", failed=VALID),
-    count("n_seeds", RUN, "periodic motions of the files on the line", failed=VALID),
-    count("n_covered", RUN, "of these, those that lie on a branch", failed=VALID),
-    count("n_others", RUN, "motions of the files that are no orbit", failed=VALID),
-    Variable("seeds_checksum", RUN, "<u8", "1", "checksum of the seeds"),
-    replace(CYCLES, dims=RUN),
-    replace(OUTCOME, dims=RUN),
+    count("n_branches", (), "branches of the line", failed=VALID),
+    count("n_seeds", (), "periodic motions of the files on the line", failed=VALID),
+    count("n_covered", (), "of these, those that lie on a branch", failed=VALID),
+    count("n_others", (), "motions of the files that are no orbit", failed=VALID),
+    Variable("seeds_checksum", (), "<u8", "1", "checksum of the seeds"),
+    CYCLES,
+    OUTCOME,
 )
 OF_SLIDERS = tuple(
-    replace(one, dims=(*STEP, *one.dims[len(RUN) :]))
-    for one in RUN_VARIABLES
-    if one.name in ("ductility", "slider_energy", "shakedown")
+    variable.along(STEP)
+    for variable in RUN_VARIABLES
+    if variable.name in ("ductility", "slider_energy", "shakedown")
 )
 
 
@@ -162,7 +153,7 @@ def variables_of(structure: Structure) -> tuple[Variable, ...]:
     return (*VARIABLES, *(OF_SLIDERS if structure.sliders else ()))
 
 
-CURVE, CURVE_STEP, MEETING = (*RUN, "curve"), (*RUN, "curve_step"), (*RUN, "meeting")
+CURVE, CURVE_STEP, MEETING = ("curve",), ("curve_step",), ("meeting",)
 CURVE_VARIABLES = (
     count("special_curve", SPECIAL, "curve on which it lies, 0 if none is followed"),
     count("curve_id", CURVE, "number of the curve, 0 for none"),
@@ -179,5 +170,5 @@ CURVE_VARIABLES = (
     code("meeting_kind", MEETING, Met, "what is there"),
     real("meeting_amplitude", MEETING, *AMPLITUDE, None),
     real("meeting_omega", MEETING, *OMEGA, None),
-    count("n_curves", RUN, "curves of the line", failed=VALID),
+    count("n_curves", (), "curves of the line", failed=VALID),
 )

@@ -15,7 +15,7 @@ RUN = ("record", "scale")
 """Dimensions of a run."""
 MAX_PERIODS = 1000
 FLOOR_SPECTRUM = real(
-    *("floor_spectrum", (*RUN, "place", "period"), "acceleration"),
+    *("floor_spectrum", ("place", "period"), "acceleration"),
     "pseudo-acceleration of oscillators on floors, see hpcsweep.floor_spectra",
 )
 

@@ -37,8 +37,10 @@ from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.ground_motion.floors import MAX_PERIODS, FloorSpectra, read_damping_ratio
 from hpcsweep.studies.ground_motion.responses import RecordResponses
+from hpcsweep.studies.ground_motion.variables import ENERGY
 from hpcsweep.studies.keys import BLOCK, Key
 from hpcsweep.studies.part import Part
+from hpcsweep.studies.quantities import QUANTITIES
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Coordinate
 
@@ -89,10 +91,10 @@ OUTPUT = (
     ),
     Key(
         "base_shear",
-        "peak reaction of the base of each building",
+        QUANTITIES["base_shear"].long_name,
         told="true where the structure yields",
     ),
-    Key("energy", "energies at the end ([which](yielding.md#results))", False),
+    Key("energy", f"{ENERGY.long_name} ([which](yielding.md#results))", False),
     Key(
         "history",
         "step in time at which the motion itself is stored, of every run: a whole multiple or a "
@@ -180,8 +182,7 @@ class RecordGrid(Part):
     @cached_property
     def responses(self) -> RecordResponses:
         """Responses that compute the runs."""
-        sizes, n = self.dimensions, len(self.run_dims)
-        shapes = {each: tuple(sizes[dim] for dim in each.dims[n:]) for each in self.variables}
+        shapes = {each: tuple(self.dimensions[dim] for dim in each.dims) for each in self.of_run}
         run = self.structure, self.settings, self.tail
         return RecordResponses(*run, self.history, self.floors, shapes)
 
@@ -380,7 +381,7 @@ def read_found(
         if not facts or not is_scaled or len(paths) not in (0, len(facts)):
             raise TypeError
     except (TypeError, KeyError, ValueError, AttributeError, IndexError):
-        limit = "must be as written by hpcsweep; take it away, and records are looked for again"
+        limit = "must be as hpcsweep wrote it; delete records.found to look for the records again"
         raise values.error("records.found", stored, limit) from None
     return facts, paths
 

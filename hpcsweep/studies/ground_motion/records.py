@@ -5,9 +5,8 @@ a record of one of them. No run depends on another (`responses`).
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, Path, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
 from hpcsweep.studies.ground_motion import describe, keys
 from hpcsweep.studies.ground_motion.floors import read_floor_spectra
 from hpcsweep.studies.ground_motion.keys import RecordGrid
@@ -49,7 +48,7 @@ class Records(RecordGrid):
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int] = 25
     run_dims: ClassVar[tuple[str, ...]] = RUN
-    carried: ClassVar[tuple[str, ...]] = ()
+    by_frame: ClassVar[bool] = True
     directions: ClassVar[tuple[str, ...]] = ()  # type: ignore[misc]
     content: ClassVar[str] = "responses"
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
@@ -101,9 +100,9 @@ class Records(RecordGrid):
         """Scales."""
         return self.scale.size
 
-    @cached_property
-    def variables(self) -> list[Variable]:
-        """Variables of the runs, in the order of the file."""
+    @property
+    def of_run(self) -> list[Variable]:
+        """Variables of a run, see `Part.of_run`."""
         asked = self.history > 0.0, bool(self.floors.periods)
         return response_variables(self.structure, self.settings, *asked)
 
@@ -128,18 +127,6 @@ class Records(RecordGrid):
             for variable in FACTS
         ]
         return [*facts, (FACTOR, self.factor), *storey_heights(self.structure)]
-
-    def task_of(self, *place):
-        """Return the task of blocks: their record."""
-        return place[-2]
-
-    def path(self, task: int) -> Sequence[Block]:
-        """Return the blocks of a record."""
-        return Path(self.n_blocks, lambda number: self.block((task, number)))
-
-    def end_state(self, rows: Rows, row: int) -> np.ndarray:
-        """Return rest: runs inherit nothing from each other."""
-        return self.initial_state
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute the runs of a record at some of its scales."""

@@ -15,7 +15,6 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.variables import RESIDUAL_DRIFT
 from hpcsweep.studies.quantities import QUANTITIES
 from hpcsweep.studies.variables import percent_of_height
 
@@ -29,7 +28,7 @@ RESPONSES = {
     "force": QUANTITIES["contact_force"],
     "impacts": QUANTITIES["impacts"],
     "ductility": QUANTITIES["ductility"],
-    "residual_drift": RESIDUAL_DRIFT,
+    "residual_drift": QUANTITIES["residual_drift"],
     "base_shear": QUANTITIES["base_shear"],
 }
 """Variables of the file by the names of responses."""

@@ -8,10 +8,10 @@ from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.record_response import Energy
 from hpcsweep.studies import variables
 from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, RUN
-from hpcsweep.studies.quantities import MEASURES, QUANTITIES
+from hpcsweep.studies.quantities import MEASURES, QUANTITIES, STATES
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import ANY, EITHER, FINITE, Coordinate, Variable, count, real
-from hpcsweep.studies.variables import STATES, measure_coordinates, named
+from hpcsweep.studies.variables import measure_coordinates, named
 
 
 class Collapse(IntEnum):
@@ -25,7 +25,7 @@ ELASTIC = "elastic motion without contacts"
 
 
 def _peak(variable: Variable, source: str = "") -> Variable:
-    return replace(variable.along(RUN), source=source or variable.source or variable.name)
+    return replace(variable, source=source or variable.source or variable.name)
 
 
 def _time(name: str, source: str, meaning: str) -> Variable:
@@ -39,21 +39,12 @@ def _alone(name: str) -> Variable:
     return _peak(replace(alone, failed=ANY, tallied=False))
 
 
-RESIDUAL_DRIFT = real(
-    "residual_drift",
-    ("storey",),
-    "length",
-    "lasting drift of each storey; NaN: collapsed",
-    FINITE,
-    optional=True,
-    label="residual storey drift",
-)
 BASES = (_peak(QUANTITIES["base_shear"]),)
 PEAKS = (
     *(
         _peak(variable)
         for name, variable in QUANTITIES.items()
-        if name not in ("contact_share", "base_shear")
+        if name not in ("contact_share", "base_shear", "residual_drift")
     ),
     _peak(
         replace(
@@ -62,7 +53,7 @@ PEAKS = (
         )
     ),
     _peak(real("collapse_time", (), "time", "when it has collapsed, NaN: not", optional=True)),
-    _peak(RESIDUAL_DRIFT),
+    _peak(QUANTITIES["residual_drift"]),
     _peak(real("residual", ("floor",), "length", "displacement left at the end")),
     _peak(real("final_state", ("state",), STATES, "state at the end of the tail", FINITE)),
 )
@@ -80,17 +71,13 @@ ALONE = (
     ),
 )
 """Of the motion without contacts, in which nothing yields or slips."""
-ENERGIES = (
-    _peak(real("energies", ("energy",), "energy", "energies at the end", FINITE), "energy"),
-)
-OUTCOME = replace(variables.OUTCOME, dims=RUN)
+ENERGY = _peak(real("energies", ("energy",), "energy", "energies at the end", FINITE), "energy")
 SKIP_RULE = replace(
     variables.SKIP_RULE,
-    dims=RUN,
     long_name="rule that spared a computation: 1 linear, below first contact and slip",
 )
 HISTORY = tuple(
-    real(f"history_{name}", (*RUN, "time", dim), units, long_name, None)
+    real(f"history_{name}", ("time", dim), units, long_name, None)
     for name, dim, units, long_name in (
         ("displacement", "floor", "length", "displacement of each floor"),
         ("velocity", "floor", "velocity", "velocity of each floor, relative to the ground"),
@@ -99,7 +86,7 @@ HISTORY = tuple(
     )
 )
 """The motion itself, where ``output.history`` gives a step; NaN past the end of a record."""
-GROUPS = {"times": TIMES, "alone": ALONE, "base_shear": BASES, "energy": ENERGIES}
+GROUPS = {"times": TIMES, "alone": ALONE, "base_shear": BASES, "energy": (ENERGY,)}
 """Peaks that a job may leave out, or wants, by the keys of its table ``output``."""
 
 FACTS = (
@@ -133,7 +120,7 @@ def peaks_of(
     absent = _absent(structure)
 
     def held(peaks) -> list[Variable]:
-        return [p for p in peaks if absent.isdisjoint((p.dims[-1], p.name))]
+        return [p for p in peaks if absent.isdisjoint((*p.dims, p.name))]
 
     groups = {name: held(peaks) for name, peaks in GROUPS.items() if name in settings.metrics}
     more = [peak for name in ("base_shear", "energy", "times") for peak in groups.get(name, [])]
@@ -147,7 +134,7 @@ def response_variables(
     peaks, alone = peaks_of(structure, settings)
     motion = [variable for variable in HISTORY if variable.dims[-1] not in _absent(structure)]
     asked = (*(motion if history else ()), *((FLOOR_SPECTRUM,) if spectra else ()))
-    return [*peaks, *alone, *asked, OUTCOME, SKIP_RULE]
+    return [*peaks, *alone, *asked, variables.OUTCOME, SKIP_RULE]
 
 
 def place_coordinates(structure: Structure, settings: SweepSettings) -> dict[str, Coordinate]:

@@ -11,14 +11,14 @@ import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import TANGENTS
-from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
+from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.grid import DOWN, UP
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.path import ALONG, Followed
 from hpcsweep.studies.path_grid import PathGrid
-from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
+from hpcsweep.studies.settings import SKIP_RULES
 from hpcsweep.studies.study import Lines
-from hpcsweep.studies.sweep.runs import end_of, frame_runs
+from hpcsweep.studies.sweep.runs import FrameRuns, end_of, frame_runs
 
 DIRECTIONS = Key(
     "directions",
@@ -72,25 +72,6 @@ class AmplitudeSweep(PathGrid):
         """Return the state from which the next run starts, and how long its chaos was followed."""
         return end_of(rows, row)
 
-    def stretch(
-        self,
-        structure: Structure,
-        omega: float,
-        amplitudes: Amplitudes,
-        state: np.ndarray,
-        poll: Poll = None,
-    ) -> Rows:
-        """Compute consecutive runs, each from the end of the previous one."""
-        return sweep_block(structure, omega, amplitudes, state, self.settings, poll)
-
-
-def sweep_block(
-    structure: Structure,
-    omega: float,
-    amplitudes: Amplitudes,
-    state: np.ndarray,
-    settings: SweepSettings,
-    poll: Poll = None,
-) -> Rows:
-    """Run consecutive amplitudes of one sweep at one frequency; see `runs.FrameRuns.follow`."""
-    return frame_runs(structure, omega, settings).follow(amplitudes, state, poll)
+    def runs_of(self, structure: Structure, omega: float) -> FrameRuns:
+        """Return what computes runs of one structure at one frequency."""
+        return frame_runs(structure, omega, self.settings)

@@ -22,8 +22,9 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies.settings import METRICS, SweepSettings
-from hpcsweep.studies.sweep.amplitude_sweep import sweep_block
+from hpcsweep.studies.quantities import METRICS
+from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep.runs import frame_runs
 
 GAMMA = 0.05
 RESONANCE, PROBE = 0.445, 0.09877
@@ -80,8 +81,8 @@ class Study:
         parts = []
         for direction, start in enumerate(starts):
             order = slice(None) if direction == 0 else slice(None, None, -1)
-            result = sweep_block(
-                self.structure, self.sweep.omega, amplitudes[order], np.array(start), chosen
+            result = frame_runs(self.structure, self.sweep.omega, chosen).follow(
+                amplitudes[order], np.array(start)
             )
             parts.append({name: values[order] for name, values in result.items()})
         arrays = {name: np.stack([part[name] for part in parts]) for name in parts[0]}
@@ -260,7 +261,7 @@ class Study:
 
 
 def make_sweep(omega, amplitude, directions, arrays: dict, settings: SweepSettings) -> Sweep:
-    """Make a `Sweep` of the variables of a file or of `sweep_block`, axes (direction, run)."""
+    """Make a `Sweep` of the variables of a file or of `FrameRuns.follow`, axes (direction, run)."""
     valid = arrays["outcome"] == Outcome.COMPLETE
     shape = valid.shape
     n = arrays["final_state"].shape[-1] // 2

@@ -25,7 +25,7 @@ from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
 from hpcsweep.studies.blocks import Block, Place
-from hpcsweep.studies.refine.variables import AUDIT, CROSSED, INFERRED
+from hpcsweep.studies.refine.audit import AUDIT, CROSSED, INFERRED
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import RunAgain, Study
 

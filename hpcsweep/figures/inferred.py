@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
 from hpcsweep.figures import palette, style
-from hpcsweep.studies.refine.variables import CELL, SOURCE, inferred_name
+from hpcsweep.studies.refine.audit import CELL, SOURCE, inferred_name
 from hpcsweep.studies.refinement import LABELS, Source
 
 VARIABLES = (SOURCE, CELL, *{inferred_name(v): 0 for names in LABELS.values() for v in names})

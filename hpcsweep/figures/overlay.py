@@ -13,7 +13,7 @@ from hpcsweep.figures.fitting import key
 from hpcsweep.figures.style import PlotError, stretches
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.path import FORCING
+from hpcsweep.studies.path_grid import FORCING
 from hpcsweep.studies.study import as_kind
 
 STABLE, UNSTABLE = (palette.DARK_INK, 2.2), ("#8c8c8c", 0.7)

@@ -32,7 +32,7 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
-from hpcsweep.studies.path import ALONG
+from hpcsweep.studies.path_grid import ALONG
 from hpcsweep.studies.quantities import METRIC_KEYS
 from hpcsweep.studies.run_names import count
 from hpcsweep.studies.settings import (

@@ -12,7 +12,7 @@ from hpcsweep.job.formula import formula
 from hpcsweep.job.job import JobError
 from hpcsweep.model.arguments import MAX_OMEGA, MIN_OMEGA
 from hpcsweep.studies.keys import Key
-from hpcsweep.studies.path import Tie
+from hpcsweep.studies.path_grid import Tie
 
 RANGE_KEYS = ("from", "to", "count", "step")
 MAX_VALUES = 10_000_000

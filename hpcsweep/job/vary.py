@@ -22,7 +22,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.path import ALONG, FORCING, Followed
+from hpcsweep.studies.path_grid import ALONG, FORCING, Followed
 from hpcsweep.studies.study import ROWS, Axis
 from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied, difference, shape_of

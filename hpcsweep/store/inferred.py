@@ -12,8 +12,7 @@ import numpy as np
 from hpcsweep.store.commit import Blocks, Campaign
 from hpcsweep.store.layout import Layout
 from hpcsweep.studies.blocks import Place
-from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
-from hpcsweep.studies.refine.variables import AUDIT, INFERRED, SOURCE, last_look
+from hpcsweep.studies.refine.audit import AUDIT, INFERRED, MAX_LOOKS, SOURCE, Look, last_look
 from hpcsweep.studies.refinement import Source
 from hpcsweep.studies.variable import Variable
 

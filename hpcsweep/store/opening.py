@@ -22,7 +22,7 @@ from hpcsweep.store.contents import CHECKSUM, metadata_checksum
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.offsets import open_for_reading
-from hpcsweep.studies.refine.variables import INFERRED
+from hpcsweep.studies.refine.audit import INFERRED
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)

@@ -12,7 +12,7 @@ from hpcsweep.store.contents import CHECKSUM, notes_of, parts_of, scales_of
 from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.layout import flags_of
 from hpcsweep.store.opening import open_layout, reading
-from hpcsweep.studies.refine.variables import AUDIT
+from hpcsweep.studies.refine.audit import AUDIT
 
 
 def job_of(path: str | Path) -> Job:

@@ -8,7 +8,7 @@ from tools import SMALL
 
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.path import Followed, Steps
+from hpcsweep.studies.path_grid import Followed, Steps
 from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.settings import SweepSettings
 

@@ -20,7 +20,7 @@ from hpcsweep.parallel.schedule import Schedule, computing_ranks, report_interva
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store.journal import BlockCost, PilotCost
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
-from hpcsweep.studies.sweep.rows import empty_rows
+from hpcsweep.studies.variables import empty_rows
 
 MANY = """
 [sweep]
@@ -285,7 +285,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.job import load_job
 from hpcsweep.parallel import mpi
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
-from hpcsweep.studies.sweep.rows import empty_rows
+from hpcsweep.studies.variables import empty_rows
 from tools import of_study
 
 class Nothing(AmplitudeSweep):

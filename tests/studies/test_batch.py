@@ -22,8 +22,8 @@ from hpcsweep.studies.quantities import METRICS
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.batch import Batch
 from hpcsweep.studies.sweep.classification import spectrum_variables
-from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store
 from hpcsweep.studies.sweep.runs import FrameRuns
+from hpcsweep.studies.variables import EXPONENTS, NOT_TESTED, store
 
 SETTINGS = SweepSettings(
     metrics=frozenset(METRICS), classify_cycles=2000, max_points=40, spectrum_cycles=20

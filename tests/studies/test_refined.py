@@ -28,8 +28,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Frames, pack
-from hpcsweep.studies.refine.audit import n_drawn
-from hpcsweep.studies.refine.variables import last_look
+from hpcsweep.studies.refine.audit import last_look, n_drawn
 from hpcsweep.studies.refinement import Source
 
 RUNS = 520

@@ -13,7 +13,7 @@ from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.store import Frames, pack
-from hpcsweep.studies.refine.variables import last_look
+from hpcsweep.studies.refine.audit import last_look
 from hpcsweep.studies.refinement import Source
 
 WHOLE = BASINS.replace("count = 9", "count = 41").replace("count = 7", "count = 34")

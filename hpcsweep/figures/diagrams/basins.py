@@ -10,7 +10,7 @@ from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS
 from hpcsweep.studies.basins.slice import SliceGrid
-from hpcsweep.studies.refine.variables import SOURCE
+from hpcsweep.studies.refine.audit import SOURCE
 
 NAME = "basins"
 DRAWS = "basins"

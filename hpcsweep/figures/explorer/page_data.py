@@ -18,7 +18,7 @@ from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.offers import PAGES
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.path import FORCING
+from hpcsweep.studies.path_grid import FORCING
 from hpcsweep.studies.study import as_kind
 
 POINT_BUDGET = 30_000_000

@@ -1,6 +1,6 @@
 """Study of all attractors over forcing amplitude and frequency, with shares of a box of states.
 
-A frame is a path, of ascending amplitudes or along another parameter (`hpcsweep.studies.path`). At
+A frame is a path, of ascending amplitudes or along another parameter (`Steps`). At
 each place the attractors of the previous one are continued: a point of each is a seed, whose motion
 is classified first. Then the starts are classified (`hpcsweep.dynamics.attractors`), and the
 attractors are matched to those of the previous place by the distance of their points
@@ -28,8 +28,7 @@ from hpcsweep.studies.blocks import Block, Poll, Rows, joined
 from hpcsweep.studies.grid import UP, RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
-from hpcsweep.studies.path import ALONG, Followed
-from hpcsweep.studies.path_grid import PathGrid
+from hpcsweep.studies.path_grid import ALONG, Followed, PathGrid
 from hpcsweep.studies.point_grid import POINTS, PointGrid
 from hpcsweep.studies.refinement import REFINE, read_refinement
 from hpcsweep.studies.study import StudyTally

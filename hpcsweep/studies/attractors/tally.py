@@ -15,7 +15,7 @@ from hpcsweep.dynamics.classify import (
 )
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.search import KINDS, UNSTORED
-from hpcsweep.studies.refine.variables import SOURCE, inferred_name
+from hpcsweep.studies.refine.audit import SOURCE, inferred_name
 from hpcsweep.studies.refinement import Source
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.tally import (

@@ -18,7 +18,7 @@ from hpcsweep.studies.attractors import search
 from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
-from hpcsweep.studies.path import FORCING
+from hpcsweep.studies.path_grid import FORCING
 from hpcsweep.studies.refinement import REFINE
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered, state_names

@@ -19,7 +19,7 @@ from hpcsweep.solvers.offers import CURVES
 from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import Key
-from hpcsweep.studies.path import FORCING, Tie, read_ties
+from hpcsweep.studies.path_grid import FORCING, Tie, read_ties
 from hpcsweep.studies.point_grid import read_points
 
 PARAMETER = Key("parameter", "what changes along a branch", "amplitude", PARAMETERS)

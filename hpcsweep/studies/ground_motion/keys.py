@@ -35,9 +35,13 @@ from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.blocks import Place
-from hpcsweep.studies.ground_motion.floors import MAX_PERIODS, FloorSpectra, read_damping_ratio
 from hpcsweep.studies.ground_motion.responses import RecordResponses
-from hpcsweep.studies.ground_motion.variables import ENERGY
+from hpcsweep.studies.ground_motion.variables import (
+    ENERGY,
+    MAX_PERIODS,
+    FloorSpectra,
+    read_damping_ratio,
+)
 from hpcsweep.studies.keys import BLOCK, Key
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.quantities import QUANTITIES

@@ -16,7 +16,6 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
 from hpcsweep.studies.ground_motion import describe, keys
-from hpcsweep.studies.ground_motion.floors import read_floor_spectra
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.recompute import response_again
 from hpcsweep.studies.ground_motion.responses import KEPT, SKIP_RULES
@@ -26,6 +25,7 @@ from hpcsweep.studies.ground_motion.variables import (
     GROUPS,
     RUN,
     place_coordinates,
+    read_floor_spectra,
     response_variables,
 )
 from hpcsweep.studies.invariants import Broken

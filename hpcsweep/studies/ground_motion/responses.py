@@ -45,8 +45,7 @@ from hpcsweep.solvers.response import (
 )
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
-from hpcsweep.studies.ground_motion.floors import FLOOR_SPECTRUM, FloorSpectra
-from hpcsweep.studies.ground_motion.variables import HISTORY, peaks_of
+from hpcsweep.studies.ground_motion.variables import FLOOR_SPECTRUM, HISTORY, FloorSpectra, peaks_of
 from hpcsweep.studies.quantities import POWERS
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Variable

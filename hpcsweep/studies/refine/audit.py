@@ -23,6 +23,7 @@ the limit half as much is allowed, and the next draws twice as many.
 """
 
 import math
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -124,3 +125,28 @@ def _mixed(values: np.ndarray) -> np.ndarray:
     values = (values ^ (values >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     values = (values ^ (values >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return values ^ (values >> np.uint64(31))
+
+
+SOURCE, CELL, CROSSED = "source", "cell", "crossed"
+AUDIT, INFERRED = "audit", "inferred"
+"""Variable of the looks, and of the checksums."""
+
+
+class Crossed(IntEnum):
+    """Whether a known curve crosses a box of the grid."""
+
+    FREE = 0
+    CROSSED = 1
+
+
+def inferred_name(variable: str) -> str:
+    """Return the name of the variable with the inferred values of another."""
+    return f"inferred_{variable}"
+
+
+def last_look(audit: np.ndarray) -> Look | None:
+    """Return the last look of the variable; None if there is none yet."""
+    looks = audit[np.isfinite(audit[:, 0])]
+    if not len(looks):
+        return None
+    return Look(*(int(v) for v in looks[-1][:4]), *map(float, looks[-1][4:]))

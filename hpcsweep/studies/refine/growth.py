@@ -12,19 +12,20 @@ import numpy as np
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.part import Part
-from hpcsweep.studies.refine.audit import MAX_LOOKS, Look
-from hpcsweep.studies.refine.cells import Labels
-from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
-from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
-from hpcsweep.studies.refine.variables import (
+from hpcsweep.studies.refine.audit import (
     AUDIT,
     CELL,
     CROSSED,
     INFERRED,
+    MAX_LOOKS,
     SOURCE,
     Crossed,
+    Look,
     inferred_name,
 )
+from hpcsweep.studies.refine.cells import Labels
+from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
+from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
 from hpcsweep.studies.refinement import Refinement, Source
 from hpcsweep.studies.study import ROWS, Study, as_kind
 from hpcsweep.studies.variable import Coordinate, Variable, code

@@ -1,7 +1,7 @@
 """Sweep: path-following, each run from the end state of the previous one.
 
 A frame is one path, up and then, if requested, down from the end of the way up: along the
-amplitude, as in the study of the paper, or along another parameter (`hpcsweep.studies.path`).
+amplitude, as in the study of the paper, or along another parameter (`hpcsweep.studies.path_grid`).
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,7 @@ from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.studies.blocks import Rows
 from hpcsweep.studies.grid import DOWN, UP
 from hpcsweep.studies.keys import OMEGA, Key, Tables
-from hpcsweep.studies.path import ALONG, Followed
-from hpcsweep.studies.path_grid import PathGrid
+from hpcsweep.studies.path_grid import ALONG, Followed, PathGrid
 from hpcsweep.studies.settings import SKIP_RULES
 from hpcsweep.studies.study import Lines
 from hpcsweep.studies.sweep.runs import FrameRuns, end_of, frame_runs

@@ -17,7 +17,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import spectrum_variables
-from hpcsweep.studies.sweep.rows import EXPONENTS, NOT_TESTED, store
+from hpcsweep.studies.variables import EXPONENTS, NOT_TESTED, store
 
 AT_ONCE = 256
 """Runs, at most, for whose results room is made."""

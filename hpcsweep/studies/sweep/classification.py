@@ -25,7 +25,7 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.rows import NOT_TESTED
+from hpcsweep.studies.variables import NOT_TESTED
 
 DIMENSIONS = ("kaplan_yorke", "kaplan_yorke_low", "kaplan_yorke_high")
 """Variables of the Kaplan-Yorke dimension and of its interval."""

@@ -51,7 +51,7 @@ from hpcsweep.studies.sweep.classification import (
     interval_of_orbit,
     spectrum_variables,
 )
-from hpcsweep.studies.sweep.rows import (
+from hpcsweep.studies.variables import (
     EXPONENTS,
     empty_rows,
     store,

@@ -73,7 +73,7 @@ def identities(frames) -> np.ndarray:
         If attractors have no identity along the amplitudes.
     """
     study = as_kind(frames.study, AttractorGrid)
-    if not study.is_path:
+    if not study.by_frame:
         text = "attractors of points on their own have no identity along a path"
         raise PlotError(f"--value {IDENTITY}: {text}")
     by_frame: dict[int, np.ndarray] = {}

@@ -19,7 +19,7 @@ MAX_VALUES = 10_000_000
 """Frames or amplitudes of one job."""
 
 
-MIN_AMPLITUDE, MAX_AMPLITUDE = 1e-250, 1e250
+RANGES = {"Omega": (MIN_OMEGA, MAX_OMEGA, ""), "A": (1e-250, 1e250, "0, or ")}
 """Beyond these limits a run leaves double precision, or one forcing period takes over a minute; an
 amplitude may be 0."""
 MAX_END = 1e200
@@ -93,11 +93,9 @@ class Values:
         elsewhere : callable
             Return full names of keys that are known in other cases, and these cases.
         """
-        self.check_keys("", self.tree, keys[""], keys, elsewhere)
-        for table in keys:
-            if not table:
-                continue
-            self.check_keys(table, self.table(table), keys[table], keys, elsewhere)
+        for table, allowed in keys.items():
+            tree = self.table(table) if table else self.tree
+            self.check_keys(table, tree, allowed, keys, elsewhere)
 
     def check_keys(self, table, tree, allowed, keys=None, elsewhere=None) -> None:
         """Refuse unknown keys of a table; see `check_tables`."""
@@ -283,15 +281,12 @@ class Values:
 
     def check_range(self, key: str, omega=(), amplitude=()) -> None:
         """Refuse frequencies and amplitudes that no solver can start from."""
-        omega, amplitude = np.asarray(omega), np.asarray(amplitude)
-        limits = (
-            ("Omega must be", omega, MIN_OMEGA, MAX_OMEGA),
-            ("A must be 0, or", amplitude[amplitude != 0], MIN_AMPLITUDE, MAX_AMPLITUDE),
-        )
-        for what, numbers, least, most in limits:
-            wrong = ~((least <= numbers) & (numbers <= most))
+        for name, numbers in (("Omega", np.asarray(omega)), ("A", np.asarray(amplitude))):
+            least, most, zero = RANGES[name]
+            wrong = ~((least <= numbers) & (numbers <= most)) & ~((numbers == 0) & bool(zero))
             if wrong.any():
-                raise self.error(key, numbers[wrong][0], f"{what} from {least:g} to {most:g}")
+                limit = f"{name} must be {zero}from {least:g} to {most:g}"
+                raise self.error(key, numbers[wrong][0], limit)
 
     def _amplitudes(self) -> np.ndarray:
         """Read forcing amplitudes, ascending."""
@@ -321,17 +316,15 @@ class Values:
     def tied(self, key: str, text: str, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return Omega or A by a formula at each value of its parameters."""
         value = self.tie(key, text, parameters).of
-        is_omega = key == "sweep.omega"
-        least, most = (MIN_OMEGA, MAX_OMEGA) if is_omega else (MIN_AMPLITUDE, MAX_AMPLITUDE)
+        least, most, zero = RANGES["Omega" if key == "sweep.omega" else "A"]
         tied = np.empty(np.shape(next(iter(parameters.values()))))
         for place in np.ndindex(tied.shape):
             at = {name: float(numbers[place]) for name, numbers in parameters.items()}
             tied[place] = value(**at)
-            if not least <= tied[place] <= most and (tied[place] != 0 or is_omega):
+            if not least <= tied[place] <= most and not (zero and tied[place] == 0):
                 where = ", ".join(f"{name} = {number:.6g}" for name, number in at.items())
                 result = "overflows" if math.isinf(tied[place]) else f"is {tied[place]:.6g}"
-                limit = f"must be {'' if is_omega else '0, or '}from {least:g} to {most:g}"
-                limit += f", {result} at {where}"
+                limit = f"must be {zero}from {least:g} to {most:g}, {result} at {where}"
                 raise self.error(key, text, limit)
         return tied
 

@@ -70,8 +70,6 @@ class RunGrid(Part):
     ties: ClassVar[tuple[str, ...]] = ()
     """Formulas of frequency and amplitude."""
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
-    is_path: ClassVar[bool] = False
-    """Whether a run starts from what another one left."""
 
     @cached_property
     def moving(self) -> Structure:
@@ -210,7 +208,7 @@ class RunGrid(Part):
 
     def warnings(self) -> Iterator[str]:
         """Return one line for each thing that looks like a mistake in what drives the structure."""
-        continues = self.is_path and "final_state" in self.carried
+        continues = self.by_frame and "final_state" in self.carried
         continues &= self.run_dims[-1] == "amplitude"
         return doubts(self.structure, *self.covered, continues)
 

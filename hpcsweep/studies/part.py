@@ -43,7 +43,7 @@ class Part(ABC):
     checksum: ClassVar[str] = "checksum of a block"
     """Long name of `commit`."""
     by_frame: ClassVar[bool] = False
-    """Whether a frame is a task; else each block is one."""
+    """Whether a frame is a task, as a path is; else each block is one."""
     is_list: ClassVar[bool] = False
     grid_fields: ClassVar[tuple[str, ...]] = ()
     axes: ClassVar[tuple[Axis, ...]] = ()

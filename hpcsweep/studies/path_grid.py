@@ -190,7 +190,6 @@ class PathGrid(RunGrid):
 
     steps: Steps | None = None
 
-    is_path: ClassVar[bool] = True
     by_frame: ClassVar[bool] = True
 
     @staticmethod

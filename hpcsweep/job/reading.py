@@ -186,7 +186,7 @@ def read_values(values: Values):
     each = followed.structures if followed else (structures.read_structure(values),)
     along = {"followed": followed} if followed else {}
     # lengths are in gaps, say, only where they are all along
-    structure = min(each, key=lambda one: (one.is_uniform, is_in_gaps(one)))
+    structure = min(each, key=lambda step: (step.is_uniform, is_in_gaps(step)))
     settings = _settings(values, study.skip_rules)
     if settings.solver == "bdf" and not all(map(BDF.of, each)):
         raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")

@@ -269,5 +269,5 @@ def attractors(
     portrait = runs.at(amplitude, seeds)
     if portrait.outcome is not Outcome.COMPLETE:
         raise ArithmeticError(f"{name}: {portrait.outcome.name} from every start")
-    by_share = sorted(portrait.attractors, key=lambda one: -one.hits)
+    by_share = sorted(portrait.attractors, key=lambda attractor: -attractor.hits)
     return Found(by_share, portrait.n_transient, portrait.lifetime)

@@ -70,7 +70,7 @@ class Criticality(IntEnum):
     SUPERCRITICAL = 1
 
 
-Met = IntEnum("Met", [one.name for one in Meeting])  # type: ignore[misc]
+Met = IntEnum("Met", [meeting.name for meeting in Meeting])  # type: ignore[misc]
 """Numbers of the kinds of meetings in the file, from 1."""
 RUN = ("direction", "line", "amplitude")
 """Dimensions of a line."""

@@ -377,11 +377,11 @@ def read_found(
             periods = stored["periods"]
             longest = longest_period(structure) if structure else periods[0]
             at = nearest(periods, longest)
-            records = [{**one, "measure": one["measure"][at]} for one in records]
-        facts = tuple(Facts(**one) for one in records)
-        if not all(one.is_sound for one in facts):
+            records = [{**record, "measure": record["measure"][at]} for record in records]
+        facts = tuple(Facts(**record) for record in records)
+        if not all(each.is_sound for each in facts):
             raise TypeError
-        is_scaled = all(isinstance(one.measure, float) and one.measure > 0 for one in facts)
+        is_scaled = all(isinstance(each.measure, float) and each.measure > 0 for each in facts)
         if not facts or not is_scaled or len(paths) not in (0, len(facts)):
             raise TypeError
     except (TypeError, KeyError, ValueError, AttributeError, IndexError):

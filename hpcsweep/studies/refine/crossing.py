@@ -74,8 +74,8 @@ def _boxes(axes: Sequence[np.ndarray], points: np.ndarray) -> tuple[np.ndarray, 
         np.stack([np.searchsorted(axis, x, side) - 1 for axis, x in pairs], axis=1)
         for side in ("left", "right")
     )
-    found = [np.stack(at, axis=1) for at in product(*zip(below.T, above.T, strict=True))]
-    boxes = np.unique(np.concatenate(found), axis=0)
+    corners = [np.stack(at, axis=1) for at in product(*zip(below.T, above.T, strict=True))]
+    boxes = np.unique(np.concatenate(corners), axis=0)
     last = [axis.size - 2 for axis in axes]
     return tuple(boxes[np.all((boxes >= 0) & (boxes <= last), axis=1)].T)
 

@@ -116,8 +116,8 @@ class MapGrowth:
         parts = [self.study.part_of(block) for block in blocks]
         part, (_, frame, _) = as_kind(parts[0][0], Part), parts[0][1].first
         places = np.array([inner.first[-1] for _, inner in parts])
-        found = part.runs_at(frame, places, state, poll)
-        return [{name: rows[k : k + 1] for name, rows in found.items()} for k in range(len(blocks))]
+        runs = part.runs_at(frame, places, state, poll)
+        return [{name: rows[k : k + 1] for name, rows in runs.items()} for k in range(len(blocks))]
 
     def crossed(self, curves: Iterable[KnownCurve]) -> np.ndarray:
         """Return which boxes of the map curves cross; see `crossed_boxes`."""

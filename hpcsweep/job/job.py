@@ -1,15 +1,120 @@
-"""A validated job."""
+"""A validated job, and its fingerprint: a hash of what it means.
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+The fingerprint distinguishes the files of different jobs, and is the seed of all checksums in them.
+Every field of the study, its structure and its settings counts where it differs from its default,
+so that a new field changes only the jobs that use it.
+"""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cached_property
 
-from hpcsweep.job.fingerprint import fingerprint
+import numpy as np
+
 from hpcsweep.model.arguments import InputError
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.refine.growth import MapGrowth
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.study import Study
+from hpcsweep.studies.vary import Varied
+
+MEANING_VERSION = 4
+"""Part of the fingerprint; raised when the same job text comes to mean other results."""
+
+
+EXCLUDED_FIELDS = (*("structure", "settings", "damping_ratio"), *("source", "gravity"))
+"""Fields of the parts, one that `Structure` also holds with a value for each mode, and where the
+samples of records come from, which their checksums identify."""
+
+
+def fingerprint(study: Study) -> str:
+    """Hash the meaning of a study."""
+    meaning: list[object] = [MEANING_VERSION, study.kind]
+    if isinstance(study, Varied):
+        axes = [
+            (column.key, _canonical(column.values))
+            for axis in study.axes
+            for column in (axis, *axis.columns)
+        ]
+        meaning += ["vary", fingerprint(study.base), axes]
+        return _hash(meaning)
+    meaning += [(name, value) for _, name, value in _entries(study)]
+    return _hash(meaning)
+
+
+def meaning_but_grid(study: Study) -> dict[tuple[str, str], object]:
+    """Return the meaning of a study without axes, apart from its grid, by part and field.
+
+    The fields `grid_fields` define the grid: which runs there are, not what a run computes. Two
+    studies whose other fields are equal compute the same run at the same place of their grids, from
+    the same state.
+    """
+    meaning: dict[tuple[str, str], object] = {("study", "kind"): study.kind}
+    meaning |= {(part, name): value for part, name, value in _entries(study, study.grid_fields)}
+    return meaning
+
+
+def _entries(study: Study, without: tuple[str, ...] = ()) -> Iterator[tuple[str, str, object]]:
+    """Iterate over the fields that differ from their defaults: part, name, value."""
+    for kind, part in (("structure", study.structure), ("settings", study.settings)):
+        yield from _fields_of(kind, part, EXCLUDED_FIELDS)
+    yield from _fields_of("study", study, (*EXCLUDED_FIELDS, *without))
+
+
+def _fields_of(kind: str, part, without: tuple[str, ...]) -> Iterator[tuple[str, str, object]]:
+    for entry in fields(part):
+        value = getattr(part, entry.name)
+        if entry.compare and entry.name not in without and not _is_default(entry, value):
+            yield kind, entry.name, _canonical(value)
+
+
+def _hash(meaning: list[object]) -> str:
+    return hashlib.sha256(repr(meaning).encode()).hexdigest()
+
+
+def _is_default(entry: Field, value: object) -> bool:
+    """Return whether a field has its default; one without a default never has."""
+    if entry.default_factory is not MISSING:
+        return bool(value == entry.default_factory())
+    return entry.default is not MISSING and bool(value == entry.default)
+
+
+def _is_later(entry: Field, value: object) -> bool:
+    """Return whether a field was added later and has its default."""
+    return bool(entry.metadata.get("later")) and _is_default(entry, value)
+
+
+def _canonical(value: object) -> object:
+    """Return a canonical form of a value: equal to the last bit for equal values.
+
+    Raises
+    ------
+    TypeError
+        If its type has no such form: a field must not be left out silently.
+    """
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value.hex()
+    if isinstance(value, np.ndarray):
+        data = hashlib.sha256(value.astype(value.dtype.newbyteorder("<")).tobytes())
+        return [value.dtype.name, value.shape, data.hexdigest()]
+    if isinstance(value, frozenset | set):
+        return sorted(value)
+    if isinstance(value, tuple | list):
+        return [_canonical(item) for item in value]
+    if isinstance(value, Mapping):
+        return sorted((key, _canonical(item)) for key, item in value.items())
+    if isinstance(value, Structure):
+        return [[name, content] for _, name, content in _fields_of("", value, EXCLUDED_FIELDS)]
+    if (meaning := getattr(value, "meaning", None)) is not None:
+        return _canonical(meaning)
+    if is_dataclass(value):
+        pairs = [(f, getattr(value, f.name)) for f in fields(value)]
+        return [(f.name, _canonical(v)) for f, v in pairs if not _is_later(f, v)]
+    raise TypeError(f"a {type(value).__name__} has no place in a job's fingerprint")
+
 
 ABOUT = ("title", "institution", "license")
 """Keys of a job that only tell about its results, and attributes of the file."""

@@ -15,7 +15,7 @@ Versions
 Until release 1.0 a file belongs to the ``layout_version`` it was written with: another version is
 refused with one line that names both, and the program that wrote the file. A change that a reader
 would misread gets a new number; where the same job comes to mean other results, so does
-`MEANING_VERSION` of `hpcsweep.job.fingerprint`.
+`MEANING_VERSION` of `hpcsweep.job.job`.
 
 A file may be packed (`hpcsweep.store.packing`): the same datasets, chunked and compressed, with the
 same values, attributes and checksums. It is read like any other, but no longer written.

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.job.fingerprint import meaning_but_grid
+from hpcsweep.job.job import meaning_but_grid
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.store.opening import open_layout

@@ -15,7 +15,7 @@ from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
 from hpcsweep.figures.fitting import LEGEND, area, blank, key
 from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
-from hpcsweep.studies.point_grid import FORCING_AMPLITUDE
+from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
 """Variables of maps, beside the classes."""

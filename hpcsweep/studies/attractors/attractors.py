@@ -29,7 +29,7 @@ from hpcsweep.studies.grid import UP, RunGrid
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.path_grid import ALONG, Followed, PathGrid
-from hpcsweep.studies.point_grid import POINTS, PointGrid
+from hpcsweep.studies.points import POINTS, PointGrid
 from hpcsweep.studies.refinement import REFINE, read_refinement
 from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable

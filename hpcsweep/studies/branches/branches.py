@@ -25,7 +25,7 @@ from hpcsweep.studies.branches.keys import CHECKED, KEYS, BranchGrid, read_lines
 from hpcsweep.studies.branches.tally import BranchTally
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
-from hpcsweep.studies.point_grid import POINTS
+from hpcsweep.studies.points import POINTS
 from hpcsweep.studies.seeds import Reader, Seeds, Where
 from hpcsweep.studies.study import Lines, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable

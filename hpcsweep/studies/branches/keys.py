@@ -20,7 +20,7 @@ from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import Key
 from hpcsweep.studies.path_grid import FORCING, Tie, read_ties
-from hpcsweep.studies.point_grid import read_points
+from hpcsweep.studies.points import read_points
 
 PARAMETER = Key("parameter", "what changes along a branch", "amplitude", PARAMETERS)
 _NUMBERS = (

@@ -34,10 +34,8 @@ DRIFT, FLOOR, ACCELERATION, CONTACT = PEAK_FLAGS = (4, 8, 16, 32)
 
 
 class Energy(NamedTuple):
-    """The symmetric forms of the stiffness, for bounds of eigenvalues."""
+    """What bounds eigenvalues, M = L L^T."""
 
-    stiffness: np.ndarray
-    """(n, n): L^-1 K L^-T, M = L L^T."""
     reach: np.ndarray
     """(m, n): L^-1 d_k."""
     kappa: np.ndarray
@@ -252,13 +250,8 @@ def _bandwidth(matrix: np.ndarray) -> int:
 def _energy(structure: Structure) -> Energy:
     scale = structure.frequency_unit
     root = np.linalg.cholesky(structure.mass_matrix)
-
-    def symmetric(matrix: np.ndarray) -> np.ndarray:
-        return np.linalg.solve(root, np.linalg.solve(root, matrix).T).T
-
-    drag = symmetric(structure.damping_matrix) / scale
+    drag = np.linalg.solve(root, np.linalg.solve(root, structure.damping_matrix).T) / scale
     return Energy(
-        stiffness=np.ascontiguousarray(symmetric(structure.stiffness_matrix) / scale**2),
         reach=np.ascontiguousarray(np.linalg.solve(root, structure.directions.T).T),
         kappa=structure.contact_stiffness / scale**2,
         drag=float(np.linalg.eigvalsh(drag)[-1]),

@@ -183,9 +183,9 @@ class ForcedMap:
         if self.is_costly or not BATCHES.of(self.structure):
             return None
         solver, _ = self.solver(self.amplitude)
-        units, rules = (scale, self.structure.length_unit), (*rules, DIFFERENCE)
+        unit, rules = self.structure.length_unit, (*rules, DIFFERENCE)
         least, largest, periods = solver.take_round(
-            rows, inverse, matrices, units, rules, self._poll
+            rows, inverse, matrices, scale, unit, rules, self._poll
         )
         self._count(periods)
         return least, largest

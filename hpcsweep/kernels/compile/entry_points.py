@@ -34,6 +34,7 @@ from hpcsweep.kernels.simd.fallback import PLAIN, plain
 BYTES = types.uint8[::1]
 FLOAT = types.float64
 INT = types.int64
+BOOL = types.boolean
 KEY = types.uint64
 VECTOR = types.float64[::1]
 MATRIX = types.float64[:, ::1]

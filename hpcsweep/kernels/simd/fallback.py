@@ -67,6 +67,16 @@ def store(array, index, value):
     _flat(array, index)[:] = value
 
 
+def local_vector(size):
+    """Return an array of what no kernel may read before it has written it."""
+    return np.full(size, np.nan)
+
+
+def local_matrix(rows, columns):
+    """Return a matrix of the same."""
+    return np.full((rows, columns), np.nan)
+
+
 def root(value):
     """Return the square roots."""
     return _lanes(np.sqrt(value))

@@ -21,6 +21,8 @@ from hpcsweep.kernels.simd import LANES
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 """A vector register of 64 bytes."""
 WORD = ir.IntType(64)
+ALIGNMENT = 64
+"""Of arrays on the stack, bytes."""
 EXP_DEGREE = 13
 """Of the Taylor polynomial of exp on |r| <= ln 2 / 2; the rest is 0.35^14 / 14! = 4e-18."""
 LN2_HIGH, LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
@@ -163,6 +165,55 @@ def load(builder, array, index):
 def store(builder, array, index, value):
     """Write array[index:index + LANES] as `load` reads it."""
     builder.store(value, _lanes(builder, array, index), align=8)
+
+
+def _local(*shape):
+    """Return the signature of an array on the stack, and what writes it."""
+    kind = types.Array(NUMBER, len(shape), "C")
+
+    def generate(context, builder, signature, arguments):
+        lengths = [
+            context.get_constant(INDEX, size.literal_value) if _is_constant(size) else value
+            for size, value in zip(signature.args, arguments, strict=True)
+        ]
+        double, item = ir.DoubleType(), context.get_constant(INDEX, 8)
+        if all(map(_is_constant, signature.args)):
+            count = WORD(math.prod(length.constant for length in lengths))
+            data = cgutils.alloca_once(builder, double, size=count)
+        else:
+            data = builder.alloca(double, functools.reduce(builder.mul, lengths))
+        data.align = ALIGNMENT
+        strides = [builder.mul(item, length) for length in lengths[1:]] + [item]
+        array = context.make_array(kind)(context, builder)
+        context.populate_array(
+            array, data=data, shape=lengths, strides=strides, itemsize=item, meminfo=None
+        )
+        return array._getvalue()
+
+    return kind(*shape), generate
+
+
+def _is_constant(size) -> bool:
+    """Return whether a type of an argument is that of a constant."""
+    return isinstance(size, types.Literal)
+
+
+@intrinsic(prefer_literal=True)
+def local_vector(typingctx, size):
+    """Make an array of doubles on the stack, until its function returns; it holds anything.
+
+    Of a constant size it is a variable like any other, which LLVM may keep in registers. Made at
+    the top of a function, not in a loop: each call takes new memory.
+    """
+    del typingctx
+    return _local(size)
+
+
+@intrinsic(prefer_literal=True)
+def local_matrix(typingctx, rows, columns):
+    """Make a matrix as `local_vector` makes a vector."""
+    del typingctx
+    return _local(rows, columns)
 
 
 @instruction(LANES_TYPE, SPREAD)

@@ -16,7 +16,7 @@ from hpcsweep.solvers.arguments import (
     tangent_column,
 )
 from hpcsweep.solvers.flow.observe.gathered import gathered, reset
-from hpcsweep.solvers.flow.orbit import batch, chain
+from hpcsweep.solvers.flow.orbit import batch, chain, contract
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import (
     ANY_MEASURE,
@@ -310,19 +310,17 @@ class FlowMap:
         march = self._kernels.advance_chain, self._packed, self._units, self._polling
         return chain.images(*march, states, amplitude, tangents, poll)
 
-    def take_round(self, rows, inverse, matrices, units, rules, poll=None):
+    def take_round(self, rows, inverse, matrices, scale, unit, rules, poll=None):
         """Take a round of Newton's method for the points of an orbit, see `orbit.contract`.
 
-        `units` are those of the amplitude and of the points. Return the largest component of the
-        last move that was made and of the next one, and the forcing periods integrated.
+        `scale` is the unit of the amplitude, `unit` that of the points. Return the largest
+        component of the last move that was made and of the next one, and the forcing periods
+        integrated.
         """
-        units = units[0] / self._units.amplitude_unit, units[1] / self.structure.length_unit
-        size = self._units.size
-        columns, z = np.empty((size, matrices.shape[1])), np.empty(size)
-        pivots = np.empty(len(inverse), np.int64)
+        scale, unit = scale / self._units.amplitude_unit, unit / self.structure.length_unit
         self._polling.begin(poll)
         outcome, *moves, n_periods = self._kernels.take_round(
-            self._packed, rows, inverse, matrices, columns, z, pivots, units, rules
+            self._packed, rows, inverse, matrices, scale, unit, contract.Rules(*rules)
         )
         self._polling.end(n_periods)
         if outcome != Outcome.COMPLETE:

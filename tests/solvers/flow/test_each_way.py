@@ -59,7 +59,7 @@ def noise(n: int, dt: float, size: float) -> tuple[np.ndarray, float]:
 
 def lanes_are_padded(own) -> None:
     """Assert that what eights of accelerations have beyond the last floor is 0."""
-    beyond = np.arange(own.bounds.size) >= len(own.rows)
+    beyond = np.arange(own.bounds.size) >= own.poly.shape[1]
     for ends in (own.start, own.end):
         assert not ends.reshape(-1, 2, LANES).swapaxes(0, 1).reshape(2, -1)[:, beyond].any()
     assert not own.bounds[beyond].any()
@@ -146,10 +146,10 @@ WAYS = {
         lambda: motion(of(LOSSY, damping=COUPLED)),
     ),
     "sliders": Way(
-        "guards.pass_guard yielding_map._march", lambda: motion(of(LOSSY, sliders=BRACES))
+        "elements.pass_guard yielding_map._march", lambda: motion(of(LOSSY, sliders=BRACES))
     ),
     "sliders in layers": Way(
-        "layers.visit_layers sliders.add_sliders_at_stages",
+        "elements.visit_layers sliders.add_sliders_at_stages",
         lambda: motion(of(STOPS, sliders=BRACES, sharpness=20.0), 9.0, 9.0),
         IN_LAYER,
     ),
@@ -177,7 +177,7 @@ WAYS = {
         ),
     ),
     "records in layers": Way(
-        "layers.visit_layers acceleration._acceleration_at",
+        "elements.visit_layers acceleration._acceleration_at",
         lambda: response(of(STOPS, sliders=BRACES, sharpness=20.0), noise(10, 0.2, 8.0)),
         IN_LAYER,
     ),
@@ -216,7 +216,7 @@ WAYS = {
         in_modes=True,
     ),
     "yielding records in modes": Way(
-        "accelerations._ends_of_polynomial guards.change",
+        "accelerations._ends_of_polynomial elements.change",
         lambda: response(of(LOSSY, sliders=BRACES, damping=COUPLED), noise(60, 0.05, 8.0)),
         in_modes=True,
     ),

@@ -28,18 +28,17 @@ def test_a_modulus_is_bounded_by_the_larger_of_both_sides():
     assert 20 < reported < 180
 
 
-def first_root(rows, h, level, bound, stack):
+def first_root(rows, h, level, bound):
     """Time at which polynomial 0 first reaches the level on the step; -1 if it does not."""
     (u0, v0), (u1, v1) = (polynomials.value_and_slope(rows, 0, h, s) for s in (0.0, h))
     curve, upwards = search.Curve(rows, 0, h), search.Level(1.0, level)
     part = search.Part(0.0, u0 - level, v0, h, u1 - level, v1)
-    bracket = search.first_passage(curve, part, upwards, bound, stack)
+    bracket = search.first_passage(curve, part, upwards, bound)
     return bracket.a if bracket.a < 0 else search.rising_root(curve, bracket, upwards)
 
 
 def test_first_passage_finds_the_first_root_and_proves_there_is_none():
     rng = np.random.default_rng(5)
-    stack = np.zeros((search.MAX_DEPTH + 2, 3))
     h, fine = 0.7, np.linspace(0, 0.7, 20001)
     found = missed = 0
     for _ in range(300):
@@ -49,7 +48,7 @@ def test_first_passage_finds_the_first_root_and_proves_there_is_none():
         bound = np.abs(fourth).sum() * (2 / h) ** 4
         values = np.polynomial.polynomial.polyval(2 * fine / h - 1, rows[0])
         level = values[0] + 10 ** rng.uniform(-6, 0.3)
-        time = first_root(rows, h, level, bound, stack)
+        time = first_root(rows, h, level, bound)
         above = np.flatnonzero(values >= level)
         if above.size:
             found += 1
@@ -80,12 +79,11 @@ def test_a_floor_said_to_leave_its_layer_stays_away():
 
 
 def test_a_touch_just_over_the_level_is_found_however_short():
-    stack = np.zeros((search.MAX_DEPTH + 2, 3))
     rows = np.zeros((1, tables.N_COEFFICIENTS))
     for over in 10.0 ** np.arange(-15, -2):
         peak = 0.2371
         rows[0, :3] = over - peak**2, 2 * peak, -1.0  # over - (sigma - peak)^2
-        time = first_root(rows, 1.0, 0.0, 1e-3, stack)
+        time = first_root(rows, 1.0, 0.0, 1e-3)
         assert time == pytest.approx(0.5 * (1 + peak - math.sqrt(over)), abs=3e-8)
         rows[0, 0] = -1e-12 - peak**2
-        assert first_root(rows, 1.0, 0.0, 1e-3, stack) == -1
+        assert first_root(rows, 1.0, 0.0, 1e-3) == -1

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import local_vector
 from hpcsweep.model.elements import LET_GO, OPEN, PUSHING
 from hpcsweep.model.kernel_contacts import DASHPOT, DRAG, LETS_GO, SPRING
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance, start
@@ -78,9 +79,10 @@ def past_stops(tau, z, amplitude, model, pairs, series):
             resting |= contact_bit(k)
     if resting != np.uint64(0):
         forcing_at(tau, amplitude, model, pairs, 0)
-        accelerations(pushing(past, z, model), z, pairs, model, series)
+        a = local_vector(series.field.shape[1])
+        accelerations(pushing(past, z, model), z, pairs, model, series, a)
         for k in range(contacts.row.shape[0]):
-            if resting & contact_bit(k) and contacts.sign[k] * series.a[contacts.row[k]] > 0.0:
+            if resting & contact_bit(k) and contacts.sign[k] * a[contacts.row[k]] > 0.0:
                 past |= contact_bit(k)
     return past
 
@@ -111,12 +113,13 @@ def rest_at_stops(tau, past, key, z, amplitude, model, pairs, series):
     if resting == np.uint64(0):
         return past, key
     forcing_at(tau, amplitude, model, pairs, 0)
-    accelerations(key & ~resting, z, pairs, model, series)
+    a = local_vector(series.field.shape[1])
+    accelerations(key & ~resting, z, pairs, model, series, a)
     for k in range(contacts.row.shape[0]):
         bit = contact_bit(k)
         if resting & bit == np.uint64(0):
             continue
-        way = contacts.sign[k] * series.a[contacts.row[k]]
+        way = contacts.sign[k] * a[contacts.row[k]]
         if way == 0.0:
             continue
         away = math.copysign(ROUNDING * max(size, abs(contacts.gap[k])), way)
@@ -127,10 +130,11 @@ def rest_at_stops(tau, past, key, z, amplitude, model, pairs, series):
 
 
 @inlined
-def accelerations(key, z, pairs, model, series):
-    """Evaluate y'' in state z for the set of a table into ``series.a``; `pairs` shake and load."""
-    start(series.x, z, pairs)
-    accelerations_of(key, model, series)
+def accelerations(key, z, pairs, model, series, out):
+    """Evaluate y'' of all rows, padded, in state z for a set; `pairs` are the forcing and loads."""
+    x = local_vector(series.field.shape[0])
+    start(x, z, pairs)
+    accelerations_of(x, key, model, series, out)
 
 
 @inlined

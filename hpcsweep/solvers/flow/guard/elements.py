@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, local_matrix, modulus, negative
 from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK, row_at_ends
 from hpcsweep.solvers.flow.guard.search import (
@@ -35,6 +35,7 @@ from hpcsweep.solvers.flow.guard.search import (
     may_reach,
     rising_root,
 )
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.step import expand, state_at, write_row
 from hpcsweep.solvers.measures import ROUNDING
@@ -197,8 +198,9 @@ def _passage(g, segment, end, modes, tables, elements, ends, step):
     size = max(abs(step.x[i]), abs(step.x[below]) if below >= 0 else 0.0)
     unit = guard[SIGN] / max(1.0, abs(offset), size)
     law = (guard[SPRING] * unit, guard[SPEED] * unit, offset * unit)
-    bound4 = write_row((i, below), law, segment, tables, step)
-    curve, level = Curve(step.combined, 0, h), Level(1.0, 0.0)
+    rows = local_matrix(1, N_COEFFICIENTS)
+    bound4 = write_row((i, below), law, segment, tables, step, rows)
+    curve, level = Curve(rows, 0, h), Level(1.0, 0.0)
     g0, slope0 = value_and_slope(curve.rows, 0, h, 0.0)
     g1, slope1 = value_and_slope(curve.rows, 0, h, end)
     y, w = ends[0, e], ends[1, e]
@@ -210,7 +212,7 @@ def _passage(g, segment, end, modes, tables, elements, ends, step):
     ):
         return -1.0
     part = Part(0.0, g0, slope0, end, g1, slope1)
-    a, ga, b, gb = first_passage(curve, part, level, bound4, step.stack)
+    a, ga, b, gb = first_passage(curve, part, level, bound4)
     if a < 0.0:
         return a
     return rising_root(curve, Bracket(a, ga, b, gb), level)

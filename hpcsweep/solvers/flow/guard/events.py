@@ -7,7 +7,7 @@ layer are those of the motion at hand.
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, load
+from hpcsweep.kernels.simd.vectors import LANES, load, local_vector
 from hpcsweep.solvers.flow.guard.search import (
     UNDECIDED,
     Bracket,
@@ -20,7 +20,6 @@ from hpcsweep.solvers.flow.guard.search import (
     reaching,
     rising_root,
 )
-from hpcsweep.solvers.flow.state.products import product, product_of_moduli
 from hpcsweep.solvers.flow.state.state import (
     accelerations,
     approach_speed,
@@ -30,6 +29,7 @@ from hpcsweep.solvers.flow.state.state import (
 )
 from hpcsweep.solvers.flow.step.forcing import forcing_at, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
+from hpcsweep.solvers.flow.step.propagators import product, product_of_moduli
 from hpcsweep.solvers.flow.step.spectral import (
     bound_contacts,
     bound_rows,
@@ -132,7 +132,7 @@ def first_event(segment, span, model, tables, step):
         start = sign * (x[place] - level), sign * x[speed_place]
         end = sign * (value - level), sign * slope
         part = Part(0.0, start[0], start[1], first.b, end[0], end[1])
-        bracket = first_passage(curve, part, edge, step.bounds[place], step.stack)
+        bracket = first_passage(curve, part, edge, step.bounds[place])
         if bracket.a == UNDECIDED:
             return UNDECIDED, bracket, near
         if bracket.a < 0.0:
@@ -151,9 +151,9 @@ def first_event(segment, span, model, tables, step):
 
 
 @kernel
-def _all_are_clear(d, strides):
+def _all_are_clear(d, starts, ends):
     """Return whether all contacts stay outside their layers, or leave them; True is proved."""
-    starts, ends, width = strides.starts, strides.ends, strides.edges.shape[1]
+    width = starts.shape[0] // 2
     for first in range(0, width, LANES):
         g0, slope0 = load(starts, first), load(starts, width + first)
         g1, slope1 = load(ends, first), load(ends, width + first)
@@ -178,30 +178,32 @@ def _stride_on(segment, steps_left, model, tables, step):
     """
     index, h, tau, end = segment.index, segment.h, segment.tau, segment.end
     modal, spectrum, strides = step.spectral, tables.spectrum, tables.strides
-    first = step.z_end.shape[0]
+    first, width = step.z_end.shape[0], strides.edges.shape[1]
+    starts, ends = local_vector(2 * width), local_vector(3 * width)
     n_steps, level = 0, 0
     if not (tau + h < end and steps_left > 0):
         return tau, n_steps
     if not continues(index, tau, modal):
         modes_of(step.x, first // 2, spectrum, modal.end)
-    look(modal.end, modal.bounds, spectrum, strides.edges, strides.ends)
-    copy_state(strides.ends[: strides.starts.shape[0]], strides.starts)
+    look(modal.end, modal.bounds, spectrum, strides.edges, ends)
+    copy_state(ends[: 2 * width], starts)
     while tau + h < end and n_steps < steps_left:
         span, taken = h * 2.0**level, 1 << level
         if level > 0 and (tau + span >= end or n_steps + taken > steps_left):
             level -= 1
             continue
         stride(level, span, step.x[first:], model, spectrum, strides, modal)
-        look(modal.start, modal.bounds, spectrum, strides.edges, strides.ends)
-        if _all_are_clear(span, strides):
-            accept(modal, step.x, first, strides)
+        look(modal.start, modal.bounds, spectrum, strides.edges, ends)
+        if _all_are_clear(span, starts, ends):
+            accept(modal, step.x, first)
+            copy_state(ends[: 2 * width], starts)
             tau, n_steps = tau + span, n_steps + taken
             level = min(level + 1, strides.steps.shape[0] - 1)
         elif level > 0:
             level -= 1
         else:
             for k in range(model.contacts.row.shape[0]):
-                step.bounds[model.contacts.row[k]] = strides.ends[2 * strides.edges.shape[1] + k]
+                step.bounds[model.contacts.row[k]] = ends[2 * width + k]
             break
     modal.chain[0], modal.chain[1] = tau, index
     return tau, n_steps
@@ -235,9 +237,9 @@ def _coast_in_modes(segment, steps_left, model, tables, step):
         tau += h
         n_steps += 1
     if n_steps > 0:
-        write_rows(modal.end if clear else modal.terms[0, 0], spectrum, modal, x)
+        write_rows(modal.end if clear else modal.terms[0, 0], spectrum, x)
     if not clear:
-        write_rows(modal.end, spectrum, modal, wide)
+        write_rows(modal.end, spectrum, wide)
         if model.elements.first.shape[0] > 0:
             bound_rows(h, spectrum, step)
     return tau, n_steps, not clear
@@ -290,13 +292,14 @@ def look_ahead(segment, steps_left, model, tables, step):
     modal, strides = step.spectral, tables.strides
     if not (segment.key == np.uint64(0) and strides.steps.shape[0] > 0):
         return 0, False
-    copy_state(step.x, step.series.x)
+    begun = local_vector(step.x.shape[0])
+    copy_state(step.x, begun)
     tau, n_steps, tried = _coast_in_modes(segment, steps_left, model, tables, step)
     if n_steps == 0:
         return 0, tried
     copy_state(step.x, strides.reached)
     copy_state(modal.terms[0, 0] if tried else modal.end, strides.modes)
-    copy_state(step.series.x, step.x)
+    copy_state(begun, step.x)
     strides.time[0] = tau
     return n_steps, False
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.solvers.flow.guard.search import HERMITE_BEND, may_exceed, may_reach
+from hpcsweep.kernels.simd.vectors import local_matrix
+from hpcsweep.solvers.flow.guard.search import HERMITE_BEND, MAX_DEPTH, may_exceed, may_reach
 from hpcsweep.solvers.flow.step.polynomials import (
     fourth_derivative,
     value_and_slope,
@@ -117,12 +118,11 @@ def _size(value, side):
 
 
 @kernel
-def search_peak(rows, h, s, bound4, side, peak, stack):
+def search_peak(rows, h, s, bound4, side, peak):
     """Update a `Peak` with the extrema of one polynomial on [0, s].
 
     A part is finished where the Hermite bound allows no more than the peak, or where the slope is
-    proved monotone, so that it has at most one extremum. Other parts are halved. `stack` is
-    workspace for right ends, as in `guard.search.first_passage`.
+    proved monotone, so that it has at most one extremum. Other parts are halved.
 
     Returns
     -------
@@ -134,8 +134,8 @@ def search_peak(rows, h, s, bound4, side, peak, stack):
     time = -1.0
     ga, da = value_and_slope(rows, 0, h, a)
     gb, db = value_and_slope(rows, 0, h, s)
+    depth, stack = 0, local_matrix(MAX_DEPTH + 2, 3)  # right ends
     stack[0, 0], stack[0, 1], stack[0, 2] = s, gb, db
-    depth = 0
     least = s * MIN_PART
     while depth >= 0:
         b, gb, db = stack[depth, 0], stack[depth, 1], stack[depth, 2]
@@ -161,7 +161,7 @@ def search_peak(rows, h, s, bound4, side, peak, stack):
 
 
 @kernel
-def raise_peak(rows, h, s, ends, bound4, side, peak, stack):
+def raise_peak(rows, h, s, ends, bound4, side, peak):
     """Update a `Peak` with the extrema of polynomial 0 of `rows` on [0, s], as `search_peak` does.
 
     The coefficients bound the fourth derivative more sharply than the state does, which makes most
@@ -201,7 +201,7 @@ def raise_peak(rows, h, s, ends, bound4, side, peak, stack):
             if v0 * bend >= 0.0:
                 break
             t -= v / bend
-    searched = search_peak(rows, h, s, bound4, side, peak, stack)
+    searched = search_peak(rows, h, s, bound4, side, peak)
     return searched if searched >= 0.0 else time
 
 

@@ -37,10 +37,10 @@ from hpcsweep.kernels.simd.vectors import (
     greatest,
     lane,
     load,
+    local_matrix,
     negative,
     shifted,
 )
-from hpcsweep.solvers.flow.state.workspace import MAX_DEPTH
 from hpcsweep.solvers.flow.step.polynomials import (
     value_and_slope,
     value_slope_bend,
@@ -59,6 +59,8 @@ TOUCH = 5e-16
 """Excess over the level (gaps) that rounding hides: a floor that rests there has not passed it."""
 SAME = 1e-17
 """Error of a displacement at a root (gaps)."""
+MAX_DEPTH = 16
+"""Cuts of a step that is searched for a contact."""
 SHORTEST = float(LANES) ** -MAX_DEPTH
 """Part of a step, after `MAX_DEPTH` cuts, on which a tangency is within rounding of the level."""
 PATIENCE = 1_000
@@ -255,7 +257,7 @@ def _first_uncleared(curve, part, level, bound4, touch):
 
 
 @kernel
-def first_passage(curve, part, level, bound4, stack):
+def first_passage(curve, part, level, bound4):
     """Find where g = sign (u - level) first reaches 0 from below in a part of a step.
 
     Parameters
@@ -267,8 +269,6 @@ def first_passage(curve, part, level, bound4, stack):
     level : Level
     bound4 : float
         Bound of |u''''| on the step.
-    stack : ndarray, shape (MAX_DEPTH + 2, 3)
-        Workspace for right ends.
 
     Returns
     -------
@@ -283,7 +283,7 @@ def first_passage(curve, part, level, bound4, stack):
         return Bracket(a, ga, a, ga)
     if where == NO_ROOT:
         return Bracket(-1.0, ga, a, ga)
-    depth = 0
+    depth, stack = 0, local_matrix(MAX_DEPTH + 2, 3)  # right ends
     parts = 0
     touch = TOUCH
     b, gb, db = part.b, part.gb, part.db

@@ -13,13 +13,21 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum
+from hpcsweep.kernels.simd.vectors import (
+    LANES,
+    combine,
+    fma,
+    load,
+    local_matrix,
+    local_vector,
+    maximum,
+)
 from hpcsweep.solvers.flow.guard.extremum import Peak, raise_peak
-from hpcsweep.solvers.flow.layer.sliders import add_sliders
+from hpcsweep.solvers.flow.layer.scheme import add_sliders
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.state import accelerations, time_of
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
-from hpcsweep.solvers.flow.step.forcing import forcing_at, total_forcing
+from hpcsweep.solvers.flow.step.forcing import forcing_at, n_pairs, total_forcing
 from hpcsweep.solvers.flow.step.polynomials import evaluate_rows, value_and_slope
 from hpcsweep.solvers.flow.step.step import expand
 
@@ -67,7 +75,7 @@ def _floor_may_be_higher(i, ground0, ground1, peak, model, work):
 def accelerations_in_layer(segment, amplitude, ground0, ground1, shared):
     """Raise the peaks of absolute accelerations over the present step."""
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
-    values, rows, h = work.step.values, work.step.combined, segment.h
+    values, rows, h = local_vector(N_COEFFICIENTS), local_matrix(1, N_COEFFICIENTS), segment.h
     time = time_of(segment.tau, model)
     for i in range(model.ground.shape[0]):
         p = shared.outputs.first + i
@@ -85,7 +93,7 @@ def accelerations_in_layer(segment, amplitude, ground0, ground1, shared):
         g1, v1 = value_and_slope(rows, 0, h, h)
         values[0] = (1.0 - NEAR_PEAK) * tally.peaks[p]
         peak, ends = Peak(values, 0, tally.times[p] - time), (g0, v0, g1, v1)
-        at = raise_peak(rows, h, h, ends, math.inf, 0, peak, work.step.stack)
+        at = raise_peak(rows, h, h, ends, math.inf, 0, peak)
         if at >= 0.0:
             size = abs(_acceleration_at(at, i, segment, amplitude, shared))
             if size > tally.peaks[p]:
@@ -95,10 +103,12 @@ def accelerations_in_layer(segment, amplitude, ground0, ground1, shared):
 @inlined
 def _acceleration_at(s, i, segment, amplitude, shared):
     """Evaluate the absolute acceleration of floor i at time s of the present step."""
-    model, stage, pairs = shared.model, shared.work.step.layer, shared.work.step.pairs
-    evaluate_rows(shared.work.step.rows, segment.h, s, stage.state)
+    model, stage, rows = shared.model, shared.work.step.layer, shared.work.step.rows
+    pairs, state = local_vector(n_pairs(model)), local_vector(rows.shape[0])
+    rates = local_vector(rows.shape[0] // 2)
+    evaluate_rows(rows, segment.h, s, state)
     forcing_at(segment.tau + s, amplitude, model, pairs, 0)
     ground = total_forcing(pairs, 0, model)
-    accelerations(ground, stage.state, model, stage.rates)
-    add_sliders(stage.state, model.elements, stage, stage.rates)
-    return stage.rates[i] + model.ground[i] * ground
+    accelerations(ground, state, model, rates)
+    add_sliders(state, model.elements, stage, rates)
+    return rates[i] + model.ground[i] * ground

@@ -27,6 +27,7 @@ import numpy as np
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point
+from hpcsweep.kernels.simd.vectors import local_vector
 from hpcsweep.model.elements import ENDS
 from hpcsweep.solvers.flow.guard.contacts import set_contacts
 from hpcsweep.solvers.flow.guard.elements import (
@@ -38,7 +39,7 @@ from hpcsweep.solvers.flow.guard.elements import (
 )
 from hpcsweep.solvers.flow.guard.search import UNDECIDED
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step, observe_layer_step
-from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
+from hpcsweep.solvers.flow.layer.scheme import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import (
     INTERVAL,
     Interval,
@@ -55,7 +56,7 @@ from hpcsweep.solvers.flow.state.shared import (
     read_shared,
 )
 from hpcsweep.solvers.flow.state.state import accelerations, copy_state, is_ordinary, start, time_of
-from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, total_forcing
+from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, n_pairs, total_forcing
 from hpcsweep.solvers.flow.step.step import begin_layer_step, layer_segment
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
@@ -102,8 +103,8 @@ class Taken(NamedTuple):
 
 
 @inlined
-def _step(interval, fine, z, amplitude, shared):
-    """Take a step; return it as `Taken`."""
+def _step(interval, fine, z, amplitude, shared, pairs):
+    """Take a step; return it as `Taken`, the forcing at its end in `pairs`."""
     model, tables, work = shared.model, shared.tables, shared.work
     elements, modes, proof, step = model.elements, shared.modes, work.proof, work.step
     tau, end, left = interval
@@ -114,7 +115,6 @@ def _step(interval, fine, z, amplitude, shared):
         steps += used
         if outcome != COMPLETE:
             return Taken(-1, h, 0.0, fine, outcome, steps)
-        pairs = step.pairs
         forcing_after(h, tau + h, amplitude, work.forcing, 0, model, pairs)
         ground = total_forcing(pairs, 0, model)
         _accelerate(ground, step.z_end, model, step.layer, step.a_end)
@@ -161,7 +161,7 @@ def visit_layers(packed, interval, z, amplitude, wanted):
         Steps tried.
     """
     shared = read_shared(packed)
-    z = as_long_as(z, shared.previous)
+    z = as_long_as(z, shared.work.step.z_end)
     tau, end, steps_left = interval
     model, tables, modes, work = shared.model, shared.tables, shared.modes, shared.work
     step, proof, elements, pairs = work.step, work.proof, model.elements, work.forcing
@@ -171,12 +171,12 @@ def visit_layers(packed, interval, z, amplitude, wanted):
     forcing_at(tau, amplitude, model, pairs, 0)
     ground = total_forcing(pairs, 0, model)
     _accelerate(ground, z, model, step.layer, step.a)
-    steps, fine = 0, Fine(0.0, tau)
+    steps, fine, after = 0, Fine(0.0, tau), local_vector(n_pairs(model))
     while True:
         if steps >= steps_left:
             return tau, STEP_LIMIT, steps
         part = Interval(tau, end, steps_left - steps)
-        place, h, span, fine, outcome, used = _step(part, fine, z, amplitude, shared)
+        place, h, span, fine, outcome, used = _step(part, fine, z, amplitude, shared, after)
         steps += used
         if place == UNDECIDED:
             return tau, SOLVER_FAILED, steps
@@ -185,7 +185,7 @@ def visit_layers(packed, interval, z, amplitude, wanted):
         segment, begun, before = layer_segment(tau, h), tau, ground
         if span > 0.0:
             tau = end if h >= end - tau else tau + h
-            copy_state(step.pairs, pairs)
+            copy_state(after, pairs)
             ground = total_forcing(pairs, 0, model)
             if wanted != NO_TALLY:
                 observe_layer_step(segment, z, wanted, shared)

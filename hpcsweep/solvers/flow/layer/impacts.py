@@ -91,7 +91,7 @@ def _follow(k, segment, shared):
         part = Part(since, inward * x, inward * v, h, inward * x1, inward * v1)
         bracket = Bracket(-1.0, 0.0, h, 0.0)
         if change < MAX_CHANGES and since < h:
-            bracket = first_passage(curve, part, level, bound4, work.step.stack)
+            bracket = first_passage(curve, part, level, bound4)
         until = rising_root(curve, bracket, level) if bracket.a >= 0.0 else h
         if closed:
             tally.impacts[TIME, k] += until - since

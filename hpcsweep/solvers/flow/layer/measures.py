@@ -11,6 +11,8 @@ from hpcsweep.kernels.simd.vectors import (
     combine,
     fma,
     load,
+    local_matrix,
+    local_vector,
     maximum,
     modulus,
     root,
@@ -21,9 +23,13 @@ from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
 from hpcsweep.solvers.flow.guard.extremum import Peak
 from hpcsweep.solvers.flow.layer.acceleration import accelerations_in_layer, may_be_higher
 from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer, may_change
-from hpcsweep.solvers.flow.observe.drift import drift_on_segment, raise_row
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
-from hpcsweep.solvers.flow.observe.peaks import DISPLACEMENTS, displacements_on_segment
+from hpcsweep.solvers.flow.observe.peaks import (
+    DISPLACEMENTS,
+    displacements_on_segment,
+    drift_on_segment,
+    raise_row,
+)
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.shared import IMPACTS, MAXIMA, NORMS, read_shared, wants_norms
 from hpcsweep.solvers.flow.state.state import (
@@ -62,26 +68,27 @@ def observe_layer_step(segment, z0, wanted, shared):
         if touching:
             begin, end = _free_part(h, work.step.x, work.step.z_end, model.contacts)
         if end > begin:
-            time, q, whole = (end - begin) * h, work.norms.nodes, end - begin == 1.0
+            time, whole, between = (end - begin) * h, end - begin == 1.0, local_matrix(n, LANES)
             tally.free_time[0] += time
-            if not (whole and _add_norms(stage.u, time, model, tally, q, True)):
+            if not (whole and _add_norms(stage.u, time, model, tally, True)):
                 for row in range(n):
                     expand(row, segment, shared.tables, work.step)
                 for piece in range(PIECES):
                     width = 2.0 * (end - begin) / PIECES
                     sigma = fma(load(NODES, 0), width, 2.0 * begin - 1.0 + piece * width)
                     for row in range(n):
-                        store(stage.free, row * LANES, evaluate(work.step.rows[row], sigma))
-                    _add_norms(stage.free, time / PIECES, model, tally, q, False)
+                        store(between, row * LANES, evaluate(work.step.rows[row], sigma))
+                    _add_norms(between, time / PIECES, model, tally, False)
 
 
 @kernel
-def _add_norms(u, time, model, tally, q, whole):
+def _add_norms(u, time, model, tally, whole):
     """Add the norms of modes with displacements u at the nodes; return whether that is done.
 
     Not if one changes its sign on a step, `whole`; of a part of one they are added anyway.
     """
     n, modes, transform = model.stiffness.shape[0], tally.modal.shape[0], model.modal_transform
+    q = local_vector(modes * LANES)
     for j in range(modes):
         combine(q, j * LANES, ZERO, 0, 1.0, u, 0, N_STAGES, transform, j * n, modes)
         values = load(q, j * LANES)
@@ -100,7 +107,7 @@ def _add_norms(u, time, model, tally, q, whole):
 def _note_contacts(segment, shared):
     """Update the contact set by the present step; return whether one is closed at an end."""
     model, work, tally = shared.model, shared.work, shared.tally
-    contacts, highest, touching = model.contacts, work.step.layer.highest, False
+    contacts, highest, touching = model.contacts, local_vector(1), False
     for k in range(contacts.row.shape[0]):
         bit = contact_bit(k)
         if (

@@ -29,12 +29,34 @@ The error of the velocity is the error of the Gauss rule along the collocation p
 is measured by a rule of 17 points, exact to degree 16, which adds to the Gauss nodes the nodes of
 Kronrod (Laurie, Math. Comp. 66 (1997) 1133) with the start of the step in place of the first. The
 same difference with the weight 2 s - 1 detects residuals whose mean vanishes.
+
+Sliders in the equations of a step inside a layer, where the set of those that slip is constant.
+
+Of a slider j the matrices of a model have the spring, k_j b_j b_j^T, as if it stuck. In any mode
+its force is -k_j (y - q) while it sticks and k_j q while it slips (`hpcsweep.model.elements`), so
+that, M^-1 b_j over b_j . M^-1 b_j being r_j and s_j what its elongation feels of k_j,
+
+    u'' = G(tau, u, u') + sum_j s_j (q_j + m_j y_j) r_j,        y_j = b_j . u,
+
+G that of the contacts and m_j = 1 where it slips, else 0. q_j is constant between changes: p while
+it sticks, -+delta while it slips. So the equation is as smooth as without sliders, its linear part
+is that of the set, and no error of a step comes from them.
 """
 
 import math
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, greatest, load, maximum, modulus, store, total
+from hpcsweep.kernels.simd.vectors import (
+    LANES,
+    fma,
+    greatest,
+    load,
+    local_matrix,
+    maximum,
+    modulus,
+    store,
+    total,
+)
 from hpcsweep.model.contact import (
     FAR,
     MAX_STIFFNESS,
@@ -44,7 +66,6 @@ from hpcsweep.model.contact import (
     contact_stiffness,
     less_contact_forces,
 )
-from hpcsweep.solvers.flow.layer.sliders import add_sliders_at_stages
 from hpcsweep.solvers.flow.rules.tableau import (
     ADDED_SLOPE,
     CHECK_ADDED,
@@ -113,40 +134,6 @@ def _less_products(force, i, matrix, bandwidth, values):
     return force
 
 
-@inlined
-def less_linear_of_four(i, u, v, model, out):
-    """Subtract like `less_linear` from the rows i to i + 3 of `out`.
-
-    Each sum waits for its terms one by one; four sums wait together.
-    """
-    row = i * N_STAGES
-    forces = (
-        load(out, row),
-        load(out, row + N_STAGES),
-        load(out, row + 2 * N_STAGES),
-        load(out, row + 3 * N_STAGES),
-    )
-    forces = _less_products_of_four(forces, i, model.stiffness, model.bandwidth, u)
-    forces = _less_products_of_four(forces, i, model.damping, model.damping_bandwidth, v)
-    store(out, row, forces[0])
-    store(out, row + N_STAGES, forces[1])
-    store(out, row + 2 * N_STAGES, forces[2])
-    store(out, row + 3 * N_STAGES, forces[3])
-
-
-@inlined
-def _less_products_of_four(forces, i, matrix, bandwidth, values):
-    """Subtract the products of the rows i to i + 3 of a matrix with values from four Lanes."""
-    first, second, third, fourth = forces
-    for k in range(max(i - bandwidth, 0), min(i + bandwidth + 4, values.shape[0])):
-        x = load(values, k * N_STAGES)
-        first = fma(-matrix[i, k], x, first)
-        second = fma(-matrix[i + 1, k], x, second)
-        third = fma(-matrix[i + 2, k], x, third)
-        fourth = fma(-matrix[i + 3, k], x, fourth)
-    return first, second, third, fourth
-
-
 MAX_ITERATIONS = 40
 UNCHECKED = 1e-9
 """Relative error below which the iteration is checked."""
@@ -158,17 +145,8 @@ CONVERGED = 2e-15
 def _stage_accelerations(stage, model, out):
     """Evaluate G at all stages of a `LayerWorkspace` into `out`, shape (R, N_STAGES)."""
     contacts, u, v, ground, active = model.contacts, stage.u, stage.v, stage.ground, stage.active
-    n = u.shape[0]
-    in_fours = n - n % 4
-    for i in range(in_fours):
-        store(out, i * N_STAGES, load(ground, 0) * model.forcing[i])
-    for i in range(0, in_fours, 4):
-        less_linear_of_four(i, u, v, model, out)
-    for i in range(n):
-        if i < in_fours:
-            force = load(out, i * N_STAGES)
-        else:
-            force = less_linear(load(ground, 0) * model.forcing[i], i, u, v, model)
+    for i in range(u.shape[0]):
+        force = less_linear(load(ground, 0) * model.forcing[i], i, u, v, model)
         k = contacts.solo[i]
         if k >= 0 and active[k] > 0:
             x = distances(k, u, contacts)
@@ -330,8 +308,9 @@ def collocate(step, z, a, amplitude, pairs, stiffness, model, work):
         Whether the iteration converged.
     """
     tau, h = step.tau, step.h
-    u, v, g, fresh, free, speeds = work.u, work.v, work.g, work.fresh, work.free, work.speeds
-    n = a.shape[0]
+    u, v, g, n = work.u, work.v, work.g, a.shape[0]
+    fresh = local_matrix(n, N_STAGES)
+    free, speeds = local_matrix(n, N_STAGES), local_matrix(n, N_STAGES)
     _forcing_at_stages(tau, h, amplitude, pairs, model, work.ground)
     _find_active(h, z, a, model, work.active)
     nodes = load(NODES, 0)
@@ -414,3 +393,42 @@ def quadrature_error(h, z, model, work):
         worst = max(worst, max(abs(mean), abs(slope)) * contacts.gain[k])
         work.missed[k] = h * abs(mean)
     return h * worst
+
+
+@inlined
+def write_sliders(modes, elements, stage):
+    """Write s_j q_j and s_j m_j of the present modes into the workspace of a layer."""
+    n_sliders = elements.stiffness.shape[0]
+    first = modes.mode.shape[0] - n_sliders
+    for j in range(n_sliders):
+        mode, stiff = modes.mode[first + j], elements.stiffness[j]
+        share = elements.load[mode, 0] + elements.load[mode, 1] * modes.state[first + j]
+        stage.pushed[j] = stiff * share
+        stage.taken[j] = stiff if elements.sets[mode, 1] else 0.0
+
+
+@kernel
+def add_sliders(z, elements, stage, out):
+    """Add the accelerations by the sliders in a state z to `out`, shape (R,)."""
+    first = elements.rows.shape[0] - elements.stiffness.shape[0]
+    for j in range(elements.stiffness.shape[0]):
+        i, below = elements.rows[first + j]
+        y = z[i] - z[below] if below >= 0 else z[i]
+        force = fma(stage.taken[j], y, stage.pushed[j])
+        for row in range(out.shape[0]):
+            out[row] += force * elements.kick[j, row]
+
+
+@kernel
+def add_sliders_at_stages(elements, stage, out):
+    """Add the accelerations by the sliders at all stages to `out`, shape (R, N_STAGES)."""
+    first = elements.rows.shape[0] - elements.stiffness.shape[0]
+    for j in range(elements.stiffness.shape[0]):
+        i, below = elements.rows[first + j]
+        y = load(stage.u, i * N_STAGES)
+        if below >= 0:
+            y = y - load(stage.u, below * N_STAGES)
+        force = y * stage.taken[j] + stage.pushed[j]
+        for row in range(out.shape[0]):
+            at = row * N_STAGES
+            store(out, at, fma(force, elements.kick[j, row], load(out, at)))

@@ -3,7 +3,7 @@
 import math
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.simd.vectors import fma, load, maximum, store
+from hpcsweep.kernels.simd.vectors import fma, load, local_matrix, maximum, store
 from hpcsweep.model.contact import (
     contact_stiffnesses,
 )
@@ -39,10 +39,9 @@ def layer_tangent(h, model, work, tangent):
         As left by `scheme.collocate`; overwritten.
     tangent : ndarray, shape (2R, m)
     """
-    u, v, g, fresh, spring = work.u, work.v, work.g, work.fresh, work.spring
-    free, speeds = work.free, work.speeds
-    n = u.shape[0]
-    contacts = model.contacts
+    u, v, g, n, contacts = work.u, work.v, work.g, work.u.shape[0], model.contacts
+    fresh, spring = local_matrix(n, N_STAGES), local_matrix(contacts.row.shape[0], N_STAGES)
+    free, speeds = local_matrix(n, N_STAGES), local_matrix(n, N_STAGES)
     hardest = 0.0
     for k in range(contacts.row.shape[0]):
         beta = contacts.beta[k]

@@ -40,7 +40,7 @@ from hpcsweep.solvers.flow.layer.scheme import (
     stiffness_up_to,
 )
 from hpcsweep.solvers.flow.layer.variations import layer_tangent
-from hpcsweep.solvers.flow.layer.volterra.output import write_part
+from hpcsweep.solvers.flow.layer.volterra.equation import write_part
 from hpcsweep.solvers.flow.layer.volterra.step import (
     CONTACTS,
     GOING,
@@ -63,6 +63,7 @@ from hpcsweep.solvers.flow.state.state import (
     is_ordinary,
 )
 from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, total_forcing
+from hpcsweep.solvers.flow.step.spectral import write_rows
 from hpcsweep.solvers.flow.step.step import layer_segment
 from hpcsweep.solvers.outcome import COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
 
@@ -222,7 +223,7 @@ def _begin_part(part, n_parts, tau, h, z, amplitude, wanted, shared):
     if part < n_parts - 1:
         finish(h, z, stage.g, work.step.z_end)
     else:
-        copy_state(own.end, work.step.z_end)
+        write_rows(own.modes, spectrum, work.step.z_end)
     if wanted & IMPACTS:
         quadrature_error(h, z, model, stage)
 
@@ -251,8 +252,8 @@ def visit_layer(packed, interval, z, amplitude, wanted, tangent):
         Steps taken.
     """
     shared = read_shared(packed)
-    z = as_long_as(z, shared.previous)
-    tangent = as_long_as(tangent, shared.previous)
+    z = as_long_as(z, shared.work.step.z_end)
+    tangent = as_long_as(tangent, shared.work.step.z_end)
     tau, end, steps_left = interval
     model, work = shared.model, shared.work
     pairs = work.forcing

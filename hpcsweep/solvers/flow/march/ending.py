@@ -22,8 +22,6 @@ from hpcsweep.solvers.flow.guard.search import (
 )
 from hpcsweep.solvers.flow.layer.passage.passage import (
     EXTRAPOLATION,
-    FAST,
-    INTEGRATED,
     first_at_stop,
     pass_layer,
     time_at_stop,
@@ -71,24 +69,23 @@ def end_at_event(segment, event, promised, z, amplitude, packed, shared):
             near = ~np.uint64(0)
             expand_contacts(segment, near, model, shared.tables, work.step)
         contact, at_stop = first_at_stop(contact, at_stop, near, segment.key, rows, h, contacts)
-    how = INTEGRATED
-    jerk = 0.0
+    passed, jerk = False, 0.0
     if bracket.a <= at_stop <= EXTRAPOLATION * h and tau + at_stop < segment.end:
         state_at(segment, at_stop, shared.tables, work.step, z)
         copy_state(z, work.step.z_end)
         forcing_after(
             at_stop, tau + at_stop, amplitude, work.step.x, z.shape[0], model, work.forcing
         )
-        how, jerk, promised = pass_layer(
+        passed, jerk, promised = pass_layer(
             contact, segment, tau + at_stop, z, promised, amplitude, packed
         )
-    if how != INTEGRATED:
-        return Ending(at_stop, contact, how, False, False, jerk, promised)
+    if passed:
+        return Ending(at_stop, contact, True, False, False, jerk, promised)
     span = rising_root(curve, bracket, edge)
     beyond = at_stop > EXTRAPOLATION * h and span > SHORTEST * h
     rounded = model.rho == math.inf and at_stop < bracket.a
     state_at(segment, span, shared.tables, work.step, work.step.z_end)
-    return Ending(span, contact, INTEGRATED, beyond, rounded, jerk, promised)
+    return Ending(span, contact, False, beyond, rounded, jerk, promised)
 
 
 @inlined
@@ -100,7 +97,7 @@ def passing_contacts(segment, ending, z, model):
     order of 10 that is 1e-23 |w|.
     """
     contacts, contact = model.contacts, ending.contact
-    if contact < 0 or ending.beyond or not (ending.how == FAST or ending.rounded):
+    if contact < 0 or ending.beyond or not (ending.passed or ending.rounded):
         return np.uint64(0)
     passing = contact_bit(contact)
     if model.rho != math.inf:

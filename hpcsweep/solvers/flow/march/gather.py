@@ -16,22 +16,20 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES
+from hpcsweep.kernels.simd.vectors import LANES, local_vector
 from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
 from hpcsweep.solvers.flow.guard.elements import drifts_stay
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
-from hpcsweep.solvers.flow.layer.passage.impacts import passage_at_end
-from hpcsweep.solvers.flow.layer.passage.passage import FAST, INTEGRATED, Arrival
+from hpcsweep.solvers.flow.layer.passage.passage import Arrival, passage_at_end
 from hpcsweep.solvers.flow.layer.passage.tangent import passage_tangent
 from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
-from hpcsweep.solvers.flow.observe.drift import drift_on_segment
 from hpcsweep.solvers.flow.observe.energies import energies_on_segment
 from hpcsweep.solvers.flow.observe.impacts import (
     impacts_on_segment,
     record_passing,
 )
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
-from hpcsweep.solvers.flow.observe.peaks import peaks_on_segment
+from hpcsweep.solvers.flow.observe.peaks import drift_on_segment, peaks_on_segment
 from hpcsweep.solvers.flow.state.shared import ENERGY, IMPACTS, NO_TALLY, PEAKS, wants_norms
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, distance
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
@@ -50,7 +48,7 @@ STEPS = 10_000
 def accelerations_at_end(segment, ending, z, amplitude, packed, shared):
     """Raise the peaks of absolute accelerations over the passage at the end of a segment."""
     model, step = shared.model, shared.work.step
-    closed_form = ending.how != INTEGRATED and model.rho < math.inf
+    closed_form = ending.passed and model.rho < math.inf
     if closed_form and _may_exceed(segment, ending, model, shared.outputs, shared.tally, step.rows):
         _integrate_again(segment, ending, amplitude, packed, shared)
         copy_state(z, step.z_end)
@@ -91,8 +89,7 @@ def _may_exceed(segment, ending, model, outputs, tally, rows):
 def _integrate_again(segment, ending, amplitude, packed, shared):
     """Integrate a passage through its layer, on a copy of the state, and observe it."""
     model, work, k = shared.model, shared.work, ending.contact
-    size = work.step.z_end.shape[0]
-    z, pairs = work.moved[:size], work.moved[size:]
+    z, pairs = local_vector(work.step.z_end.shape[0]), local_vector(work.forcing.shape[0])
     time, _ = _time_in_layer(segment, ending, model, work.step.rows)
     copy_state(work.forcing, pairs)
     s = ending.span
@@ -112,7 +109,7 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
         )
         if outcome != COMPLETE:
             break
-    copy_state(pairs[: work.forcing.shape[0]], work.forcing)
+    copy_state(pairs, work.forcing)
 
 
 @inlined
@@ -121,15 +118,14 @@ def segment_tangent(segment, ending, shared, tangent):
     if tangent is None or tangent.shape[1] == 0:
         return
     model, work = shared.model, shared.work
-    tables, modal, scratch = shared.tables, work.step.spectral, work.tangent
-    step_tangent(segment, ending.span, 1, tangent, model, tables, modal, scratch)
+    step_tangent(segment, ending.span, 1, tangent, model, shared.tables, work.step.spectral)
     contact = ending.contact
-    if ending.how == FAST:
+    if ending.passed:
         z = work.step.z_end
         z[model.contacts.row[contact]] = model.contacts.sign[contact] * model.contacts.gap[contact]
         after, tau = segment.key ^ contact_bit(contact), segment.tau + ending.span
         arrival = Arrival(contact, after, tau, work.forcing)
-        passage_tangent(arrival, z, work.step.a, ending.jerk, model, scratch, tangent)
+        passage_tangent(arrival, z, work.step.a, ending.jerk, model, tangent)
 
 
 @inlined
@@ -169,7 +165,7 @@ def gather(segment, past, span, whole, amplitude, wanted, elements, measures, sh
         if elements is not None and wanted & ENERGY:
             energies_on_segment(segment, span, tables, tally, step)
     if wants_norms(wanted) and past == np.uint64(0):
-        modal_norm_on_segment(segment, span, model, tables, tally, work.norms, step)
+        modal_norm_on_segment(segment, span, model, tables, tally, step)
 
 
 @inlined
@@ -189,7 +185,7 @@ def gather_passing(
     if wanted & IMPACTS:
         if model.layer == 0.0:
             record_passing(passing, before, model, tally, work.step.z_end)
-        elif elements is None and ending.how != INTEGRATED:
+        elif elements is None and ending.passed:
             passage_at_end(segment, ending, model, tally, work.step)
     if elements is None and wanted & ACCELERATION:
         accelerations_at_end(segment, ending, z, amplitude, packed, shared)

@@ -11,23 +11,45 @@ other modes (`elements`). A motion with a contact within its layer is that of `l
 What a motion is, is told in compiling: with `elements` None all contacts are elastic and there are
 no sliders and limits; `tangent` None is a record, whose steps are taken one by one; with `measures`
 None peaks and impacts are left out, a third of the compiled code.
+
+The sets of a motion where a stretch of it begins: contacts past their stops, and the table's.
+
+Those past their stops tell what ends the motion; those that push, and sliders that slip, make it
+linear and are the key of its table. They are the same where all contacts are elastic. A smooth
+contact within its layer is past its stop and does not push: a motion with such a one is `layer`'s.
 """
 
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
 from hpcsweep.model.elements import ENDS
-from hpcsweep.solvers.flow.guard.contacts import change_tangent
-from hpcsweep.solvers.flow.guard.elements import change, first_change, sets_of, write_loads
-from hpcsweep.solvers.flow.guard.events import first_event, go_on, look_ahead, take_step
+from hpcsweep.solvers.flow.guard.contacts import (
+    change_tangent,
+    past_stops,
+    pushing,
+    rest_at_stops,
+    set_contacts,
+)
+from hpcsweep.solvers.flow.guard.elements import (
+    change,
+    first_change,
+    sets_of,
+    write_loads,
+    write_windows,
+)
+from hpcsweep.solvers.flow.guard.events import (
+    contact_key,
+    first_event,
+    go_on,
+    look_ahead,
+    take_step,
+)
 from hpcsweep.solvers.flow.guard.search import UNDECIDED
 from hpcsweep.solvers.flow.layer.elements import visit_layers
-from hpcsweep.solvers.flow.layer.passage.passage import INTEGRATED
 from hpcsweep.solvers.flow.layer.passage.tangent import coast_on
-from hpcsweep.solvers.flow.layer.visit import Interval, visit_layer
+from hpcsweep.solvers.flow.layer.visit import Interval, inside_layer, visit_layer
 from hpcsweep.solvers.flow.march.ending import end_at_event, passing_contacts
 from hpcsweep.solvers.flow.march.gather import gather, gather_passing, segment_tangent
-from hpcsweep.solvers.flow.march.sets import ANY, begin, begin_at, is_within, settle
 from hpcsweep.solvers.flow.state.shared import (
     LAYER_STEPS,
     LINEAR_STEPS,
@@ -46,6 +68,58 @@ from hpcsweep.solvers.flow.state.state import (
 from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, turn_forcing
 from hpcsweep.solvers.flow.step.step import is_series, series_step, step_of, table_of
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
+
+ANY = ~np.uint64(0)
+"""In place of the contacts past their stops: some are within their layers."""
+
+
+@inlined
+def is_within(past, key, model):
+    """Return whether a smooth contact is within its layer, by the sets of a motion."""
+    return model.layer > 0.0 and past & ~key != np.uint64(0)
+
+
+@inlined
+def begin(tau, z, amplitude, elements, shared):
+    """Begin a stretch in a state; return the contacts past their stops, and the set of the table.
+
+    Sliders go on as they are. `elements` is that of `march`.
+    """
+    model, work, modes = shared.model, shared.work, shared.modes
+    pairs, step, proof = work.forcing, work.step, work.proof
+    if elements is None:
+        past = key = np.uint64(0)
+        if inside_layer(z, model):
+            past = ANY
+        else:
+            past = key = contact_key(tau, z, amplitude, model, pairs, step.a)
+    else:
+        write_loads(modes, model.elements, pairs)
+        past = past_stops(tau, z, amplitude, model, pairs, step.series)
+        key = pushing(past, z, model)
+        set_contacts(past, key, modes, model.contacts)
+        past, key = sets_of(modes, model.elements)
+        past, key = settle(tau, past, key, z, amplitude, model, modes, pairs, step.series, proof)
+    begin_at(tau, z, amplitude, model, pairs, step.x)
+    return past, key
+
+
+@inlined
+def begin_at(tau, z, amplitude, model, pairs, x):
+    """Write the augmented state at tau into x."""
+    forcing_at(tau, amplitude, model, pairs, 0)
+    start(x, z, pairs)
+
+
+@inlined
+def settle(tau, past, key, z, amplitude, model, modes, pairs, series, proof):
+    """Let contacts that rest at their stops go; return the sets, and write the windows, of all."""
+    if model.layer == 0.0 and model.contacts.row.shape[0] > 0:
+        past, key = rest_at_stops(tau, past, key, z, amplitude, model, pairs, series)
+    set_contacts(past, key, modes, model.contacts)
+    write_windows(modes, model.elements, proof)
+    return past, key
+
 
 UNKNOWN = np.uint64(0), np.uint64(0), True
 """In place of the sets with which an interval begins: they follow from the state."""
@@ -103,17 +177,17 @@ def _ending(segment, span, ahead, promised, z, amplitude, elements, packed, shar
     model, tables, work = shared.model, shared.tables, shared.work
     if elements is None:
         if ahead > 0:
-            return Ending(span, -1, INTEGRATED, False, False, 0.0, promised)
+            return Ending(span, -1, False, False, False, 0.0, promised)
         event = first_event(segment, span, model, tables, work.step)
         if event[0] >= 0:
             return end_at_event(segment, event, promised, z, amplitude, packed, shared)
-        return Ending(span, event[0], INTEGRATED, False, False, 0.0, promised)
+        return Ending(span, event[0], False, False, False, 0.0, promised)
     guard, span = first_change(
         segment, span, shared.modes, tables, model.elements, work.proof, work.step
     )
     if guard >= 0 and span >= segment.end - segment.tau:
         guard = -1  # what changes at the end does so at the start of what follows
-    return Ending(span, guard, INTEGRATED, False, False, 0.0, promised)
+    return Ending(span, guard, False, False, False, 0.0, promised)
 
 
 @inlined
@@ -132,7 +206,7 @@ def _pass_guard(segment, ending, past, z, amplitude, elements, tangent, shared):
     """
     model, work, modes, key = shared.model, shared.work, shared.modes, segment.key
     if elements is None:
-        shared.counts[PASSAGES] += ending.how != INTEGRATED
+        shared.counts[PASSAGES] += ending.passed
         passing = passing_contacts(segment, ending, z, model)
         if ending.beyond or passing != np.uint64(0):
             return past ^ passing, key ^ passing, False, passing, COMPLETE
@@ -238,7 +312,7 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
             return SOLVER_FAILED, UNKNOWN
         promised = ending.promised
         segment_tangent(segment, ending, shared, tangent)
-        if ending.how != INTEGRATED:
+        if ending.passed:
             copy_state(z, work.step.z_end)
         if not is_ordinary(work.step.z_end):
             return NON_FINITE, UNKNOWN

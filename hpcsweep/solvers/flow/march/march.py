@@ -3,10 +3,11 @@
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
+from hpcsweep.kernels.simd.vectors import local_vector
 from hpcsweep.model.kernel_model import DRIFT
 from hpcsweep.solvers.flow.guard.contacts import by_elements
 from hpcsweep.solvers.flow.march.interval import UNKNOWN, march_interval
-from hpcsweep.solvers.flow.observe.drift import largest_of_storeys
+from hpcsweep.solvers.flow.observe.peaks import largest_of_storeys
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import begin_period, copy_state, end_period
 from hpcsweep.solvers.outcome import COMPLETE
@@ -59,16 +60,16 @@ def march(shared, z, amplitude, n_periods, points, wanted, tangent, growth):
 def _march(packed, z, amplitude, n_periods, points, wanted, tangent, growth, elements, measures):
     """Advance z; arguments of `march`, and those of `interval.march_interval`."""
     shared = read_shared(packed)
-    z = as_long_as(z, shared.previous)
-    tangent = as_long_as(tangent, shared.previous)
-    length, sets = shared.model.period, UNKNOWN
+    z = as_long_as(z, shared.work.step.z_end)
+    tangent = as_long_as(tangent, shared.work.step.z_end)
+    length, sets, previous = shared.model.period, UNKNOWN, local_vector(z.shape[0])
     for period in range(n_periods):
-        begin_period(z, tangent, shared.model, shared.previous)
+        begin_period(z, tangent, shared.model, previous)
         outcome, _ = march_interval(
             packed, shared, length, sets, z, amplitude, wanted, elements, tangent, measures
         )
         if outcome != COMPLETE:
-            copy_state(shared.previous, z)
+            copy_state(previous, z)
             return period, outcome
         end_period(period, z, points, tangent, growth)
     if measures is not None and wanted & DRIFT:

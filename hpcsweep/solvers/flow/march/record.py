@@ -18,6 +18,7 @@ from hpcsweep.kernels.compile.entry_points import (
     entry_point,
     type_of,
 )
+from hpcsweep.kernels.simd.vectors import local_vector
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
 from hpcsweep.solvers.flow.guard.contacts import accelerations as field_accelerations
@@ -25,7 +26,7 @@ from hpcsweep.solvers.flow.guard.contacts import by_elements, pushing
 from hpcsweep.solvers.flow.guard.elements import sets_of, write_loads
 from hpcsweep.solvers.flow.guard.events import contact_key
 from hpcsweep.solvers.flow.guard.extremum import row_at_ends
-from hpcsweep.solvers.flow.layer.sliders import add_sliders, write_sliders
+from hpcsweep.solvers.flow.layer.scheme import add_sliders, write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.march.interval import UNKNOWN, march_interval
 from hpcsweep.solvers.flow.state.shared import (
@@ -78,7 +79,7 @@ def march_record(shared, z, samples, amplitude, intervals, wanted, points):
     outcome : int
     """
     common = read_shared(shared)
-    z = as_long_as(z, common.previous)
+    z = as_long_as(z, common.work.step.z_end)
     if by_elements(common.model):
         return _march(shared, common, z, samples, amplitude, intervals, wanted, points, True)
     return _march(shared, common, z, samples, amplitude, intervals, wanted, points, None)
@@ -135,7 +136,8 @@ def _sample_peaks(j, z, amplitude, shared):
     outputs, tally, m = shared.outputs, shared.tally, np.uint64(model.contacts.row.shape[0])
     forcing_at(model.period, amplitude, model, work.forcing, 0)
     ground, within = total_forcing(work.forcing, 0, model), inside_layer(z, model)
-    key, a = np.uint64(0), work.step.a
+    padded = local_vector(work.step.series.field.shape[1])
+    key, a = np.uint64(0), padded[: model.stiffness.shape[0]]
     if within:
         accelerations(ground, z, model, a)
         write_sliders(modes, model.elements, work.step.layer)
@@ -145,8 +147,7 @@ def _sample_peaks(j, z, amplitude, shared):
         _, sliding = sets_of(modes, model.elements)
         key = pushing(key, z, model) | sliding >> m << m
         write_loads(modes, model.elements, work.forcing)
-        field_accelerations(key, z, work.forcing, model, work.step.series)
-        copy_state(work.step.series.a[: a.shape[0]], a)
+        field_accelerations(key, z, work.forcing, model, work.step.series, padded)
     for p in range(tally.peaks.shape[0]):
         i, below, side, flag = model.watched[p]
         k = p - outputs.first_contact

@@ -14,13 +14,14 @@ from hpcsweep.kernels.simd.vectors import (
     combine,
     fma,
     load,
+    local_matrix,
+    local_vector,
     modulus,
     negative,
     root,
     store,
     total,
 )
-from hpcsweep.solvers.flow.state.products import product
 from hpcsweep.solvers.flow.state.tables import (
     MODAL_NODES,
     MODAL_WEIGHTS,
@@ -28,6 +29,7 @@ from hpcsweep.solvers.flow.state.tables import (
     N_MODAL,
     ZERO,
 )
+from hpcsweep.solvers.flow.step.propagators import product
 from hpcsweep.solvers.flow.step.step import expand_modal
 
 MODAL_TOLERANCE = 1e-5
@@ -94,20 +96,22 @@ LOCAL, BEFORE, HALF = _between_places()
 
 
 @inlined
-def modal_norm_on_segment(segment, s, model, tables, tally, norms, step):
+def modal_norm_on_segment(segment, s, model, tables, tally, step):
     """Add the modal norms over the first `s` of a free step."""
     n, h = tally.modal.shape[0], segment.h
     tally.free_time[0] += s
     if n == 1:
         tally.modal[0] += s
         return
+    nodes = local_vector(tables.modal.shape[2])
     # there is a table of free flight; with sliders that slip it is not
     if s == h and segment.key == np.uint64(0) and tables.modal.shape[1] > 0:
-        product(tables.modal, 0, step.x, norms.nodes)
-        if _add_interval(s, False, n, tally, norms):
+        product(tables.modal, 0, step.x, nodes)
+        if _add_interval(s, False, n, tally, nodes):
             return
-    expand_modal(segment, model, tables, step, norms.rows)
-    powers, rows, nodes, count = norms.powers, norms.rows, norms.nodes, N_COEFFICIENTS
+    count = N_COEFFICIENTS
+    rows, powers = local_matrix(n, count), local_matrix(count, N_MODAL)
+    expand_modal(segment, model, tables, step, rows)
     # halves, the left one first, until each is resolved
     left = 0.0
     length = 0.5 * s if s == h else s
@@ -126,7 +130,7 @@ def modal_norm_on_segment(segment, s, model, tables, tally, norms, step):
             for node in range(0, N_MODAL, LANES):
                 at = j * N_MODAL + node
                 combine(nodes, at, ZERO, 0, 1.0, powers, node, N_MODAL, rows, j * count, count)
-        if _add_interval(length, length <= least, n, tally, norms):
+        if _add_interval(length, length <= least, n, tally, nodes):
             left = s if length >= s - left else left + length
             length *= 2.0
         else:
@@ -134,8 +138,8 @@ def modal_norm_on_segment(segment, s, model, tables, tally, norms, step):
 
 
 @kernel
-def _add_interval(length, accept, n, tally, norms):
-    """Integrate |q_j| / ||q|| over an interval from its nodes, if they resolve it.
+def _add_interval(length, accept, n, tally, f):
+    """Integrate |q_j| / ||q|| over an interval from q at its nodes, f, if they resolve it.
 
     f_j = q_j / ||q|| is interpolated by Legendre polynomials at the nodes; it is resolved if their
     last two coefficients are below `MODAL_TOLERANCE`. |f_j| is then integrated between the sign
@@ -146,7 +150,7 @@ def _add_interval(length, accept, n, tally, norms):
     bool
         Whether it was added; always if `accept`.
     """
-    f, summary = norms.nodes, norms.summary
+    summary, parts = local_vector(LANES), local_vector(n)
     for node in range(0, N_MODAL, LANES):
         square = load(f, node) * load(f, node) + TINY
         for at in range(N_MODAL + node, n * N_MODAL, N_MODAL):
@@ -163,31 +167,31 @@ def _add_interval(length, accept, n, tally, norms):
             mean = 0.0
             for node in range(0, N_MODAL, LANES):
                 mean += total(load(MODAL_WEIGHTS, node) * modulus(load(f, start + node)))
-            norms.parts[j] = 0.5 * mean
+            parts[j] = 0.5 * mean
             continue
         signs = np.int64(summary[LEFT] < 0.0) | np.int64(summary[RIGHT] < 0.0) << (N_MODAL + 1)
         for node in range(0, N_MODAL, LANES):
             signs |= negative(load(f, start + node)) << (node + 1)
         changes = (signs ^ (signs >> 1)) & ALL_CHANGES
         if changes == 0:
-            norms.parts[j] = abs(summary[MEAN])
+            parts[j] = abs(summary[MEAN])
         else:
-            whole = _integral_of_modulus(f, start, changes, summary, norms.series)
-            norms.parts[j] = 0.5 * whole
+            whole = _integral_of_modulus(f, start, changes, summary)
+            parts[j] = 0.5 * whole
     for j in range(n):
-        tally.modal[j] += length * norms.parts[j]
+        tally.modal[j] += length * parts[j]
     return True
 
 
 @kernel
-def _integral_of_modulus(f, start, changes, summary, c):
+def _integral_of_modulus(f, start, changes, summary):
     """Integrate the modulus of the interpolant over [-1, 1]; f[start:] are its node values.
 
     It is that of the interpolant between its zeros. There is one beside `PLACES`[k] where bit k of
     `changes` is set; with F the antiderivative F(u) - f(u)^2 / (2 f'(u)) is its value at a zero
-    near u, up to the cube of the distance. `c` is workspace.
+    near u, up to the cube of the distance.
     """
-    whole, done = 0.0, 0.0
+    whole, done, c = 0.0, 0.0, local_vector(LANES)
     place = 0
     while changes != 0:
         if changes & 1 != 0:

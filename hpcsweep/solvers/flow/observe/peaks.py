@@ -7,10 +7,12 @@ peak is first raised to what is reached at the ends, and then looked for only wh
 bound of `search` allows more.
 """
 
+import math
+
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, negative
+from hpcsweep.kernels.simd.vectors import LANES, fma, load, local_matrix, modulus, negative
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
 from hpcsweep.solvers.flow.guard.extremum import (
@@ -22,11 +24,11 @@ from hpcsweep.solvers.flow.guard.extremum import (
     row_may_be_higher,
 )
 from hpcsweep.solvers.flow.guard.search import HERMITE_MIDDLE
-from hpcsweep.solvers.flow.observe.drift import raise_row
 from hpcsweep.solvers.flow.state.state import contact_bit, time_of
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.flow.step.accelerations import ends_of_accelerations, expand_acceleration
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
-from hpcsweep.solvers.flow.step.step import bound_all_rows, write_row
+from hpcsweep.solvers.flow.step.step import bound_all_rows, bound_of_row, expand, write_row
 
 DISPLACEMENT_KINDS = 3
 DISPLACEMENTS = DRIFT | FLOOR | CONTACT
@@ -97,18 +99,18 @@ def displacements_on_segment(segment, span, wanted, only_look, model, tables, ou
 @kernel
 def _raise_force(k, w, segment, span, model, tables, tally, step):
     """Raise the peak w of the force, over its unit, of a contact with a dashpot that pushes."""
-    rows, h, time = step.combined, segment.h, time_of(segment.tau, model)
+    rows, h, time = local_matrix(1, N_COEFFICIENTS), segment.h, time_of(segment.tau, model)
     edges, row = model.contacts.edges[k], model.contacts.row[k]
     spring, dashpot = edges[SPRING], edges[DASHPOT]
     law = (edges[0] * spring, edges[0] * dashpot, spring * model.contacts.gap[k])
-    bound4 = write_row((row, -1), law, segment, tables, step)
+    bound4 = write_row((row, -1), law, segment, tables, step, rows)
     g0, v0 = value_and_slope(rows, 0, h, 0.0)
     g1, v1 = value_and_slope(rows, 0, h, span)
     ends = (g0, v0, g1, v1)
     peak = Peak(tally.peaks, w, tally.times[w] - time)
     at = raise_to_ends(ends, 1, span, peak)
     if row_may_be_higher(tally.peaks[w], 1, span, ends, bound4):
-        higher = raise_peak(rows, h, span, ends, bound4, 1, peak, step.stack)
+        higher = raise_peak(rows, h, span, ends, bound4, 1, peak)
         at = higher if higher >= 0.0 else at
     if at >= 0.0:
         tally.times[w] = time + at
@@ -152,9 +154,61 @@ def _raise_acceleration(p, segment, span, model, tables, outputs, tally, step):
     peak = Peak(peaks, w, tally.times[w] - time)
     reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
-        rows = outputs.rows[p : p + 1]
-        expand_acceleration(p, segment, model, tables, outputs, step)
-        higher = raise_peak(rows, segment.h, span, ends, bound4, 0, peak, step.stack)
+        rows = local_matrix(1, N_COEFFICIENTS)
+        expand_acceleration(p, segment, model, tables, outputs, step, rows[0])
+        higher = raise_peak(rows, segment.h, span, ends, bound4, 0, peak)
         reached = higher if higher >= 0.0 else reached
     if reached >= 0.0:
         tally.times[w] = time + reached
+
+
+@inlined
+def drift_on_segment(segment, span, model, tables, tally, step):
+    """Update the largest drift over the first `span` of the present step."""
+    bound_all_rows(segment, tables, step)
+    for d in range(model.drift_rows.shape[0]):
+        i, below = model.drift_rows[d]
+        peak = Peak(tally.peak_drift, 0, -math.inf)
+        raise_row((i, below, 0, 0.0), peak, segment, span, tables, step)
+
+
+@inlined
+def raise_row(row, peak, segment, span, tables, step):
+    """Raise a `Peak` to that of a row, as of `row_at_ends`, over the first `span` of a step.
+
+    Returns
+    -------
+    float
+        Time of the peak in the step, -1 if it has not been raised.
+    """
+    side = row[2]
+    ends, bound4 = row_at_ends(row, step.x, step.z_end, step.bounds)
+    at = raise_to_ends(ends, side, span, peak)
+    if row_may_be_higher(peak.values[peak.place], side, span, ends, bound4):
+        rows, bound4 = local_matrix(1, N_COEFFICIENTS), bound_of_row(segment, bound4)
+        expand_difference(row, segment, tables, step, rows)
+        higher = raise_peak(rows, segment.h, span, ends, bound4, side, peak)
+        at = higher if higher >= 0.0 else at
+    return at
+
+
+@inlined
+def largest_of_storeys(model, tally):
+    """Raise the largest drift to the peaks of the storeys, where these are gathered instead."""
+    for d in range(model.drift_rows.shape[0]):
+        tally.peak_drift[0] = max(tally.peak_drift[0], tally.peaks[d])
+
+
+@inlined
+def expand_difference(row, segment, tables, step, out):
+    """Write the polynomial of a row, as of `row_at_ends`, into polynomial 0 of `out`."""
+    i, below, side, gap = row
+    sign = -1.0 if side < 0 else 1.0
+    expand(i, segment, tables, step)
+    if below >= 0:
+        expand(below, segment, tables, step)
+    for p in range(N_COEFFICIENTS):
+        out[0, p] = sign * step.rows[i, p]
+        if below >= 0:
+            out[0, p] -= sign * step.rows[below, p]
+    out[0, 0] -= gap

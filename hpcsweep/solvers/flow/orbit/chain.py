@@ -42,7 +42,7 @@ def advance_chain(shared, states, amplitude, tangent, matrices):
     common = read_shared(shared)
     size = states.shape[1]
     for k in range(states.shape[0]):
-        z = as_long_as(states[k], common.previous)
+        z = as_long_as(states[k], common.work.step.z_end)
         if matrices.shape[0] == 0:
             _, outcome = advance(shared, common, z, amplitude, 1, common.no_tangent)
         else:

@@ -6,38 +6,46 @@ floors, and a point of a branch takes six.
 """
 
 import math
+from typing import NamedTuple
 
-import numpy as np
-
-from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.entry_points import (
     BYTES,
     FLOAT,
     INT,
     MATRIX,
-    VECTOR,
     entry_point,
     type_of,
 )
+from hpcsweep.kernels.simd.vectors import local_matrix, local_vector
 from hpcsweep.solvers.flow.march.march import advance
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.flow.step.algebra import invert
 from hpcsweep.solvers.outcome import COMPLETE
 
-PLACES = type_of(np.zeros(0, np.int64))
-RULES = type_of((0, 0.0, 0.0, 0.0, 0.0))
-"""Most moves; the factor by which they must fall; the move that is enough; the one before; the
-share of the amplitude over which its slope is a difference."""
+
+class Rules(NamedTuple):
+    """When moves end."""
+
+    most: int
+    """Most of them."""
+    falls: float
+    """Factor by which they must fall."""
+    enough: float
+    """The move that is enough."""
+    least: float
+    """The one before."""
+    share: float
+    """Of the amplitude, over which its slope is a difference."""
 
 
 @entry_point(
-    *((INT, FLOAT, FLOAT, INT), BYTES, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, PLACES),
-    *(type_of((0.0, 0.0)), RULES),
+    *((INT, FLOAT, FLOAT, INT), BYTES, MATRIX, MATRIX, MATRIX, FLOAT, FLOAT),
+    type_of(Rules(0, 0.0, 0.0, 0.0, 0.0)),
     specialises=True,
 )
-def take_round(shared, rows, inverse, matrices, columns, z, pivots, units, rules):
+def take_round(shared, rows, inverse, matrices, scale, unit, rules):
     """Move y by a Jacobian that is kept while moves fall, then find the Jacobian there.
 
     Parameters
@@ -51,12 +59,9 @@ def take_round(shared, rows, inverse, matrices, columns, z, pivots, units, rules
         Of a bordered Jacobian, then of the one at y.
     matrices : ndarray, shape (p N, N) or (0, N)
         Receives the tangent maps at y; if empty, only the moves are made.
-    columns, z, pivots : ndarray, shapes (2R, N), (2R,) and (S,)
-        Workspace.
-    units : (float, float)
-        Of the amplitude and of the points in y, over those of the kernels.
-    rules : tuple
-        See `RULES`.
+    scale, unit : float
+        Units of the amplitude and of the points in y, over those of the kernels.
+    rules : Rules
 
     Returns
     -------
@@ -68,14 +73,15 @@ def take_round(shared, rows, inverse, matrices, columns, z, pivots, units, rules
     n_done : int
         Forcing periods integrated.
     """
-    (scale, unit), (most, falls, enough, least, share) = units, rules
+    most, falls, enough, least, share = rules
     y, misses, ahead = rows[0], rows[3], rows[5]
     common = read_shared(shared)
     end, size = y.shape[0] - 1, matrices.shape[1]
     n_done, largest = 0, math.inf
+    columns = local_matrix(common.work.step.z_end.shape[0], size)
     for _ in range(most):
         n_done += end // size
-        outcome = _advance(shared, y, y[end] * scale, unit, z, misses, common.no_tangent, matrices)
+        outcome = _advance(shared, y, y[end] * scale, unit, misses, common.no_tangent, matrices)
         if outcome != COMPLETE:
             return outcome, least, largest, n_done
         largest = _find_move(rows, inverse, size)
@@ -92,9 +98,9 @@ def take_round(shared, rows, inverse, matrices, columns, z, pivots, units, rules
     value = y[end] * scale
     high = value + share * (abs(value) if value != 0.0 else 1.0)
     n_done += 2 * (end // size)
-    outcome = _advance(shared, y, value, unit, z, misses, columns, matrices)
+    outcome = _advance(shared, y, value, unit, misses, columns, matrices)
     if outcome == COMPLETE:
-        outcome = _advance(shared, y, high, unit, z, ahead, common.no_tangent, matrices)
+        outcome = _advance(shared, y, high, unit, ahead, common.no_tangent, matrices)
     if outcome != COMPLETE:
         return outcome, least, largest, n_done
     inverse[:] = 0.0
@@ -104,15 +110,15 @@ def take_round(shared, rows, inverse, matrices, columns, z, pivots, units, rules
             inverse[row, row // size * size + k] += matrices[row, k]
         inverse[row, end] = (ahead[row] - misses[row]) / (high - value) * scale
     copy_state(rows[2], inverse[end])
-    regular = invert(inverse, pivots)
+    regular = invert(inverse)
     return COMPLETE, least, _find_move(rows, inverse, size) if regular else math.inf, n_done
 
 
 @kernel
-def _advance(shared, y, value, unit, z, images, columns, matrices):
+def _advance(shared, y, value, unit, images, columns, matrices):
     """Write the images of the points of y at an amplitude; with `columns` the tangent maps, too."""
     common = read_shared(shared)
-    z = as_long_as(z, common.previous)
+    z = local_vector(common.work.step.z_end.shape[0])
     size, half = matrices.shape[1], z.shape[0] // 2
     n = size // 2
     for first in range(0, y.shape[0] - 1, size):

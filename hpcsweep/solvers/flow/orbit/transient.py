@@ -185,7 +185,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
     outcome : int
     """
     common = read_shared(shared)
-    z = as_long_as(z, common.previous)
+    z = as_long_as(z, common.work.step.z_end)
     kept = read_watch(watch)
     max_period, settled, same, near = closing
     rules = Closing(max_period, settled, same, near)

@@ -29,8 +29,7 @@ from hpcsweep.solvers.flow.state.tables import (
     sizes_of,
     spectrum_of,
 )
-from hpcsweep.solvers.flow.state.volterra import Volterra
-from hpcsweep.solvers.flow.state.workspace import Workspace
+from hpcsweep.solvers.flow.state.workspace import Volterra, Workspace
 from hpcsweep.solvers.measures import IMPACT_FLAG, N_IMPACTS
 
 NO_TALLY, MAXIMA, NORMS = range(3)
@@ -124,8 +123,6 @@ class Shared(NamedTuple):
     volterra: Volterra = part(Volterra)
     counts: np.ndarray = zeros(5, dtype=int)
     """Linear steps, fast passages, layer steps, layer visits and tables built so far."""
-    previous: np.ndarray = zeros("2R")
-    """Workspace for the start of a period."""
     no_points: np.ndarray = zeros(0, "2R")
     no_tangent: np.ndarray = zeros("2R", 0)
     no_growth: np.ndarray = zeros(0)

@@ -108,18 +108,7 @@ def less_linear(z, model, out):
                 pull += stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
             out[i] -= pull
         return
-    in_fours = n - n % 4
-    for i in range(0, in_fours, 4):
-        # four sums wait for their terms together, see `less_linear_of_four`
-        first, second, third, fourth = out[i], out[i + 1], out[i + 2], out[i + 3]
-        for j in range(n):
-            x, v = z[j], z[n + j]
-            first -= stiffness[i, j] * x + damping[i, j] * v
-            second -= stiffness[i + 1, j] * x + damping[i + 1, j] * v
-            third -= stiffness[i + 2, j] * x + damping[i + 2, j] * v
-            fourth -= stiffness[i + 3, j] * x + damping[i + 3, j] * v
-        out[i], out[i + 1], out[i + 2], out[i + 3] = first, second, third, fourth
-    for i in range(in_fours, n):
+    for i in range(n):
         force = out[i]
         for j in range(n):
             force -= stiffness[i, j] * z[j] + damping[i, j] * z[n + j]
@@ -200,9 +189,9 @@ class Ending(NamedTuple):
     """Its length."""
     contact: int
     """The contact at its end, or the guard of an element, -1 if there is none."""
-    how: int
-    """How it passes its stop (`passage`). Unless the passage is integrated the state after it is in
-    z, that before it in ``step.z_end``, the forcing is in ``work.forcing``."""
+    passed: bool
+    """Whether it has passed its stop in closed form (`passage`). The state after it is then in z,
+    that before it in ``step.z_end``, the forcing is in ``work.forcing``."""
     beyond: bool
     """Whether the stop is reached after this step: try again from the edge of the layer."""
     rounded: bool

@@ -95,14 +95,13 @@ def sizes_of(model: Model) -> dict[str, int]:
     """Return the lengths of the arrays of a structure, by their names in `places.zeros`.
 
     n floors and modes, F rows with accelerations, R rows of displacements, H pairs of the forcing,
-    m contacts, E elements, L loads; N of the augmented state, B of that without rows beyond n; T
-    tables; W watched rows.
+    m contacts, E elements, L loads; N of the augmented state; T tables; W watched rows.
     """
     n, rows, forcing = len(model.modal_transform), model.stiffness.shape[0], forcing_size(model)
     m, n_loads = model.contacts.row.size, model.elements.stiffness.size
     constant = forcing + n_loads
-    sizes = {"L": n_loads, "n": n, "2n": 2 * n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
-    sizes |= {"N": 2 * rows + constant + 1, "B": 2 * n + constant + 1, "2H+L": constant}
+    sizes = {"L": n_loads, "n": n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
+    sizes |= {"N": 2 * rows + constant + 1, "2H+L": constant}
     sizes |= {"T": min(2 ** (m + n_loads), MAX_TABLES), "W": len(model.watched)}
     sizes |= {"E": model.elements.first.size, "n+1": n + 1, "F": len(model.ground)}
     sizes |= {"n nodes": n * N_MODAL, "harmonics": 2 * len(model.harmonics)}
@@ -114,7 +113,7 @@ def sizes_of(model: Model) -> dict[str, int]:
     spared = spared or (model.layer > 0.0 and not apart)
     large = rows >= (LARGE if apart else LARGE_SPARED if spared else LARGE_COUPLED)
     volterra = apart and model.layer > 0.0
-    for name in ("n", "2R", "N", "B", "m"):
+    for name in ("2R", "N"):
         sizes[f"tabled {name}"] = 0 if large else sizes[name]
     modes = padded(n) if large or volterra else 0
     sizes |= {"modes": modes, "2 modes": 2 * modes}
@@ -126,7 +125,6 @@ def sizes_of(model: Model) -> dict[str, int]:
     strides = large and model.elements.first.size == 0
     sizes |= {"strides": STRIDES if strides else 0, "2+2H": 2 + forcing if strides else 0}
     sizes |= {"strided N": sizes["N"] if strides else 0}
-    sizes |= {"2 stops": 2 * sizes["stops"], "3 stops": 3 * sizes["stops"]}
     return sizes
 
 
@@ -175,10 +173,6 @@ class Strides(NamedTuple):
     edges: np.ndarray = zeros(2, "stops")
     """Of contacts in free flight: the sign of the way to the edge of the layer, and what the
     distance past it is for a row at 0; -1 beyond the last contact."""
-    starts: np.ndarray = zeros("2 stops")
-    """Distances of contacts past their edges, and their speeds, at the start of a stride ..."""
-    ends: np.ndarray = zeros("3 stops")
-    """... and at its end, with bounds of their fourth derivatives."""
     reached: np.ndarray = zeros("strided N")
     modes: np.ndarray = zeros("2 modes")
     time: np.ndarray = zeros(1)
@@ -281,14 +275,6 @@ class Tables(NamedTuple):
     """Column k bounds the fourth derivatives per |x_k|."""
     rotation: np.ndarray = zeros("T", "harmonics")
     """cos and sin of h Omega times the step, for each harmonic."""
-    work: np.ndarray = zeros(4, "tabled B", "padded B")
-    """Workspace for building a table: matrices ..."""
-    vectors: np.ndarray = zeros(3, "B")
-    """... vectors ..."""
-    energy: np.ndarray = zeros("tabled n", "n")
-    """... the stiffness of all closed contacts ..."""
-    rows: np.ndarray = zeros("2R")
-    """... and a column of all rows."""
     modal: np.ndarray = zeros(1, "tabled N", "padded n nodes")
     """The modal coordinates at the nodes `MODAL_NODES` of a step of free flight, column k per x_k,
     rows by mode, then node."""
@@ -331,9 +317,7 @@ class Outputs(NamedTuple):
     end: np.ndarray = zeros("2 padded F")
     """... and at its end."""
     bounds: np.ndarray = zeros("padded F")
-    rows: np.ndarray = zeros("F", N_COEFFICIENTS)
-    field: np.ndarray = zeros("N", "R")
-    """Polynomials on a step, and what builds a table."""
+    """Bounds of the fourth derivatives on it."""
 
 
 def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:

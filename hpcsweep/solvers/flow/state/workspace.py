@@ -7,7 +7,8 @@ import numpy as np
 from hpcsweep.kernels.compile.places import part, zeros
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, N_MODAL
+from hpcsweep.solvers.flow.rules.volterra_rule import N_NODES, N_PARTS
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 
 
 class LayerWorkspace(NamedTuple):
@@ -17,44 +18,15 @@ class LayerWorkspace(NamedTuple):
     v: np.ndarray = zeros("R", N_STAGES)
     g: np.ndarray = zeros("R", N_STAGES)
     """Displacements, velocities and accelerations at the stages."""
-    fresh: np.ndarray = zeros("R", N_STAGES)
     ground: np.ndarray = zeros(N_STAGES)
     active: np.ndarray = zeros("m", dtype=int)
     """The forcing at the stages, and 0 or 1 where the sigmoid of a contact has that value on the
     whole step, 2 where it has to be evaluated."""
-    free: np.ndarray = zeros("R", N_STAGES)
-    speeds: np.ndarray = zeros("R", N_STAGES)
-    """u_0 + c_j h v_0 and v_0: the stages without acceleration."""
     pushed: np.ndarray = zeros("L")
     taken: np.ndarray = zeros("L")
     """Of the sliders, see `layer.sliders`."""
-    spring: np.ndarray = zeros("m", N_STAGES)
-    """The stiffness of each contact."""
     missed: np.ndarray = zeros("m")
     """Estimated error of the integral of the force of each active contact over a step."""
-    highest: np.ndarray = zeros(1)
-    """Largest distance of a contact past its stop on a step, from 0."""
-    state: np.ndarray = zeros("2R")
-    rates: np.ndarray = zeros("R")
-    """A state and its accelerations."""
-
-
-MAX_DEPTH = 16
-"""Cuts of a step that is searched for a contact."""
-
-
-class TangentWorkspace(NamedTuple):
-    """Workspace of tangent maps."""
-
-    propagator: np.ndarray = zeros("2R", "padded 2R")
-    """By columns."""
-    powers: np.ndarray = zeros(N_COEFFICIENTS)
-    column: np.ndarray = zeros("padded 2R")
-    product: np.ndarray = zeros("padded 2R")
-    kicks: np.ndarray = zeros(3, "2R")
-    """Of a fast passage: two derivatives of the kick, and the kick."""
-    drift: np.ndarray = zeros("2R")
-    """M_+ k"""
 
 
 N_TERMS = 24
@@ -74,9 +46,6 @@ class SeriesWorkspace(NamedTuple):
     """Term k of all rows of y, then of y' ..."""
     count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     """... and how many there are."""
-    x: np.ndarray = zeros("N")
-    a: np.ndarray = zeros("padded R")
-    """An augmented state, and its accelerations."""
 
 
 N_CLOSED = 31
@@ -92,20 +61,14 @@ class SpectralWorkspace(NamedTuple):
     """How many there are, and 1 where the bounds of all rows are those of this step."""
     start: np.ndarray = zeros("2 modes")
     """The modes of a state, ..."""
-    wide: np.ndarray = zeros("padded R")
-    """... half of its rows, ..."""
     pairs: np.ndarray = zeros("2H")
-    """... and a term of the forcing."""
+    """... and the pairs of the forcing at the end of a stride, or a term of them."""
     end: np.ndarray = zeros("2 modes")
     """The modes at the end of the present step ..."""
     chain: np.ndarray = zeros(2)
     """... and when that is, and its table."""
-    sums: np.ndarray = zeros(N_CLOSED + 1, LANES)
-    """Terms of eight contacts, and a sum."""
     bounds: np.ndarray = zeros("modes")
     """Of the fourth derivatives of the modes."""
-    exponential: np.ndarray = zeros(4, "modes")
-    """Of free flight, see `spectral._write_exponential`."""
 
 
 class Step(NamedTuple):
@@ -118,8 +81,6 @@ class Step(NamedTuple):
     a: np.ndarray = zeros("R")
     a_end: np.ndarray = zeros("R")
     """... and accelerations there, inside a layer and at a stop."""
-    pairs: np.ndarray = zeros("2H")
-    """The forcing at its end, or within it."""
     wide: np.ndarray = zeros("padded 2R")
     """The state at its end before it is taken."""
     bounds: np.ndarray = zeros("padded R")
@@ -127,12 +88,6 @@ class Step(NamedTuple):
     rows: np.ndarray = zeros("2R", N_COEFFICIENTS)
     """Polynomials, valid where `expanded`."""
     expanded: np.ndarray = zeros("2R", dtype=bool)
-    values: np.ndarray = zeros(N_CLOSED)
-    """Of what a polynomial is made: terms, stages, samples of a row."""
-    combined: np.ndarray = zeros(1, N_COEFFICIENTS)
-    """A polynomial that is made of these ..."""
-    stack: np.ndarray = zeros(MAX_DEPTH + 2, 3)
-    """... and the parts of one that are searched."""
     series: SeriesWorkspace = part(SeriesWorkspace)
     spectral: SpectralWorkspace = part(SpectralWorkspace)
     layer: LayerWorkspace = part(LayerWorkspace)
@@ -152,22 +107,6 @@ class Proof(NamedTuple):
     """Which do so on the present step (proved)."""
 
 
-class Norms(NamedTuple):
-    """An interval of a step on which modal norms are integrated, see `observe.modal_norm`."""
-
-    rows: np.ndarray = zeros("n", N_COEFFICIENTS)
-    """Polynomials of the modal coordinates along the step."""
-    nodes: np.ndarray = zeros("padded n nodes")
-    """Modal coordinates at the nodes of the interval, by mode, then node."""
-    powers: np.ndarray = zeros(N_COEFFICIENTS, N_MODAL)
-    """Powers of these nodes."""
-    parts: np.ndarray = zeros("n")
-    """What the interval adds to each norm."""
-    series: np.ndarray = zeros(LANES)
-    summary: np.ndarray = zeros(LANES)
-    """See `modal_norm.SUMMARY`."""
-
-
 class Workspace(NamedTuple):
     """Workspace for the kernels; contents mean nothing between calls.
 
@@ -177,9 +116,48 @@ class Workspace(NamedTuple):
 
     step: Step = part(Step)
     proof: Proof = part(Proof)
-    norms: Norms = part(Norms)
-    tangent: TangentWorkspace = part(TangentWorkspace)
     forcing: np.ndarray = zeros("2H+L")
     """Pairs of the forcing, see `forcing`, and loads of sliders."""
-    moved: np.ndarray = zeros("N")
-    """A trial state, and the forcing where the motion is."""
+
+
+MOST = 8
+"""Most contacts of a step."""
+
+
+class Volterra(NamedTuple):
+    """Tables of steps by their length, `levels` of them, and workspace; `modes` are padded."""
+
+    built: np.ndarray = zeros("levels", dtype=int)
+    """Whether there are those of the end ..."""
+    steps: np.ndarray = zeros("levels", 2, "units", "modes")
+    """... q, then q', of each mode by its units ..."""
+    late: np.ndarray = zeros("levels", 2, N_NODES, "modes")
+    """... and by a force at each node; ..."""
+    has_linear: np.ndarray = zeros("levels", "m", dtype=int)
+    """... those of a distance at all nodes ..."""
+    linear: np.ndarray = zeros("levels", "m", "2 modes+2H", N_NODES)
+    """... by q, q' and the pairs; and of a part of a step: ..."""
+    has_part: np.ndarray = zeros("levels", N_PARTS, dtype=int)
+    seen: np.ndarray = zeros("levels", N_PARTS, "modal n", 2, "nodes+units", LANES)
+    """... q, then q', at its nodes by forces on the mode at the nodes of the step, then units."""
+    count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
+    """Number of responses."""
+    place: np.ndarray = zeros("levels", "m", "m", dtype=int)
+    """1 + that of the response of a contact to the force of another, 0 if there is none."""
+    responses: np.ndarray = zeros("responses", N_NODES, N_NODES)
+    """Row k: the distance at all nodes by a unit force at node k."""
+    modes: np.ndarray = zeros("2 modes+2H")
+    """Modal coordinates and speeds at the start of a step, and the pairs of the forcing ..."""
+    after: np.ndarray = zeros("2 modes+2H")
+    """... and at its end."""
+    before: np.ndarray = zeros("2 modes+2H")
+    """Those at the start of the last step."""
+    distances: np.ndarray = zeros(3, "m")
+    """Distances of all contacts past their stops, their speeds and accelerations; ..."""
+    which: np.ndarray = zeros(MOST, dtype=int)
+    """Contacts of the step ..."""
+    last: np.ndarray = zeros(3, dtype=int)
+    """... their number, the level of its length, and whether ``modes`` are those of its end."""
+    x: np.ndarray = zeros(MOST, N_NODES)
+    forces: np.ndarray = zeros(MOST, N_NODES)
+    """Distances and forces at the nodes."""

@@ -10,15 +10,23 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, store
+from hpcsweep.kernels.simd.vectors import (
+    LANES,
+    fma,
+    load,
+    local_matrix,
+    local_vector,
+    modulus,
+    store,
+)
 from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.state.products import product, product_of_moduli
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
 from hpcsweep.solvers.flow.state.workspace import N_TERMS
 from hpcsweep.solvers.flow.step.forcing import (
     forcing_after,
     forcing_rate,
+    n_pairs,
     total_forcing,
     turn_forcing,
 )
@@ -28,6 +36,7 @@ from hpcsweep.solvers.flow.step.polynomials import (
     fourth_derivative,
     value_and_slope,
 )
+from hpcsweep.solvers.flow.step.propagators import product, product_of_moduli
 from hpcsweep.solvers.flow.step.spectral import (
     bound_by_terms,
     write_accelerations,
@@ -49,19 +58,19 @@ def ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step
     if segment.kind == MODES:
         _ends_in_modes(segment, span, amplitude, model, tables, outputs, step)
     elif in_modes(tables):
-        for p in range(outputs.rows.shape[0]):
+        for p in range(model.ground.shape[0]):
             _ends_of_polynomial(p, segment, span, model, tables, outputs, step)
     else:
         _ends_in_series(segment, span, model, outputs, step)
 
 
 @inlined
-def expand_acceleration(p, segment, model, tables, outputs, step):
+def expand_acceleration(p, segment, model, tables, outputs, step, out):
     """Write the polynomial of an acceleration along the present step."""
     if segment.kind == TABLE:
-        expand_row(outputs.poly, segment.index, p, step.x, outputs.rows)
+        expand_row(outputs.poly, segment.index, p, step.x, out)
     else:
-        _write_acceleration(p, segment, model, tables, outputs.rows[p], step)
+        _write_acceleration(p, segment, model, tables, out, step)
 
 
 @inlined
@@ -73,7 +82,7 @@ def _ends_by_tables(segment, span, amplitude, model, tables, outputs, step):
         copy_state(outputs.end, outputs.start)
     else:
         product(outputs.pair, index, step.x, outputs.start)
-    x_end, pairs = step.series.x, step.pairs
+    x_end, pairs = local_vector(step.x.shape[0]), local_vector(n_pairs(model))
     copy_state(step.x, x_end)
     for row in range(size):
         x_end[row] = step.z_end[row]
@@ -108,7 +117,7 @@ def _ends_in_series(segment, span, model, outputs, step):
         store(outputs.end, 2 * p, fma(share, fma(slope, span, ground), value * rate))
         store(outputs.end, 2 * p + LANES, fma(share, slope, bend * (rate * rate)))
         store(outputs.bounds, p, bound * (rate * rate * rate * rate * rate))
-    for p in range(outputs.rows.shape[0], outputs.bounds.shape[0]):
+    for p in range(model.ground.shape[0], outputs.bounds.shape[0]):
         # behind the floors the terms go on with other rows, whose accelerations are nobody's
         at = p + p // LANES * LANES
         outputs.start[at] = outputs.start[at + LANES] = 0.0
@@ -118,9 +127,8 @@ def _ends_in_series(segment, span, model, outputs, step):
 @inlined
 def _ends_of_polynomial(p, segment, span, model, tables, outputs, step):
     """Write the same of one acceleration by its polynomial."""
-    h, at = segment.h, p + p // LANES * LANES
-    _write_acceleration(p, segment, model, tables, outputs.rows[p], step)
-    rows = outputs.rows[p : p + 1]
+    h, at, rows = segment.h, p + p // LANES * LANES, local_matrix(1, N_COEFFICIENTS)
+    _write_acceleration(p, segment, model, tables, rows[0], step)
     outputs.start[at], outputs.start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
     outputs.end[at], outputs.end[at + LANES] = value_and_slope(rows, 0, h, span)
     outputs.bounds[p] = fourth_derivative(rows, h)
@@ -130,11 +138,12 @@ def _ends_of_polynomial(p, segment, span, model, tables, outputs, step):
 def _ends_in_modes(segment, span, amplitude, model, tables, outputs, step):
     """Write the same of a step in modes; polynomials of bases alone, beside closed contacts."""
     x, spectrum, modal = step.x, tables.spectrum, step.spectral
-    h, size, count = segment.h, step.z_end.shape[0], outputs.rows.shape[0]
+    h, size, count = segment.h, step.z_end.shape[0], model.ground.shape[0]
+    pairs = local_vector(n_pairs(model))
     write_accelerations(0.0, h, count, spectrum, modal, outputs.start)
     write_accelerations(span, h, count, spectrum, modal, outputs.end)
     bound_by_terms(5, h, count, spectrum, modal, outputs.bounds)
-    forcing_after(span, segment.tau + span, amplitude, x, size, model, step.pairs)
+    forcing_after(span, segment.tau + span, amplitude, x, size, model, pairs)
     bend = 0.0
     for k in range(model.harmonics.shape[0]):
         most = abs(x[size + 2 * k]) + abs(x[size + 2 * k + 1])
@@ -143,8 +152,8 @@ def _ends_in_modes(segment, span, amplitude, model, tables, outputs, step):
         at, share = p + p // LANES * LANES, model.ground[p]
         outputs.start[at] += share * total_forcing(x, size, model)
         outputs.start[at + LANES] += share * forcing_rate(x, size, model)
-        outputs.end[at] += share * total_forcing(step.pairs, 0, model)
-        outputs.end[at + LANES] += share * forcing_rate(step.pairs, 0, model)
+        outputs.end[at] += share * total_forcing(pairs, 0, model)
+        outputs.end[at + LANES] += share * forcing_rate(pairs, 0, model)
         outputs.bounds[p] += abs(share) * bend
         if p >= model.modal_transform.shape[0] and segment.key != np.uint64(0):
             _ends_of_polynomial(p, segment, span, model, tables, outputs, step)
@@ -157,7 +166,6 @@ def _write_acceleration(p, segment, model, tables, out, step):
     expand(size // 2 + p, segment, tables, step)
     differentiate(step.rows[size // 2 + p], h, out)
     if segment.kind == MODES:
-        write_forcing(h, step.x, size, model, step.spectral.pairs, step.combined[0])
         _add_forcing(p, segment, model, tables, out, step)
     else:
         slope = 0.5 * h * forcing_rate(step.x, size, model)
@@ -172,8 +180,10 @@ def _add_forcing(p, segment, model, tables, out, step):
     The reaction of a base is without what contacts do.
     """
     n, size, contacts = model.modal_transform.shape[0], step.z_end.shape[0], model.contacts
+    forcing = local_vector(N_COEFFICIENTS)
+    write_forcing(segment.h, step.x, size, model, forcing)
     for power in range(N_COEFFICIENTS):
-        out[power] += model.ground[p] * step.combined[0, power]
+        out[power] += model.ground[p] * forcing[power]
     for k in range(contacts.row.shape[0] if p >= n else 0):
         if segment.key & contact_bit(k) == np.uint64(0):
             continue

@@ -12,6 +12,7 @@ eigenvalues are those of a matrix that differs by rounding. For the six of three
 import math
 
 from hpcsweep.kernels.compile import inlined, kernel
+from hpcsweep.kernels.simd.vectors import local_vector
 
 
 @inlined
@@ -56,7 +57,7 @@ def solve(matrix, right):
 
 
 @kernel
-def invert(matrix, pivots):
+def invert(matrix):
     """Overwrite a matrix with its inverse.
 
     Returns
@@ -65,6 +66,7 @@ def invert(matrix, pivots):
         Whether the matrix is regular.
     """
     size = matrix.shape[0]
+    pivots = local_vector(size)
     for k in range(size):
         pivot = _pivot_row(matrix, k)
         if pivot < 0:
@@ -82,7 +84,7 @@ def invert(matrix, pivots):
                 for j in range(size):
                     matrix[row, j] -= factor * matrix[k, j]
     for k in range(size - 1, -1, -1):
-        pivot = pivots[k]
+        pivot = int(pivots[k])
         for row in range(size):
             matrix[row, k], matrix[row, pivot] = matrix[row, pivot], matrix[row, k]
     return True

@@ -19,6 +19,12 @@ COSINE = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(9, -1, -1))
 
 
 @inlined
+def n_pairs(model):
+    """Return how many numbers the pairs are."""
+    return 2 * (model.harmonics.shape[0] + model.ramp.shape[0])
+
+
+@inlined
 def forcing_at(tau, amplitude, model, out, first):
     """Write A a_h sin(.) and A a_h cos(.) of each harmonic, or G and G', into out[first:]."""
     for h in range(model.harmonics.shape[0]):

@@ -7,7 +7,6 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.state.state import contact_bit
-from hpcsweep.solvers.flow.step.algebra import spectral_radius
 
 
 @kernel
@@ -77,49 +76,14 @@ def _add_elements(key, model, scale, out):
 
 
 @kernel
-def spectral_bound(key, model, contact):
+def bound_of_set(key, model):
     """Bound the moduli of the eigenvalues of M.
 
     For an eigenvector with displacements q, q* M q = 1, lambda^2 + d lambda + k = 0 with d = q* C q
     and k = q* (K + contacts) q, dashpots in C. If the roots are complex |lambda|^2 = k, if not
-    |lambda| <= d.
-    `contact`, (n, n), is workspace.
+    |lambda| <= d. Of K and C k and d are at most the largest eigenvalues, of contacts the largest
+    sum of a row of sqrt(kappa_k kappa_l) |d_k M^-1 d_l|.
     """
-    energy = model.energy
-    n = contact.shape[0]
-    for i in range(n):
-        for j in range(n):
-            contact[i, j] = energy.stiffness[i, j]
-    for k in range(energy.kappa.shape[0]):
-        if (key >> np.uint64(k)) & np.uint64(1):
-            for i in range(n):
-                for j in range(n):
-                    contact[i, j] += energy.kappa[k] * energy.reach[k, i] * energy.reach[k, j]
-    hardest = math.sqrt(spectral_radius(contact))
-    drag = energy.drag
-    if not model.contacts.is_elastic:
-        for i in range(n):
-            for j in range(n):
-                contact[i, j] = 0.0
-        for k in range(energy.kappa.shape[0]):
-            if (key >> np.uint64(k)) & np.uint64(1):
-                softness = 0.0
-                for i in range(n):
-                    softness += energy.reach[k, i] ** 2
-                c = model.contacts.edges[k, DRAG] / softness
-                for i in range(n):
-                    for j in range(n):
-                        contact[i, j] += c * energy.reach[k, i] * energy.reach[k, j]
-        drag += spectral_radius(contact)
-    fastest = model.omega
-    for h in range(model.harmonics.shape[0]):
-        fastest = max(fastest, model.harmonics[h, 0] * model.omega)
-    return max(hardest, max(drag, fastest))
-
-
-@kernel
-def bound_of_set(key, model):
-    """Bound the moduli of the eigenvalues of M like `spectral_bound`, by sums; see `spectral`."""
     kappa, reach, contacts = model.energy.kappa, model.energy.reach, model.contacts
     hardest = strongest = 0.0
     for k in range(kappa.shape[0]):

@@ -14,7 +14,7 @@ cannot be exceeded.
 """
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES
+from hpcsweep.kernels.simd.vectors import LANES, local_matrix
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.flow.step.propagators import max_fourth_derivative
 from hpcsweep.solvers.flow.step.series import write_field
@@ -32,7 +32,8 @@ def _fill(index, model, tables, outputs):
     """Fill table `index` of the accelerations."""
     key = tables.keys[index]
     outputs.key[index] = key
-    rows, n_rows = outputs.field, model.stiffness.shape[0]
+    n_rows = model.stiffness.shape[0]
+    rows = local_matrix(outputs.pair.shape[1], n_rows)
     write_field(key, model, rows)
     _write_pairs(rows, model, outputs.pair[index])
     poly, h = tables.poly[index], tables.h[index]

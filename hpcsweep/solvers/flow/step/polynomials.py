@@ -13,23 +13,12 @@ FOURTH = np.array([math.perm(p, 4) for p in range(N_COEFFICIENTS)], float)
 
 
 @kernel
-def expand_row(poly, index, row, x, rows):
-    """Write the polynomial of one component along a step from x into its row."""
+def expand_row(poly, index, row, x, out):
+    """Write the polynomial of one component along a step from x."""
     start = (index * poly.shape[1] + row) * poly.shape[2] * N_COEFFICIENTS
     for p in range(0, N_COEFFICIENTS, LANES):
-        combine(
-            rows,
-            row * N_COEFFICIENTS + p,
-            ZERO,
-            0,
-            1.0,
-            poly,
-            start + p,
-            N_COEFFICIENTS,
-            x,
-            0,
-            x.shape[0],
-        )
+        at = start + p
+        combine(out, p, ZERO, 0, 1.0, poly, at, N_COEFFICIENTS, x, 0, x.shape[0])
 
 
 @inlined

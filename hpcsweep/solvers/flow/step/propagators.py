@@ -4,6 +4,8 @@ Loops
 -----
 All loops are our own, in a workspace: calling a library for matrices of ten rows is slow, and
 products differ between libraries in the last bit.
+
+The tangent map of a linear step is exp(M s), by its polynomials, and powers of a whole step.
 """
 
 import math
@@ -14,9 +16,12 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import (
     LANES,
     combine,
+    combine_moduli,
     fma,
     greatest,
     load,
+    local_matrix,
+    local_vector,
     maximum,
     modulus,
     store,
@@ -33,7 +38,8 @@ from hpcsweep.solvers.flow.state.tables import (
     THETA_FREE,
     ZERO,
 )
-from hpcsweep.solvers.flow.step.generator import spectral_bound, write_generator
+from hpcsweep.solvers.flow.step.forcing import n_pairs
+from hpcsweep.solvers.flow.step.generator import bound_of_set, write_generator
 
 
 @kernel
@@ -87,9 +93,9 @@ def _half_step(generator, n, h, half, term, spare):
 
 
 @inlined
-def write_length(radius, key, model, tables, index):
+def write_length(key, model, tables, index):
     """Write the length of a step, by a bound of |lambda(M)|, and the rotations; return it."""
-    h = (THETA if key != np.uint64(0) else THETA_FREE) / radius
+    h = (THETA if key != np.uint64(0) else THETA_FREE) / bound_of_set(key, model)
     if model.ramp.shape[0] > 0 or h > model.period:
         h = model.period / math.ceil(model.period / h)
     tables.h[index] = h
@@ -105,19 +111,22 @@ def build_table(key, model, tables, index):
     """Fill table `index` with the propagators of contact set `key`."""
     n = model.modal_transform.shape[0]
     n_rows = model.stiffness.shape[0]
-    size = tables.vectors.shape[1]
+    loads = model.elements.stiffness.shape[0]
+    size = 2 * n + n_pairs(model) + loads + 1
+    width = size + -size % LANES
     scale = math.sqrt(model.stiffness_bound + (model.hardest if key != np.uint64(0) else 0.0))
-    generator, half, term, full = tables.work[0], tables.work[1], tables.work[2], tables.work[3]
+    generator, half = local_matrix(size, width), local_matrix(size, width)
+    term, full = local_matrix(size, width), local_matrix(size, width)
     write_generator(key, model, scale, generator)
-    h = write_length(spectral_bound(key, model, tables.energy), key, model, tables, index)
+    h = write_length(key, model, tables, index)
 
     # x in the units of the model: balance for u, times s for v, s * forcing, 1 with s = scale
-    unit = tables.vectors[0]
+    unit = local_vector(size)
     for i in range(n):
         unit[i] = model.balance[i]
         unit[n + i] = model.balance[i] * scale
     for k in range(2 * n, size):
-        unit[k] = scale if k < size - 1 - model.elements.stiffness.shape[0] else 1.0
+        unit[k] = scale if k < size - 1 - loads else 1.0
     _half_step(generator, n, h, half, term, full)
     _square(half, full)
     for k in range(size):
@@ -126,7 +135,7 @@ def build_table(key, model, tables, index):
     _square(tables.step[index, : 2 * n_rows], powers[0])
     for k in range(1, N_POWERS):
         _square(powers[k - 1], powers[k])
-    _expand(generator, h, half, full, model, tables, index)
+    _expand(generator, h, half, full, unit, model, tables.poly[index])
     poly = tables.poly[index]
     for p in range(N_COEFFICIENTS):
         for column in range(2 * n_rows):
@@ -140,12 +149,12 @@ def build_table(key, model, tables, index):
 
 
 @kernel
-def _expand(generator, h, term, spare, model, tables, index):
+def _expand(generator, h, term, spare, unit, model, poly):
     """Write exp(M s) as polynomials, from exp(M h / 2) in `term`; both matrices are overwritten."""
     n = model.modal_transform.shape[0]
     n_rows = model.stiffness.shape[0]
     size = term.shape[0]
-    unit, rows, poly = tables.vectors[0], tables.rows, tables.poly[index]
+    rows = local_vector(2 * n_rows)
     for row in range(poly.shape[0]):
         for column in range(poly.shape[1]):
             for p in range(N_COEFFICIENTS):
@@ -220,3 +229,75 @@ def max_fourth_derivative(coefficients, h):
             value = fma(value, sigma, coefficients[p] * p * (p - 1) * (p - 2) * (p - 3))
         largest = greatest(largest, modulus(value))
     return (maximum(largest) + fifth / (BOUND_SAMPLES.shape[0] - 1)) * (2.0 / h) ** 4
+
+
+@kernel
+def product(table, index, x, out):
+    """Multiply the columns ``table[index]`` by x into `out`, whose length is padded to `LANES`."""
+    rows = table.shape[2]
+    start = index * table.shape[1] * rows
+    for first in range(0, out.shape[0], LANES):
+        combine(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
+
+
+@kernel
+def product_of_moduli(table, index, x, out):
+    """Multiply like `product`, by the moduli |x|."""
+    rows = table.shape[2]
+    start = index * table.shape[1] * rows
+    for first in range(0, out.shape[0], LANES):
+        combine_moduli(out, first, ZERO, 0, 1.0, table, start + first, rows, x, 0, x.shape[0])
+
+
+@inlined
+def table_tangent(index, s, tangent, tables):
+    """Multiply `tangent` by exp(M s) of table `index`, in place.
+
+    Parameters
+    ----------
+    index : int
+    s : float
+    tangent : ndarray, shape (2R, m)
+    tables : Tables
+    """
+    size, rows = tables.columns.shape[2], tables.columns.shape[3]
+    sigma = 2.0 * s / tables.h[index] - 1.0
+    powers, propagator = local_vector(N_COEFFICIENTS), local_matrix(size, rows)
+    powers[0] = 1.0
+    powers[1] = sigma
+    for p in range(2, N_COEFFICIENTS):
+        powers[p] = powers[p - 2] * (sigma * sigma)
+    start, count, columns = index * N_COEFFICIENTS * size * rows, size * rows, tables.columns
+    for place in range(0, count, LANES):
+        at = start + place
+        combine(propagator, place, ZERO, 0, 1.0, columns, at, count, powers, 0, N_COEFFICIENTS)
+    _multiply(propagator, 0, rows, tangent)
+
+
+@inlined
+def tangent_of_steps(index, n_steps, tangent, tables):
+    """Multiply `tangent` by exp(M n h) of table `index`, in place, by the powers kept."""
+    size, rows = tables.powers.shape[2], tables.powers.shape[3]
+    if n_steps & 1:
+        _multiply(tables.step, index * tables.step.shape[1] * rows, rows, tangent)
+    left = n_steps >> 1
+    for power in range(N_POWERS):
+        times = left & 1 if power < N_POWERS - 1 else left
+        for _ in range(times):
+            _multiply(tables.powers, (index * N_POWERS + power) * size * rows, rows, tangent)
+        left >>= 1
+
+
+@inlined
+def _multiply(table, start, rows, tangent):
+    """Multiply `tangent` by the matrix with the columns table[start:], of padded `rows`."""
+    size, columns = tangent.shape
+    column, product = local_vector(size), local_vector(rows)
+    for k in range(columns):
+        for i in range(size):
+            column[i] = tangent[i, k]
+        for first in range(0, rows, LANES):
+            at = start + first
+            combine(product, first, ZERO, 0, 1.0, table, at, rows, column, 0, size)
+        for i in range(size):
+            tangent[i, k] = product[i]

@@ -22,6 +22,7 @@ from hpcsweep.kernels.simd.vectors import (
     fma,
     greatest,
     load,
+    local_vector,
     maximum,
     modulus,
     negative,
@@ -99,12 +100,12 @@ def _add_set(key, model, out):
 
 
 @kernel
-def accelerations_of(key, model, series):
-    """Evaluate y'' of the augmented state ``series.x`` for a set into ``series.a``."""
+def accelerations_of(x, key, model, series, out):
+    """Evaluate y'' of all rows, padded, in an augmented state for a set."""
     _renew(key, model, series)
-    width = series.a.shape[0]
+    width = out.shape[0]
     for i in range(0, width, LANES):
-        combine(series.a, i, ZERO, 0, 1.0, series.field, i, width, series.x, 0, series.x.shape[0])
+        combine(out, i, ZERO, 0, 1.0, series.field, i, width, x, 0, x.shape[0])
 
 
 @inlined
@@ -136,7 +137,7 @@ def expand_series(key, h, model, step):
     _write_term(2, h, step.x, series, size)
     largest = load(ZERO, 0)
     for k in range(3):
-        for i in range(0, series.a.shape[0], LANES):
+        for i in range(0, series.field.shape[1], LANES):
             largest = greatest(largest, modulus(load(terms, k * flat + start + i)))
     limit, count = NEGLIGIBLE * maximum(largest), 3
     while count < N_TERMS and not _converged(count, start, limit, series):
@@ -186,7 +187,8 @@ def sum_series(ratio, series, wide, out):
 @inlined
 def _write_term(count, h, x, series, size):
     """Write a term, behind those that there are."""
-    terms, field, flat, width = series.terms, series.field, series.terms.shape[1], series.a.shape[0]
+    terms, field, early = series.terms, series.field, local_vector(LANES)
+    flat, width = terms.shape[1], field.shape[1]
     before, rate, half = (count - 1) * flat, h / count, size // 2
     for i in range(0, width, LANES):
         store(terms, before + flat + i, load(terms, before + half + i) * rate)
@@ -196,8 +198,8 @@ def _write_term(count, h, x, series, size):
         if count == 1:
             combine(terms, at, ZERO, 0, rate, field, i, width, x, 0, x.shape[0])
         elif count == 2:
-            store(series.a, i, load(field, size * width + i) * slope)
-            combine(terms, at, series.a, i, rate, field, i, width, terms, before, size)
+            store(early, 0, load(field, size * width + i) * slope)
+            combine(terms, at, early, 0, rate, field, i, width, terms, before, size)
         else:
             combine(terms, at, ZERO, 0, rate, field, i, width, terms, before, size)
 
@@ -207,7 +209,7 @@ def _converged(count, start, limit, series):
     """Return whether the speeds of the last two terms are at most a limit, or no numbers."""
     terms, flat = series.terms, series.terms.shape[1]
     for k in range(count - 2, count):
-        for i in range(0, series.a.shape[0], LANES):
+        for i in range(0, series.field.shape[1], LANES):
             if negative(limit - modulus(load(terms, k * flat + start + i))) != 0:
                 return False
     return True

@@ -35,11 +35,22 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, modulus, store, total
+from hpcsweep.kernels.simd.vectors import (
+    LANES,
+    combine,
+    fma,
+    load,
+    local_matrix,
+    local_vector,
+    modulus,
+    store,
+    total,
+)
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
 from hpcsweep.solvers.flow.state.tables import FEW, N_COEFFICIENTS, ZERO
 from hpcsweep.solvers.flow.state.workspace import N_CLOSED
+from hpcsweep.solvers.flow.step.forcing import n_pairs
 from hpcsweep.solvers.flow.step.polynomials import FOURTH, fourth_derivative
 from hpcsweep.solvers.flow.step.series import about_start
 
@@ -93,8 +104,9 @@ def _next_forcing(rate, model, pairs):
 
 
 @kernel
-def write_forcing(h, x, first, model, pairs, out):
+def write_forcing(h, x, first, model, out):
     """Write the polynomial of G along a step of length h from the pairs in x[first:]."""
+    pairs = local_vector(n_pairs(model))
     copy_state(x[first : first + pairs.shape[0]], pairs)
     for p in range(N_COEFFICIENTS):
         out[p] = 0.0
@@ -163,9 +175,9 @@ def _add(out, o, factor, table, t, size):
 
 
 @kernel
-def write_modal_row(row, half, spectrum, modal, values, rows):
+def write_modal_row(row, half, spectrum, modal, rows):
     """Write the polynomial of a row, of `half` rows of displacements and as many of speeds."""
-    width, count = spectrum.squares.shape[0], modal.count[0]
+    width, count, values = spectrum.squares.shape[0], modal.count[0], local_vector(N_CLOSED)
     first, i = (width, row - half) if row >= half else (0, row)
     for k in range(count):
         values[k] = _dot(spectrum.shapes, i * width, modal.terms, 2 * k * width + first, width)
@@ -181,8 +193,9 @@ def _write_polynomial(row, count, values, rows):
 
 
 @kernel
-def write_modes(modal, values, rows):
+def write_modes(modal, rows):
     """Write the polynomials of the modal coordinates along the present step."""
+    values = local_vector(N_CLOSED)
     for j in range(rows.shape[0]):
         for k in range(modal.count[0]):
             values[k] = modal.terms[STATE, k, j]
@@ -247,9 +260,10 @@ def _evaluate(place, ratio, modal, out):
 
 
 @kernel
-def write_rows(modes, spectrum, modal, out):
-    """Write all rows of a state by its modal coordinates and speeds; `modal` is workspace."""
-    (n, rows), (half, width), wide = spectrum.columns.shape, spectrum.shapes.shape, modal.wide
+def write_rows(modes, spectrum, out):
+    """Write all rows of a state by its modal coordinates and speeds."""
+    (n, rows), (half, width) = spectrum.columns.shape, spectrum.shapes.shape
+    wide = local_vector(rows)
     for part in range(2):
         for p in range(0, rows, LANES):
             combine(wide, p, ZERO, 0, 1.0, spectrum.columns, p, rows, modes, part * width, n)
@@ -282,10 +296,11 @@ def bound_contacts(h, model, spectrum, step):
     if m <= FEW:
         for k in range(m):
             row, half = rows[k], step.z_end.shape[0] // 2
-            write_modal_row(row, half, spectrum, modal, step.values, step.rows)
+            write_modal_row(row, half, spectrum, modal, step.rows)
             step.bounds[row] = fourth_derivative(step.rows[row : row + 1], h)
         return
-    (n, width), sums, flat = spectrum.stops.shape, modal.sums, modal.terms.shape[2]
+    (n, width), flat = spectrum.stops.shape, modal.terms.shape[2]
+    sums = local_matrix(N_CLOSED + 1, LANES)
     for first in range(0, width, LANES):
         for k in range(count):
             at, stops = k * LANES, spectrum.stops
@@ -303,7 +318,7 @@ def bound_contacts(h, model, spectrum, step):
 def spectral_step(index, tau, end, model, tables, step):
     """Expand a step of table `index` from tau to `end`; write ``step.wide``."""
     modal_step(index, tau, end, model, tables, step)
-    write_rows(step.spectral.end, tables.spectrum, step.spectral, step.wide)
+    write_rows(step.spectral.end, tables.spectrum, step.wide)
 
 
 @kernel
@@ -326,21 +341,20 @@ def continues(index, tau, modal):
 def modal_state(s, h, spectrum, modal, out):
     """Write the state at time s of the present step, of length h."""
     _evaluate(STATE, s / h, modal, modal.start)
-    write_rows(modal.start, spectrum, modal, out)
+    write_rows(modal.start, spectrum, out)
 
 
 @kernel
-def spectral_tangent(index, s, n_steps, tangent, model, tables, modal, vector):
-    """Multiply `tangent` by exp(M s) to the power `n_steps` of table `index`, in place.
-
-    `vector`, (2R or longer,), is workspace for a column.
-    """
+def spectral_tangent(index, s, n_steps, tangent, model, tables, modal):
+    """Multiply `tangent` by exp(M s) to the power `n_steps` of table `index`, in place."""
     spectrum, half = tables.spectrum, tangent.shape[0] // 2
     key, h = tables.keys[index], tables.h[index]
     exact = key == np.uint64(0) and spectrum.damping.shape[0] == 0
+    width = spectrum.squares.shape[0]
+    vector, e = local_vector(2 * half), local_matrix(4, width)
     if exact:
-        _write_exponential(s * n_steps, spectrum, modal.exponential)
-    width, kept = spectrum.squares.shape[0], modal.count[0]
+        _write_exponential(s * n_steps, spectrum, e)
+    kept = modal.count[0]
     modal.count[0] = N_FREE if key == np.uint64(0) else N_CLOSED
     for column in range(tangent.shape[1]):
         for i in range(2 * half):
@@ -350,17 +364,16 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, modal, vector):
             for p in range(0, width, LANES):
                 first = modal.terms.shape[1] * 2 * width + p
                 q, v = load(modal.terms, first), load(modal.terms, first + width)
-                e = modal.exponential
                 store(modal.start, p, fma(load(e, p), q, load(e, width + p) * v))
                 more = load(e, 3 * width + p) * v
                 store(modal.start, width + p, fma(load(e, 2 * width + p), q, more))
-            write_rows(modal.start, spectrum, modal, vector)
+            write_rows(modal.start, spectrum, vector)
         else:
             for _ in range(n_steps):
                 modes_of(vector, half, spectrum, modal.terms[TANGENT, 0])
                 _write_terms(key, TANGENT, h, False, model, spectrum, modal, vector)
                 _evaluate(TANGENT, s / h, modal, modal.start)
-                write_rows(modal.start, spectrum, modal, vector)
+                write_rows(modal.start, spectrum, vector)
         for i in range(2 * half):
             tangent[i, column] = vector[i]
     modal.count[0] = kept
@@ -369,7 +382,7 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, modal, vector):
 @kernel
 def _write_exponential(t, spectrum, out):
     """Write exp of a time t of each mode of free flight: q of q and of q', q' of both."""
-    for j in range(spectrum.to_modes.shape[0]):
+    for j in range(out.shape[1]):
         square, half = spectrum.squares[j], -0.5 * spectrum.rates[j]
         inner = square - half * half
         angle = inner * t * t

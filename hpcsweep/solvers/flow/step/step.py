@@ -25,18 +25,31 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, INT, KEY, entry_point
-from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, maximum, modulus, store
+from hpcsweep.kernels.simd.vectors import (
+    LANES,
+    combine,
+    fma,
+    load,
+    local_vector,
+    maximum,
+    modulus,
+    store,
+)
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, STAGE_POLYNOMIALS
 from hpcsweep.solvers.flow.state.shared import TABLES, read_shared
 from hpcsweep.solvers.flow.state.state import Segment, contact_bit
 from hpcsweep.solvers.flow.state.tables import MAX_TABLES, N_COEFFICIENTS, THETA, ZERO
-from hpcsweep.solvers.flow.step.generator import bound_of_set
 from hpcsweep.solvers.flow.step.polynomials import (
     evaluate_rows,
     expand_row,
     fourth_derivative,
 )
-from hpcsweep.solvers.flow.step.propagators import build_table, write_length
+from hpcsweep.solvers.flow.step.propagators import (
+    build_table,
+    table_tangent,
+    tangent_of_steps,
+    write_length,
+)
 from hpcsweep.solvers.flow.step.series import expand_series, expand_term_row, sum_series
 from hpcsweep.solvers.flow.step.spectral import (
     bound_rows,
@@ -45,7 +58,6 @@ from hpcsweep.solvers.flow.step.spectral import (
     write_modal_row,
     write_modes,
 )
-from hpcsweep.solvers.flow.step.tangent import table_tangent, tangent_of_steps
 
 TABLE, MODES, SERIES, STAGES = range(4)
 """Kinds of steps."""
@@ -97,7 +109,7 @@ def lookup(key, packed):
         tables.count[0] = 0
     index = tables.count[0]
     if in_modes(tables):
-        write_length(bound_of_set(key, model), key, model, tables, index)
+        write_length(key, model, tables, index)
     else:
         build_table(key, model, tables, index)
     shared.counts[TABLES] += 1
@@ -165,20 +177,20 @@ def expand(row, segment, tables, step):
         step.expanded[row] = True
         if segment.kind == STAGES:
             stage = step.layer
-            _expand_stages(row, segment.h, step.x, stage.v, stage.g, step.values, step.rows)
+            _expand_stages(row, segment.h, step.x, stage.v, stage.g, step.rows)
         elif segment.kind == SERIES:
             expand_term_row(row, step.series, step.rows)
         elif in_modes(tables):
             half = step.z_end.shape[0] // 2
-            write_modal_row(row, half, tables.spectrum, step.spectral, step.values, step.rows)
+            write_modal_row(row, half, tables.spectrum, step.spectral, step.rows)
         else:
-            expand_row(tables.poly, segment.index, row, step.x, step.rows)
+            expand_row(tables.poly, segment.index, row, step.x, step.rows[row])
 
 
 @kernel
-def _expand_stages(row, h, x, v, g, data, rows):
+def _expand_stages(row, h, x, v, g, rows):
     """Write the polynomial of a row by the stages of a step; see `tableau`."""
-    n = v.shape[0]
+    n, data = v.shape[0], local_vector(2 * N_STAGES)
     i, speed = row % n, x[n + row % n]
     store(data, 0, (load(v, i * N_STAGES) - speed) * h)
     store(data, LANES, load(g, i * N_STAGES) * (h * h))
@@ -196,8 +208,8 @@ def _expand_stages(row, h, x, v, g, data, rows):
 
 
 @kernel
-def write_row(row, law, segment, tables, step):
-    """Write spring y + dashpot y' - level along the present step into ``step.combined``.
+def write_row(row, law, segment, tables, step, out):
+    """Write spring y + dashpot y' - level along the present step into polynomial 0 of `out`.
 
     Parameters
     ----------
@@ -210,7 +222,7 @@ def write_row(row, law, segment, tables, step):
     float
         Bound of its fourth derivative.
     """
-    rows, out, half = step.rows, step.combined, step.expanded.shape[0] // 2
+    rows, half = step.rows, step.expanded.shape[0] // 2
     spring, dashpot, level = law
     for p in range(N_COEFFICIENTS):
         out[0, p] = 0.0
@@ -270,7 +282,7 @@ def expand_modal(segment, model, tables, step, rows):
     """Write the polynomials of the modal coordinates along a linear step."""
     n, count = model.modal_transform.shape[0], N_COEFFICIENTS
     if segment.kind == MODES:
-        write_modes(step.spectral, step.values, rows)
+        write_modes(step.spectral, rows)
         return
     for row in range(n):
         expand(row, segment, tables, step)
@@ -282,7 +294,7 @@ def expand_modal(segment, model, tables, step, rows):
 
 
 @inlined
-def step_tangent(segment, s, n_steps, tangent, model, tables, modal, scratch):
+def step_tangent(segment, s, n_steps, tangent, model, tables, modal):
     """Multiply `tangent` by the map of `n_steps` times s of a linear step, in place.
 
     More than one are whole steps of its set, of which all but the present one have been taken.
@@ -296,14 +308,12 @@ def step_tangent(segment, s, n_steps, tangent, model, tables, modal, scratch):
     model : Model
     tables : Tables
     modal : SpectralWorkspace
-    scratch : TangentWorkspace
     """
     if tangent.shape[1] == 0 or n_steps == 0:
         return
     if in_modes(tables):
-        vector = scratch.column
-        spectral_tangent(segment.index, s, n_steps, tangent, model, tables, modal, vector)
+        spectral_tangent(segment.index, s, n_steps, tangent, model, tables, modal)
     elif s == segment.h:
-        tangent_of_steps(segment.index, n_steps, tangent, tables, scratch)
+        tangent_of_steps(segment.index, n_steps, tangent, tables)
     else:
-        table_tangent(segment.index, s, tangent, tables, scratch)
+        table_tangent(segment.index, s, tangent, tables)

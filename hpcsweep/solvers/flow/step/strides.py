@@ -195,10 +195,8 @@ def stride(level, h, pairs, model, spectrum, strides, modal):
 
 
 @inlined
-def accept(modal, pairs, first, strides):
+def accept(modal, pairs, first):
     """Make the end of a stride the state ``modal.end``, and the pairs in pairs[first:]."""
     copy_state(modal.start, modal.end)
     for i in range(modal.pairs.shape[0]):
         pairs[first + i] = modal.pairs[i]
-    width = strides.edges.shape[1]
-    copy_state(strides.ends[: 2 * width], strides.starts)

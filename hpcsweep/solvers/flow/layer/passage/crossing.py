@@ -43,7 +43,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, root, total
 from hpcsweep.model.contact import FULL_POTENTIAL
-from hpcsweep.solvers.flow.rules.gauss import recurrence, rule
+from hpcsweep.solvers.flow.rules.tableau import recurrence, rule
 
 N_NODES = LANES
 FAST = 0.9

@@ -18,6 +18,25 @@ where 2.19 is the mean of y with the weight y / (1 + exp(y)).
 Passage of a contact: choose which one is at its stop, and whether it passes in closed form
 -------------------------------------------------------------------------------------------
 The passage itself is that of `crossing`. Passages without a closed form are integrated by `layer`.
+
+The impact of a passage in closed form: its force, time and closing speed.
+
+A passage adds the effect of the layer to the impact on linear segments (`observe.impacts`). With r
+of `crossing` the true force is that of the spring less r, along the true path, while a segment has
+the motion y that is linear up to, and from, the time 0 of the passage. On the side beyond the stop
+the two differ by the effect of r after (or before) that time, g(t) = t - c t^2 / 2 + (b - beta) t^3
+/ 6 + ... being the displacement by a unit of impulse, c = d . D e and b = d . (D^2 - K) e, so that
+
+    int F dt = beta int y dt - J,    J = M_0 - beta (M_2 / 2 + c M_3 / 6 + (b - beta) M_4 / 24),
+
+M_0 = int r dt of both sides and M_k = int t^k r dt of that beyond. J is what `crossing.add_kick`
+adds along e. With m_k = int s^k r ds of the arriving side alone, s from the stop, the true motion
+is at the stop at the time d of the linear one, p, earlier on the way in, later on the way out,
+where
+
+    p(d) = m_1 + c m_2 / 2 + b m_3 / 6,    with the speed    p'(d) + m_0 + c m_1 + b m_2 / 2,
+
+with beta less in b if that side is the one beyond.
 """
 
 import math
@@ -27,26 +46,33 @@ import numpy as np
 
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, KEY, VECTOR, entry_point
+from hpcsweep.kernels.compile.entry_points import BOOL, BYTES, FLOAT, INT, KEY, VECTOR, entry_point
+from hpcsweep.kernels.simd.vectors import total
 from hpcsweep.model.contact import FULL_POTENTIAL
 from hpcsweep.solvers.flow.guard.search import LAST_STEP
 from hpcsweep.solvers.flow.layer.passage.crossing import (
     NEGLECTED,
     add_kick,
+    at_stop,
+    half_passage,
     moments,
     passage_is_fast,
+    since_linear,
+    sums,
 )
+from hpcsweep.solvers.flow.observe.impacts import record
 from hpcsweep.solvers.flow.rules import strategies
 from hpcsweep.solvers.flow.state.shared import read_shared
 from hpcsweep.solvers.flow.state.state import (
     SEGMENT,
+    accelerations,
     approach_speed,
     contact_bit,
     distance,
-    less_linear,
 )
 from hpcsweep.solvers.flow.step.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope, value_slope_bend
+from hpcsweep.solvers.measures import FORCE, TIME
 
 MEAN_WAY = 3.0
 """rho v s, at least 2.19 where the speed changes on the way."""
@@ -153,10 +179,6 @@ EXTRAPOLATION = 1.005
 """Extent, in steps, to which a polynomial is used: its error grows less than fivefold."""
 
 
-INTEGRATED, FAST = range(2)
-"""How a passage is taken: integrated, or by `crossing`."""
-
-
 @kernel
 def time_at_stop(rows, k, contacts, h, s, direction):
     """Return when a contact at the edge of its layer (time s) is at the stop; NaN if it turns.
@@ -216,29 +238,8 @@ def jerk_at_stop(arrival, z, a, model):
     return jerk
 
 
-@inlined
-def accelerations_at_stop(arrival, z, model, a):
-    """Write the accelerations without the force of the contact that is at its stop into `a`."""
-    contacts, n = model.contacts, a.shape[0]
-    pressed = arrival.key & ~contact_bit(arrival.contact)
-    ground = total_forcing(arrival.forcing, 0, model)
-    for i in range(n):
-        force = model.forcing[i] * ground
-        k = contacts.solo[i]
-        if k >= 0 and pressed & contact_bit(k):
-            force -= contacts.sign[k] * contacts.beta[k] * distance(k, z, contacts)
-        a[i] = force
-    less_linear(z, model, a)
-    for other in range(contacts.others.shape[0]):
-        k = contacts.others[other]
-        if pressed & contact_bit(k):
-            force = contacts.beta[k] * distance(k, z, contacts)
-            for p in range(contacts.first[k], contacts.first[k + 1]):
-                a[contacts.push_row[p]] -= contacts.push[p] * force
-
-
 @entry_point(
-    (INT, FLOAT, KEY), INT, SEGMENT, FLOAT, VECTOR, KEY, FLOAT, BYTES, inner=True, specialises=True
+    (BOOL, FLOAT, KEY), INT, SEGMENT, FLOAT, VECTOR, KEY, FLOAT, BYTES, inner=True, specialises=True
 )
 def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     """Take the contact at its stop, in state z, through its layer in closed form if possible.
@@ -258,16 +259,16 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
 
     Returns
     -------
-    how : int
-        `INTEGRATED`, with z unchanged, if the passage has to be integrated. ``work.step.a`` then
-        holds the accelerations at the stop without the force of the contact.
+    passed : bool
+        If not, z is unchanged: the passage has to be integrated. ``work.step.a`` holds the
+        accelerations at the stop, where the contact has no force.
     float
         Jerk of its row, likewise.
     promised : uint64
         Contacts whose next passage has to be in closed form, see `passes_apart`; updated.
     """
     shared = read_shared(packed)
-    z = as_long_as(z, shared.previous)
+    z = as_long_as(z, shared.work.step.z_end)
     model, work = shared.model, shared.work
     arrival = Arrival(contact, before.key, tau, work.forcing)
     contacts, a, rho = model.contacts, work.step.a, model.rho
@@ -275,18 +276,50 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     z[row] = sign * contacts.gap[contact]
     if rho == math.inf:
         passes = contacts.is_elastic and z[a.shape[0] + row] != 0.0
-        return FAST if passes else INTEGRATED, 0.0, promised
-    accelerations_at_stop(arrival, z, model, a)
+        return passes, 0.0, promised
+    accelerations(total_forcing(work.forcing, 0, model), z, model, a)
     jerk = jerk_at_stop(arrival, z, a, model)
     v, pushed, bend = sign * z[a.shape[0] + row], sign * a[row], sign * jerk
     fast = strategies.USED.fast and contacts.is_elastic
     if not (fast and passage_is_fast(v, pushed, bend, contact, model)):
-        return INTEGRATED, jerk, promised
+        return False, jerk, promised
     if promised & contact_bit(contact) == np.uint64(0):
         apart, more = passes_apart(arrival, z, a, amplitude, model)
         if not apart:
-            return INTEGRATED, jerk, promised
+            return False, jerk, promised
         promised |= more
     found = moments(v, pushed, bend, contacts.beta[contact], rho)
     add_kick(found, contact, arrival.key, model, z)
-    return FAST, jerk, promised & ~contact_bit(contact)
+    return True, jerk, promised & ~contact_bit(contact)
+
+
+@kernel
+def passage_at_end(segment, ending, model, tally, step):
+    """Add the passage of an elastic contact through its layer at the end of a segment.
+
+    ``step.a`` has the accelerations there without the force of the contact, ``step.z_end`` the
+    state after the passage.
+    """
+    contacts, k = model.contacts, ending.contact
+    row, sign, beta = contacts.row[k], contacts.sign[k], contacts.beta[k]
+    closing = segment.key & contact_bit(k) == np.uint64(0)
+    _, v = value_and_slope(step.rows, row, segment.h, ending.span)
+    v *= sign
+    a = sign * step.a[row]
+    inner = sign * contacts.damped[k, row]
+    bend = sign * contacts.bent[k, row] - beta
+    stop = at_stop(v, a, sign * ending.jerk, beta, model.rho)
+    free, _, _ = half_passage(-1.0, stop)
+    contact, _, _ = half_passage(1.0, stop)
+    m0, _, _, m2, _, m3, m4 = since_linear(sums(free, contact), stop)
+    m = free if closing else contact
+    arriving = bend + beta if closing else bend
+    gone = total(m[1]) + 0.5 * inner * total(m[2]) + arriving * total(m[3]) / 6.0
+    d = gone / v
+    d = gone / (v + 0.5 * a * d)
+    speed = abs(v + a * d + total(m[0]) + inner * total(m[1]) + 0.5 * arriving * total(m[2]))
+    early = abs(d)
+    kick = m0 - beta * (0.5 * m2 + inner * m3 / 6.0 + bend * m4 / 24.0)
+    tally.impacts[FORCE, k] -= kick / beta
+    tally.impacts[TIME, k] += early
+    record(k, closing, speed, step.z_end, model, tally)

@@ -26,7 +26,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
-from hpcsweep.kernels.simd.vectors import fma
+from hpcsweep.kernels.simd.vectors import fma, local_matrix, local_vector
 from hpcsweep.solvers.flow.guard.events import coast
 from hpcsweep.solvers.flow.layer.passage.crossing import (
     add_kick,
@@ -69,8 +69,7 @@ def coast_on(segment, coasts, left, tangent, shared):
     if tangent is not None and coasts:
         model, tables, work = shared.model, shared.tables, shared.work
         tau, coasted, tried = coast(segment, left - 1, model, tables, work.step)
-        modal, scratch = work.step.spectral, work.tangent
-        step_tangent(segment, segment.h, coasted, tangent, model, tables, modal, scratch)
+        step_tangent(segment, segment.h, coasted, tangent, model, tables, work.step.spectral)
         kind, key, index, h, _, end = segment
         segment = Segment(kind, key, index, h, tau, end)
         shared.counts[LINEAR_STEPS] += coasted
@@ -126,7 +125,7 @@ def _differentiated(side, stop):
 
 
 @inlined
-def passage_tangent(arrival, z, a, jerk, model, work, tangent):
+def passage_tangent(arrival, z, a, jerk, model, tangent):
     """Multiply `tangent` by the matrix S of a fast passage, in place.
 
     The kick is differentiated by v and by a; for a single column in one directional derivative.
@@ -141,7 +140,6 @@ def passage_tangent(arrival, z, a, jerk, model, work, tangent):
         Accelerations there without the force of the contact.
     jerk : float
         Their derivative in its row.
-    work : TangentWorkspace
     tangent : ndarray, shape (2R, m)
     """
     contact, key_after = arrival.contact, arrival.key
@@ -155,7 +153,7 @@ def passage_tangent(arrival, z, a, jerk, model, work, tangent):
     stop = at_stop(v, pushed_by, bend, beta, rho)
     free, inside = _differentiated(-1.0, stop), _differentiated(1.0, stop)
     found = sums(free[0], inside[0])
-    kicks, drift = work.kicks, work.drift
+    kicks, drift = local_matrix(3, 2 * n), local_vector(2 * n)
     kicks[:] = 0.0
     add_kick(since_linear(found, stop), contact, key_after, model, kicks[2])
     _drift_of_kick(key_after, kicks[2], model, drift)

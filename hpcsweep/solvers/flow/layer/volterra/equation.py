@@ -33,6 +33,12 @@ step, where f is known. A step takes some r (2 n + r k) products of 16 numbers, 
 
 The tangent map is the derivative of the same: with s_k = df_k/dx_k at the nodes, the same equations
 for forces s_k x_k, column by column, in modes.
+
+Motion along parts of a step in modes, for what is gathered, at the nodes of collocated steps.
+
+The forces of a step are polynomials, so that a mode's coordinate and speed at any time are sums of
+their values at the nodes, by tables of a length of step. A step is planned for 16 nodes, with E = 3
+(`scheme`); on its halves E is 4 or more, on its quarters as on a collocated one.
 """
 
 import math
@@ -44,6 +50,8 @@ from hpcsweep.kernels.simd.vectors import (
     fma,
     greatest,
     load,
+    local_matrix,
+    local_vector,
     maximum,
     modulus,
     store,
@@ -56,9 +64,10 @@ from hpcsweep.model.contact import (
     contact_stiffness,
     contact_stiffnesses,
 )
-from hpcsweep.solvers.flow.layer.volterra.tables import have_tables
+from hpcsweep.solvers.flow.layer.volterra.tables import have_part, have_tables
 from hpcsweep.solvers.flow.rules.volterra_rule import AT_END, AT_START, N_NODES, NODES
 from hpcsweep.solvers.flow.state.tables import ZERO
+from hpcsweep.solvers.flow.state.workspace import MOST
 
 GOES_ON, CONVERGED, FAILED = range(3)
 """What `_judged` says of an iteration."""
@@ -136,7 +145,7 @@ def _error_of_rule(h, low, high, first, last, most):
 
 
 @inlined
-def _free_motion(level, r, modes, pairs, spectrum, own):
+def _free_motion(level, r, modes, pairs, spectrum, own, out):
     """Write what the distances of the contacts would be, plus their gaps, without their forces.
 
     `pairs` is how many of ``modes`` behind the modes count.
@@ -146,13 +155,11 @@ def _free_motion(level, r, modes, pairs, spectrum, own):
         first = (level * linear.shape[1] + own.which[i]) * linear.shape[2] * N_NODES
         for b in range(0, N_NODES, LANES):
             at, start = i * N_NODES + b, first + b
-            combine(own.free, at, ZERO, 0, 1.0, linear, start, N_NODES, modes, 0, n)
+            combine(out, at, ZERO, 0, 1.0, linear, start, N_NODES, modes, 0, n)
             start += width * N_NODES
-            combine(own.free, at, own.free, at, 1.0, linear, start, N_NODES, modes, width, n)
+            combine(out, at, out, at, 1.0, linear, start, N_NODES, modes, width, n)
             start += width * N_NODES
-            combine(
-                own.free, at, own.free, at, 1.0, linear, start, N_NODES, modes, 2 * width, pairs
-            )
+            combine(out, at, out, at, 1.0, linear, start, N_NODES, modes, 2 * width, pairs)
 
 
 @inlined
@@ -185,9 +192,9 @@ def _end_of_step(level, r, modes, units, forces, spectrum, own, out):
 
 
 @inlined
-def _respond(i, level, r, forces, own):
+def _respond(i, level, r, free, forces, own):
     """Return the distance of a contact at the nodes, in two registers, by the forces."""
-    low, high = load(own.free, i * N_NODES), load(own.free, i * N_NODES + LANES)
+    low, high = load(free, i * N_NODES), load(free, i * N_NODES + LANES)
     for other in range(r):
         place = own.place[level, own.which[i], own.which[other]] - 1
         low, high = _less_responses(low, high, own.responses, place, forces[other])
@@ -203,14 +210,14 @@ def _write_forces(r, beta, rho, own):
 
 
 @kernel
-def _solve(level, r, square, beta, rho, own):
+def _solve(level, r, square, beta, rho, free, own):
     """Solve for distances and forces at the nodes; return whether the iteration converged."""
     x, previous = own.x, math.inf
     for iteration in range(MAX_ITERATIONS):
         _write_forces(r, beta, rho, own)
         change = 0.0
         for i in range(r):
-            low, high = _respond(i, level, r, own.forces, own)
+            low, high = _respond(i, level, r, free, own.forces, own)
             at = i * N_NODES
             change = max(change, _largest_of(low - load(x, at), high - load(x, at + LANES)))
             store(x, at, low)
@@ -226,9 +233,10 @@ def _solve(level, r, square, beta, rho, own):
 
 
 @kernel
-def write_distances(modes, model, spectrum, own, out):
+def write_distances(modes, model, spectrum, out):
     """Write the distances of all contacts, and their speeds, by modes; return the largest size."""
-    contacts, width, size, eight = model.contacts, spectrum.squares.shape[0], 1.0, own.eight
+    contacts, width, size = model.contacts, spectrum.squares.shape[0], 1.0
+    eight = local_matrix(2, LANES)
     stops, n, m = spectrum.stops, spectrum.stops.shape[0], contacts.row.shape[0]
     for first in range(0, stops.shape[1], LANES):
         for half in range(2):
@@ -242,9 +250,10 @@ def write_distances(modes, model, spectrum, own, out):
 
 
 @kernel
-def write_accelerations(ground, modes, model, spectrum, own):
-    """Write the accelerations of the distances ``own.distances`` where G is `ground`."""
-    contacts, width, x, bend = model.contacts, spectrum.squares.shape[0], own.distances, own.bend
+def write_accelerations(ground, modes, model, spectrum, x):
+    """Write the accelerations of the distances x where G is `ground` into x[2]."""
+    contacts, width = model.contacts, spectrum.squares.shape[0]
+    bend = local_vector(width)
     for p in range(0, width, LANES):
         force = fma(
             load(spectrum.rates, p), load(modes, width + p), load(spectrum.forcing, p) * ground
@@ -256,21 +265,23 @@ def write_accelerations(ground, modes, model, spectrum, own):
             for p in range(0, width, LANES):
                 kick = load(spectrum.kicks, k * width + p)
                 store(bend, p, fma(kick, -push, load(bend, p)))
-    stops, n, eight = spectrum.stops, spectrum.stops.shape[0], own.eight
+    stops, n, eight = spectrum.stops, spectrum.stops.shape[0], local_vector(LANES)
     for first in range(0, stops.shape[1], LANES):
         combine(eight, 0, ZERO, 0, 1.0, stops, first, stops.shape[1], bend, 0, n)
         for k in range(first, min(first + LANES, contacts.row.shape[0])):
-            x[2, k] = contacts.sign[k] * eight[0, k - first]
+            x[2, k] = contacts.sign[k] * eight[k - first]
 
 
 @kernel
-def take_step(level, h, r, stiffness, shared):
+def take_step(level, h, r, stiffness, shared, moved):
     """Take a step of that length with the r contacts of ``own.which``, to ``own.after``.
 
     Parameters
     ----------
     stiffness : float
         Largest |df/dx| expected, or the sum of all.
+    moved : ndarray, shape (2, m)
+        Receives distances and speeds of all contacts at the end.
 
     Returns
     -------
@@ -279,26 +290,27 @@ def take_step(level, h, r, stiffness, shared):
     """
     model, spectrum, own = shared.model, shared.tables.spectrum, shared.volterra
     contacts, rho, x, units = model.contacts, model.rho, own.distances, own.steps.shape[2]
+    motion = local_matrix(MOST, N_NODES)
     have_tables(level, h, r, model, spectrum, own)
-    _free_motion(level, r, own.modes, units - 2, spectrum, own)
+    _free_motion(level, r, own.modes, units - 2, spectrum, own, motion)
     for i in range(r):
         k = own.which[i]
         force = contact_force(x[0, k], contacts.beta[k], rho)
         change = contact_stiffness(x[0, k], contacts.beta[k], rho) * x[1, k] / 3.0
         for block in range(0, N_NODES, LANES):
             t, at = load(NODES, block) * h, i * N_NODES + block
-            free = load(own.free, at) - contacts.gap[k]
-            store(own.free, at, free)
+            free = load(motion, at) - contacts.gap[k]
+            store(motion, at, free)
             store(own.x, at, fma(t * t, -0.5 * fma(t, change, force), free))
-    if not _solve(level, r, h * h * stiffness, contacts.beta, rho, own):
+    if not _solve(level, r, h * h * stiffness, contacts.beta, rho, motion, own):
         return False
     _end_of_step(level, r, own.modes, units, own.forces, spectrum, own, own.after)
-    size = write_distances(own.after, model, spectrum, own, own.moved)
+    size = write_distances(own.after, model, spectrum, moved)
     worst = 0.0
     for i in range(r):
         k = own.which[i]
         first = contact_force(x[0, k], contacts.beta[k], rho)
-        last = contact_force(own.moved[0, k], contacts.beta[k], rho)
+        last = contact_force(moved[0, k], contacts.beta[k], rho)
         low, high = load(own.forces, i * N_NODES), load(own.forces, i * N_NODES + LANES)
         error = _error_of_rule(h, low, high, first, last, contacts.beta[k] / rho)
         worst = max(worst, error * contacts.gain[k])
@@ -309,23 +321,30 @@ def take_step(level, h, r, stiffness, shared):
 def step_tangent(level, r, model, spectrum, own, tangent):
     """Multiply `tangent`, of columns in modes, by the tangent map of the step taken, in place."""
     (n, width), half, contacts = spectrum.to_modes.shape, tangent.shape[0] // 2, model.contacts
-    vector, pushes, x = own.vector, own.pushes, own.varied
+    vector, free, x = (
+        local_vector(2 * width),
+        local_matrix(MOST, N_NODES),
+        local_matrix(MOST, N_NODES),
+    )
+    slopes, pushes = local_matrix(MOST, N_NODES), local_matrix(MOST, N_NODES)
+    for p in range(2 * width):
+        vector[p] = 0.0
     for i in range(r):
         for at in range(i * N_NODES, (i + 1) * N_NODES, LANES):
             stiff = contact_stiffnesses(load(own.x, at), contacts.beta[own.which[i]], model.rho)
-            store(own.slopes, at, stiff)
+            store(slopes, at, stiff)
     for column in range(tangent.shape[1]):
         for j in range(n):
             vector[j], vector[width + j] = tangent[j, column], tangent[half + j, column]
-        _free_motion(level, r, vector, 0, spectrum, own)
+        _free_motion(level, r, vector, 0, spectrum, own, free)
         for at in range(0, r * N_NODES, LANES):
-            store(x, at, load(own.free, at))
+            store(x, at, load(free, at))
         for _ in range(MAX_ITERATIONS):
             for at in range(0, r * N_NODES, LANES):
-                store(pushes, at, load(own.slopes, at) * load(x, at))
+                store(pushes, at, load(slopes, at) * load(x, at))
             change = size = 0.0
             for i in range(r):
-                low, high = _respond(i, level, r, pushes, own)
+                low, high = _respond(i, level, r, free, pushes, own)
                 at = i * N_NODES
                 change = max(change, _largest_of(low - load(x, at), high - load(x, at + LANES)))
                 size = max(size, _largest_of(low, high))
@@ -334,7 +353,37 @@ def step_tangent(level, r, model, spectrum, own, tangent):
             if not change > VARIED * size:
                 break
         for at in range(0, r * N_NODES, LANES):
-            store(pushes, at, load(own.slopes, at) * load(x, at))
+            store(pushes, at, load(slopes, at) * load(x, at))
         _end_of_step(level, r, vector, 2, pushes, spectrum, own, own.after)
         for j in range(n):
             tangent[j, column], tangent[half + j, column] = own.after[j], own.after[width + j]
+
+
+@kernel
+def write_part(part, h, level, model, spectrum, own, u, v):
+    """Write displacements and velocities of all rows at the nodes of a part of the last step.
+
+    `part` is its place in `volterra_rule.PARTS`, h and `level` are of the whole step.
+    """
+    have_part(part, level, h, model, spectrum, own)
+    modes, seen, forces = own.before, own.seen, own.forces
+    (n, width), r, count = spectrum.to_modes.shape, own.last[0], own.seen.shape[4]
+    rows, drive = count * LANES, local_vector(count)
+    motion, speeds = local_matrix(n, LANES), local_matrix(n, LANES)
+    for p in range(N_NODES + 2, count):
+        drive[p] = modes[2 * width + p - N_NODES - 2]
+    for j in range(n):
+        for block in range(0, N_NODES, LANES):
+            push = load(ZERO, 0)
+            for i in range(r):
+                kick = spectrum.kicks[own.which[i], j]
+                push = fma(load(forces, i * N_NODES + block), kick, push)
+            store(drive, block, push)
+        drive[N_NODES], drive[N_NODES + 1] = modes[j], modes[width + j]
+        first, at = ((level * seen.shape[1] + part) * n + j) * 2 * rows, j * LANES
+        combine(motion, at, ZERO, 0, 1.0, seen, first, LANES, drive, 0, count)
+        combine(speeds, at, ZERO, 0, 1.0, seen, first + rows, LANES, drive, 0, count)
+    for row in range(u.shape[0]):
+        at, shape = row * LANES, row * width
+        combine(u, at, ZERO, 0, 1.0, motion, 0, LANES, spectrum.shapes, shape, n)
+        combine(v, at, ZERO, 0, 1.0, speeds, 0, LANES, spectrum.shapes, shape, n)

@@ -17,7 +17,7 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.contact import MAX_STIFFNESS
 from hpcsweep.solvers.flow.layer.scheme import reach, stiffness_up_to
 from hpcsweep.solvers.flow.state.tables import LEVELS
-from hpcsweep.solvers.flow.state.volterra import MOST
+from hpcsweep.solvers.flow.state.workspace import MOST
 
 ELLIPSE = 3.0
 """kappa + 1 / kappa with kappa = 2.62: kappa^-32 = 4e-14."""

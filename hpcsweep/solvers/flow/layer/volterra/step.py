@@ -15,6 +15,7 @@ from hpcsweep.kernels.compile.entry_points import (
     VECTOR,
     entry_point,
 )
+from hpcsweep.kernels.simd.vectors import local_matrix, local_vector
 from hpcsweep.solvers.flow.layer.volterra.equation import (
     step_tangent,
     take_step,
@@ -43,10 +44,10 @@ def steps_in_modes(shared):
 
 
 @kernel
-def _others_stay_away(r, model, own):
+def _others_stay_away(r, moved, model, own):
     """Return whether all contacts that are not of the step are before their layers at its end."""
     for k in range(model.contacts.row.shape[0]):
-        if not own.moved[0, k] <= -model.layer:
+        if not moved[0, k] <= -model.layer:
             taken = False
             for i in range(r):
                 taken = taken or own.which[i] == k
@@ -56,34 +57,37 @@ def _others_stay_away(r, model, own):
 
 
 @kernel
-def _tangent_to_modes(spectrum, own, tangent):
+def _tangent_to_modes(spectrum, tangent):
     """Transform the columns of `tangent` to modes, in place."""
     n, half, width = spectrum.to_modes.shape[0], tangent.shape[0] // 2, spectrum.squares.shape[0]
-    state = own.between
+    state, modes = local_vector(2 * half), local_vector(2 * width)
     for column in range(tangent.shape[1]):
         for i in range(2 * half):
             state[i] = tangent[i, column]
-        modes_of(state, half, spectrum, own.after)
+        modes_of(state, half, spectrum, modes)
         for j in range(n):
-            tangent[j, column], tangent[half + j, column] = own.after[j], own.after[width + j]
+            tangent[j, column], tangent[half + j, column] = modes[j], modes[width + j]
 
 
 @kernel
-def _tangent_to_rows(spectrum, own, tangent):
+def _tangent_to_rows(spectrum, tangent):
     """Transform the columns of `tangent` back."""
     n, half, width = spectrum.to_modes.shape[0], tangent.shape[0] // 2, spectrum.squares.shape[0]
-    modes, state = own.vector, own.between
+    modes, state = local_vector(2 * width), local_vector(2 * half)
     for column in range(tangent.shape[1]):
         for j in range(n):
             modes[j], modes[width + j] = tangent[j, column], tangent[half + j, column]
-        write_rows(modes, spectrum, own, state)
+        write_rows(modes, spectrum, state)
         for i in range(2 * half):
             tangent[i, column] = state[i]
 
 
 @inlined
-def _step(left, longest, shared):
-    """Take a step from ``own.modes`` to ``own.after``; return its length, 0 if none."""
+def _step(left, longest, shared, moved):
+    """Take a step from ``own.modes`` to ``own.after``; return its length, 0 if none.
+
+    `moved`, (2, m), receives distances and speeds at its end.
+    """
     model, own = shared.model, shared.volterra
     r, h, stiffness = plan_step(longest, model, own)
     # what is left of a period is collocated, not cut into shorter and shorter steps
@@ -91,8 +95,8 @@ def _step(left, longest, shared):
         return 0.0
     level, h = level_of(min(h, left), longest)
     while level < LEVELS:
-        allowed = take_step(level, h, r, stiffness, shared)
-        if allowed and _others_stay_away(r, model, own):
+        allowed = take_step(level, h, r, stiffness, shared, moved)
+        if allowed and _others_stay_away(r, moved, model, own):
             own.last[CONTACTS], own.last[LEVEL], own.last[GOING] = r, level, 1
             return h
         level += 1
@@ -138,7 +142,7 @@ def volterra_steps(packed, tau, end, most, z, amplitude, wanted, tangent):
     amplitude : float
     wanted : int
         If not 0, only one step is taken; z and ``work.forcing`` are left, and the end is in
-        ``volterra.end`` and ``volterra.modes``.
+        ``volterra.modes``.
     tangent : ndarray, shape (2R, m)
         Multiplied by the tangent map, in place.
 
@@ -152,18 +156,21 @@ def volterra_steps(packed, tau, end, most, z, amplitude, wanted, tangent):
         Their number, 0 if none could be taken.
     """
     shared = read_shared(packed)
-    z = as_long_as(z, shared.previous)
-    tangent = as_long_as(tangent, shared.previous)
+    z = as_long_as(z, shared.work.step.z_end)
+    tangent = as_long_as(tangent, shared.work.step.z_end)
     model, spectrum, own = shared.model, shared.tables.spectrum, shared.volterra
     pairs, modes, first = shared.work.forcing, own.modes, 2 * spectrum.squares.shape[0]
     if own.last[GOING] == 0:
         modes_of(z, z.shape[0] // 2, spectrum, modes)
-        write_distances(modes, model, spectrum, own, own.distances)
+        write_distances(modes, model, spectrum, own.distances)
     copy_state(pairs[: modes.shape[0] - first], modes[first:])
+    moved = local_matrix(2, model.contacts.row.shape[0])
     last, steps, longest = 0.0, 0, longest_step(model, spectrum)
     while steps < most:
-        write_accelerations(total_forcing(modes, first, model), modes, model, spectrum, own)
-        h = _step(end - tau, longest, shared)
+        write_accelerations(
+            total_forcing(modes, first, model), modes, model, spectrum, own.distances
+        )
+        h = _step(end - tau, longest, shared, moved)
         if not h > 0.0:
             break
         last, steps = h, steps + 1
@@ -171,18 +178,17 @@ def volterra_steps(packed, tau, end, most, z, amplitude, wanted, tangent):
         forcing_after(h, tau, amplitude, modes, first, model, own.after[first:])
         copy_state(modes, own.before)
         copy_state(own.after, modes)
-        copy_matrix(own.moved, own.distances)
+        copy_matrix(moved, own.distances)
         if tangent.shape[1] > 0:
             if steps == 1:
-                _tangent_to_modes(spectrum, own, tangent)
+                _tangent_to_modes(spectrum, tangent)
             step_tangent(own.last[LEVEL], own.last[CONTACTS], model, spectrum, own, tangent)
-        if wanted != NO_TALLY or tau >= end or not _goes_on(own.moved, model):
+        if wanted != NO_TALLY or tau >= end or not _goes_on(moved, model):
             break
     if steps > 0:
         if tangent.shape[1] > 0:
-            _tangent_to_rows(spectrum, own, tangent)
-        write_rows(modes, spectrum, own, own.end)
+            _tangent_to_rows(spectrum, tangent)
         if wanted == NO_TALLY:
-            copy_state(own.end, z)
+            write_rows(modes, spectrum, z)
             copy_state(modes[first:], pairs)
     return tau, last, steps

@@ -14,7 +14,16 @@ are below 2^m / m!, and `N_POWERS` of them are exact to rounding. S_j is the mot
 import math
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, combine, fma, load, store, total
+from hpcsweep.kernels.simd.vectors import (
+    LANES,
+    combine,
+    fma,
+    load,
+    local_matrix,
+    local_vector,
+    store,
+    total,
+)
 from hpcsweep.solvers.flow.rules.volterra_rule import (
     N_NODES,
     N_POWERS,
@@ -80,7 +89,7 @@ def _sum_at(part, terms):
 @kernel
 def _build_step(level, h, model, spectrum, own):
     """Write the ends of steps of a length: by units of modes, and by forces at the nodes."""
-    steps, late, terms = own.steps, own.late, own.terms
+    steps, late, terms = own.steps, own.late, local_matrix(2, N_POWERS)
     for j in range(spectrum.to_modes.shape[0]):
         for unit in range(steps.shape[2]):
             _write_terms(j, unit, h, model, spectrum, terms)
@@ -98,7 +107,7 @@ def _build_step(level, h, model, spectrum, own):
 def _build_linear(level, k, h, model, spectrum, own):
     """Write the distance of contact k at the nodes of steps of a length by units of all modes."""
     (n, width), contacts = spectrum.to_modes.shape, model.contacts
-    rows, terms = own.linear.shape[2], own.terms
+    rows, terms = own.linear.shape[2], local_matrix(2, N_POWERS)
     first = (level * own.linear.shape[1] + k) * rows * N_NODES
     for j in range(n):
         share = contacts.sign[k] * spectrum.shapes[contacts.row[k], j]
@@ -124,7 +133,7 @@ def _build_response(row, sign, kick, h, spectrum, own):
     kick : int
         Place of a of the force in ``spectrum.kicks``, flat.
     """
-    width, sums, shapes = spectrum.squares.shape[0], own.sums, spectrum.shapes
+    width, sums, shapes = spectrum.squares.shape[0], local_matrix(N_POWERS, LANES), spectrum.shapes
     for m in range(N_POWERS):
         store(sums, m * LANES, load(ZERO, 0))
     for p in range(0, width, LANES):
@@ -136,7 +145,7 @@ def _build_response(row, sign, kick, h, spectrum, own):
             store(sums, at, load(sums, at) + value)
             after = (rate * value - square * before * (h / (m + 1))) * (h / (m + 2))
             before, value = value, after
-    terms = own.terms[0]
+    terms = local_vector(N_POWERS)
     for m in range(N_POWERS):
         terms[m] = total(load(sums, m * LANES))
     place = own.count[0]
@@ -173,7 +182,7 @@ def have_part(part, level, h, model, spectrum, own):
     """Build the table of a part of the steps of a length, if it is not."""
     if own.has_part[level, part] > 0:
         return
-    seen, terms, step = own.seen, own.terms, N_NODES * LANES
+    seen, terms, step = own.seen, local_matrix(2, N_POWERS), N_NODES * LANES
     nodes, rows = load(PART_NODES, part * LANES), seen.shape[4] * LANES
     for j in range(seen.shape[2]):
         first = ((level * seen.shape[1] + part) * seen.shape[2] + j) * 2 * rows

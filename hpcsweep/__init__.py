@@ -4,9 +4,12 @@ Units: lengths in gaps, time in 1/omega_0, or those in which a structure is give
 `hpcsweep.model.structure`.
 """
 
+import ast
+import importlib
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
+if TYPE_CHECKING:  # the aliases say that they are public
     from hpcsweep.api.branches import branch as branch
     from hpcsweep.api.curves import curve as curve
     from hpcsweep.api.lyapunov import lyapunov_spectrum as lyapunov_spectrum
@@ -45,48 +48,21 @@ if TYPE_CHECKING:  # as `_NAMES` has them; the aliases say that they are public
     from hpcsweep.store import open_results as open_results
     from hpcsweep.studies.attractors.runs import attractors as attractors
 
-_NAMES = {
-    "api.branches": "branch",
-    "api.curves": "curve",
-    "api.lyapunov": "lyapunov_spectrum",
-    "api.trajectory": "trajectory",
-    "campaign.provenance": "__version__",
-    "dynamics.boundaries": "basin_boundary",
-    "dynamics.continuation.periodic": "orbit",
-    "dynamics.lifetime": "mean_lifetime",
-    "dynamics.returns": "return_times",
-    "earthquakes.demands": "write_demands",
-    "earthquakes.floor_spectra": "floor_spectra",
-    "earthquakes.fragility": "capacity_fragility cloud fragility",
-    "earthquakes.intensity": "intensity",
-    "earthquakes.reading": "read_record",
-    "earthquakes.separation": "separation",
-    "earthquakes.spectrum": "spectrum",
-    "earthquakes.stripes": "capacity fractiles",
-    "earthquakes.synthetic": "synthetic_records",
-    "job": "load_job",
-    "job.model_files": "read_model",
-    "model.buildings": "Building adjacent",
-    "model.isolation": "Isolation",
-    "model.matrices": "Contact Slider",
-    "model.record": "Record",
-    "model.structure": "Structure",
-    "solvers.history": "history",
-    "solvers.response": "Response first_contact_scale response",
-    "solvers.solver": "stroboscopic_points",
-    "store": "meanings open_results",
-    "studies.attractors.runs": "attractors",
+_HOME = {
+    name.name: str(node.module)
+    for node in ast.walk(ast.parse(Path(__file__).read_text()))
+    if isinstance(node, ast.ImportFrom)
+    for name in node.names
+    if name.asname
 }
-"""Public names, by the module that has them."""
-_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
-__all__ = sorted(_HOME)
+"""Module of each public name: the lines above, which are read as text."""
+__all__ = sorted({*_HOME, "__version__"})
 
 
 def __getattr__(name: str):
     """Import public names when they are first used, so that the command line starts fast."""
-    import importlib
-
+    if name == "__version__":
+        return importlib.import_module("hpcsweep.campaign.provenance").version()
     if name not in _HOME:
         raise AttributeError(f"module 'hpcsweep' has no attribute {name!r}")
-    module = importlib.import_module(f"hpcsweep.{_HOME[name]}")
-    return module.version() if name == "__version__" else getattr(module, name)
+    return getattr(importlib.import_module(_HOME[name]), name)

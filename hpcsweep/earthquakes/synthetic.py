@@ -196,31 +196,17 @@ def _deviation(filters: tuple[Filter, Filter]) -> float:
 
     columns = [step([1.0 if i == k else 0.0 for i in range(4)], 0.0) for k in range(4)]
     b, d = step([0.0] * 4, 1.0)
-    matrix = _transposed([column for column, _ in columns])
-    c = [[y for _, y in columns]]
-    variance = [[p * q for q in b] for p in b]
+    matrix, c = np.array([column for column, _ in columns]).T, np.array([[y for _, y in columns]])
+    variance = np.outer(b, b)
     for _ in range(DOUBLINGS):
-        added = _product(_product(matrix, variance), _transposed(matrix))
-        variance = [
-            [p + q for p, q in zip(*rows, strict=True)]
-            for rows in zip(variance, added, strict=True)
-        ]
+        variance = variance + _product(_product(matrix, variance), matrix.T)
         matrix = _product(matrix, matrix)
-    return math.sqrt(_product(_product(c, variance), _transposed(c))[0][0] + d * d)
+    return math.sqrt(_product(_product(c, variance), c.T)[0, 0] + d * d)
 
 
-def _product(left: list[list[float]], right: list[list[float]]) -> list[list[float]]:
-    return [
-        [
-            math.fsum(p * q for p, q in zip(row, column, strict=True))
-            for column in zip(*right, strict=True)
-        ]
-        for row in left
-    ]
-
-
-def _transposed(matrix: list[list[float]]) -> list[list[float]]:
-    return [list(column) for column in zip(*matrix, strict=True)]
+def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return the product of matrices, each entry of it rounded once."""
+    return np.array([[math.fsum(row * column) for column in right.T] for row in left])
 
 
 def _noise(seed: int, i: int, size: int) -> np.ndarray:

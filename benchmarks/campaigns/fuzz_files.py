@@ -21,7 +21,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.describe import describe
 from hpcsweep.commands import cli
 from hpcsweep.commands.outputs import PICTURE, TABLE, kind_of
-from hpcsweep.figures.options import figures, results_of
+from hpcsweep.figures.options import figures
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.job.keys import every_key
 from hpcsweep.job.models import ARGUMENTS
@@ -230,10 +230,10 @@ def _options(command: str, kind: str, folder: Path, rng: random.Random) -> list[
     known = {one.option_strings[-1]: one for one in parser._actions[1:] if one.option_strings}
     fit = [flag for flag in known if flag not in ("--output", "--kind")]
     if command == "plot" and rng.random() < 0.9:
-        drawn = [one for one in figures().values() if results(kind)[1] in results_of(one)]
+        drawn = [one for one in figures().values() if results(kind)[1] in one.draws]
         figure = rng.choice(drawn)
-        line = ["--kind", figure.NAME]
-        fit = [*(option.flag for option in figure.OPTIONS), "--xlim", "--ylim", "--dpi", "--at"]
+        line = ["--kind", figure.name]
+        fit = [*(option.flag for option in figure.options), "--xlim", "--ylim", "--dpi", "--at"]
     for flag in rng.sample(fit if rng.random() < 0.95 else [*known], rng.choice((0, 1, 1, 2))):
         one = known[flag]
         is_file = one.metavar == "FILE"

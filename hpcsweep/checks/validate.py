@@ -210,7 +210,9 @@ class _Checker:
         true = self._compute(block, start, deadline)
         places = blocks.places(block)
         if true is None or blocks.checksum(block, start, true) != blocks.committed(block):
-            if true is not None and all(_same(true[name], rows[name]) for name in blocks.variables):
+            if true is not None and all(
+                true[name].tobytes() == rows[name].tobytes() for name in blocks.variables
+            ):
                 report.add(
                     f"{what}; computed again, all its variables are right: commit is damaged"
                 )
@@ -251,10 +253,6 @@ class _Checker:
 
 def _raw(values: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(values).view(np.uint8).ravel()
-
-
-def _same(left: np.ndarray, right: np.ndarray) -> bool:
-    return left.tobytes() == right.tobytes()
 
 
 def _choose(

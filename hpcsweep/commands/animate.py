@@ -11,32 +11,29 @@ from dataclasses import fields
 
 from hpcsweep.commands import FAILURE, CommandError, abort, add_at, add_file, complain
 from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
-from hpcsweep.figures.options import BRANCHES, FLOORS, Option, file_name, positive, whole_number
+from hpcsweep.figures.options import (
+    BRANCHES,
+    COLOUR,
+    FLOORS,
+    Option,
+    file_name,
+    positive,
+    whole_number,
+)
 
 OPTIONS = (
     Option(
         "--poster", "also write the frame with most kinds of motion", type=file_name, metavar="PNG"
     ),
-    Option("--fps", "frames per second (default: %(default)g)", type=positive, default=25.0),
-    Option("--every", "take every Kth frame", type=whole_number(1), default=1, metavar="K"),
-    Option(
-        "--direction",
-        "sweeps that are drawn (default: %(default)s)",
-        choices=("up", "down", "both"),
-        default="both",
-    ),
-    Option(
-        "--color",
-        "what the colours show (default: %(default)s)",
-        choices=("direction", "contact", "period"),
-        default="direction",
-    ),
+    Option("--fps", "frames per second (default: 25)", type=positive),
+    Option("--every", "take every Kth frame", type=whole_number(1), metavar="K"),
+    Option("--direction", "sweeps that are drawn (default: both)", choices=("up", "down", "both")),
+    COLOUR,
     FLOORS,
     Option(
         "--show",
         "measure drawn in place of stroboscopic displacements: storey_drift, displacement, "
         "floor_acceleration, contact_force, impacts, impact_velocity, impulse or contact_share",
-        default="",
         metavar="MEASURE",
     ),
     BRANCHES,
@@ -44,7 +41,6 @@ OPTIONS = (
         "--width",
         "even (default: 1280, GIF 960); the height follows from the number of floors shown",
         type=whole_number(1),
-        default=0,
         metavar="PIXELS",
     ),
 )
@@ -68,18 +64,31 @@ def configure(parser) -> None:
 def run(options) -> int:
     """Make the film on all ranks."""
     from hpcsweep.campaign.progress import make_progress
-    from hpcsweep.figures.film.film import make
+    from hpcsweep.figures.film.film import check, make
     from hpcsweep.figures.film.frames import Request
     from hpcsweep.figures.style import PlotError
     from hpcsweep.parallel.mpi import on_master, world
+    from hpcsweep.store import StoreError
 
     comm = world()
-    values = {field.name: getattr(options, field.name) for field in fields(Request)}
+    chosen = {field.name: getattr(options, field.name) for field in fields(Request)}
+    values = {name: value for name, value in chosen.items() if value is not None}
     values["output"] = options.output or options.file.with_suffix(".mp4")
     values["floors"] = tuple(options.floors or ())
     request = Request(**values)
+
+    def accept() -> None:
+        """Refuse what cannot be drawn or written."""
+        try:
+            check(request)
+        except StoreError as error:
+            raise PlotError(str(error)) from None
+        check_overwriting(request.output, FILM)
+        if request.poster is not None:
+            check_overwriting(request.poster, PICTURE)
+
     try:
-        on_master(comm, lambda: _check(request), PlotError, CommandError)
+        on_master(comm, accept, PlotError, CommandError)
         processes = options.processes or len(os.sched_getaffinity(0))
         n_frames = make(request, comm, processes, functools.partial(make_progress, unit="frame"))
     except (PlotError, CommandError):
@@ -92,18 +101,3 @@ def run(options) -> int:
     if comm.rank == 0:
         print(f"{request.output}: {n_frames} frames")
     return 0
-
-
-def _check(request) -> None:
-    """Refuse what cannot be drawn or written."""
-    from hpcsweep.figures.film.film import check
-    from hpcsweep.figures.style import PlotError
-    from hpcsweep.store import StoreError
-
-    try:
-        check(request)
-    except StoreError as error:
-        raise PlotError(str(error)) from None
-    check_overwriting(request.output, FILM)
-    if request.poster is not None:
-        check_overwriting(request.poster, PICTURE)

@@ -3,14 +3,10 @@
 import argparse
 import contextlib
 import textwrap
-from typing import TYPE_CHECKING
 
 from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import PICTURE, check_overwriting, writing
-from hpcsweep.figures.options import figures, options_of, results_of, whole_number
-
-if TYPE_CHECKING:
-    from hpcsweep.figures.diagrams.figure import Figure
+from hpcsweep.figures.options import Figure, figures, options_of, whole_number
 
 NAME_WIDTH, HELP_WIDTH = 10, 100
 INDENT = " " * (NAME_WIDTH + 3)
@@ -46,13 +42,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         option.add(parser, f"; {kinds}")
 
 
-def _defaults(every: dict[str, "Figure"]) -> dict[str, str]:
+def _defaults(every: dict[str, Figure]) -> dict[str, str]:
     """Return the default figure for each kind of results: the first that draws it."""
-    drawn = [(what, name) for name, figure in every.items() for what in results_of(figure)]
+    drawn = [(what, name) for name, figure in every.items() for what in figure.draws]
     return dict(reversed(drawn))
 
 
-def _default(job, every: dict[str, "Figure"]) -> str:
+def _default(job, every: dict[str, Figure]) -> str:
     """Return the default figure of a job: a map where single points are all there is to draw.
 
     Points of a list have no amplitudes in common, those of a refined map are not all computed, and
@@ -72,12 +68,12 @@ def _default(job, every: dict[str, "Figure"]) -> str:
     return "map" if in_map or pointless or plane else _defaults(every)[study.content]
 
 
-def _describe(figure, default: dict[str, str]) -> str:
+def _describe(figure: Figure, default: dict[str, str]) -> str:
     """Return a figure's lines in the command's help."""
-    is_default = figure.NAME in (default[what] for what in results_of(figure))
-    text = (figure.__doc__ or "").strip().removesuffix(".") + " (default)" * is_default
+    is_default = figure.name in (default[what] for what in figure.draws)
+    text = figure.help.removesuffix(".") + " (default)" * is_default
     text = text[:1].lower() + text[1:].replace("\n\n", " ")
-    name = f"  {figure.NAME:{NAME_WIDTH}} "
+    name = f"  {figure.name:{NAME_WIDTH}} "
     return textwrap.fill(text, HELP_WIDTH, initial_indent=name, subsequent_indent=INDENT)
 
 
@@ -96,14 +92,14 @@ def run(options) -> int:
         value = getattr(options, option.keyword)
         if value is None:
             continue
-        if option not in figure.OPTIONS:
+        if option not in figure.options:
             raise CommandError(f"{option.flag} does not go with --kind {kind}, only with: {kinds}")
         chosen[option.keyword] = value
     output = options.output or options.file.with_suffix(".png")
     if not output.suffix:
         output = output.with_name(f"{output.name}.png")
     check_overwriting(output, PICTURE)
-    frames = Frames(options.file, figure.DRAWS, options.at)
+    frames = Frames(options.file, figure.draws, options.at)
     view = limits(x=options.xlim, y=options.ylim)
     with contextlib.closing(frames), resolution(options.dpi), view, writing(output):
         try:

@@ -1,12 +1,15 @@
-"""Label axes in the structure's own units, and choose the floors of a figure."""
+"""Label axes and measures in the structure's own units, and choose the floors of a figure."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.figures.style import PlotError
 from hpcsweep.model.description import contacts_named
 from hpcsweep.model.unit_names import is_in_gaps, is_in_own_units, unit_of
+from hpcsweep.studies.quantities import MEASURES, of_motions
+from hpcsweep.studies.variables import percent_of_height
 
 WORD = r"$\omega_0$"
 MAX_FLOORS = 5
@@ -28,6 +31,14 @@ SIZES = {
     "N mm": (("mJ", 1.0), ("J", 1e3), ("kJ", 1e6)),
 }
 """Units in which numbers are told that are small or large in a unit, and how much of it each is."""
+RUN_LABELS = {
+    "drift": r"normalised drift $\delta$  [$A/\Omega^2$]",
+    "modal_norm": r"mean modal norm $\eta_j$ free of contact",
+    "lyapunov": r"largest Lyapunov exponent $\lambda$",
+    "ductility": "largest ductility of the sliders",
+    "share": "share of the starts",
+}
+"""What the other numbers of a run are."""
 
 
 def displacement(structure, floor: int, at: str = "") -> str:
@@ -138,3 +149,43 @@ def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = Non
             raise PlotError(f"--floor {floor}: must be from 1 to {n}{named}")
         places.add(listed.index(floor))
     return sorted(places)
+
+
+class ShownMeasure(NamedTuple):
+    """A measure as figures show it."""
+
+    label: str
+    """Without its unit ..."""
+    unit: str
+    """... which follows it; empty where it has no name."""
+    dim: str
+    places: tuple[str, ...]
+    """Each storey, floor or contact by its name."""
+    factor: np.ndarray
+    """By which the values of each place are multiplied."""
+
+
+def held_measures(results) -> list[str]:
+    """Return the names of the measures that results hold."""
+    return [name for name in MEASURES if name in results]
+
+
+def measure_of(results, structure, name: str) -> ShownMeasure:
+    """Return how a measure is shown; drifts as ratios to the storeys' heights where known.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+    structure : Structure
+    name : str
+        One of `held_measures`.
+    """
+    variable = of_motions(name)
+    (dim,) = variable.dims
+    word = "contact" if dim == "stop" else dim
+    places = tuple(f"{word} {place}" for place in results[dim].values.tolist())
+    percent = percent_of_height(results)
+    if name == "storey_drift" and percent is not None:
+        return ShownMeasure(f"{variable.label} ratio", "  [%]", dim, places, percent)
+    name = unit(structure, variable.units)
+    return ShownMeasure(variable.label, name, dim, places, np.ones(len(places)))

@@ -1,43 +1,23 @@
 """All figures of `hpcsweep plot`, and options of figures, the film and the explorer.
 
-A figure is a module with a name, the results it draws, its help and its options (`Figure`), listed
-in `FIGURES`. Nothing here is slow to import.
+A figure is a function under `figure_of`, in one of `MODULES`. It takes its colours from
+`hpcsweep.figures.palette`, so that a motion, a contact set or a direction looks the same as
+everywhere, and its labels from `hpcsweep.figures.style`. Nothing here is slow to import.
 """
 
 import argparse
-from collections.abc import Iterable
+import inspect
+import re
+from collections.abc import Callable, Collection
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-FIGURES = (
-    "diagrams.orbit_diagram",
-    "diagrams.phase",
-    "diagrams.frames",
-    "diagrams.attractor_diagram",
-    "diagrams.period_map",
-    "diagrams.metrics",
-    "diagrams.measures",
-    "diagrams.vary_map",
-    "diagrams.benefit",
-    "diagrams.shares",
-    "diagrams.attractor_map",
-    "diagrams.ida",
-    "diagrams.fragility",
-    "diagrams.amplification",
-    "diagrams.separation",
-    "diagrams.profile",
-    "diagrams.portfolio",
-    "diagrams.suite_spectra",
-    "diagrams.floor_spectra",
-    "diagrams.record_history",
-    "diagrams.hysteresis",
-    "diagrams.energy",
-    "diagrams.branches",
-    "diagrams.basins",
+MODULES = (
+    "orbit_diagram phase frames attractors maps metrics vary_map intensities storeys spectra "
+    "histories branches basins"
 )
-"""Modules of `hpcsweep.figures`, each a `diagrams.figure.Figure`; the first one that draws what a
-file holds is the default."""
+"""Of `hpcsweep.figures.diagrams`; the first figure that draws what a file holds is the default."""
 
 
 class Option:
@@ -63,22 +43,41 @@ class Option:
         parser.add_argument(self.flag, help=self.help + more, **self.arguments)
 
 
-def figures() -> dict[str, Any]:
+class Figure(NamedTuple):
+    """One kind of figure of `hpcsweep plot`."""
+
+    name: str
+    """For ``--kind``."""
+    draws: tuple[str, ...]
+    """What a file must hold (`Study.content`), one of several."""
+    options: tuple[Option, ...]
+    load: Callable
+    """Read what to draw, from `hpcsweep.store.Frames`: of one part, where keys are varied."""
+    draw: Callable
+    """Draw what `load` returned, or all results; its docstring begins with the command's help."""
+
+    @property
+    def help(self) -> str:
+        """What is drawn."""
+        return re.split(r"\n\n\w+\n-", inspect.getdoc(self.draw) or "")[0]
+
+
+def figure_of(name: str, draws: str, load: Callable, *options: Option) -> Callable[..., Figure]:
+    """Make a figure of the function below: of what a file `draws`, one or several words."""
+    return lambda draw: Figure(name, tuple(draws.split()), options, load, draw)
+
+
+def figures() -> dict[str, Figure]:
     """Return the figures by their names."""
-    modules = (import_module(f"hpcsweep.figures.{name}") for name in FIGURES)
-    return {module.NAME: module for module in modules}
+    modules = (import_module(f"hpcsweep.figures.diagrams.{name}") for name in MODULES.split())
+    every = (each for module in modules for each in vars(module).values())
+    return {each.name: each for each in every if isinstance(each, Figure)}
 
 
-def results_of(figure: Any) -> tuple[str, ...]:
-    """Return what a file must hold for a figure, one of several."""
-    return (figure.DRAWS,) if isinstance(figure.DRAWS, str) else figure.DRAWS
-
-
-def options_of(drawn: Iterable[Any]) -> dict[Option, str]:
+def options_of(drawn: Collection[Figure]) -> dict[Option, str]:
     """Return the options of figures, and the names of the figures that know each."""
-    drawn = list(drawn)
-    every = dict.fromkeys(option for figure in drawn for option in figure.OPTIONS)
-    return {o: ", ".join(f.NAME for f in drawn if o in f.OPTIONS) for o in every}
+    every = dict.fromkeys(option for each in drawn for option in each.options)
+    return {o: ", ".join(each.name for each in drawn if o in each.options) for o in every}
 
 
 def whole_number(least: int, most: int | None = None):
@@ -121,6 +120,21 @@ AMPLITUDES = Option(
     nargs="+",
     metavar="A",
 )
+ALONG = Option(
+    "--along",
+    "values of what the sweep is along, if not the amplitude; the nearest runs are drawn",
+    type=float,
+    nargs="+",
+    metavar="X",
+)
+PERIOD = Option(
+    "--period",
+    "orbit periods; an example of each is found in the sweep",
+    dest="periods",
+    type=whole_number(1),
+    nargs="+",
+    metavar="P",
+)
 SWEEP = Option(
     "--sweep",
     "results of an amplitude sweep over the same points, or amplitudes",
@@ -147,6 +161,8 @@ BRANCHES = Option(
     type=Path,
     metavar="FILE",
 )
+MEANINGS = ("direction", "contact", "period")
+COLOUR = Option("--color", "what the colours show (default: direction)", choices=MEANINGS)
 CELLS = Option(
     "--cells",
     "outline the cells of a refined map from which points are inferred",

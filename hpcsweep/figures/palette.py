@@ -13,15 +13,18 @@ L* = 83. They were chosen by search for the largest least distance (CIEDE2000) b
 motions, for normal vision and for protanopes, deuteranopes and tritanopes (Machado,
 Oliveira and Fernandes 2009); the tests hold the distances. Lightness falls from motion to motion by
 5 of 100 or more (failed apart), so that they stay apart in grey.
+
+Colours as perceived are those of CIE L*a*b*, white point D65. L* is lightness, 0 black, 100 white:
+what remains of a colour in grey print. Chroma is the distance of a colour from grey, hue the angle
+in the plane of a* (red) and b* (yellow).
 """
 
+import math
 from functools import lru_cache
-from math import comb
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_names
-from hpcsweep.figures.cielab import lightness, rgb, to_hex
 from hpcsweep.studies.points import START
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 
@@ -89,6 +92,60 @@ _CONTACT_HUE, _HUE_OF_NUMBER = 260.0, 70.0
 five those by which the sets of two, three and four floors are farthest apart to all eyes."""
 _MODE_RANGE = 0.0, 0.8
 """Part of viridis that is dark enough for lines on white."""
+_TO_XYZ = np.array(
+    [
+        [0.4124564, 0.3575761, 0.1804375],
+        [0.2126729, 0.7151522, 0.0721750],
+        [0.0193339, 0.1191920, 0.9503041],
+    ]
+)
+"""Linear sRGB to XYZ (IEC 61966-2-1); the rows' sums are the white point."""
+_KNEE = 6 / 29
+"""Below it the cube root of L*a*b* is continued by a straight line."""
+_HALVINGS = 16
+
+
+def rgb(colour: str) -> tuple[int, ...]:
+    """Split '#rrggbb'."""
+    return tuple(bytes.fromhex(colour[1:]))
+
+
+def lightness(colour: str) -> float:
+    """Return the lightness L* of '#rrggbb', 0 to 100."""
+    part = np.array(rgb(colour)) / 255
+    linear = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
+    y = float(_TO_XYZ[1] @ linear)
+    return 116 * (math.cbrt(y) if y > _KNEE**3 else y / (3 * _KNEE**2) + 4 / 29) - 16
+
+
+def to_hex(lightness: float, chroma: float, hue: float) -> str:
+    """Return the sRGB colour of a lightness, chroma and hue, with less chroma where necessary.
+
+    Parameters
+    ----------
+    lightness : float
+        L*, 0 to 100.
+    chroma : float
+        Reduced until a screen can show the colour.
+    hue : float
+        In degrees.
+    """
+    kept = 0.0
+    for step in chroma * 0.5 ** np.arange(_HALVINGS + 1):
+        away = np.abs(_linear(lightness, kept + step, hue) - 0.5).max()
+        if kept + step <= chroma and away <= 0.5 + 1e-4:
+            kept += step
+    part = np.clip(_linear(lightness, kept, hue), 0.0, 1.0)
+    encoded = np.where(part <= 0.0031308, 12.92 * part, 1.055 * part ** (1 / 2.4) - 0.055)
+    return f"#{bytes(np.rint(255 * encoded).astype(np.uint8)).hex()}"
+
+
+def _linear(lightness: float, chroma: float, hue: float) -> np.ndarray:
+    """Return linear red, green, blue; outside [0, 1] if no screen shows it."""
+    angle, y = math.radians(hue), (lightness + 16) / 116
+    roots = y + chroma * np.array([math.cos(angle) / 500, 0.0, -math.sin(angle) / 200])
+    xyz = np.where(roots > _KNEE, roots**3, 3 * _KNEE**2 * (roots - 4 / 29))
+    return np.linalg.solve(_TO_XYZ, _TO_XYZ.sum(axis=1) * xyz)
 
 
 def motion_index(classes: np.ndarray, period: np.ndarray) -> np.ndarray:
@@ -144,8 +201,8 @@ def contact_colour(contact: int, labels: int | tuple[str, ...]) -> str:
     if not members:
         return NO_CONTACT
     # rank among the sets of equally many contacts: the combinatorial number system
-    place = sum(comb(member, count) for count, member in enumerate(members, 1))
-    share = place / comb(total, len(members)), (place + 0.5) / comb(total, len(members))
+    place = sum(math.comb(member, count) for count, member in enumerate(members, 1))
+    share = place / math.comb(total, len(members)), (place + 0.5) / math.comb(total, len(members))
     top, bottom = _CONTACT_LIGHTNESS
     return to_hex(
         top - (top - bottom) * (len(members) - 1 + share[1]) / total,
@@ -165,7 +222,7 @@ def shade(colour: str, place: int) -> str:
     share = shades[place % len(shades)]
     towards = 255 if share > 0 else 0
     parts = (round(part + abs(share) * (towards - part)) for part in rgb(colour))
-    return "#" + "".join(f"{part:02x}" for part in parts)
+    return f"#{bytes(parts).hex()}"
 
 
 def series_colour(place: int) -> str:

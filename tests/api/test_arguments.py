@@ -261,7 +261,7 @@ def test_odd_names_and_texts_are_refused(results, tmp_path):
         frames.close()
     refused(lambda: load_job(tmp_path / "job.toml", "a.b=1"), "settings")
     opened = hpcsweep.open_results(results)
-    refused(lambda: orbit_diagram.draw(opened, omega="0.6"), "omega")
+    refused(lambda: orbit_diagram.orbit.draw(opened, omega="0.6"), "omega")
 
 
 def test_numbers_of_numpy_fractions_and_arrays_without_dimensions_are_numbers():

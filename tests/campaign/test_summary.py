@@ -15,7 +15,7 @@ from hpcsweep.campaign.summary import summarize, total_cost
 from hpcsweep.commands import cli
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_shares
 from hpcsweep.figures import view
-from hpcsweep.figures.diagrams import benefit, mesh, period_map
+from hpcsweep.figures.diagrams import maps, mesh, metrics
 from hpcsweep.figures.style import classes_of
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
@@ -177,7 +177,7 @@ def test_maps_read_frame_by_frame_are_the_same_pictures(file, tmp_path):
         np.testing.assert_array_equal(
             classes_of(few)[0], classes_of(whole)[whole.direction.values.tolist().index(direction)]
         )
-        for draw in (period_map.draw, benefit.draw):
+        for draw in (maps.motion_map.draw, metrics.benefit.draw):
             left, right = tmp_path / "left.png", tmp_path / "right.png"
             with view.resolution(100):
                 view.save(draw(few), left)

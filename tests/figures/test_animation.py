@@ -14,7 +14,7 @@ from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands import cli
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures.film import film, video
+from hpcsweep.figures.film import film
 from hpcsweep.figures.film.film import check
 from hpcsweep.figures.film.frames import Film, Request, common_of
 from hpcsweep.figures.film.picture import Picture
@@ -47,10 +47,10 @@ def made(results) -> Request:
 def decode(path: Path) -> tuple[np.ndarray, str]:
     """Decode a film: pictures (k, height, width, 3), and what ffmpeg says of it."""
     said = subprocess.run(
-        [video.find_ffmpeg(), "-hide_banner", "-i", str(path)], capture_output=True, text=True
+        [film.find_ffmpeg(), "-hide_banner", "-i", str(path)], capture_output=True, text=True
     ).stderr
     width, height = map(int, re.search(r"Video: .*?, (\d+)x(\d+)", said).groups())
-    call = [video.find_ffmpeg(), "-v", "error", "-i", str(path)]
+    call = [film.find_ffmpeg(), "-v", "error", "-i", str(path)]
     raw = subprocess.run(
         [*call, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
     ).stdout
@@ -274,7 +274,7 @@ def test_what_is_not_there_is_refused(results, tmp_path):
     assert film.make(request, Serial()) == 4
     assert len(decode(request.output)[0]) == 4
     with pytest.raises(RuntimeError, match="ffmpeg ended with code"):
-        video.encode(tmp_path / "none", tmp_path / "x.mp4", 25.0, tmp_path, ())
+        film.encode(tmp_path / "none", tmp_path / "x.mp4", 25.0, tmp_path, ())
 
 
 @pytest.mark.slow

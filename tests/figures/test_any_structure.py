@@ -13,15 +13,7 @@ from scipy.linalg import block_diag
 
 from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.figures import palette, style, view
-from hpcsweep.figures.diagrams import (
-    benefit,
-    frames,
-    mesh,
-    metrics,
-    orbit_diagram,
-    period_map,
-    phase,
-)
+from hpcsweep.figures.diagrams import frames, maps, mesh, metrics, orbit_diagram, phase
 from hpcsweep.figures.explorer.page import _structure
 from hpcsweep.figures.labels import MAX_MODES, choose_floors
 from hpcsweep.model.description import in_words, stops
@@ -135,17 +127,17 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
     monkeypatch.setattr(phase, "MAX_CYCLES", 4)  # each is integrated
     picture = tmp_path / "picture.png"
     for module, options in (
-        (orbit_diagram, {"color": "contact"}),
-        (phase, {"amplitudes": (0.3,)}),
-        (frames, {}),
-        (metrics, {}),
-        (benefit, {}),
-        *((period_map, {"value": value}) for value in ("contact", "drift")),
+        (orbit_diagram.orbit, {"color": "contact"}),
+        (phase.phase, {"amplitudes": (0.3,)}),
+        (frames.frames, {}),
+        (metrics.metrics, {}),
+        (metrics.benefit, {}),
+        *((maps.motion_map, {"value": value}) for value in ("contact", "drift")),
     ):
         view.save(module.draw(results, **options), picture)
         assert picture.stat().st_size > 10_000
     with pytest.raises(style.PlotError, match="no ductility: nothing of the structure yields"):
-        period_map.draw(results, value="ductility")
+        maps.motion_map.draw(results, value="ductility")
     found = summarize(path)
     assert found["structure"] == CAPTIONS[name]
     json.dumps(found, allow_nan=False)
@@ -186,7 +178,7 @@ def test_drift_without_stop_is_that_of_a_free_run(general):
     free, omega = structure.without_contacts(), 0.7
     assert free.contacts == ()
     seen = LinearOrbit(free, omega).window(0.3)
-    assert benefit.free_drift(structure, omega) == pytest.approx(seen.peak_drift * omega**2 / 0.3)
+    assert metrics.free_drift(structure, omega) == pytest.approx(seen.peak_drift * omega**2 / 0.3)
     assert np.array_equal(metrics.free_modal_norms(structure, omega), seen.modal_norm)
 
 
@@ -247,15 +239,15 @@ def test_twenty_floors_fit_a_page(tmp_path, drawn_figure):
     assert campaign.run(job, path, Serial()) == 0
     results = open_results(path)
     sizes = {
-        (orbit_diagram, ()): 3,
-        (orbit_diagram, tuple(range(1, 21))): 20,
-        (phase, ()): 3,
-        (phase, (20,)): 1,
-        (metrics, None): 2,
+        (orbit_diagram.orbit, ()): 3,
+        (orbit_diagram.orbit, tuple(range(1, 21))): 20,
+        (phase.phase, ()): 3,
+        (phase.phase, (20,)): 1,
+        (metrics.metrics, None): 2,
     }
     for (module, floors), panels in sizes.items():
         options = {} if floors is None else {"floors": floors}
-        more = {"amplitudes": (0.03,)} if module is phase else {}
+        more = {"amplitudes": (0.03,)} if module is phase.phase else {}
         figure = drawn_figure(module, results, **options, **more)
         assert len(figure.axes) == panels
         assert max(figure.get_size_inches()) <= 12

@@ -13,7 +13,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import style, view
-from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
+from hpcsweep.figures.diagrams import frames, maps, metrics, orbit_diagram, phase
 from hpcsweep.figures.diagrams.regions import Region, coexistence, contact_regions
 from hpcsweep.figures.palette import (
     DIRECTIONS,
@@ -166,7 +166,7 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
 
     path = tmp_path / "o.png"
     with view.resolution(view.DPI):
-        view.save(orbit_diagram.draw(results, omega=0.7, color=color), path)
+        view.save(orbit_diagram.orbit.draw(results, omega=0.7, color=color), path)
     with Image.open(path) as picture:
         assert picture.width > 1000
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
@@ -178,23 +178,23 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
 
 def test_what_is_not_in_the_file_cannot_be_drawn(results):
     with pytest.raises(style.PlotError, match=r"output\.poincare"):
-        orbit_diagram.draw(results.drop_vars("poincare"))
+        orbit_diagram.orbit.draw(results.drop_vars("poincare"))
     with pytest.raises(style.PlotError, match="no run"):
-        orbit_diagram.draw(results.assign(outcome=results["outcome"] * 0))
+        orbit_diagram.orbit.draw(results.assign(outcome=results["outcome"] * 0))
 
 
 KINDS = [
-    (orbit_diagram, {"omega": 0.7}),
-    (phase, {"amplitudes": [0.05, 0.3], "omega": 0.7}),
-    (frames, {}),
-    (period_map, {}),
-    (period_map, {"value": "lyapunov"}),
+    (orbit_diagram.orbit, {"omega": 0.7}),
+    (phase.phase, {"amplitudes": [0.05, 0.3], "omega": 0.7}),
+    (frames.frames, {}),
+    (maps.motion_map, {}),
+    (maps.motion_map, {"value": "lyapunov"}),
     *(
-        pytest.param(period_map, {"value": value, "direction": "down"}, marks=pytest.mark.slow)
+        pytest.param(maps.motion_map, {"value": value, "direction": "down"}, marks=pytest.mark.slow)
         for value in ("contact", "drift", "modal_norm")
     ),
-    (metrics, {"omega": 0.7}),
-    (benefit, {}),
+    (metrics.metrics, {"omega": 0.7}),
+    (metrics.benefit, {}),
 ]
 
 
@@ -214,7 +214,7 @@ def test_every_figure_names_its_axes_its_parameters_and_what_is_undecided(
 
 
 def test_map_shows_the_class_of_every_run(results, drawn_figure):
-    figure = drawn_figure(period_map, results, direction="down")
+    figure = drawn_figure(maps.motion_map, results, direction="down")
     shown = figure.axes[0].collections[0].get_array().filled(-1).reshape(4, 11)
     classes = classes_of(results)[1]
     expected = motion_index(classes, results["orbit_period"].values[1])
@@ -228,14 +228,14 @@ def test_map_sorts_frames_and_hatches_what_is_not_computed(results, drawn_figure
     outcome[0, 2, 3] = Outcome.NOT_COMPUTED
     outcome[0, 2, 4] = Outcome.STEP_LIMIT
     mixed = results.assign(outcome=outcome).isel(omega=[2, 0, 3, 1])
-    figure = drawn_figure(period_map, mixed)
+    figure = drawn_figure(maps.motion_map, mixed)
     shown = figure.axes[0].collections[0].get_array().reshape(4, 11)
     assert np.argwhere(np.ma.getmaskarray(shown)).tolist() == [[2, 3]]
     assert MOTION_NAMES[shown[2, 4]] == "failed"
     texts = legend_texts(figure)
     assert any(text.startswith("not computed") for text in texts)
     assert any(text.startswith("failed") for text in texts)
-    sound = legend_texts(drawn_figure(period_map, results))
+    sound = legend_texts(drawn_figure(maps.motion_map, results))
     assert not any(text.startswith("failed") for text in sound)
 
 
@@ -244,7 +244,7 @@ def test_without_contact_drift_and_modal_norms_are_the_closed_form(results):
     settled = results["orbit_period"].values == 1
     free = np.argwhere((classes == MotionClass.NO_CONTACT) & settled)
     assert len(free) > 5
-    ratio = benefit.drift_ratio(results)
+    ratio = metrics.drift_ratio(results)
     structure = style.job_of(results).structure
     for at in map(tuple, free):
         assert ratio[at] == pytest.approx(1, rel=1e-4)
@@ -252,15 +252,15 @@ def test_without_contact_drift_and_modal_norms_are_the_closed_form(results):
         assert np.allclose(results["modal_norm"].values[at], closed, rtol=0, atol=1e-4)
     undamped = Structure(damping_ratio=0.0)
     resonance = float(undamped.frequencies[0])
-    assert np.isnan(benefit.free_drift(undamped, resonance))
+    assert np.isnan(metrics.free_drift(undamped, resonance))
     assert np.isnan(metrics.free_modal_norms(undamped, resonance)).all()
 
 
 def test_benefit_counts_the_runs_it_shows(results, drawn_figure):
-    figure = drawn_figure(benefit, results)
+    figure = drawn_figure(metrics.benefit, results)
     chosen = classes_of(results)[0] == MotionClass.PERIODIC
     chosen &= results["orbit_period"].values[0] == 1
-    ratio = benefit.drift_ratio(results)[0][chosen]
+    ratio = metrics.drift_ratio(results)[0][chosen]
     assert ratio.size
     assert f"of {ratio.size} runs" in figure.axes[1].get_title()
     shown = figure.axes[1].collections[0].get_array().filled(-1).ravel()
@@ -278,7 +278,7 @@ def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn_
     touching = [i for i in range(2) if int(frame["contact"].values[tuple(run)]) >> i & 1]
     assert np.all(curves[:, :, touching].max(axis=(0, 1)) >= 1)
     amplitude = float(frame["amplitude"][run[1]])
-    figure = drawn_figure(phase, results, omega=0.7, amplitudes=[amplitude], direction="down")
+    figure = drawn_figure(phase.phase, results, omega=0.7, amplitudes=[amplitude], direction="down")
     assert len(figure.axes) == 2
     for axis in figure.axes:
         assert axis.get_xlim()[1] > 1
@@ -333,13 +333,13 @@ def test_mistakes_take_one_line_and_write_nothing(file, tmp_path, capsys, argume
 @pytest.mark.slow
 def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
     from hpcsweep.commands.cli import main
-    from hpcsweep.figures.options import figures, results_of
+    from hpcsweep.figures.options import figures
 
     # those that need a job of their own are drawn in test_vary_map.py and test_measures_figure.py
     kinds = [
         n
         for n, figure in figures().items()
-        if "motions" in results_of(figure) and n not in ("vary", "measures")
+        if "motions" in figure.draws and n not in ("vary", "measures")
     ]
     assert len(kinds) == 6
     for kind in kinds:
@@ -360,7 +360,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     from hpcsweep.commands.cli import main
     from hpcsweep.figures.explorer.page import build_page
     from hpcsweep.figures.explorer.page_data import gather
-    from hpcsweep.figures.options import figures, results_of
+    from hpcsweep.figures.options import figures
     from hpcsweep.job import parse_job
     from hpcsweep.parallel.mpi import Serial
     from hpcsweep.studies.points import START
@@ -374,7 +374,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     kinds = [
         n
         for n, figure in figures().items()
-        if "motions" in results_of(figure) and n not in ("vary", "measures")
+        if "motions" in figure.draws and n not in ("vary", "measures")
     ]
     assert len(kinds) == 6
     for kind in kinds:
@@ -403,10 +403,10 @@ def test_every_figure_says_what_it_is_and_the_help_tells_it(capsys):
     assert next(iter(known)) == "orbit"
     flags = {}
     for name, figure in known.items():
-        first, words = figure.__doc__[0].lower(), figure.__doc__[1:40]
+        first, words = figure.help[0].lower(), figure.help[1:40]
         assert f"\n  {name:10} {first}{words}" in said
         load, draw = inspect.signature(figure.load), inspect.signature(figure.draw)
-        for option in figure.OPTIONS:
+        for option in figure.options:
             assert option.keyword in {**load.parameters, **draw.parameters}, (name, option.flag)
             assert option.flag in said
             # one flag is one option, so that its help and its meaning are the same everywhere
@@ -424,17 +424,17 @@ def test_the_figures_are_loaded_only_for_plot():
 
 def test_a_map_needs_two_amplitudes_and_a_direction_that_is_there(results):
     with pytest.raises(style.PlotError, match="at least 2 amplitudes"):
-        period_map.draw(results.isel(amplitude=[0]))
+        maps.motion_map.draw(results.isel(amplitude=[0]))
     with pytest.raises(style.PlotError, match="up only"):
-        benefit.draw(results.isel(direction=[0]), direction="down")
+        metrics.benefit.draw(results.isel(direction=[0]), direction="down")
     with pytest.raises(style.PlotError, match=r"output\.lyapunov"):
-        benefit.draw(results.drop_vars(["lyapunov", "motion"]))
+        metrics.benefit.draw(results.drop_vars(["lyapunov", "motion"]))
 
 
 def test_a_map_of_one_frequency_is_a_strip(results, tmp_path):
     heights = []
     for name, shown in (("map", results), ("strip", results.isel(omega=[0]))):
-        view.save(period_map.draw(shown), tmp_path / f"{name}.png")
+        view.save(maps.motion_map.draw(shown), tmp_path / f"{name}.png")
         heights.append(image.imread(tmp_path / f"{name}.png").shape[0])
     assert heights[1] < 0.6 * heights[0]
 
@@ -478,8 +478,8 @@ def test_every_figure_of_the_paper_has_its_jobs_and_each_its_command():
         options = build_parser().parse_args(draw[0].removeprefix("# Draw: hpcsweep ").split())
         assert options.file.name == f"{name}.h5"
         known = figures()
-        given = {o for f in known.values() for o in f.OPTIONS if getattr(options, o.keyword)}
-        assert given <= set(known[options.kind or "orbit"].OPTIONS)
+        given = {o for f in known.values() for o in f.options if getattr(options, o.keyword)}
+        assert given <= set(known[options.kind or "orbit"].options)
 
 
 def test_jobs_as_described_differ_from_those_as_printed_by_the_damping_alone():
@@ -543,13 +543,13 @@ def test_chaos_is_told_by_decided_motions_or_by_the_exponent(tmp_path, cycles):
     if cycles:
         assert chaotic > 0
         assert hint not in said + captions
-        benefit.draw(results)
+        metrics.benefit.draw(results)
     else:
         assert chaotic == 0
         assert hint in said
         assert hint in captions
         with pytest.raises(style.PlotError, match="hold no lyapunov"):
-            benefit.draw(results)
+            metrics.benefit.draw(results)
 
 
 def test_a_frequency_far_from_every_frame_is_refused(file, tmp_path, capsys):

@@ -59,10 +59,10 @@ def test_a_head_of_many_varied_keys_stays_within_the_picture():
     assert figure._suptitle.get_text().split(",") == [keys[0], *(f"\n{key}" for key in keys[1:])]
 
 
-@pytest.mark.parametrize("module", [frames, orbit_diagram])
+@pytest.mark.parametrize("module", [frames.frames, orbit_diagram.orbit])
 def test_a_figure_of_one_frequency_keeps_its_words(module, results, drawn_figure):
     one = results.isel(omega=[0])
-    options = {"color": "contact"} if module is orbit_diagram else {}
+    options = {"color": "contact"} if module is orbit_diagram.orbit else {}
     assert within(drawn_figure(module, one, **options))
 
 

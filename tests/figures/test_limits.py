@@ -6,16 +6,16 @@ from together import together
 
 from hpcsweep.commands.cli import main
 from hpcsweep.figures import style, view
-from hpcsweep.figures.diagrams import mesh, metrics, orbit_diagram, orbits
+from hpcsweep.figures.diagrams import mesh, metrics, orbit_diagram, sweep
 from hpcsweep.model.structure import Structure
 
 
 def test_all_panels_have_the_limits_and_regions_beyond_have_no_words(results, drawn_figure):
     with view.limits(x=(0.2, 0.28), y=(-1.5, 0.25)):
-        figure = drawn_figure(orbit_diagram, results)
+        figure = drawn_figure(orbit_diagram.orbit, results)
     assert [axis.get_xlim() for axis in figure.axes] == [(0.2, 0.28)] * 2
     assert [axis.get_ylim() for axis in figure.axes] == [(-1.5, 0.25)] * 2
-    whole = drawn_figure(orbit_diagram, results).axes[0]
+    whole = drawn_figure(orbit_diagram.orbit, results).axes[0]
     assert whole.get_xlim() == pytest.approx((0.0144, 0.3056))
     regions = {text.get_text().split("\n")[0]: text.xy[0] for text in whole.texts}
     left = {text.get_text().split("\n")[0]: text.xy[0] for text in figure.axes[0].texts}
@@ -54,7 +54,7 @@ def test_limits_that_mean_nothing_are_one_line(file, tmp_path, capsys, extra, wo
 
 def test_panels_of_two_quantities_share_their_horizontal_axis(results, drawn_figure):
     with view.limits(x=(0.05, 0.1)):
-        figure = drawn_figure(metrics, results)
+        figure = drawn_figure(metrics.metrics, results)
     assert [axis.get_xlim() for axis in figure.axes] == [(0.05, 0.1)] * 2
 
 
@@ -70,7 +70,7 @@ def test_rounding_is_not_drawn_as_structure(tmp_path):
 
 
 def test_one_floor_has_a_panel_of_its_own_shape():
-    alone, _ = orbits.floor_panels(Structure(1), ())
-    three, _ = orbits.floor_panels(Structure(3), ())
-    assert alone.get_size_inches().tolist() == pytest.approx([7.2, 1.2 + orbits.SINGLE])
-    assert three.get_size_inches().tolist() == pytest.approx([7.2, 1.2 + 3 * orbits.PANEL])
+    alone, _ = sweep.floor_panels(Structure(1), ())
+    three, _ = sweep.floor_panels(Structure(3), ())
+    assert alone.get_size_inches().tolist() == pytest.approx([7.2, 1.2 + sweep.SINGLE])
+    assert three.get_size_inches().tolist() == pytest.approx([7.2, 1.2 + 3 * sweep.PANEL])

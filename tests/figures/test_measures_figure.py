@@ -11,9 +11,8 @@ from tools import SMALL
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands.cli import main
-from hpcsweep.figures.explorer.attractors import slots
 from hpcsweep.figures.explorer.page import build_page
-from hpcsweep.figures.explorer.page_data import gather
+from hpcsweep.figures.explorer.page_data import gather, slots
 from hpcsweep.figures.film import film
 from hpcsweep.figures.film.film import check
 from hpcsweep.figures.film.frames import Film, Request
@@ -94,7 +93,7 @@ def test_captions_have_the_units_that_are_named():
 
 
 def test_drifts_are_ratios_where_heights_are_known(buildings, drawn_figure):
-    from hpcsweep.figures.diagrams import measures
+    from hpcsweep.figures.diagrams.metrics import measures
 
     results = open_results(buildings)
     assert results.storey_height.values.tolist() == [4.0, 3.0, 4.0]

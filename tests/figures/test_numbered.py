@@ -3,7 +3,7 @@
 import numpy as np
 
 from hpcsweep.figures import style
-from hpcsweep.figures.diagrams import numbered
+from hpcsweep.figures.diagrams import branches as numbered
 
 
 def test_near_points_share_a_label_with_their_numbers():
@@ -39,6 +39,6 @@ def test_the_list_widens_the_figure_by_its_columns():
     each = int(3.0 / numbered.ROW) - 3
     rows = [str(k) for k in range(each + 2)]
     numbered.list_beside(figure, rows, [Line2D([], [])] * len(rows), "title")
-    assert figure.get_size_inches()[0] == 7.2 + 2 * numbered.COLUMN
+    assert figure.get_size_inches()[0] == 7.2 + 2 * numbered.COLUMN_WIDTH
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == rows

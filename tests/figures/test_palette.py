@@ -12,8 +12,8 @@ from tools import spot
 
 from hpcsweep import figures
 from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
-from hpcsweep.figures import cielab, palette, style
-from hpcsweep.figures.diagrams import benefit, frames, metrics, orbit_diagram, period_map, phase
+from hpcsweep.figures import palette, style
+from hpcsweep.figures.diagrams import frames, maps, metrics, orbit_diagram, phase
 from hpcsweep.figures.explorer.page import _pack
 from hpcsweep.figures.explorer.page_data import gather
 
@@ -117,7 +117,7 @@ def test_three_attractors_of_one_motion_are_apart_to_every_eye(eye):
 @together("eye, bound", [("normal", 20), ("protanope", 12), ("deuteranope", 12), ("tritanope", 12)])
 def test_any_two_motions_are_apart_to_every_eye(eye, bound):
     assert least(palette.MOTION_COLOURS, eye) > bound
-    assert least([colour for _, colour in benefit.SHADES], eye) > 8
+    assert least([colour for _, colour in metrics.SHADES], eye) > 8
 
 
 @together("n_floors", [2, 3])
@@ -138,7 +138,7 @@ def test_contact_sets_of_four_floors_are_apart_and_of_64_are_colours():
 def test_more_floors_in_contact_are_darker():
     for n in (1, 3, 5):
         sets = sorted(range(1 << n), key=lambda c: (c.bit_count(), c))
-        light = [cielab.lightness(palette.contact_colour(c, n)) for c in sets]
+        light = [palette.lightness(palette.contact_colour(c, n)) for c in sets]
         assert np.all(np.diff(light) < 0.5)  # within the rounding to 8 bits
         by_number = [
             [x for c, x in zip(sets, light, strict=True) if c.bit_count() == k]
@@ -158,7 +158,7 @@ def test_directions_are_apart_from_what_stands_beside_them():
 
 def test_areas_are_apart_in_grey_and_points_are_seen_on_white():
     motions = [colour for name, colour in palette.MOTIONS if name != "failed"]
-    ratios = [colour for _, colour in benefit.SHADES]
+    ratios = [colour for _, colour in metrics.SHADES]
     for colours, step in ((motions, 5), (ratios, 9)):
         assert np.all(np.diff(to_lab(linear(colours))[:, 0]) < -step)
     for colour in (*motions, *(palette.contact_colour(c, 3) for c in range(8))):
@@ -167,9 +167,9 @@ def test_areas_are_apart_in_grey_and_points_are_seen_on_white():
 
 def test_lightness_and_its_inverse_are_the_standard_ones():
     colours = ["#000000", "#0a0b0c", "#cdcdcd", "#6ac6f2", "#ffffff"]
-    assert [cielab.lightness(c) for c in colours] == pytest.approx(to_lab(linear(colours))[:, 0])
+    assert [palette.lightness(c) for c in colours] == pytest.approx(to_lab(linear(colours))[:, 0])
     for light, hue in ((20, 10), (50, 130), (80, 250)):
-        made = to_lab(linear([cielab.to_hex(light, 25, hue)]))[0]
+        made = to_lab(linear([palette.to_hex(light, 25, hue)]))[0]
         assert made[0] == pytest.approx(light, abs=0.4)
         assert np.degrees(np.arctan2(made[2], made[1])) % 360 == pytest.approx(hue, abs=3)
 
@@ -269,11 +269,11 @@ def test_a_motion_has_its_colour_in_every_figure(mixed, drawn_figure):
     seen = {}
     omega = float(mixed["omega"][0])
     for module, options in (
-        (orbit_diagram, {"color": "period", "omega": omega}),
-        (frames, {}),
-        (phase, {"amplitudes": mixed["amplitude"].values[:4].tolist(), "omega": omega}),
-        (period_map, {}),
-        (benefit, {}),
+        (orbit_diagram.orbit, {"color": "period", "omega": omega}),
+        (frames.frames, {}),
+        (phase.phase, {"amplitudes": mixed["amplitude"].values[:4].tolist(), "omega": omega}),
+        (maps.motion_map, {}),
+        (metrics.benefit, {}),
     ):
         shown = legend_colours(drawn_figure(module, mixed, **options))
         own = {name: colour for name, colour in shown.items() if name in expected}
@@ -287,7 +287,7 @@ def test_a_motion_has_its_colour_in_every_figure(mixed, drawn_figure):
 @pytest.mark.slow
 def test_what_is_drawn_has_the_colour_of_the_legend(mixed, drawn_figure):
     places = palette.motion_index(style.classes_of(mixed), mixed["orbit_period"].values)
-    figure = drawn_figure(orbit_diagram, mixed, color="period")
+    figure = drawn_figure(orbit_diagram.orbit, mixed, color="period")
     amplitude = mixed["amplitude"].values
     drawn = set()
     for points in figure.axes[0].collections:
@@ -300,10 +300,10 @@ def test_what_is_drawn_has_the_colour_of_the_legend(mixed, drawn_figure):
         (palette.MOTION_COLOURS[k], run) for ends in places[:, 0] for run, k in enumerate(ends)
     }
     assert drawn == expected
-    mesh = drawn_figure(period_map, mixed).axes[0].collections[0]
+    mesh = drawn_figure(maps.motion_map, mixed).axes[0].collections[0]
     shown = [colour_of(c) for c in mesh.cmap(mesh.norm(mesh.get_array().ravel()))]
     assert shown == [palette.MOTION_COLOURS[k] for k in places[0].ravel()]
-    lines = drawn_figure(metrics, mixed).axes[0].lines
+    lines = drawn_figure(metrics.metrics, mixed).axes[0].lines
     chaotic = {colour_of(line.get_color()) for line in lines if "chaotic" in line.get_label()}
     expected = dict(palette.MOTIONS)["chaotic"]
     assert chaotic <= {expected}
@@ -315,9 +315,9 @@ def test_contact_sets_and_directions_have_their_colours_in_every_figure(mixed, d
     sets = {style.set_name(c, 2): palette.contact_colour(c, 2) for c in range(4)}
     directions = {f"sweep {name}": palette.DIRECTIONS[name] for name in ("up", "down")}
     for expected, figure in (
-        (sets, drawn_figure(orbit_diagram, mixed, color="contact")),
-        (sets, drawn_figure(period_map, mixed, value="contact")),
-        (directions, drawn_figure(orbit_diagram, mixed)),
+        (sets, drawn_figure(orbit_diagram.orbit, mixed, color="contact")),
+        (sets, drawn_figure(maps.motion_map, mixed, value="contact")),
+        (directions, drawn_figure(orbit_diagram.orbit, mixed)),
     ):
         shown = legend_colours(figure)
         own = {name: colour for name, colour in shown.items() if name in expected}
@@ -347,7 +347,7 @@ def test_the_film_has_the_same_colours(still_film):
     pixels = picture.draw(0.5, frame)
     at = np.linspace(0.1, 0.2, 14)
     painted = [tuple(*spot(pixels, picture.panels[0], x, 0.05)) for x in at]
-    assert painted == [cielab.rgb(colour) for colour in palette.MOTION_COLOURS]
+    assert painted == [palette.rgb(colour) for colour in palette.MOTION_COLOURS]
 
 
 def test_the_explorer_has_the_same_colours(file):

@@ -25,7 +25,7 @@ from hpcsweep import (
 )
 from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import labels
-from hpcsweep.figures.diagrams.hysteresis import springs
+from hpcsweep.figures.diagrams.histories import springs
 from hpcsweep.figures.diagrams.responses import buildings, edge_of, within
 from hpcsweep.figures.options import figures
 from hpcsweep.figures.style import PlotError
@@ -40,7 +40,7 @@ SCALES = '{by = "sa", period = 0.5, from = 0.5, to = 20.0, count = 20}'
 TEXT = RECORDS.replace('{by = "pga", from = 0.5, to = 5.0, count = 5}', SCALES).replace(
     "count = 4, seed", "count = 8, seed"
 )
-KINDS = [name for name, figure in figures().items() if figure.DRAWS == "responses"]
+KINDS = [name for name, figure in figures().items() if figure.draws == ("responses",)]
 KINDS.remove("portfolio")  # of a job that varies keys
 OPTIONS = {"fragility": ["--threshold", "0.5"], "profile": ["--scale", "10"]}
 

@@ -6,7 +6,7 @@ from tools import SMALL
 
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands.cli import main
-from hpcsweep.figures.diagrams import vary_map
+from hpcsweep.figures.diagrams.vary_map import vary
 from hpcsweep.figures.palette import motion_index
 from hpcsweep.figures.style import PlotError, classes_of, job_of, structure_of
 from hpcsweep.job import parse_job
@@ -28,14 +28,14 @@ def varied(tmp_path_factory):
 
 def test_a_panel_for_each_value_of_the_other_keys(varied):
     frames = Frames(varied)
-    results = vary_map.load(frames, omega=0.6, direction="down")
+    results = vary.load(frames, omega=0.6, direction="down")
     assert results.titles == tuple(
         f"stiffness ratio = {beta}, skip = {skip}"
         for beta in (100, 3000)
         for skip in ("all", "none")
     )
     assert results.columns == 2
-    axes = [axis for axis in vary_map.draw(results).axes if axis.get_title()]
+    axes = [axis for axis in vary.draw(results).axes if axis.get_title()]
     grid = [axis.get_subplotspec().rowspan.start for axis in axes]
     assert grid == [0, 0, 1, 1]  # a row for each stiffness ratio
     assert axes[3].get_title() == "stiffness ratio = 3000\nskip = none"
@@ -53,7 +53,7 @@ def test_a_panel_for_each_value_of_the_other_keys(varied):
     ratio = results.grazing / results.grazing[:, :1]
     np.testing.assert_allclose(ratio, [[1.0, 2.0, 3.0]] * 4, rtol=1e-12)
     chosen = Frames(varied, at={"gap": 1.0, "skip": "all"})
-    few = vary_map.load(chosen)
+    few = vary.load(chosen)
     assert few.values == (100, 3000)
     assert len(few.titles) == 1
     frames.close()

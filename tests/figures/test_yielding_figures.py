@@ -5,7 +5,7 @@ import pytest
 import xarray
 
 from hpcsweep.figures import style
-from hpcsweep.figures.diagrams import benefit, mesh, period_map
+from hpcsweep.figures.diagrams import maps, mesh, metrics
 from hpcsweep.job import parse_job
 
 JOB = """
@@ -39,7 +39,7 @@ def results():
 
 
 def test_the_class_without_contact_is_one_without_slip_and_no_cell_reaches_below_zero(results):
-    figure = period_map.draw(results)
+    figure = maps.motion_map.draw(results)
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["nothing closes or slips  16.7 %", "P1  83.3 %", "undecided  0 %"]
     assert [axis.get_ylim()[0] for axis in figure.axes] == [0.0]
@@ -54,4 +54,4 @@ def test_nothing_is_compared_with_a_closed_form_that_does_not_hold(results):
     assert style.grazing_amplitude(structure, 0.25) == np.inf
     assert mesh.map_keys(results) == []
     with pytest.raises(style.PlotError, match="benefit: knows no free drift of springs that yield"):
-        benefit.draw(results)
+        metrics.benefit.draw(results)

@@ -20,9 +20,9 @@ from hpcsweep.checks.validate import validate
 from hpcsweep.commands.cli import main
 from hpcsweep.commands.plot import _default
 from hpcsweep.figures.attractors import continued, identities
-from hpcsweep.figures.diagrams import period_map, shares
-from hpcsweep.figures.explorer.attractors import slots
-from hpcsweep.figures.explorer.page_data import gather
+from hpcsweep.figures.diagrams import maps
+from hpcsweep.figures.diagrams.attractors import shares
+from hpcsweep.figures.explorer.page_data import gather, slots
 from hpcsweep.figures.options import figures
 from hpcsweep.figures.palette import MOTION_COLOURS, motion_index
 from hpcsweep.job import JobError, parse_job
@@ -202,8 +202,8 @@ def test_every_command_tells_it(tmp_path, whole):
 def drawn_cells(path, **options):
     """Return the numbers of the cells of a map, frame by frame, and its colours and keys."""
     with contextlib.closing(Frames(path, "attractors")) as frames:
-        results = period_map.load(frames, **options)
-    figure = period_map.draw(results, **options)
+        results = maps.motion_map.load(frames, **options)
+    figure = maps.motion_map.draw(results, **options)
     mesh = figure.axes[0].collections[0]
     words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     return np.ma.masked_array(mesh.get_array()), mesh.get_cmap(), words

@@ -15,10 +15,10 @@ from tools import SEEDS, TWO_STOPS, hpcsweep, spot
 from hpcsweep import Structure, branch, meanings, open_results, orbit
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.figures.diagrams import branches
-from hpcsweep.figures.diagrams.special_curves import MARKS, with_specials
+from hpcsweep.figures.diagrams.branches import branches
 from hpcsweep.figures.film.frames import Film, Request, common_of
 from hpcsweep.figures.film.picture import Picture
+from hpcsweep.figures.overlay import MARKS, with_specials
 from hpcsweep.figures.style import PlotError
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.solvers.flow.specialised import branch_kernels

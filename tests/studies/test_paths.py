@@ -9,10 +9,12 @@ from tools import ALONG, BASINS, GAPS, SMALL, hpcsweep, made
 
 import hpcsweep as api
 from hpcsweep.checks.validate import validate
-from hpcsweep.figures.attractors import identities
-from hpcsweep.figures.diagrams import attractor_diagram, frames, measures, orbit_diagram, shares
+from hpcsweep.figures.attractors import identities, missed_attractors
+from hpcsweep.figures.diagrams.attractors import attractors, shares
+from hpcsweep.figures.diagrams.frames import frames
+from hpcsweep.figures.diagrams.metrics import measures
+from hpcsweep.figures.diagrams.orbit_diagram import orbit
 from hpcsweep.figures.explorer.page_data import gather
-from hpcsweep.figures.missed import missed_attractors
 from hpcsweep.figures.style import PlotError, classes_of
 from hpcsweep.job import JobError, parse_job, part_of
 from hpcsweep.model.structure import Structure
@@ -166,10 +168,10 @@ def test_it_is_validated_summarized_and_described(folder, name):
 @pytest.mark.slow
 def test_it_is_drawn_over_its_parameter(folder, tmp_path):
     along, gaps = (api.open_results(folder / f"{name}.h5") for name in ("omega", "gap"))
-    axes = orbit_diagram.draw(along, amplitudes=[0.21]).axes
+    axes = orbit.draw(along, amplitudes=[0.21]).axes
     assert axes[1].get_xlabel().startswith(r"forcing frequency $\Omega$")
     assert axes[1].get_xlim() == pytest.approx((0.485 + 0.009, 0.815 - 0.009), abs=2e-2)
-    figure = orbit_diagram.draw(gaps, omega=0.6)
+    figure = orbit.draw(gaps, omega=0.6)
     assert figure.axes[1].get_xlabel() == "gap"
     assert "$g$" not in figure.get_suptitle()
     assert "amplitude = 0.4 * omega**2 * sqrt(gap)" in figure.get_suptitle()
@@ -181,7 +183,7 @@ def test_it_is_drawn_over_its_parameter(folder, tmp_path):
     ]
     assert classes_of(gaps).shape == (2, 4, 11)
     with pytest.raises(PlotError, match=r"--omega 0.5: the sweep is along omega"):
-        orbit_diagram.draw(along, omega=0.5)
+        orbit.draw(along, omega=0.5)
     with pytest.raises(PlotError, match="the file holds none of them"):
         measures.draw(along)
     for kind in (["map"], ["phase", "--along", "0.7"], ["metrics", "--amplitude", "0.2"]):
@@ -226,7 +228,7 @@ def test_attractors_along_a_path_are_those_of_each_place_to_the_last_bit(name, t
 def test_attractors_along_a_path_are_drawn_and_compared_with_its_sweep(folder, tmp_path):
     for name, label in (("omega", r"forcing frequency $\Omega$"), ("gap", "gap")):
         results = api.open_results(made(ATTRACTORS[name], tmp_path / f"{name}.h5"))
-        figure = attractor_diagram.draw(results)
+        figure = attractors.draw(results)
         assert figure.axes[0].get_xlabel().startswith(label)
         assert shares.draw(results).axes[1].get_xlabel().startswith(label)
         page = gather(tmp_path / f"{name}.h5")

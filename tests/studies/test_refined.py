@@ -19,8 +19,8 @@ from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import palette
-from hpcsweep.figures.diagrams import vary_map
 from hpcsweep.figures.diagrams.mesh import open_map
+from hpcsweep.figures.diagrams.vary_map import vary
 from hpcsweep.figures.inferred import drawn_motions, filled_classes, is_by_period, share_note
 from hpcsweep.figures.style import percent
 from hpcsweep.job import JobError, parse_job
@@ -226,7 +226,7 @@ def test_in_three_parameters(tmp_path):
     assert wrong <= last_look(results["audit"].values).high
     frames = Frames(path)
     frame = int(np.argmax(inferred.mean(axis=(0, 1, 3))))
-    panels = vary_map.load(frames, omega=float(results["omega"][frame]))
+    panels = vary.load(frames, omega=float(results["omega"][frame]))
     frames.close()
     shown = inferred[:, 0, frame]
     assert panels.inferred == pytest.approx(shown.mean())

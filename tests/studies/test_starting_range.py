@@ -7,7 +7,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.describe import describe, study_text
 from hpcsweep.campaign.status import status
 from hpcsweep.commands.cli import main
-from hpcsweep.figures.diagrams.attractor_diagram import starts_words
+from hpcsweep.figures.diagrams.attractors import starts_words
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.studies.report import starting_range

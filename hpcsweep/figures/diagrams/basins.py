@@ -1,4 +1,4 @@
-"""Basins of attraction on a slice of the initial states: the attractor that each start goes to."""
+"""Basins of attraction of a slice."""
 
 import numpy as np
 
@@ -8,13 +8,10 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
-from hpcsweep.figures.options import CELLS
+from hpcsweep.figures.options import CELLS, figure_of
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.refine.audit import SOURCE
 
-NAME = "basins"
-DRAWS = "basins"
-OPTIONS = (CELLS,)
 OTHERS = [
     (ELSEWHERE, "other attractors", palette.OTHER_MOTION),
     (UNDECIDED, *palette.MOTIONS[palette.motion_place(MotionClass.UNDECIDED, 0)]),
@@ -27,7 +24,7 @@ SIZE = 6.4, 6.9
 """Inches."""
 
 
-def load(frames, cells: bool | None = None):
+def load(frames, cells=None):
     """Read the labels and the attractors, of a refined map also what is inferred."""
     names = (
         "label",
@@ -42,8 +39,9 @@ def load(frames, cells: bool | None = None):
     return gather(frames, names, cells)
 
 
-def draw(results, cells: bool | None = None):
-    """Draw what `load` returned; colours show the motion.
+@figure_of("basins", "basins", load, CELLS)
+def basins(results, cells: bool | None = None):
+    """Basins of attraction on a slice of the initial states: the attractor that each start goes to.
 
     Raises
     ------

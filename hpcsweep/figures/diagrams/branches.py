@@ -1,61 +1,46 @@
-"""Branches of periodic orbits along the parameter: stable full, unstable thin.
-
-Special points are numbered and listed; with --sweep the stroboscopic points of a sweep, or of
-attractors, lie beneath them.
-"""
+"""Diagrams of branches of periodic orbits, whose special points are numbered and listed."""
 
 import contextlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from hpcsweep.dynamics.classify import ranges
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette, style, view
-from hpcsweep.figures.diagrams import numbered, orbits
-from hpcsweep.figures.diagrams.special_curves import MARKS
+from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.fitting import dot, key, legend_below
-from hpcsweep.figures.options import FLOORS, SWEEP, Option, whole_number
-from hpcsweep.figures.overlay import Drawn, branches_of, line_beneath, not_beneath, run_of
+from hpcsweep.figures.options import FLOORS, SWEEP, Option, figure_of, whole_number
+from hpcsweep.figures.overlay import MARKS, Drawn, branches_of, line_beneath, not_beneath, run_of
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
 
-NAME = "branches"
-DRAWS = "branches"
-OPTIONS = (
-    FLOORS,
-    Option("--line", "line, from 0 (default: the first)", type=whole_number(0, 10**9)),
-    SWEEP,
-)
+LINE = Option("--line", "line, from 0 (default: the first)", type=whole_number(0, 10**9))
 COLUMNS = 5
 MATH = {"amplitude": "$A$", "omega": r"$\Omega$"}
 RUNS = "0.55"
 STABLE, UNSTABLE, NOWHERE_STABLE = 1.8, 0.6, 0.2
 """Widths of lines, the last of a branch that is unstable all along."""
+SIZE, LETTER, HEIGHT = 6.5, 0.68, 1.45
+"""Size of numbers and of the list (points); width and height of a letter, in sizes."""
+NEAR = 7.0
+"""Points (1/72 inch) within which special points share a label."""
+AROUND = [(side * away, up) for away in (5.0, 12.0) for up in (5.0, -14.0) for side in (1, -1)]
+AROUND += [(side * 5.0, up) for up in (14.0, -23.0, 23.0) for side in (1, -1)]
+"""Places of a label around its points, the best first (points)."""
+FINELY = 64
+"""Parts in which a piece of a line is divided to see whether it lies under a label."""
+COLUMN_WIDTH = 2.4
+"""Width of a column of the list (inches)."""
+ROW, MAX_COLUMNS = 0.148, 3
+"""Height of a row, and most columns."""
 
 
-class Read(NamedTuple):
-    """What is drawn.
-
-    Attributes
-    ----------
-    line : xarray.Dataset
-    branches : list of Drawn
-    runs : xarray.Dataset or None
-        Of a sweep, or attractors.
-    study : Branches
-    """
-
-    line: Any
-    branches: list[Drawn]
-    runs: Any
-    study: Branches
-
-
-def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
-    """Read a line, and the runs, or attractors, along the same path."""
+def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> tuple:
+    """Read a line as it is, its branches, the runs or attractors along its path, and the study."""
     from hpcsweep.store import Frames
 
     study = as_kind(frames.study, Branches)
@@ -73,23 +58,28 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
                 raise style.PlotError(f"--sweep {sweep}: {what}")
             runs = held.dataset(lines.index(line))
     dataset = frames.dataset(line)
-    return Read(dataset, list(branches_of(run_of(dataset), study, line)), runs, study)
+    return dataset, [*branches_of(run_of(dataset), study, line)], runs, study
 
 
-def draw(results: Read, floors: Sequence[int | str] = (), **_options):
-    """Draw a line, as `load` has read it."""
-    line, branches, runs, study = results
+@figure_of("branches", "branches", load, FLOORS, LINE, SWEEP)
+def branches(results: tuple, floors=(), **_options):
+    """Branches of periodic orbits along the parameter: stable full, unstable thin.
+
+    Special points are numbered and listed; with --sweep the stroboscopic points of a sweep, or of
+    attractors, lie beneath them.
+    """
+    line, every, runs, study = results
     run = run_of(line)
-    if not branches:
+    if not every:
         raise style.PlotError("no branch of this line is computed")
     structure = study.structure
-    figure, axes = orbits.floor_panels(structure, floors)
+    figure, axes = sweep.floor_panels(structure, floors)
     low, high = view.visible("x", *study.span)
     marked = _marked(run, low, high)
     for floor, axis in axes.items():
         if runs is not None:
             _draw_runs(axis, runs, floor)
-        _draw_branches(axis, branches, floor)
+        _draw_branches(axis, every, floor)
         _draw_specials(axis, run, floor)
         axis.set_ylim(view.visible("y", *axis.get_ylim()))
     forcing = study.parameter in labels.PARAMETERS
@@ -106,7 +96,7 @@ def draw(results: Read, floors: Sequence[int | str] = (), **_options):
     style.head(figure, title, fontsize=10)
     figure.draw_without_rendering()  # the panels get their size
     for floor, axis in axes.items():
-        numbered.number(axis, run["special_value"][marked], run["special_point"][marked, floor])
+        number(axis, run["special_value"][marked], run["special_point"][marked, floor])
     return figure
 
 
@@ -129,14 +119,14 @@ def _list(figure, run: dict, marked: np.ndarray, symbol: str) -> None:
         rows.append(f"{number:>2} {MARKS[kind][0]:<15} {name:<3} {value:#.6g}")
         handles.append(key(**_looks(kind, 4)))
     title = f"special points beside stable\norbits: kind, period, {symbol}"
-    numbered.list_beside(figure, rows, handles, title)
+    list_beside(figure, rows, handles, title)
 
 
 def _draw_runs(axis, runs, floor: int) -> None:
     """Draw the stroboscopic points of all runs: under branches, those of orbits as their rims."""
     for repeats, size in ((False, 0.64), (True, 9.0)):
         chosen = (runs["orbit_period"].values > 0) == repeats
-        orbits.scatter(axis, runs, chosen, floor, s=size, color=RUNS, linewidths=0, zorder=1.5)
+        sweep.scatter(axis, runs, chosen, floor, s=size, color=RUNS, linewidths=0, zorder=1.5)
 
 
 def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
@@ -202,3 +192,100 @@ def _handles(run: dict, runs: bool) -> list:
         if (run["special_kind"] == kind).any()
     ]
     return [*handles, dot("runs", RUNS, "o", 3.0)] if runs else handles
+
+
+def list_beside(figure, rows: Sequence[str], handles: Sequence, title: str) -> None:
+    """List special points beside the panels, by their marks; the figure grows by it.
+
+    Parameters
+    ----------
+    rows : sequence of str
+    handles : sequence of matplotlib artists
+        The mark of each.
+    title : str
+    """
+    width, height = figure.get_size_inches()
+    each = int(height / ROW) - 3
+    columns = min(-(-len(rows) // each), MAX_COLUMNS)
+    shown = columns * each
+    if len(rows) > shown:
+        title += f"\nthe first {shown} of {len(rows)}"
+    figure.set_size_inches(width + COLUMN_WIDTH * columns, height)
+    figure.legend(
+        handles[:shown],
+        rows[:shown],
+        title=title,
+        loc="outside right upper",
+        ncols=columns,
+        prop={"family": "monospace", "size": SIZE},
+        title_fontsize=8,
+        frameon=False,
+        handlelength=0.8,
+        handletextpad=0.6,
+        labelspacing=0.35,
+        columnspacing=1.2,
+        alignment="left",
+    )
+
+
+def number(axis, x: np.ndarray, y: np.ndarray) -> None:
+    """Write the numbers of points, from 1, beside them in a panel; near ones share a label.
+
+    Labels keep clear of each other, of the points, of lines and of the frame where they can. The
+    panel must have its limits and its size.
+    """
+    from matplotlib.patheffects import withStroke
+
+    scale = 72 / axis.get_figure().dpi
+    at = axis.transData.transform(np.column_stack((x, y))) * scale
+    curves = [
+        line.get_path().transformed(axis.transData).interpolated(FINELY).vertices * scale
+        for line in axis.lines
+        if line.get_linestyle() == "-"
+    ]
+    drawn = np.concatenate([at, *curves])
+    drawn = drawn[np.isfinite(drawn).all(axis=1)]
+    frame = np.array(axis.get_window_extent().extents) * scale
+    taken: list[np.ndarray] = []
+
+    def hidden(box: np.ndarray) -> float:
+        inside = np.all((drawn >= box[:2]) & (drawn <= box[2:]), axis=1).sum()
+        outside = np.prod(box[2:] - box[:2]) - _overlap(box, frame)
+        return inside + 100 * (outside + sum(_overlap(box, other) for other in taken))
+
+    halo = [withStroke(linewidth=1.5, foreground="white")]
+    for members in together(at):
+        text = ",".join(ranges([k + 1 for k in members], "–"))
+        middle = at[members].mean(axis=0)
+        box = min((_box(middle, offset, text) for offset in AROUND), key=hidden)
+        taken.append(box)
+        place = members[0]
+        looks = {"fontsize": SIZE, "color": palette.DARK_INK, "path_effects": halo, "zorder": 6}
+        where = {"textcoords": "offset points", "va": "bottom", **looks}
+        axis.annotate(text, (x[place], y[place]), box[:2] - at[place], **where).set_in_layout(False)
+
+
+def together(at: np.ndarray) -> list[list[int]]:
+    """Return groups of points, each within `NEAR` of the first of its group, in their order."""
+    groups: list[list[int]] = []
+    for k, place in enumerate(at):
+        for members in groups:
+            if np.abs(at[members[0]] - place).max() <= NEAR:
+                members.append(k)
+                break
+        else:
+            groups.append([k])
+    return groups
+
+
+def _box(middle: np.ndarray, offset: tuple[float, float], text: str) -> np.ndarray:
+    """Return the ends of a label beside a place, left, lower, right and upper (points)."""
+    width, height = SIZE * LETTER * len(text), SIZE * HEIGHT
+    left, low = middle + offset
+    left -= width if offset[0] < 0 else 0.0
+    return np.array([left, low, left + width, low + height])
+
+
+def _overlap(box: np.ndarray, other: np.ndarray) -> float:
+    sides = np.minimum(box[2:], other[2:]) - np.maximum(box[:2], other[:2])
+    return float(np.prod(np.clip(sides, 0.0, None)))

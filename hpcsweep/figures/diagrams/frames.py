@@ -1,4 +1,4 @@
-"""Small orbit diagrams of several frames, of one floor (default: the top)."""
+"""Orbit diagrams of several frames of a sweep."""
 
 import re
 from collections.abc import Sequence
@@ -7,13 +7,14 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams import orbits
+from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import COLUMNS, panels
 from hpcsweep.figures.fitting import dot
-from hpcsweep.figures.options import DIRECTION, FLOORS, Option
+from hpcsweep.figures.options import DIRECTION, FLOORS, Option, figure_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
 
+FRAMES = Option("--frames", "number of frames", type=int, metavar="N")
 MAX_FRAMES = 12
 ORBIT = 2.5
 """Area of the points of an orbit, in areas of those of a motion that does not repeat."""
@@ -21,23 +22,21 @@ ONE = 4.8, 2.75
 """Width and height (inches) of a figure of one panel, for its words."""
 MAX_COLUMNS = 7
 """Columns of the legend."""
-NAME = "frames"
-DRAWS = "motions"
-OPTIONS = (DIRECTION, Option("--frames", "number of frames", type=int, metavar="N"), FLOORS)
 
 
-def load(reader, frames: int | None = None, **_options):
+def load(reader, frames=None, **_options):
     """Read the frames to draw."""
     return reader.gather([*reader], choose(reader.study.frames, frames).tolist())
 
 
-def draw(
+@figure_of("frames", "motions", load, DIRECTION, FRAMES, FLOORS)
+def frames(
     results,
     direction: str | None = None,
     frames: int | None = None,
     floors: Sequence[int | str] = (),
 ):
-    """Draw frames spread evenly over frequency.
+    """Small orbit diagrams of several frames, of one floor (default: the top).
 
     Parameters
     ----------
@@ -103,7 +102,7 @@ def _panel(axis, frame, motions, floor: int) -> None:
     along = frame[frame["outcome"].dims[-1]].values
     size = float(np.clip(300 / max(along.size, 1), 0.5, 4.0))
     done = np.where(frame["outcome"].values == Outcome.COMPLETE, motions, -1)
-    orbits.scatter_motions(axis, frame, done, floor, size, ORBIT * size)
+    sweep.scatter_motions(axis, frame, done, floor, size, ORBIT * size)
     style.draw_lattice(axis)
     axis.tick_params(labelsize=8)
     style.limit_amplitudes(axis, along)
@@ -111,7 +110,7 @@ def _panel(axis, frame, motions, floor: int) -> None:
 
 def _legend(figure, results, classes, motions) -> None:
     structure, failed = style.structure_of(results), classes[0] == MotionClass.FAILED
-    handles = orbits.motion_keys(structure, np.where(failed, -1, motions), "o", 4)
+    handles = sweep.motion_keys(structure, np.where(failed, -1, motions), "o", 4)
     if failed.any():
         handles.append(dot("failed: blank", "none"))
     style.foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))

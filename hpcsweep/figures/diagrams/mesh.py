@@ -12,9 +12,9 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style, view
-from hpcsweep.figures.diagrams.special_curves import draw_specials, special_keys
 from hpcsweep.figures.fitting import LEGEND, area, blank, key
 from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
+from hpcsweep.figures.overlay import draw_specials, special_keys
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
 VARIABLES = ("orbit_period", "outcome", "contact", "drift", "lyapunov")
@@ -291,13 +291,6 @@ def legend_of_shares(figure, handles: Sequence, inferred: bool) -> None:
     title = f"share of {'points' if inferred else 'runs'}"
     looks = {"loc": "outside right center", "alignment": "left", "title_fontsize": 8, **LEGEND}
     figure.legend(handles=handles, title=title, **looks)
-
-
-def draw_numbers(figure, axes, grid: Grid, layers, norm, **looks):
-    """Draw numbers on panels, one layer each, and return their colour bar."""
-    for axis, values in zip(axes, layers, strict=True):
-        cells = grid.draw(axis, values, cmap=palette.NUMBERS, norm=norm)
-    return figure.colorbar(cells, ax=axes, **looks)
 
 
 @functools.lru_cache(maxsize=8)

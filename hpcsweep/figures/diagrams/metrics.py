@@ -1,28 +1,40 @@
-"""Drift and mean modal norms along the path of one frame, with those without a stop."""
+"""Drifts, modal norms and measures of a sweep, and what impact changes of them."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, tells_chaos
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams.benefit import free_drift
-from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
-from hpcsweep.figures.measures import RUN_LABELS
-from hpcsweep.figures.options import AMPLITUDES, OMEGA
+from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.diagrams.sweep import Frame, load_frame, open_frame
+from hpcsweep.figures.fitting import area
+from hpcsweep.figures.options import AMPLITUDES, DIRECTION, OMEGA, figure_of
+from hpcsweep.model.reduction import physical
 from hpcsweep.solvers.offers import LINEAR
+from hpcsweep.studies.quantities import MEASURES
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
-NAME = "metrics"
-DRAWS = "motions"
-OPTIONS = (OMEGA, AMPLITUDES)
-load = load_frame
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
+MAX_LINES = 10
+"""Storeys, floors or contacts that are drawn, the first."""
+LEVELS = (0.8, 1.0, 1.25)
+"""Ratios of drift with impact to drift without at which the shade changes."""
+SHADES = (
+    ("other motion", palette.OTHER_MOTION),
+    ("no contact", palette.NO_CONTACT),
+    (r"beneficial, $r \leq$ 0.8", palette.RATIOS[0]),
+    (r"beneficial, 0.8 < $r \leq$ 1", palette.RATIOS[1]),
+    (r"adverse, 1 < $r \leq$ 1.25", palette.RATIOS[2]),
+    (r"adverse, $r$ > 1.25", palette.RATIOS[3]),
+)
+"""(name, colour)."""
 
 
-def draw(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
-    """Draw the frame nearest to `omega`, along that to an amplitude, default the first.
+@figure_of("metrics", "motions", load_frame, OMEGA, AMPLITUDES)
+def metrics(results, omega=None, amplitudes=()):
+    """Drift and mean modal norms along the path of one frame, with those without a stop.
 
     Raises
     ------
@@ -88,7 +100,7 @@ def _drift(axis, frame: Frame, free: np.ndarray) -> None:
                 _plot(axis, frame.along[chosen], drift[chosen], marker, colour, direction, label)
     looks = {"color": "black", "linewidth": 1.1, "linestyle": DASHES[0]}
     _free(axis, frame.along, free, label=_without(frame), **looks)
-    axis.set_ylabel(RUN_LABELS["drift"])
+    axis.set_ylabel(labels.RUN_LABELS["drift"])
 
 
 def _plot(axis, x, y, marker: str, colour: str, direction: str, label: str) -> None:
@@ -118,7 +130,116 @@ def _norms(axis, frame: Frame, free: np.ndarray) -> None:
         looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
         label = f"mode {mode + 1}, {_without(frame)}"
         _free(axis, frame.along, free[:, mode], label=label, **looks)
-    axis.set_ylabel(RUN_LABELS["modal_norm"])
+    axis.set_ylabel(labels.RUN_LABELS["modal_norm"])
     if shown < runs.sizes["mode"]:
         title = f"the lowest {shown} of {runs.sizes['mode']} modes"
         axis.set_title(title, loc="right", fontsize=9)
+
+
+@figure_of("measures", "motions", load_frame, OMEGA, AMPLITUDES, DIRECTION)
+def measures(
+    results,
+    omega: float | None = None,
+    direction: str | None = None,
+    amplitudes: Sequence[float] = (),
+):
+    """Peak drift of each storey, displacement and acceleration of each floor over the amplitude.
+
+    Also force and impacts of each contact; one frame.
+
+    Raises
+    ------
+    PlotError
+        If the file holds none of them.
+    """
+    shown = labels.held_measures(results)
+    if not shown:
+        asked = ", ".join(f"output.{name}" for name in MEASURES)
+        raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
+    swept = [style.direction_index(results, direction)]
+    frame = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes)
+    structure, runs, done = frame.structure, frame.runs.isel(direction=0), frame.done[0]
+    over_amplitude = frame.study.run_dims[-2:] == ("omega", "amplitude")
+    graze = style.grazing_amplitude(structure, frame.omega) if over_amplitude else np.inf
+    grazes = frame.along[0] <= graze <= frame.along[-1]
+    figure, axes = style.new_figure(len(shown), 1.2 + 2.3 * len(shown))
+    for axis, name in zip(axes, shown, strict=True):
+        measure = labels.measure_of(results, structure, name)
+        for place in physical(results[measure.dim].values.tolist())[:MAX_LINES]:
+            values = runs[name].isel({measure.dim: place}).where(done) * measure.factor[place]
+            looks = {"markersize": 3, "linewidth": 0.8, "color": palette.series_colour(place)}
+            axis.plot(frame.along, values, ".-", label=measure.places[place], **looks)
+        axis.set_ylabel(measure.label + measure.unit)
+        axis.set_ylim(bottom=0)
+        axis.legend(fontsize=7, frameon=False, ncols=2)
+        if grazes:
+            axis.axvline(graze, color=palette.STOP, linewidth=0.8, linestyle="--")
+    axes[-1].set_xlabel(labels.along(frame.study) + ",  dashed: grazing" * bool(grazes))
+    return style.head(figure, f"{frame.caption},  {style.words_of(frame.results)}", fontsize=9)
+
+
+@figure_of("benefit", "motions", mesh.open_map, DIRECTION)
+def benefit(results, direction: str | None = None):
+    """Where impact lowers and raises the drift, for chaos and for period 1.
+
+    Raises
+    ------
+    PlotError
+        If the file does not hold the variables to draw.
+    """
+    structure = style.structure_of(results)
+    style.demand(LINEAR, structure, "--kind benefit", "map")
+    style.need(results, "drift", "contact")
+    if not tells_chaos(results):
+        style.need(results, "lyapunov")
+    results = mesh.by_frequency(results, direction)
+    classes = style.classes_of(results)
+    ratio = drift_ratio(results)[0]
+    period = results["orbit_period"].values[0]
+    panels = (
+        ("(a) chaotic impacting", classes[0] == MotionClass.CHAOTIC),
+        ("(b) P1 impacting", (classes[0] == MotionClass.PERIODIC) & (period == 1)),
+    )
+    size = 3.6, min(4.3, mesh.map_height(results, 6.4))
+    figure, axes = mesh.panels(len(panels), size, size)
+    for axis, (name, chosen) in zip(axes, panels, strict=True):
+        _benefit_panel(axis, results, classes[0], chosen, ratio, name)
+    mesh.finish(axes, results)
+    handles = [area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
+    style.foot(figure, handles + mesh.map_keys(results), results, classes, 4)
+    title = f"{style.caption(results)},  {style.words_of(results)}"
+    meaning = r"$r$ = drift with the stop / drift without it"
+    return style.head(figure, title, meaning, fontsize=9)
+
+
+def free_drift(structure, omega: float) -> float:
+    """Return the normalised drift (18) of the steady state without stop, in A/Omega^2.
+
+    Closed form, `Structure.steady_drift`; NaN at an undamped resonance.
+    """
+    try:
+        return float(omega**2 * structure.steady_drift(omega))
+    except ZeroDivisionError:
+        return np.nan
+
+
+def drift_ratio(results) -> np.ndarray:
+    """Return the drift over the drift without stop at the same A and Omega, shape of the runs."""
+    structure = style.structure_of(results)
+    free = np.array([free_drift(structure, float(omega)) for omega in results["omega"].values])
+    return results["drift"].values / free[None, :, None]
+
+
+def _benefit_panel(axis, results, classes, chosen, ratio, name) -> None:
+    index = np.zeros(classes.shape, int)
+    index[classes == MotionClass.NO_CONTACT] = 1
+    rated = chosen & np.isfinite(ratio)
+    index[rated] = 2 + np.searchsorted(LEVELS, ratio[rated], side="left")
+    index[np.isin(classes, (MotionClass.NOT_COMPUTED, MotionClass.FAILED))] = -1
+    mesh.grid_of(results).fill(axis, index, [colour for _, colour in SHADES])
+    count = int(rated.sum())
+    note = "no such run"
+    if count:
+        share = style.percent(float((ratio[rated] <= 1).mean()))
+        note = f"beneficial: {share} of {count} runs"
+    axis.set_title(f"{name}\n{note}", fontsize=9)

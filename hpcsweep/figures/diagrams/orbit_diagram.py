@@ -1,38 +1,18 @@
-"""Stroboscopic displacement of each floor against the forcing amplitude, or what a sweep is along.
+"""Orbit diagrams of sweeps, with the contact regions."""
 
-One frame, sweeps up and down, contact regions along the top.
-"""
-
-from collections.abc import Sequence
-from pathlib import Path
 from textwrap import wrap
 from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style, view
-from hpcsweep.figures.diagrams import orbits
-from hpcsweep.figures.diagrams.figure import Frame, lay_branches, load_frame, open_frame
+from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
 from hpcsweep.figures.fitting import dot
-from hpcsweep.figures.options import AMPLITUDES, BRANCHES, FLOORS, OMEGA, Option
+from hpcsweep.figures.options import AMPLITUDES, BRANCHES, COLOUR, FLOORS, OMEGA, figure_of
 from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
-NAME = "orbit"
-DRAWS = "motions"
-OPTIONS = (
-    OMEGA,
-    AMPLITUDES,
-    FLOORS,
-    BRANCHES,
-    Option(
-        "--color",
-        "what the colours show (default: direction)",
-        choices=("direction", "contact", "period"),
-    ),
-)
-load = load_frame
 MAX_SHORTENED = 16
 """Regions whose contact sets have no room above the panels and are listed below them."""
 PLACES = {"amplitude": "amplitudes", "omega": "frequencies"}
@@ -64,15 +44,11 @@ class Group(NamedTuple):
     runs: np.ndarray
 
 
-def draw(
-    results,
-    omega: float | None = None,
-    color: str = "direction",
-    floors: Sequence[int | str] = (),
-    amplitudes: Sequence[float] = (),
-    branches: Path | None = None,
-):
-    """Draw one frame of a campaign.
+@figure_of("orbit", "motions", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, BRANCHES, COLOUR)
+def orbit(results, omega=None, color="direction", floors=(), amplitudes=(), branches=None):
+    """Stroboscopic displacement of each floor against the forcing amplitude, or another parameter.
+
+    One frame, sweeps up and down, contact regions along the top.
 
     Parameters
     ----------
@@ -95,14 +71,14 @@ def draw(
         If the file does not hold the variables to draw.
     """
     needed = ("poincare", *(("contact",) if color == "contact" else ()))
-    frame = open_frame(results, omega, *needed, amplitudes=amplitudes)
+    frame = sweep.open_frame(results, omega, *needed, amplitudes=amplitudes)
     structure = frame.structure
-    figure, axes = orbits.floor_panels(structure, floors, labels.along(frame.study))
-    groups, keys = _groups(color, frame), lay_branches(axes, frame, branches)
+    figure, axes = sweep.floor_panels(structure, floors, labels.along(frame.study))
+    groups, keys = _groups(color, frame), sweep.lay_branches(axes, frame, branches)
     for floor, axis in axes.items():
         for group in groups:
             _scatter(axis, frame.runs, group, floor)
-        orbits.mark_stops(axis, frame.study.structures, floor, frame.along)
+        sweep.mark_stops(axis, frame.study.structures, floor, frame.along)
     style.limit_amplitudes(axis, frame.along)
     note = ""
     if "contact" in frame.runs:
@@ -113,7 +89,7 @@ def draw(
     return style.head(figure, frame.caption)
 
 
-def _groups(color: str, frame: Frame) -> list[Group]:
+def _groups(color: str, frame: sweep.Frame) -> list[Group]:
     """Group the complete runs of one frame by colour, in legend order."""
     if color == "direction":
         names = [str(name) for name in frame.runs["direction"].values]
@@ -142,8 +118,8 @@ def _scatter(axis, swept, group: Group, floor: int) -> None:
     Points of orbits are large, filled on the way up, hollow on the way down; those of aperiodic
     motions are fine, so that their density shows.
     """
-    size, repeats = orbits.orbit_area(swept), swept["orbit_period"].values > 0
-    fine = {"s": orbits.FINE * size, "color": group.colour, "linewidths": 0}
+    size, repeats = sweep.orbit_area(swept), swept["orbit_period"].values > 0
+    fine = {"s": sweep.FINE * size, "color": group.colour, "linewidths": 0}
     solid = {"s": size, "facecolors": group.colour, "edgecolors": "none", "linewidths": 0}
     hollow = {"s": 1.6 * size, "facecolors": "none", "edgecolors": group.colour, "linewidths": 0.35}
     for d, direction in enumerate(swept["direction"].values):
@@ -151,10 +127,10 @@ def _scatter(axis, swept, group: Group, floor: int) -> None:
         large = {"marker": style.MARKERS[str(direction)], **(solid if filled else hollow)}
         runs = group.runs & (np.arange(len(repeats)) == d)[:, None]
         for chosen, looks in ((~repeats, fine), (repeats, large)):
-            orbits.scatter(axis, swept, runs & chosen, floor, zorder=2 if filled else 3, **looks)
+            sweep.scatter(axis, swept, runs & chosen, floor, zorder=2 if filled else 3, **looks)
 
 
-def _mark_regions(axes, frame: Frame, labels, coexisting) -> str:
+def _mark_regions(axes, frame: sweep.Frame, labels, coexisting) -> str:
     """Mark the contact regions along the top, as in Figure 3 of the paper, with a legend."""
     along = frame.along
     least = max(3, along.size // 100)
@@ -237,7 +213,9 @@ def roman(number: int) -> str:
     return text
 
 
-def _legend(figure, groups: list[Group], color: str, frame: Frame, note: str, keys: list) -> None:
+def _legend(
+    figure, groups: list[Group], color: str, frame: sweep.Frame, note: str, keys: list
+) -> None:
     directions = [str(name) for name in frame.runs["direction"].values]
     looks = [(style.MARKERS[d], 5, "none" if d == DOWN else None) for d in directions]
     if color == "direction":
@@ -250,6 +228,6 @@ def _legend(figure, groups: list[Group], color: str, frame: Frame, note: str, ke
         words = (style.words_of(frame.results, name) for name in directions)
         handles += [dot(word, "0.3", *look) for word, look in zip(words, looks, strict=True)]
     if (frame.runs["orbit_period"].values[frame.done] == 0).any():
-        handles.append(dot("no orbit found", "0.3", ".", orbits.FINE_KEY))
+        handles.append(dot("no orbit found", "0.3", ".", sweep.FINE_KEY))
     handles += keys
     style.foot(figure, handles, frame.results, frame.classes, min(len(handles), MAX_COLUMNS), note)

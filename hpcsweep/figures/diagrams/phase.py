@@ -1,42 +1,17 @@
-"""Phase portraits of the floors at --amplitude A, at --along X, or of an orbit of --period P."""
+"""Phase portraits of motions of a sweep."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.diagrams.figure import Frame, load_frame, open_frame
+from hpcsweep.figures.diagrams.sweep import Frame, load_frame, open_frame
 from hpcsweep.figures.fitting import dot, key
-from hpcsweep.figures.options import AMPLITUDES, DIRECTION, FLOORS, OMEGA, Option, whole_number
+from hpcsweep.figures.options import ALONG, AMPLITUDES, DIRECTION, FLOORS, OMEGA, PERIOD, figure_of
 from hpcsweep.model.description import stops
 from hpcsweep.studies.run_names import SYMBOLS
 
-NAME = "phase"
-DRAWS = "motions"
-OPTIONS = (
-    OMEGA,
-    AMPLITUDES,
-    Option(
-        "--along",
-        "values of what the sweep is along, if not the amplitude; the nearest runs are drawn",
-        type=float,
-        nargs="+",
-        metavar="X",
-    ),
-    Option(
-        "--period",
-        "orbit periods; an example of each is found in the sweep",
-        dest="periods",
-        type=whole_number(1),
-        nargs="+",
-        metavar="P",
-    ),
-    DIRECTION,
-    FLOORS,
-)
-load = load_frame
 WIDTH, MIN_WIDTH, LETTERS = 2.4, 4.8, 13
 """Width of a panel, the least of the figure (inches), and letters of its title on an inch."""
 NEAR_STOP = 10
@@ -54,16 +29,9 @@ class DrawnRun(NamedTuple):
     along: int
 
 
-def draw(
-    results,
-    omega: float | None = None,
-    amplitudes: Sequence[float] = (),
-    periods: Sequence[int] = (),
-    direction: str | None = None,
-    floors: Sequence[int | str] = (),
-    along: Sequence[float] = (),
-):
-    """Draw motions of one frame, one a row.
+@figure_of("phase", "motions", load_frame, OMEGA, AMPLITUDES, ALONG, PERIOD, DIRECTION, FLOORS)
+def phase(results, omega=None, amplitudes=(), periods=(), direction=None, floors=(), along=()):
+    """Phase portraits of the floors at --amplitude A, at --along X, or of an orbit of --period P.
 
     Parameters
     ----------

@@ -49,14 +49,14 @@ MIN_LENGTH = 1e-12
 """Share of the largest response below which two are the same."""
 
 
-def load(frames, **_options):
-    """Read all responses of one structure."""
-    return frames.gather([*frames])
+def loading(*names: str) -> Callable:
+    """Return a function that reads variables of one structure that are there; default all."""
+    return lambda frames, **_options: frames.gather(names or [*frames])
 
 
-def load_run(frames, **_options):
-    """Read the facts about the records of one structure, as `run_title` tells them."""
-    return frames.gather(["outcome", *COLLAPSE_NAMES])
+RUN = "outcome", "collapsed", "collapse_time"
+"""Variables that `run_title` tells, where a file holds them."""
+load, load_run = loading(), loading(*RUN)
 
 
 def check_place(place: str | None, names: Iterable[str], what: str) -> None:
@@ -256,10 +256,6 @@ def heights(names: Sequence[str]) -> list[tuple[str, list[int], list[int]]]:
         lowest = int(not names[places[0]].endswith(SLAB))
         rows.append((building, places, [*range(lowest, lowest + len(places))]))
     return rows
-
-
-COLLAPSE_NAMES = "collapsed", "collapse_time"
-"""Variables that `run_title` tells, where a file holds them."""
 
 
 def run_title(results, study: Records, i: int, at: int) -> str:

@@ -1,7 +1,4 @@
-"""Motion classes over the amplitude and a key that the job varies, one frame.
-
-A panel for each value of another, of two others in rows and columns.
-"""
+"""Maps over a key that a job varies."""
 
 import math
 import re
@@ -12,18 +9,14 @@ import numpy as np
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.inferred import drawn_classes, inferred, is_by_period, share_note
-from hpcsweep.figures.options import DIRECTION, OMEGA, Option
+from hpcsweep.figures.options import DIRECTION, OMEGA, Option, figure_of
 from hpcsweep.figures.style import PlotError
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.run_names import written
 from hpcsweep.studies.study import as_kind
 
-NAME = "vary"
-DRAWS = "motions"
-OPTIONS = (
-    OMEGA,
-    DIRECTION,
-    Option("--over", "key on the vertical axis (default: the one with most values)", metavar="KEY"),
+OVER = Option(
+    "--over", "key on the vertical axis (default: the one with most values)", metavar="KEY"
 )
 MAX_PANELS, MAX_FACETS = 12, (8, 8)
 """Most panels side by side, and rows and columns of those of two keys."""
@@ -72,7 +65,7 @@ class Panels(NamedTuple):
     inferred: float
 
 
-def load(frames, omega: float | None = None, direction: str | None = None, over: str | None = None):
+def load(frames, omega=None, direction=None, over=None):
     """Read one frame of every part to draw.
 
     Returns
@@ -81,7 +74,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     """
     axes = frames.whole.study.axes
     if not axes:
-        raise PlotError(f"--kind {NAME} shows a key that a job varies ([vary])")
+        raise PlotError("--kind vary shows a key that a job varies ([vary])")
     study = as_kind(frames.study, RunGrid)
     style.need_amplitudes(study)
     free = {axis.name: axis for axis in axes if axis.name not in frames.given}
@@ -135,8 +128,11 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
     )
 
 
-def draw(results: Panels, **_options):
-    """Draw what `load` returned; the options are those of `load`.
+@figure_of("vary", "motions", load, OMEGA, DIRECTION, OVER)
+def vary(results: Panels, **_options):
+    """Motion classes over the amplitude and a key that the job varies, one frame.
+
+    A panel for each value of another, of two others in rows and columns.
 
     Raises
     ------

@@ -2,16 +2,15 @@
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MOTION
+from hpcsweep.dynamics.classify import MOTION, MotionClass
 from hpcsweep.figures import labels, style
-from hpcsweep.figures.explorer import attractors
+from hpcsweep.figures.attractors import DIMENSION, attractor_classes
 from hpcsweep.figures.inferred import filled, filled_classes, inferred
-from hpcsweep.figures.measures import held_measures, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
@@ -28,6 +27,8 @@ INFERRED = len(Outcome)
 """Code, among those of outcomes, of points that are inferred from their cells."""
 MAX_CELLS = 20_000_000
 """Places of the map."""
+OF_ATTRACTORS = ("share", "number")
+"""Values that only attractors have."""
 MAX_PLACES = 10
 """Storeys, floors or contacts whose measures are shown, the first."""
 
@@ -127,7 +128,7 @@ def gather(
         raise style.PlotError(f"{path}: its points lie on a grid of {size}, {most}")
     if by_share and study.content != "attractors":
         raise style.PlotError(f"{path}: --by-share: holds no attractors")
-    n, several = study.structure.n_floors, attractors.DIMENSION in study.dimensions
+    n, several = study.structure.n_floors, DIMENSION in study.dimensions
     stored = study.settings.stored_points
     limit, held = stored if most_points is None else most_points, 0
     runs, points = [], []
@@ -135,7 +136,7 @@ def gather(
     for done, row in enumerate(rows, 1):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
         if several:
-            chosen = attractors.as_runs(chosen, by_share)
+            chosen = as_runs(chosen, by_share)
         numbers, words = _values(chosen, study.structure)
         kept, u, v = _points(chosen, n, limit)
         runs.append({**_codes(chosen), **numbers, "counts": kept, "speed": v})
@@ -169,7 +170,7 @@ def gather(
             "amplitude_step": amplitude_step,
         },
     )
-    return attractors.as_study(gathered, by_share) if several else gathered
+    return as_study(gathered, by_share) if several else gathered
 
 
 def _steps(study: RunGrid, frame_step: int, step: int) -> dict[str, list]:
@@ -216,7 +217,7 @@ def _values(frame, structure) -> tuple[dict[str, np.ndarray], dict[str, tuple[st
     """Return the numbers of each run, and label, place and unit of those that are measures."""
     values = {
         name: frame[name].values[:, 0].astype(np.float32)
-        for name in ("drift", "lyapunov", *attractors.VALUES)
+        for name in ("drift", "lyapunov", *OF_ATTRACTORS)
         if name in frame
     }
     if "modal_norm" in frame:
@@ -224,8 +225,8 @@ def _values(frame, structure) -> tuple[dict[str, np.ndarray], dict[str, tuple[st
         shown = min(norms.shape[-1], labels.MAX_MODES)
         values |= {f"modal_norm_{i + 1}": norms[..., i] for i in range(shown)}
     words = {}
-    for name in held_measures(frame):
-        measure = measure_of(frame, structure, name)
+    for name in labels.held_measures(frame):
+        measure = labels.measure_of(frame, structure, name)
         sizes = frame[name].values[:, 0] * measure.factor
         for i, place in enumerate(measure.places[:MAX_PLACES]):
             values[f"{name}_{i + 1}"] = sizes[..., i].astype(np.float32)
@@ -267,3 +268,82 @@ def _fewer(counts: np.ndarray, points: np.ndarray, limit: int):
     flat = counts.ravel()
     place = np.arange(len(points)) - np.repeat(np.cumsum(flat) - flat, flat)
     return np.minimum(counts, limit), points[place < limit]
+
+
+def as_runs(frame, by_share: bool = False):
+    """Return the attractors of a frame, slot by slot, as the runs of directions.
+
+    Parameters
+    ----------
+    frame : xarray.Dataset
+        One frame of a study of attractors.
+    by_share : bool
+        Whether slots are by falling share, so that an attractor keeps none.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions (direction, frame, along, ...): a direction is a slot, which an attractor keeps
+        along the path. Where a slot has no attractor the motion is not computed.
+    """
+    runs = frame.isel(direction=0, drop=True).rename({DIMENSION: "direction"})
+    fixed, along = runs["outcome"].dims
+    order = runs["attractor_id"].isel({fixed: 0}).transpose(along, "direction").values
+    order = np.argsort(order == 0, axis=1, kind="stable") if by_share else slots(order)
+    each = (along, np.arange(len(order)))
+    runs = runs.isel({"direction": ((along, "direction"), order), along: each})
+    held = runs["attractor_id"] > 0
+    for name in ("outcome", "cycles"):
+        runs[name] = runs[name].where(held, runs[name].dtype.type(0))
+    runs["number"] = runs["n_attractors"].where(held)
+    runs["share"] = runs["share"].where(held)
+    runs[MOTION] = runs["attractor_id"].dims, attractor_classes(runs)
+    return runs.transpose("direction", fixed, along, ...)
+
+
+def slots(identity: np.ndarray) -> np.ndarray:
+    """Return which attractor each slot has at each amplitude: the one that it had before.
+
+    A new one takes a slot that no other had at the amplitude before, if there is one.
+
+    Parameters
+    ----------
+    identity : ndarray of int, shape (n_amplitudes, K)
+        Identity of each attractor along the amplitudes, 0 for none.
+
+    Returns
+    -------
+    ndarray of int, shape (n_amplitudes, K)
+        Indices of attractors, and of empty places, a permutation at each amplitude.
+    """
+    order = np.empty_like(identity)
+    before = np.zeros(identity.shape[1], identity.dtype)
+    for taken, row in zip(order, identity, strict=True):
+        places = {number: place for place, number in enumerate(row.tolist()) if number}
+        taken[:] = [places.get(number, -1) for number in before.tolist()]
+        new = [place for place in np.flatnonzero(row) if place not in taken]
+        free = sorted(np.flatnonzero(taken < 0), key=lambda slot: before[slot] != 0)
+        taken[free] = [*new, *np.setdiff1d(np.arange(row.size), [*taken, *new])]
+        before = row[taken]
+    return order
+
+
+def as_study(study: PageData, by_share: bool = False):
+    """Name the slots of a gathered study, and drop empty ones.
+
+    Parameters
+    ----------
+    study : PageData
+    by_share : bool
+        See `as_runs`.
+    """
+    used = np.flatnonzero((study.runs["motion"] != MotionClass.NOT_COMPUTED).any(axis=(0, 2)))
+    n = int(used.max(initial=0)) + 1
+    return replace(
+        study,
+        directions=tuple(str(k + 1) for k in range(n)),
+        words=tuple(f"attractor {k + 1}{' by share' * by_share}" for k in range(n)),
+        runs={name: numbers[:, :n] for name, numbers in study.runs.items()},
+        thinned={**study.thinned, "of_points": study.thinned["points"]},
+        each=DIMENSION,
+    )

@@ -7,22 +7,44 @@ not depend on the number of ranks or processes.
 
 import multiprocessing
 import shutil
+import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, closing
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from hpcsweep.figures.film import video
+import numpy as np
+
 from hpcsweep.figures.film.frames import Common, Film, FrameSurvey, Request, common_of
 from hpcsweep.figures.film.picture import Picture
+from hpcsweep.figures.palette import rgb
 from hpcsweep.figures.style import PlotError
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.mpi import on_master
 from hpcsweep.parallel.stopping import StopFlag
 
+ENDINGS = (".mp4", ".gif")
+PICTURES = "%06d.png"
+"""Names of the pictures, from 0."""
+QUALITY = "20"
+"""Constant rate factor of x264: thin lines and points stay clean."""
+THREADS = "4"
+"""Always as many, so that the bytes of a film do not depend on the machine's cores."""
+MAX_GIF_RATE = 50.0
+"""Frames per second above which browsers slow a GIF down."""
+GIF_COLOURS, GIF_WANTED = 255, 128
+"""Colours of a GIF, and those of points and bands among them, which it shows exactly."""
+
+_TO_YUV = (
+    "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p,"
+    "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709"
+)
+"""The colours that players assume of films of this height."""
+_MP4 = ("-vf", _TO_YUV, "-c:v", "libx264", "-preset", "veryfast", "-crf", QUALITY)
+_GIF = "[0:v][1:v]paletteuse=dither=none:diff_mode=rectangle"
 MIN_WIDTH, MAX_WIDTH = 320, 3840
 """Of a frame (pixels)."""
 PIECE = 8
@@ -49,8 +71,8 @@ def check(request: Request) -> None:
     StoreError
         If the file is not a campaign file, or holds no stroboscopic points.
     """
-    if request.output.suffix.lower() not in video.ENDINGS:
-        raise PlotError(f"--output {request.output}: must end in {' or '.join(video.ENDINGS)}")
+    if request.output.suffix.lower() not in ENDINGS:
+        raise PlotError(f"--output {request.output}: must end in {' or '.join(ENDINGS)}")
     for path in (request.output, request.poster):
         if path is not None and not path.parent.is_dir():
             raise PlotError(f"{path}: folder {path.parent} does not exist")
@@ -58,12 +80,12 @@ def check(request: Request) -> None:
             raise PlotError(f"{path}: is a folder")
     if request.poster is not None and request.poster.suffix.lower() != ".png":
         raise PlotError(f"--poster {request.poster}: must end in .png")
-    if request.is_gif and request.fps > video.MAX_GIF_RATE:
-        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {video.MAX_GIF_RATE:g}")
+    if request.is_gif and request.fps > MAX_GIF_RATE:
+        raise PlotError(f"--fps {request.fps:g}: a GIF plays at most {MAX_GIF_RATE:g}")
     if request.width and (request.width % 2 or not MIN_WIDTH <= request.width <= MAX_WIDTH):
         raise PlotError(f"--width {request.width}: must be even, from {MIN_WIDTH} to {MAX_WIDTH}")
     Film(request).frames.close()
-    video.find_ffmpeg()
+    find_ffmpeg()
 
 
 def make(
@@ -166,7 +188,7 @@ def _draw(request: Request, common: Common, folder: Path, placed: tuple[int, int
 
     place, frame = placed
     pixels = _picture(request, common).paint(frame)
-    Image.fromarray(pixels).save(folder / (video.PICTURES % place), compress_level=1)
+    Image.fromarray(pixels).save(folder / (PICTURES % place), compress_level=1)
 
 
 def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
@@ -180,12 +202,82 @@ def _on_first(request: Request, comm, do: Callable[[], Any]) -> Any:
 
 def _finish(request: Request, common: Common, folder: Path, richest: int) -> None:
     """Make the film, move it and the poster to their places."""
-    poster, whole = folder / (video.PICTURES % richest), folder / f"film{request.output.suffix}"
+    poster, whole = folder / (PICTURES % richest), folder / f"film{request.output.suffix}"
     keys: list[tuple[str, str]] = []
     if request.is_gif:
         picture = _picture(request, common)
         keys = [*picture.keys.values(), *picture.sets.values()]
-    video.encode(folder, whole, request.fps, poster, [colour for colour, _ in keys])
+    encode(folder, whole, request.fps, poster, [colour for colour, _ in keys])
     if request.poster is not None:
         poster.replace(request.poster)
     whole.replace(request.output)
+
+
+def find_ffmpeg() -> str:
+    """Return the path of ffmpeg.
+
+    Raises
+    ------
+    PlotError
+        If imageio-ffmpeg is not installed, or has no ffmpeg for this machine.
+    """
+    try:
+        import imageio_ffmpeg
+
+        return imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        raise PlotError(
+            "no ffmpeg: install the extra 'video' (pip install 'hpcsweep[video]', that is "
+            "imageio-ffmpeg)"
+        ) from None
+
+
+def encode(folder: Path, film: Path, fps: float, richest: Path, wanted: Iterable[str]) -> None:
+    """Make a film of pictures, which plays before it is completely loaded.
+
+    Parameters
+    ----------
+    folder : Path
+        Of `PICTURES`, of even height and width.
+    film : Path
+        Its ending selects MP4 or GIF.
+    fps : float
+        Pictures per second.
+    richest : Path
+        The picture from which a GIF has the commonest colours, beside the `wanted` ones.
+
+    Raises
+    ------
+    RuntimeError
+        If ffmpeg fails; with its message.
+    """
+    how: tuple[str, ...] = (*_MP4, "-threads", THREADS, "-movflags", "+faststart", "-f", "mp4")
+    if film.suffix.lower() == ".gif":
+        from PIL import Image
+
+        colours = np.full((256, 4), 255, np.uint8)
+        palette = palette_of(np.asarray(Image.open(richest)), wanted)
+        colours[: len(palette), :3] = palette
+        table = folder / "palette.png"
+        Image.fromarray(colours.reshape(16, 16, 4), "RGBA").save(table)
+        how = ("-i", str(table), "-filter_complex", _GIF, "-f", "gif", "-loop", "0")
+    call = (find_ffmpeg(), "-nostdin", "-hide_banner", "-loglevel", "error", "-y")
+    pictures = ("-framerate", f"{fps:g}", "-i", str(folder / PICTURES))
+    done = subprocess.run([*call, *pictures, *how, str(film)], capture_output=True, check=False)
+    if done.returncode != 0:
+        text = " ".join(done.stderr.decode(errors="replace").split())
+        raise RuntimeError(f"ffmpeg ended with code {done.returncode}: {text[-500:]}")
+
+
+def palette_of(picture: np.ndarray, wanted: Iterable[str]) -> np.ndarray:
+    """Return the colours of a GIF: the first wanted ones, then the commonest of a picture.
+
+    Returns
+    -------
+    ndarray of uint8, shape (k, 3)
+    """
+    colours = dict.fromkeys(rgb(colour) for colour in wanted)
+    values, counts = np.unique(picture[..., :3].reshape(-1, 3), axis=0, return_counts=True)
+    common = values[np.argsort(-counts, kind="stable")].tolist()
+    chosen = dict.fromkeys([*[*colours][:GIF_WANTED], *map(tuple, common)])
+    return np.array([*chosen][:GIF_COLOURS], np.uint8)

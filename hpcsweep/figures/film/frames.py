@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.measures import ShownMeasure, measure_of
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.figures.style import PlotError
 from hpcsweep.solvers.outcome import Outcome
@@ -146,9 +145,9 @@ class Film:
         self.study = as_kind(self.frames.study, RunGrid)
         self.structure = self.frames.job.structure
         style.need_amplitudes(self.study)
-        self.measure: ShownMeasure | None = None
+        self.measure: labels.ShownMeasure | None = None
         if request.show:
-            self.measure = measure_of(self.frames.dataset(0), self.structure, request.show)
+            self.measure = labels.measure_of(self.frames.dataset(0), self.structure, request.show)
         places = [place.partition(" ")[2] for place in self.measure.places] if self.measure else []
         self.floors = labels.choose_floors(places or self.structure.floor_names, request.floors)
         order = np.argsort(self.study.frames, kind="stable")

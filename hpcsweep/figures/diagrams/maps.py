@@ -1,40 +1,37 @@
-"""Motion classes over amplitude and frequency, or --value of each run.
-
-Of attractors it is that of the one with the largest share.
-"""
+"""Maps over amplitude and frequency: motions, numbers of each run, numbers of attractors."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.attractors import IDENTITY, dominant, identities
-from hpcsweep.figures.diagrams import attractor_map, mesh
-from hpcsweep.figures.diagrams.attractor_diagram import starts_text
-from hpcsweep.figures.diagrams.special_curves import with_specials
-from hpcsweep.figures.inferred import drawn_classes, filled, inferred, is_by_period, note_of
-from hpcsweep.figures.measures import RUN_LABELS
-from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, Option
+from hpcsweep.figures.attractors import IDENTITY, dominant, identities, missed_attractors
+from hpcsweep.figures.diagrams import mesh
+from hpcsweep.figures.diagrams.attractors import starts_text
+from hpcsweep.figures.fitting import LEGEND
+from hpcsweep.figures.inferred import (
+    drawn_classes,
+    filled,
+    gather,
+    inferred,
+    is_by_period,
+    note_of,
+)
+from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, SWEEP, Option, figure_of
+from hpcsweep.figures.overlay import with_specials
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.attractors.search import UNSTORED
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
 
 VALUES = ("period", "drift", "contact", "modal_norm", "lyapunov", "ductility")
 OF_ATTRACTORS = ("share", "number", IDENTITY)
-NAME = "map"
-DRAWS = ("motions", "attractors")
-OPTIONS = (
-    DIRECTION,
-    Option(
-        "--value",
-        "what the colours show (default: period, the motion classes); share, number and identity "
-        "go with attractors",
-        choices=(*VALUES, *OF_ATTRACTORS),
-    ),
-    CELLS,
-    BRANCHES,
+VALUE = Option(
+    "--value",
+    "what the colours show (default: period, the motion classes); share, number and identity "
+    "go with attractors",
+    choices=(*VALUES, *OF_ATTRACTORS),
 )
 MAX_SETS = 14
 """Contact sets the legend names: the commonest."""
@@ -42,18 +39,28 @@ MAX_PANELS = 9
 """Modes shown, the lowest."""
 Kinds = tuple[np.ndarray, Sequence[str], list]
 """Indices of the cells, their colours, and keys of a legend."""
+MOST = 5
+"""Number from which on the colour is the same."""
+MISSED = "missed"
+"""Variable of the attractors that the sweep misses."""
+VARIABLES = ("n_attractors", "attractor_id", "motion", "share", *map("n_{}".format, UNSTORED))
+"""Variables of maps of attractors, beside those of motions."""
 
 
-def load(
-    frames,
-    direction: str | None = None,
-    value: str | None = None,
-    cells: bool | None = None,
-    branches: Path | None = None,
-):
+def load_attractors(frames, sweep=None, cells=None, value="number"):
+    """Read the attractors for a value of a map, or numbers, and count those that a sweep misses."""
+    mesh.need_map(frames.study.run_dims, frames.study.amplitude.size)
+    each = () if value == "number" else (*mesh.VARIABLES, *([value] if value else []))
+    results = gather(frames, (*VARIABLES, "outcome", *each), cells)
+    if sweep is None:
+        return results
+    return results.assign({MISSED: (frames.study.run_dims[-2:], missed_attractors(frames, sweep))})
+
+
+def load_map(frames, direction=None, value=None, cells=None, branches=None):
     """Read the map of one direction, and special points of branches."""
     if frames.study.content == "attractors":
-        results = attractor_map.load(frames, cells=cells, value=value)
+        results = load_attractors(frames, cells=cells, value=value)
         if value == IDENTITY:
             results[IDENTITY] = results["attractor_id"].dims, identities(frames)[None]
     elif value in OF_ATTRACTORS:
@@ -65,14 +72,17 @@ def load(
     return results
 
 
-def draw(
+@figure_of("map", "motions attractors", load_map, DIRECTION, VALUE, CELLS, BRANCHES)
+def motion_map(
     results,
     value: str = "period",
     direction: str | None = None,
     cells: bool | None = None,
     **_options,
 ):
-    """Draw the map of one direction.
+    """Motion classes over amplitude and frequency, or --value of each run.
+
+    Of attractors it is that of the one with the largest share.
 
     Parameters
     ----------
@@ -93,7 +103,7 @@ def draw(
     note, words = note_of(results), ""
     if "attractor_id" in results:
         if value == "number":
-            return attractor_map.draw(results, cells)
+            return number.draw(results, cells)
         note, words = starts_text(results), "attractor of the largest share"
         results = dominant(results)
     if value != "period":
@@ -184,9 +194,57 @@ def _numbers(figure, axes, results, value: str) -> None:
         norm = TwoSlopeNorm(0.0, min(float(low), -1e-6), max(float(high), 1e-6))
         unit, looks = labels.unit(style.structure_of(results), "rate"), {"extend": "both"}
     layers = np.moveaxis(np.ma.atleast_3d(numbers), -1, 0)[: len(axes)]
-    looks["label"] = RUN_LABELS[value] + unit
-    bar = mesh.draw_numbers(figure, axes, mesh.grid_of(results), layers, norm, **looks)
+    looks["label"] = labels.RUN_LABELS[value] + unit
+    for axis, layer in zip(axes, layers, strict=True):
+        cells = mesh.grid_of(results).draw(axis, layer, cmap=palette.NUMBERS, norm=norm)
+    bar = figure.colorbar(cells, ax=axes, **looks)
     for mode, axis in enumerate(axes if value == "modal_norm" else (), 1):
         axis.set_title(f"mode {mode}", fontsize=9)
     if value == "ductility":
         bar.ax.yaxis.set_minor_formatter(LogFormatter())
+
+
+@figure_of("number", "attractors", load_attractors, SWEEP, CELLS)
+def number(results, cells: bool | None = None, **_options):
+    """Number of attractors over amplitude and frequency.
+
+    With --sweep also the number of those that no run of a sweep over the same points ends on.
+
+    Raises
+    ------
+    PlotError
+        If the points do not form a map.
+    """
+    results = mesh.by_frequency(results)
+    done = results["outcome"].values[0] > 0
+    counted = done | inferred(results, "n_attractors")[0]
+    held = np.where(counted, filled(results, "n_attractors")[0], -1)
+    held = np.where(held == 0, -1, held)
+    counts = [("number of attractors", held, 1)]
+    if MISSED in results:
+        missed = results[MISSED].transpose("omega", "amplitude")
+        counts.append(("attractors that no sweep ends on", missed.values, 0))
+    height = mesh.map_height(results, 5.2)
+    figure, axes = mesh.panels(len(counts), (7.2, height), (5.3, height))
+    for axis, (name, values, least) in zip(axes, counts, strict=True):
+        _count_panel(axis, results, name, values, least)
+    mesh.finish(axes, results, cells)
+    return style.head(figure, style.caption(results), starts_text(results), note_of(results))
+
+
+def _count_panel(axis, results, name: str, values: np.ndarray, least: int) -> None:
+    """Draw one map, with the share of the points by number below it."""
+    top = least + MOST - 1
+    colours = [
+        palette.OTHER_MOTION,
+        *(palette.count_colour(place, MOST - 1) for place in range(MOST - 1)),
+    ]
+    index = np.where(values < 0, -1, np.clip(values, least, top) - least)
+    mesh.grid_of(results).fill(axis, index, colours)
+    names = [*map(str, range(least, top)), f"{top} or more"]
+    entries = [*zip(names, colours, strict=True)]
+    handles = mesh.share_keys(index, entries, "none, or not computed")
+    handles += mesh.map_keys(results)
+    axis.set_title(name, fontsize=9)
+    where = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
+    axis.legend(handles=handles, **where, **LEGEND)

@@ -1,7 +1,4 @@
-"""Response of all structures at one intensity, a point a structure, over a key that the job varies.
-
-Median and 16 to 84 % of the records.
-"""
+"""Figures of the storeys, and of the structures, of a study of records at one intensity."""
 
 from typing import NamedTuple
 
@@ -12,16 +9,16 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.diagrams.vary_map import WIDE
 from hpcsweep.figures.fitting import area, dot, legend_below
-from hpcsweep.figures.options import Option
+from hpcsweep.figures.options import Option, figure_of
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.ground_motion.keys import longest_period
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import RESPONSES, stripes_of
+from hpcsweep.studies.ground_motion.stripes import RESPONSES, responses_of, stripes_of
 from hpcsweep.studies.study import as_kind
 
+ROOM = 0.2
+"""Room of the legend above the storeys, over their height."""
 PERIOD = "period"
-NAME = "portfolio"
-DRAWS = "responses"
 AGAINST = Option(
     "--against",
     "column of vary.rows, or key, on the horizontal axis, or period, the longest of each structure "
@@ -29,9 +26,54 @@ AGAINST = Option(
     metavar="KEY",
 )
 COLOUR = Option("--colour", "such a key that the colours tell (default: none)", metavar="KEY")
-OPTIONS = (responses.RESPONSE, responses.PLACE, responses.SCALE, AGAINST, COLOUR)
+WHICH = responses.RESPONSE, responses.PLACE, responses.SCALE
 EDGE = 1.05
 """Height of structures whose median collapses, over the largest fractile."""
+
+
+@figure_of("profile", "responses", responses.load, responses.RESPONSE, responses.SCALE)
+def profile(results, response="drift", scale=None):
+    """Peak drift, displacement or acceleration, ductility or residual drift over the storeys.
+
+    Of each building at one intensity: median, 16 to 84 %, and the median of the motion without
+    contacts (elastic, where something yields).
+    """
+    if response in ("force", "impacts", "base_shear"):
+        raise style.PlotError(f"--response {response}: has no profile over the height")
+    at, study = responses.scale_index(results, scale), style.study_of(results, Records)
+    whole = responses.opened(results, response, None)
+    peaks = responses_of(results, study, response)
+    if study.structure.reduction is not None:
+        raise style.PlotError("a profile is for buildings: a finite element model has no storeys")
+    panels = responses.heights(peaks.names)
+    figure, axes = style.new_grid(1, len(panels), (1.2 + 2.6 * len(panels), 4.2), sharex=True)
+    bands = median_band(peaks.values[:, at])
+    beside = [np.asarray(peaks.alone)[:, at]] if responses.touches(whole) else []
+    edge = responses.edge_of(bands, *beside)
+    for axis, (building, places, level) in zip(axes[0], panels, strict=True):
+        low, median, high = bands[:, places]
+        band = [np.minimum(end, edge or np.inf) for end in (low, high)]
+        colour = palette.series_colour(0)
+        axis.fill_betweenx(level, *band, color=colour, alpha=0.2, linewidth=0, label="16 to 84 %")
+        axis.plot(median, level, "o-", color=colour, markersize=3, label="median")
+        if responses.touches(whole):
+            free = median_band(np.asarray(peaks.alone)[:, at, places])[1]
+            looks = {"color": palette.STOP, "markersize": 3, "label": responses.alone(results)}
+            axis.plot(free, level, "s:", **looks)
+        axis.set_title(f"building {building}" if building else "", fontsize=9)
+        axis.set_yticks(level)
+        axis.grid(True, color="0.92", linewidth=0.6)
+        axis.set_xlabel(whole.label, fontsize=8)
+    ends = [tick for axis in axes[0] for tick in axis.get_yticks()]
+    room = ROOM * (max(ends) - min(ends) + 1.0)
+    for axis in axes[0]:
+        axis.set_ylim(min(ends) - 0.5, max(ends) + 0.5 + room)
+    axes[0, 0].set(xlim=(0, edge), ylabel=peaks.dim)
+    responses.legend(axes[0, 0])
+    where = f"{responses.at_scale(study, at)}, {len(whole.records)} records"
+    if fallen := int(np.isinf(whole.values[:, at]).sum()):
+        where += f", {fallen} of which collapse, beyond the edge"
+    return style.head(figure, f"{where}\n{responses.title(results)}", fontsize=9)
 
 
 class Portfolio(NamedTuple):
@@ -44,7 +86,7 @@ class Portfolio(NamedTuple):
     title: str
 
 
-def load(frames, response="drift", place=None, scale=None, against=None, colour=None):
+def load_portfolio(frames, response="drift", place=None, scale=None, against=None, colour=None):
     """Read one response of all structures, a `Portfolio`.
 
     Raises
@@ -53,7 +95,7 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
     """
     varied = {key.name: key for axis in frames.whole.study.axes for key in axis.keys}
     if not varied:
-        raise style.PlotError(f"--kind {NAME} shows structures that a job varies")
+        raise style.PlotError("--kind portfolio shows structures that a job varies")
     names = [RESPONSES[response].name, "outcome", "collapsed"]
     bands, keys, tell = [], [], counted("reading structure")
     for at in frames.parts():
@@ -87,8 +129,12 @@ def load(frames, response="drift", place=None, scale=None, against=None, colour=
     return Portfolio(np.array(bands).T, values("--against", against), hue, stripes.label, title)
 
 
-def draw(results: Portfolio, **_options):
-    """Draw what `load` returned; the options are those of `load`."""
+@figure_of("portfolio", "responses", load_portfolio, *WHICH, AGAINST, COLOUR)
+def portfolio(results: Portfolio, **_options):
+    """Response of all structures at one intensity, a point each, over a key that the job varies.
+
+    Median and 16 to 84 % of the records.
+    """
     figure, (axis,) = style.new_figure(1, 4.4)
     (low, median, high), (over, label), hue = results[:3]
     top = EDGE * results.bands[np.isfinite(results.bands)].max(initial=0.0)

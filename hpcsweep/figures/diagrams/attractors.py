@@ -1,7 +1,4 @@
-"""Shares of the starts that go to each attractor, along the path of one frame.
-
-Stacked, and with their confidence intervals.
-"""
+"""Attractors of one frame: their points along its path, and the shares of the starts."""
 
 from collections.abc import Sequence
 
@@ -9,26 +6,106 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import shakedown_name
 from hpcsweep.figures import labels, palette, style, view
-from hpcsweep.figures.diagrams.attractor_diagram import legend, opened, starts_text
-from hpcsweep.figures.diagrams.figure import load_frame
+from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import edges_of
-from hpcsweep.figures.fitting import blank
-from hpcsweep.figures.options import AMPLITUDES, OMEGA
+from hpcsweep.figures.fitting import blank, dot, legend_below
+from hpcsweep.figures.options import AMPLITUDES, BRANCHES, FLOORS, OMEGA, figure_of
 from hpcsweep.studies.attractors.attractors import AttractorGrid
+from hpcsweep.studies.attractors.search import UNSTORED
+from hpcsweep.studies.report import starting_range
 
-NAME = "shares"
-DRAWS = "attractors"
-OPTIONS = (OMEGA, AMPLITUDES)
-MAX_COLUMNS = 7
+MAX_RANGES = 2
+"""Ranges of the starts that are written out."""
+MAX_COLUMNS, MORE_COLUMNS = 6, 7
+"""Columns of the legends."""
 MIN_WIDTH, MIN_HEIGHT = 0.05, 0.1
 """Parts of the panel that an identity must fill to be named in it."""
 TALL = 0.75
 """Part of the largest height that the layer has around its name."""
-load = load_frame
 
 
-def draw(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
-    """Draw one frame; colours show the motion.
+@figure_of("attractors", "attractors", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, BRANCHES)
+def attractors(results, omega=None, floors=(), amplitudes=(), branches=None):
+    """Stroboscopic displacement of each floor on all attractors of one frame.
+
+    Against the forcing amplitude, or what they are continued along.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+    omega : float, optional
+        The frame nearest to this frequency; default the first.
+    floors : sequence of int or str, optional
+        Shown, see `labels.choose_floors`.
+    amplitudes : sequence of float, optional
+        One, in place of `omega` for attractors along that.
+    branches : Path, optional
+        Results file of branches along the same path, drawn beneath.
+
+    Raises
+    ------
+    PlotError
+        If there is nothing to draw.
+    """
+    frame, runs, index = opened(results, omega, amplitudes)
+    figure, axes = sweep.floor_panels(frame.structure, floors, labels.along(frame.study))
+    keys, size = sweep.lay_branches(axes, frame, branches), sweep.orbit_area(runs)
+    for floor, axis in axes.items():
+        sweep.scatter_motions(axis, runs, index, floor, sweep.FINE * size, size)
+        sweep.mark_stops(axis, frame.study.structures, floor, frame.along)
+    style.limit_amplitudes(axis, frame.along)
+    legend(figure, runs, index, starts_text(runs), MAX_COLUMNS, keys)
+    return style.head(figure, frame.caption)
+
+
+def opened(results, omega: float | None, amplitudes: Sequence[float] = ()):
+    """Choose a frame of attractors, see `open_frame`.
+
+    Returns
+    -------
+    one : sweep.Frame
+    runs : xarray.Dataset
+        Without the only direction.
+    index : ndarray of int, shape (n_along, n_attractors)
+        In `palette.MOTIONS` of each attractor, -1 where there is none.
+    """
+    frame: sweep.Frame = sweep.open_frame(results, omega, amplitudes=amplitudes)
+    runs = frame.runs.isel(direction=0)
+    return frame, runs, palette.motion_index(frame.classes[0], runs["orbit_period"].values)
+
+
+def starts_words(study: AttractorGrid) -> str:
+    """Format the number of starts of a point, and where they lie."""
+    box = [line.replace("omega_0", labels.WORD) for line in starting_range(study)]
+    where = " and ".join(box) if len(box) <= MAX_RANGES else "a box, each floor its own range"
+    return f"{study.starts:,} starts a point: {where}"
+
+
+def starts_text(results) -> str:
+    """Format the starts, and the shares of them that reached no attractor of the file."""
+    study = style.study_of(results, AttractorGrid)
+    done = max(int((results["outcome"].values > 0).sum()), 1) * study.starts
+    parts = []
+    for name in UNSTORED:
+        count = int(results[f"n_{name}"].values.sum())
+        if count or name == "undecided":
+            parts.append(f"{name} {style.percent(count / done)}")
+    return f"{starts_words(study)}; {', '.join(parts)}"
+
+
+def legend(figure, runs, index: np.ndarray, title: str, columns: int, further=()) -> None:
+    """Put the motions, further keys, and a title, below the panels."""
+    handles = sweep.motion_keys(style.structure_of(runs), index, "s", 5)
+    if (runs["orbit_period"].values[index >= 0] == 0).any():
+        handles.append(dot("no orbit", "0.3", ".", sweep.FINE_KEY))
+    legend_below(figure, [*handles, *further], title, columns)
+
+
+@figure_of("shares", "attractors", sweep.load_frame, OMEGA, AMPLITUDES)
+def shares(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
+    """Shares of the starts that go to each attractor, along the path of one frame.
+
+    Stacked, and with their confidence intervals.
 
     Raises
     ------
@@ -51,7 +128,7 @@ def draw(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
     axes[1].set_xlim(edges[0], edges[-1])
     style.letter(axes)
     note = f"{starts_text(runs)}; named in (a): identity and contact set"
-    legend(figure, runs, index, note, MAX_COLUMNS, [blank("reached none of them")])
+    legend(figure, runs, index, note, MORE_COLUMNS, [blank("reached none of them")])
     return style.head(figure, frame.caption, fontsize=10)
 
 

@@ -1,0 +1,173 @@
+"""Motions of one record at one intensity, computed again: over time, as loops, as energies."""
+
+import numpy as np
+
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.diagrams import mesh, responses
+from hpcsweep.figures.options import figure_of
+from hpcsweep.model.buildings import COLUMN
+from hpcsweep.model.isolation import SLAB
+from hpcsweep.model.reduction import physical
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.history import SAME_STEP
+from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
+from hpcsweep.studies.ground_motion.records import Records
+
+NAMES = "storey_drift", *responses.RUN
+RUN = responses.RECORD, responses.SCALE
+PART = *RUN, responses.PLACE, responses.TIME
+IN_A_ROW = 4
+"""Panels."""
+EACH, MORE = (2.6, 2.3), (1.0, 0.6)
+"""Inches of a panel, and of what is beside all ..."""
+ONE = EACH[0] + MORE[0], EACH[1] + MORE[1]
+"""... of a figure of one."""
+PARTS = {"sliders": [5], "contacts": [4], "damping": [3], "kinetic and strain": [1, 2]}
+"""Fields of an `Energy`, from below."""
+
+
+@figure_of("history", "responses", responses.loading("contact_force", *NAMES), *PART)
+def history(results, record=None, scale=None, place=None, time=None):
+    """One record at one intensity over time: the ground and two facing floors; needs the record.
+
+    Displacements with and without contacts, the gap and the force between them (the largest since
+    the instant before: contacts may be shorter), and absolute accelerations.
+    """
+    i, at = responses.record_index(results, record), responses.scale_index(results, scale)
+    study = style.study_of(results, Records)
+    samples = responses.samples_of(study, i)
+    structure, factor = study.structure, float(study.factor[i, at])
+    names = list(structure.contact_names.values())
+    responses.check_place(place, names, "a contact, of")
+    seen = responses.history_of(study, (i, at), time)
+    shown, k = physical(structure.floor_names)[-1:], names.index(place) if place else 0
+    if names:
+        if place is None:
+            k = int(seen.peak_force.max(axis=0).argmax())
+        moved = np.flatnonzero(structure.directions[k]).tolist()
+        shown = [i for i in physical(structure.floor_names) if i in moved] or moved
+    figure, axes = style.new_figure(5 if names else 3, 8.8 if names else 6.2, 7.6)
+
+    def panel(axis, label: str, columns, quantity: str = "1", **looks) -> float:
+        """Draw columns, one a line, in a unit that suits them; return how much of it is one."""
+        unit, size = labels.sized(structure, quantity, columns)
+        for series, column in enumerate(columns.T):
+            colour = {"color": palette.series_colour(series), "lw": 0.8}
+            axis.plot(seen.time, column / size, **colour | looks)
+        axis.set_ylabel(label + unit, fontsize=8)
+        return size
+
+    ground = factor / study.gravity * np.interp(seen.time, samples.times, samples.acceleration)
+    ground[seen.time > samples.times[-1]] = 0.0
+    panel(axes[0], "ground  [g]", ground[:, None], color="0.3", lw=0.6)
+    panel(axes[-1], "absolute\nacceleration  [g]", seen.acceleration[:, shown] / study.gravity)
+    size = panel(axes[1], "displacement", seen.displacement[:, shown], "length")
+    for line, floor in zip(axes[1].lines, shown, strict=True):
+        line.set_label(structure.floor_names[floor])
+    if names:
+        free = responses.history_of(study, (i, at), time, structure.without_contacts())
+        for line, column in zip(axes[1].lines[:], free.displacement[:, shown].T, strict=True):
+            axes[1].plot(free.time, column / size, ":", color=line.get_color(), lw=0.7)
+        axes[1].plot([], [], ":", color=palette.STOP, label="no contact")
+        gap, force = structure.contacts[k].gap - seen.approach[:, [k]], seen.peak_force[:, [k]]
+        touch = palette.series_colour(2)
+        panel(axes[2], f"gap {names[k]}", gap, "length", color="0.3")
+        axes[2].axhline(0.0, color=touch, lw=0.8)
+        panel(axes[3], f"force {names[k]}", force, "force", color=touch, drawstyle="steps-pre")
+        pushes = {"where": force[:, 0] > 0.0, "color": touch, "alpha": 0.2, "linewidth": 0.6}
+        for axis in axes[1:3]:
+            axis.fill_between(seen.time, 0, 1, transform=axis.get_xaxis_transform(), **pushes)
+    beside = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
+    axes[1].legend(frameon=False, fontsize=7, ncols=4, **beside)
+    unit = labels.unit(structure, "time")
+    axes[-1].set(xlabel="time" + unit, xlim=(seen.time[0], seen.time[-1]))
+    note = elastic_words(elastic_drift(results.isel(record=[i], scale=[at]), structure))
+    return style.head(figure, responses.run_title(results, study, i, at), note, fontsize=9)
+
+
+def springs(structure: Structure) -> np.ndarray:
+    """Return the stiffness of the elastic spring beside each slider of a storey, or of bearings."""
+    stiffness = structure.elastic_stiffness
+    for i, name in enumerate(structure.floor_names):
+        if COLUMN in name:
+            column = stiffness[i] / np.sqrt(stiffness[i, i])
+            stiffness = stiffness - np.outer(column, column)
+    rows = dict(zip(structure.storey_names, structure.drift_rows.tolist(), strict=True))
+    elastic = np.zeros(len(structure.sliders))
+    for k, (name, slider) in enumerate(zip(structure.slider_names, structure.sliders, strict=True)):
+        ends = np.flatnonzero(slider.direction)
+        if rows.get(name) == list(slider.direction) or name.endswith(SLAB):
+            # two floors, or one and the ground
+            elastic[k] = -stiffness[ends[0], ends[1]] if ends.size > 1 else stiffness[ends[0]].sum()
+    return elastic
+
+
+@figure_of("hysteresis", "responses", responses.load_run, *PART)
+def hysteresis(
+    results,
+    record: str | None = None,
+    scale: float | None = None,
+    place: str | None = None,
+    time: tuple[float, float] | None = None,
+):
+    """Force of each storey that yields against its drift, and of other sliders; needs the record.
+
+    Of one record at one intensity. Of a storey, and of bearings, that is the force of the slider
+    and of the elastic spring beside it, less what P-Delta takes; of another slider its own.
+    """
+    study = style.study_of(results, Records)
+    structure, names = study.structure, study.structure.slider_names
+    if not names:
+        raise style.PlotError("--kind hysteresis: the structure has no sliders, nothing yields")
+    responses.check_place(place, names, "a slider, of")
+    i, at = responses.record_index(results, record), responses.scale_index(results, scale)
+    seen = responses.history_of(study, (i, at), time)
+    shown = [names.index(place)] if place else range(len(names))
+    figure, axes = mesh.panels(len(shown), ONE, EACH, MORE, columns=IN_A_ROW)
+    elongation = seen.displacement @ structure.slider_directions.T
+    forces = seen.slider_force + springs(structure) * elongation
+    x_unit, length = labels.sized(structure, "length", elongation[:, shown])
+    y_unit, force = labels.sized(structure, "force", forces[:, shown])
+    for axis, j in zip(axes, shown, strict=True):
+        ductility = np.abs(elongation[:, j]).max() / structure.sliders[j].limit
+        loop = elongation[:, j] / length, forces[:, j] / force
+        axis.plot(*loop, color=palette.series_colour(0), lw=0.7)
+        name = f"storey {names[j]}" if names[j].isdigit() else names[j]
+        axis.set_title(f"{name}, ductility {ductility:.1f}", fontsize=9)
+        axis.grid(True, color="0.92", linewidth=0.6)
+    for axis in axes[::IN_A_ROW]:
+        axis.set_ylabel("force" + y_unit, fontsize=8)
+    for axis in axes[(len(axes) - 1) // IN_A_ROW * IN_A_ROW :]:
+        axis.set_xlabel("drift" + x_unit, fontsize=8)
+    return style.head(figure, responses.run_title(results, study, i, at), fontsize=9)
+
+
+@figure_of("energy", "responses", responses.load_run, *RUN)
+def energy(results, record: str | None = None, scale: float | None = None):
+    """Work of the ground, and where it is, over time, of one record at one intensity.
+
+    It needs the record. Taken by sliders, contacts and damping, kinetic and strain energy.
+    """
+    from hpcsweep.solvers.instants import InstantMap
+
+    i, at = responses.record_index(results, record), responses.scale_index(results, scale)
+    study = style.study_of(results, Records)
+    structure, samples = study.structure, responses.samples_of(study, i)
+    count = samples.n_samples - 1 + int(study.tail / samples.dt + SAME_STEP)
+    try:
+        solver = InstantMap(structure, samples.dt, energy=True)
+    except ValueError as error:
+        raise style.PlotError(f"--kind energy: {error}") from None
+    steps = solver.energies(samples.acceleration.copy(), float(study.factor[i, at]), count)
+    energies, time = np.array(steps), samples.dt * np.arange(len(steps))
+    unit, size = labels.sized(structure, "energy", energies)
+    parts = {name: energies[:, fields].sum(axis=1) / size for name, fields in PARTS.items()}
+    parts = {name: values for name, values in parts.items() if values.any()}
+    figure, (axis,) = style.new_figure(1, 4.2)
+    colours = [palette.series_colour(series) for series in range(len(parts))]
+    axis.stackplot(time, *parts.values(), labels=[*parts], colors=colours, alpha=0.6, linewidth=0)
+    axis.plot(time, energies[:, 0] / size, color="0.1", lw=0.9, label="work of the ground")
+    axis.set(xlabel="time" + labels.unit(structure, "time"), ylabel="energy" + unit)
+    axis.set(xlim=(0, time[-1]), ylim=(0, None))
+    responses.legend(axis, reverse=True)
+    return style.head(figure, responses.run_title(results, study, i, at), fontsize=9)

@@ -71,10 +71,11 @@ def has_commas(cells: Iterable[str]) -> bool:
     for cell in cells:
         if "," in cell:
             commas = commas or cell * bool(COMMA.fullmatch(cell))
-        elif "." in cell and POINT.fullmatch(cell):
-            points = points or cell
-        if "." in cell and THOUSANDS.fullmatch(cell):
-            either, points = either or cell, points * (points != cell)
+        elif "." in cell and not points:
+            if THOUSANDS.fullmatch(cell):
+                either = either or cell
+            elif POINT.fullmatch(cell):
+                points = cell
     if commas and points:
         raise ValueError(f"must have decimal points or decimal commas, has {points} and {commas}")
     if either and not commas and not points:

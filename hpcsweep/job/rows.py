@@ -22,7 +22,8 @@ SEPARATORS = ",;\t"
 NAME = "name"
 """Column of words that names the rows; without it they are numbered from 1."""
 PLAIN = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
-"""Numbers that are the same in TOML."""
+PLAIN_LIST = re.compile(rf"\[{PLAIN.pattern}(?:, *{PLAIN.pattern})*\]")
+"""Numbers, and lists of them, that are the same in TOML."""
 FIRST_LINE = 2
 """Line of the first row."""
 
@@ -114,9 +115,10 @@ def _value(key: str, cell: str) -> object:
     """Return the value of a cell: as in TOML, or a word."""
     if key == NAME:
         return cell
-    with contextlib.suppress(ValueError):
-        if PLAIN.fullmatch(cell):
-            return float(cell)
+    if PLAIN.fullmatch(cell):
+        return float(cell)
+    if PLAIN_LIST.fullmatch(cell):
+        return [*map(float, cell[1:-1].split(","))]
     word = cell.lower() if cell.lower() in ("true", "false") else cell
     with contextlib.suppress(ValueError):
         value = tomllib.loads(f"x = {word}")["x"]

@@ -18,7 +18,7 @@ import numpy as np
 
 from hpcsweep.job.keys import ALONE, bare, limiting
 from hpcsweep.job.structures import MAX_DAMPING
-from hpcsweep.model.isolation import Isolation
+from hpcsweep.model.isolation import Isolation, springs
 from hpcsweep.model.modes import chain_periods
 from hpcsweep.model.structure import MAX_STIFFNESS
 from hpcsweep.studies.blocks import Place
@@ -151,20 +151,12 @@ class Table:
         if "period" in table:
             stiffness *= (chain_periods(mass, stiffness)[:, None] / period) ** 2
         if bearings is not None:
-            parameters = [
-                self._values(f"{name}.isolation.{k}", value, 1)[:, 0]
-                for k, value in bearings.items()
-            ]
-            each = [
-                Isolation(**dict(zip(bearings, row, strict=True)), gravity=gravity)
-                for row in zip(*parameters, strict=True)
-            ]
-            mass = np.column_stack(([isolation.slab_mass for isolation in each], mass))
-            stuck = [
-                isolation.bearings(m)[1]
-                for isolation, m in zip(each, mass.sum(axis=1), strict=True)
-            ]
-            stiffness = np.column_stack((stuck, stiffness))
+            of = {k: self._values(f"{name}.isolation.{k}", v, 1)[:, 0] for k, v in bearings.items()}
+            for end in (np.min, np.max):  # which are in the limits if all are
+                Isolation(**{k: float(end(values)) for k, values in of.items()}, gravity=gravity)
+            mass = np.column_stack((of["slab_mass"], mass))
+            stuck = springs(of | {"gravity": gravity}, mass.sum(axis=1))[1]
+            stiffness = np.column_stack((np.broadcast_to(stuck, len(mass)), stiffness))
         return chain_periods(mass, stiffness)
 
     def _values(self, key: str, first: Any, n: int) -> np.ndarray:

@@ -334,6 +334,7 @@ def _write_pairs(table: Mapping, keys: Iterable[str]) -> str:
     return "".join(f"{_write_key(key)} = {write_value(table[key])}\n" for key in keys)
 
 
+@functools.lru_cache(maxsize=1024)
 def _write_key(key: str) -> str:
     return key if BARE_KEY.fullmatch(key) else _write_string(key)
 
@@ -345,19 +346,19 @@ def _write_string(text: str) -> str:
 
 def write_value(value: object) -> str:
     """Return the TOML of any value that ``tomllib`` returns."""
+    if type(value) in (float, int):
+        return repr(value)
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(value)
+    if isinstance(value, list):
+        return f"[{', '.join(map(write_value, value))}]"
     if isinstance(value, str):
         return _write_string(value)
-    if isinstance(value, datetime.date | datetime.time):
-        return value.isoformat()
-    if isinstance(value, Mapping):
+    if isinstance(value, dict):
         pairs = (f"{_write_key(key)} = {write_value(item)}" for key, item in value.items())
         return f"{{{', '.join(pairs)}}}"
-    if isinstance(value, list):
-        return f"[{', '.join(write_value(item) for item in value)}]"
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
     raise TypeError(f"a {type(value).__name__} has no form in TOML")
 
 

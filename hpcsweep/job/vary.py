@@ -27,6 +27,7 @@ from hpcsweep.studies.study import ROWS, Axis
 from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied, difference, shape_of
 
+VALUES = (bool, int, float, str, list)
 MAX_WRONG = 10
 """Wrong lines of a file that an error tells."""
 MAX_PARTS = 100_000
@@ -326,7 +327,7 @@ def _flat(values: Values, table: object) -> dict[str, object]:
         raise values.error("vary", table, 'must be a table such as "structure.gap" = [0.5, 1.0]')
     flat: dict[str, Any] = {}
     for key, value in table.items():
-        below = value if isinstance(value, Mapping) and not set(value) & set(RANGE_KEYS) else None
+        below = value if isinstance(value, dict) and not set(value) & set(RANGE_KEYS) else None
         if below and ("." not in key or f"{key}.".endswith(TABLES_WITHIN)):
             flat |= _flat(values, {f"{key}.{name}": content for name, content in below.items()})
         else:
@@ -367,8 +368,7 @@ def _axis(values: Values, key: str, content: object, together: bool = False) -> 
     if not (table in TABLES or is_building) or not name or "." in name:
         limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"
         raise JobError(f"{values.source}: vary: {key!r}: {limit}")
-    listed = _listed(values, key, content, together)
-    labels = _labels(listed)
+    listed, labels = _listed(values, key, content, together)
     if len(set(labels)) < len(labels) and not together:
         raise values.error(f"vary.{key}", content, "must not hold a value twice")
     quantities = UNITS if table in STRUCTURAL or is_building else {}
@@ -376,25 +376,28 @@ def _axis(values: Values, key: str, content: object, together: bool = False) -> 
     return Axis(name, key, labels, units, listed)
 
 
-def _listed(values: Values, key: str, content: object, together: bool) -> tuple[Any, ...]:
-    """Return the values of a key as the parts have them, which validate them."""
+def _listed(values: Values, key: str, content: object, together: bool) -> tuple[tuple, tuple]:
+    """Return the values of a key as the parts have them, and as files do: numbers, or TOML."""
     if isinstance(content, Mapping):
-        return tuple(values.numbers(f"vary.{key}", content, False, MAX_PARTS).tolist())
+        numbers = tuple(values.numbers(f"vary.{key}", content, False, MAX_PARTS).tolist())
+        return numbers, numbers
     listed = content if isinstance(content, list) else [content]
     if not 1 <= len(listed) <= MAX_PARTS:
         raise values.error(f"vary.{key}", content, f"must have from 1 to {MAX_PARTS} values")
+    labels: list[Any] = []
     for at, value in enumerate(listed):
-        where = f"vary.{ROWS}[{at}], column {key}" if together else f"vary.{key}"
-        if not isinstance(value, bool | int | float | str | list) or value != value:
-            raise values.error(where, value, "must be numbers, words, true and false, or lists")
-        if len(write_value(value)) > MAX_WORD:
-            raise values.error(where, value, f"must have {MAX_WORD} characters at most")
+        limit, text = "", value
+        if not isinstance(value, VALUES) or value != value:
+            limit = "must be numbers, words, true and false, or lists"
+        elif not isinstance(value, float):
+            text = write_value(value)
+            limit = f"must have {MAX_WORD} characters at most" * (len(text) > MAX_WORD)
+        if limit:
+            where = f"vary.{ROWS}[{at}], column {key}" if together else f"vary.{key}"
+            raise values.error(where, value, limit)
+        labels.append(value if isinstance(value, str) else text)
     kinds = {type(value) for value in listed}
-    return tuple(map(float, listed)) if kinds == {int, float} else tuple(listed)
-
-
-def _labels(listed: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return values as the file stores them: numbers, or text in TOML's form."""
-    if {type(value) for value in listed} <= {int, float}:
-        return listed
-    return tuple(value if isinstance(value, str) else write_value(value) for value in listed)
+    if kinds <= {int, float}:
+        numbers = tuple(map(float, listed)) if len(kinds) > 1 else tuple(listed)
+        return numbers, numbers
+    return tuple(listed), tuple(x if isinstance(x, str) else write_value(x) for x in labels)

@@ -7,7 +7,9 @@ and friction mu has k = W / R and Q = mu W, W the weight of the slab and all flo
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -104,17 +106,13 @@ class Isolation:
 
     def bearings(self, mass: float) -> tuple[float, float, float]:
         """Return k, the initial stiffness and Q beneath a whole mass."""
-        weight = mass * self.gravity
-        by, value = self._one_of(STIFFNESS)
-        of_period = mass * (2.0 * math.pi / value) ** 2
-        after = {"period": of_period, "stiffness": value, "radius": weight / value}[by]
+        after, initial = springs(vars(self), mass)
         by, value = self._one_of(STRENGTH)
-        initial = self.initial_stiffness or after * (OF_FRICTION if by == "friction" else INITIAL)
         if initial <= after:
             limit = f"above that after yielding, {after:g}, is {initial:g}"
             raise wrong(_key("initial_stiffness"), f"must be {limit}")
-        of_drift = value * (initial - after)
-        force = {"strength": value, "yield_drift": of_drift, "friction": value * weight}[by]
+        of_drift, of_weight = value * (initial - after), value * (mass * self.gravity)
+        force = {"strength": value, "yield_drift": of_drift, "friction": of_weight}[by]
         return after, initial, force
 
     def beneath(self, fixed: Structure) -> Structure:
@@ -140,6 +138,20 @@ class Isolation:
             collapse_drift=fixed.collapse_drift,
         )
         return made.named((SLAB, *fixed.floor_names), WALLS[: len(signs)])
+
+
+def springs(bearings: Mapping[str, Any], mass: Any) -> tuple[Any, Any]:
+    """Return k and the initial stiffness beneath whole masses, of attributes of `Isolation`.
+
+    Numbers, or arrays with an entry for each of several isolations.
+    """
+    by = next(name for name in STIFFNESS if bearings.get(name) is not None)
+    value = bearings[by]
+    of_period, of_radius = mass * (2.0 * math.pi / value) ** 2, mass * bearings["gravity"] / value
+    after = {"period": of_period, "stiffness": value, "radius": of_radius}[by]
+    initial = bearings.get("initial_stiffness")
+    by_default = OF_FRICTION if bearings.get("friction") is not None else INITIAL
+    return after, after * by_default if initial is None else initial
 
 
 def isolated_period(structure: Structure) -> float | None:

@@ -237,15 +237,13 @@ def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> 
 
 def _check_same_job(layout: Layout, output: Path, inputs: Inputs) -> None:
     """Check that a file is of this job, plain, and sound apart from its results."""
-    attributes = opening.check_file(output)
-    if attributes.get("fingerprint") != layout.fingerprint:
-        stored = opening.read_layout(output)  # a `DamagedError` if it is not of any job
+    stored = opening.read_layout(output)  # a `DamagedError` if it is not of any job
+    if stored.fingerprint != layout.fingerprint:
         raise StoreError(
             f"{output}: holds the results of another job (named {stored.name!r}); give "
             "another file with -o"
         )
-    opening.read_layout(output)
-    inputs.check(output, attributes)
+    inputs.check(output, opening.check_file(output))
     opening.refuse_problems(output, opening.layout_problems(output, layout))
     check_writable(output)
 

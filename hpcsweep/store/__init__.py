@@ -1,8 +1,8 @@
 """The campaign file: the only package that knows its layout and that imports h5py.
 
 `layout` names its variables, `create` creates it, `transport` writes into it from every rank,
-`opening` opens it, `contents` reads all but results and hashes it, `check` compares it with the
-layout, `commit` decides which results are valid, `reader` returns them as a dataset, `frames` one
+`opening` opens it, `contents` hashes all but results and compares it with the layout, `commit`
+decides which results are valid, `reader` returns them as a dataset, `frames` one
 frame at a time, `frame_grid` all of them, `reuse` copies them from earlier files, `merging` those
 of all parts of a job into one, `inputs` reads motions and curves of others, `packing` compresses,
 `lock` keeps a second campaign out, `journal` keeps the history beside it.

@@ -59,19 +59,15 @@ def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None
 
 def _reserve(path: Path, size: int) -> None:
     """Reserve disk space, so that a night's run does not end with a full disk."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-    try:
+    with path.open("ab") as file:
         if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(descriptor, 0, size)
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+            os.posix_fallocate(file.fileno(), 0, size)
+        os.fsync(file)
 
 
 def reason(error: Exception) -> str:
     """Return the message of the system, or of HDF5, on one line."""
-    strerror = getattr(error, "strerror", None)
-    return strerror or on_one_line(error)
+    return getattr(error, "strerror", None) or on_one_line(error)
 
 
 def fill(

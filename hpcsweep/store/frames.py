@@ -90,8 +90,7 @@ class Frames:
         axes = self.whole.study.axes
         self.at = {axis.name: axis.values[at] for axis, at in zip(axes, place, strict=True)}
         self._own = self._layout if self.study is self.whole.study else Layout(self.job)
-        derived = frame_variables(self._own)
-        self._variables = {v.name: v for v in (*self._own.variables, *derived)}
+        self._variables = {v.name: v for v in (*self._own.variables, *frame_variables(self._own))}
 
     @property
     def part(self) -> str:
@@ -197,10 +196,7 @@ class Frames:
 
         As of `open_results`, with one `omega`; of the attributes only `job` and `name`.
         """
-        frame = self._frame(frame)
-        found = self.read(frame, tuple(self._variables))
-        arrays = {name: np.expand_dims(values, self._axis) for name, values in found.items()}
-        return self._dataset([frame], {n: (self._variables[n].dims, v) for n, v in arrays.items()})
+        return self.gather([*self._variables], [frame])
 
     def _dataset(self, frames: Sequence[int], arrays: dict, directions: slice = slice(None)):
         """Make a dataset of arrays of some frames and their coordinates."""

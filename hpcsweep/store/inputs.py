@@ -15,7 +15,7 @@ import numpy as np
 
 from hpcsweep.job import Job
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.store.check import CURVES
+from hpcsweep.store.contents import CURVES
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.studies.grid import RunGrid

@@ -18,7 +18,6 @@ end        reason, written_bytes, write_seconds, rank_seconds, peak_memory, and 
 import contextlib
 import json
 import math
-import os
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -83,11 +82,8 @@ class Journal:
         self._kept.clear()
         self._last_write = time.monotonic()
         try:
-            descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
-            try:
-                os.write(descriptor, line.encode())
-            finally:
-                os.close(descriptor)
+            with self.path.open("ab", buffering=0) as file:
+                file.write(line.encode())
         except OSError as error:
             raise WriteError(
                 f"{self.path}: cannot be written: {reason(error)}; what is committed is safe: "
@@ -117,10 +113,8 @@ class Journal:
 def _is_record(record: object) -> bool:
     if not isinstance(record, dict) or not isinstance(record.get("kind"), str):
         return False
-    moment = record.get("time")
-    if isinstance(moment, bool) or not isinstance(moment, int | float):
-        return False
-    return 0 <= moment < LATEST
+    moment: Any = record.get("time")
+    return type(moment) in (int, float) and 0 <= moment < LATEST
 
 
 class BlockCost(NamedTuple):
@@ -283,16 +277,11 @@ _ENDS = ("written_bytes", "write_seconds", "rank_seconds", "peak_memory")
 _LOAD = ("messages", "message_seconds", "master_seconds", "recalls")
 _MAYBE = ("transport", "processor", *_ENDS)
 _LISTS = ("hosts", "peak_memory", "place")
+_COUNTS = "ranks rank place frame runs messages recalls written_bytes peak_memory"
+_TIMES = "along seconds processor message_seconds master_seconds write_seconds rank_seconds"
 _KINDS = {
-    **dict.fromkeys(("ranks", "rank", "place", "frame", "runs", "messages", "recalls"), _is_count),
-    **dict.fromkeys(("written_bytes", "peak_memory"), _is_count),
-    **dict.fromkeys(
-        (
-            *("along", "seconds", "processor", "message_seconds", "master_seconds"),
-            *("write_seconds", "rank_seconds"),
-        ),
-        _is_time,
-    ),
+    **dict.fromkeys(_COUNTS.split(), _is_count),
+    **dict.fromkeys(_TIMES.split(), _is_time),
     **dict.fromkeys(("hosts", "transport", "reason"), _is_word),
 }
 """Checks of the values of records."""

@@ -21,6 +21,7 @@ A file may be packed (`hpcsweep.store.packing`): the same datasets, chunked and 
 same values, attributes and checksums. It is read like any other, but no longer written.
 """
 
+import math
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -38,12 +39,6 @@ from hpcsweep.studies.variable import CONTACT_SET, Variable
 LAYOUT_VERSION = 7
 FORMAT = "hpcsweep campaign"
 CONVENTIONS = "CF-1.8"
-ATTRIBUTES = (
-    *("Conventions", "title", "format", "layout_version", "fingerprint", "name", "job"),
-    *("resolved_job", "equation", "signs", "structure", "solver", "rtol"),
-)
-IF_KNOWN = ("institution", "license", "starts")
-"""Attributes that follow from the job, and those that only some have."""
 ALIKE = ("study.", "sweep.", "solver.")
 """Keys with which the structure does not vary."""
 
@@ -140,13 +135,9 @@ class Layout:
         """Return the shape of a variable."""
         return tuple(self.sizes[dim] for dim in variable.dims)
 
-    def bytes_of(self, variable) -> int:
-        """Return the bytes of a variable."""
-        return int(np.prod(self.shape(variable), dtype=object)) * np.dtype(variable.dtype).itemsize
-
     @property
     def attributes(self) -> dict[str, object]:
-        """Attributes that follow from the job: `ATTRIBUTES`, and some of `IF_KNOWN`."""
+        """Attributes that follow from the job."""
         study, settings = self.study, self.study.settings
         structure = study.part((0,) * len(study.axes)).structure
         forcing = description.RECORDED if study.content == "responses" else description.HARMONIC
@@ -186,7 +177,7 @@ class Layout:
 
     def file_size(self) -> int:
         """Return the bytes of the file, without its few kilobytes of metadata."""
-        return sum(map(self.bytes_of, self.stored))
+        return sum(math.prod(self.shape(v)) * np.dtype(v.dtype).itemsize for v in self.stored)
 
 
 def _named(variable: Variable, structure: Structure) -> Variable:

@@ -9,8 +9,8 @@ import numpy as np
 
 from hpcsweep.job.split import Whole, whole_of
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store.check import CHECKSUM, OPTIONAL, PROVENANCE
 from hpcsweep.store.commit import Blocks, open_campaign
+from hpcsweep.store.contents import CHECKSUM, OPTIONAL, PROVENANCE
 from hpcsweep.store.create import create
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import Layout, StoreError

@@ -17,8 +17,7 @@ import numpy as np
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.parallel.one_line import on_one_line
-from hpcsweep.store.check import file_problems
-from hpcsweep.store.contents import CHECKSUM, metadata_checksum
+from hpcsweep.store.contents import CHECKSUM, file_problems, metadata_checksum
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.offsets import open_for_reading
@@ -218,7 +217,7 @@ def layout_problems(path: Path, layout: Layout) -> list[str]:
         One line for each difference; empty for a sound file.
     """
     with reading(path) as file:
-        problems = file_problems(file, layout, path.stat().st_size)
+        problems = file_problems(file, layout)
         if not problems and metadata_checksum(file) != file.attrs.get(CHECKSUM):
             problems.append(
                 "attributes, coordinates or names: the checksum over them does not hold"

@@ -83,8 +83,7 @@ class Earlier:
         """Return the rows of a block that starts from a state, or one of `REASONS`."""
         study, inner = self._study.part_of(block)
         part = as_kind(study, RunGrid)
-        n_outer = len(block.place) - len(inner.place)
-        place = self._place_of(block.place[:n_outer])
+        place = self._place_of(block.place[: len(block.place) - len(inner.place)])
         if place is None:
             return NOT_THE_SAME
         taken = self._find(place, part, inner)
@@ -131,8 +130,7 @@ class Earlier:
 
     def _block_of(self, old: RunGrid, direction: int, frame: int, at: int) -> Block:
         """Return the block of a part of the other file that holds an amplitude."""
-        count = old.n_along
-        along = count - 1 - at if old.descends(direction) else at
+        along = old.n_along - 1 - at if old.descends(direction) else at
         return old.block((direction, frame, along // old.block_size))
 
     def _outer(self, place: Place, block: Block) -> Block:

@@ -171,25 +171,22 @@ def test_mistakes_of_the_user_are_no_verdict(tmp_path):
     assert "not sound" in shown
 
 
+OTHER = "attributes, coordinates or names: the checksum over them does not hold"
+
+
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (lambda file: file["drift"].attrs.__setitem__("units", "m"), "drift: its units"),
-        (lambda file: file["amplitude"].__setitem__(2, 0.5), "amplitude: its values"),
-        (
-            lambda file: file["omega"].__setitem__(1, 0.5),
-            "omega: its values are not those of the job",
-        ),
-        (lambda file: file["state"].__setitem__(0, b"w_1"), "state: its values"),
+        (lambda file: file["drift"].attrs.__setitem__("units", "m"), OTHER),
+        (lambda file: file["amplitude"].__setitem__(2, 0.5), OTHER),
+        (lambda file: file["omega"].__setitem__(1, 0.5), OTHER),
+        (lambda file: file["state"].__setitem__(0, b"w_1"), OTHER),
         (lambda file: file.__delitem__("cycles"), "cycles: missing"),
         (lambda file: file.__setitem__("mine", 1), "mine: not part of the layout"),
-        (lambda file: file.attrs.__delitem__("libraries"), "attribute libraries: missing"),
-        (lambda file: file.attrs.__setitem__("rtol", 1e-6), "attribute rtol"),
+        (lambda file: file.attrs.__delitem__("libraries"), OTHER),
+        (lambda file: file.attrs.__setitem__("rtol", 1e-6), OTHER),
         (lambda file: file.attrs.__setitem__("job", JOB + "\n[solver]\nrtol = 1e-8"), "job"),
-        (
-            lambda file: file["contact"].dims[2].detach_scale(file["amplitude"]),
-            "contact: axis 2 has the scales",
-        ),
+        (lambda file: file["contact"].dims[2].detach_scale(file["amplitude"]), OTHER),
     ],
 )
 def test_every_part_of_the_layout_is_compared(copy, change, problem):
@@ -210,8 +207,6 @@ def test_variables_of_another_form_or_place_are_found(whole, copy):
         data.attrs["units"], data.attrs["long_name"] = "forcing periods", ""
     problems = "\n".join(layout_problems(copy, Layout(job)))
     assert "cycles: its type is float32, not int32" in problems
-    assert "cycles: has no long_name" in problems
-    assert "cycles: axis 0 has the scales []" in problems
 
 
 def altered(**changes):

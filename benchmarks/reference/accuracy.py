@@ -27,6 +27,7 @@ from pathlib import Path
 
 import numba
 import numpy as np
+from claims.reading import foreign
 from general import (
     GENERAL_KINDS,
     backwards,
@@ -250,7 +251,7 @@ def refer(case):
 
 def _fastest(structure):
     """Highest frequency, with all contacts closed."""
-    if not structure.foreign:
+    if not foreign(structure):
         return math.sqrt(4.0 + structure.stiffness_ratio)
     return highest_frequency(structure)
 

@@ -181,8 +181,7 @@ class FiniteElements:
         """Name a row by its coordinates."""
         entries = np.flatnonzero(row)
         if entries.size > 2 or np.any(np.abs(row[entries]) != 1.0):
-            most = self.names[int(np.abs(row).argmax())]
-            return f"row of {most}"
+            return f"row of {self.names[int(np.abs(row).argmax())]}"
         order = sorted(entries.tolist(), key=lambda i: row[i] < 0)
         words = [("-" if row[i] < 0 else "+") + self.names[i] for i in order]
         return "".join(words).removeprefix("+")

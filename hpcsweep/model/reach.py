@@ -136,7 +136,8 @@ class MeasuredDynamics(LinearDynamics):
         ndarray, shape (k,)
         """
         size = np.abs(np.asarray(amplitudes, float))[..., None]
-        sticking = self._response_bound(omega)
+        ratios = np.maximum(self.damping_ratios, MIN_DAMPING)
+        sticking = self._bound_of(self.frequencies**2, self.modes, ratios, omega)
         limits = np.array([slider.limit for slider in self.sliders])
         slips = (size * (np.abs(self.slider_directions) @ sticking) > limits).any(axis=-1)
         response = np.where(slips[..., None], np.maximum(sticking, self._slipping(omega)), sticking)
@@ -154,13 +155,8 @@ class MeasuredDynamics(LinearDynamics):
         units = {length: self.measured_by(length).state_units for length in np.unique(lengths)}
         return np.array([units[length] for length in lengths.ravel()]).reshape(*lengths.shape, -1)
 
-    def _response_bound(self, omega: float) -> np.ndarray:
-        """Return L_i of `lengths` at A = 1, shape (n,), while sliders stick."""
-        ratios = np.maximum(self.damping_ratios, MIN_DAMPING)
-        return self._bound_of(self.frequencies**2, self.modes, ratios, omega)
-
     def _slipping(self, omega: float) -> np.ndarray:
-        """Return L_i while all sliders slip."""
+        """Return L_i of `lengths` at A = 1, shape (n,), while all sliders slip."""
         if not self.sliders:
             return np.zeros(self.n_floors)
         from scipy.linalg import eigh
@@ -169,7 +165,7 @@ class MeasuredDynamics(LinearDynamics):
         return self._bound_of(squares, shapes, MIN_DAMPING, omega)
 
     def _bound_of(self, squares, shapes, ratios, omega: float) -> np.ndarray:
-        """Return L_i at A = 1 of modes, M = 1, by the squares of their frequencies."""
+        """Return L_i of modes, M = 1, by the squares of their frequencies."""
         push, bound = shapes.T @ self.forcing_vector, np.zeros(self.n_floors)
         for order, size, _ in self.forcing.terms:
             w = order * omega

@@ -44,11 +44,6 @@ from hpcsweep.model.rayleigh import read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.unit_names import Names, UnitNames
 
-FOREIGN = (
-    *("matrices", "mass", "storey_stiffness", "gap", "gap_left", "rayleigh", "storey_damping"),
-    *("stiffness_ratio", "harmonics", "restitution", "yield_force", "yield_drift", "p_delta"),
-)
-"""Parameters that the building of the paper leaves at their defaults."""
 MAX_STIFFNESS = 1e12
 """Of a slider, in what is left of the structure while it slips."""
 AT_LEAST_0 = "finite and at least 0", 0.0, LARGEST
@@ -173,7 +168,7 @@ class Structure(MeasuredDynamics):
         self._set("rayleigh", read_rayleigh("rayleigh", self.rayleigh, n))
         self._set("tension", flag("tension", self.tension))
         said_by = ("restitution", self.restitution) if self.matrices is None else None
-        refuse_smooth(self._all_contacts, self.sharpness, said_by)
+        refuse_smooth([*self.all_contacts.values()], self.sharpness, said_by)
         self._set("p_delta", flag("p_delta", self.p_delta))
         if (last := max(self.contact_numbers, default=0)) > MAX_CONTACTS:
             limit = f"stops on the left numbered up to {last}, the most are {MAX_CONTACTS}"
@@ -357,15 +352,3 @@ class Structure(MeasuredDynamics):
         if self.matrices is None:
             return replace(self, gap=math.inf, gap_left=math.inf, names=names)
         return replace(self, matrices=replace(self.matrices, contacts=()), names=names)
-
-    @property
-    def foreign(self) -> dict[str, Any]:
-        """Parameters in which the structure differs from the paper's, by name.
-
-        The paper's is uniform, with one stop a floor at gap 1, one stiffness ratio and one
-        harmonic.
-        """
-        usual = {part.name: part.default for part in fields(self)}
-        if not isinstance(self.stiffness_ratio, tuple):  # the paper varies it
-            usual["stiffness_ratio"] = self.stiffness_ratio
-        return {name: value for name in FOREIGN if (value := getattr(self, name)) != usual[name]}

@@ -154,42 +154,34 @@ class System:
         return tuple(slider.name or str(j) for j, slider in enumerate(self.sliders, 1))
 
     @cached_property
-    def contacts(self) -> tuple[Contact, ...]:
-        """Stops of the floors, right ones first, or contacts of the matrices; one bit each."""
-        return tuple(
-            contact
-            for number, contact in zip(self.all_contact_numbers, self._all_contacts, strict=True)
-            if number not in self.unreached
-        )
+    def all_contacts(self) -> dict[int, Contact]:
+        """Contacts by their numbers from 1, with those that are left out.
 
-    @cached_property
-    def contact_numbers(self) -> tuple[int, ...]:
-        """Number of each contact from 1: floor for a right stop, n + floor for a left one."""
-        return tuple(number for number in self.all_contact_numbers if number not in self.unreached)
-
-    @cached_property
-    def _all_contacts(self) -> tuple[Contact, ...]:
+        Of a floor's stops the one on the right has its number, the one on the left n + that.
+        """
         if self.matrices is not None:
-            return self.matrices.contacts
-        contacts = []
-        storeys = self._floors(self.storey_stiffness)
+            return dict(enumerate(self.matrices.contacts, 1))
+        n, storeys = self.n_floors, self._floors(self.storey_stiffness)
         kappa = np.multiply(self._floors(self.stiffness_ratio), storeys).tolist()
         stops = self._floors(self.restitution), kappa, self._floors(self.mass), self.tension
         dashpots = dashpots_of_floors(*stops)
-        for sign, gaps in ((1.0, self._floors(self.gap)), (-1.0, self._floors(self.gap_left))):
-            for floor, gap in enumerate(gaps):
-                if gap < math.inf:
-                    direction = (sign if i == floor else 0.0 for i in range(self.n_floors))
-                    contacts.append(Contact(tuple(direction), gap, kappa[floor], *dashpots[floor]))
-        return tuple(contacts)
+        contacts = {}
+        for k, gap in enumerate((*self._floors(self.gap), *self._floors(self.gap_left))):
+            if gap < math.inf:
+                sign, floor = (1.0, k) if k < n else (-1.0, k - n)
+                direction = tuple(sign if i == floor else 0.0 for i in range(n))
+                contacts[k + 1] = Contact(direction, gap, kappa[floor], *dashpots[floor])
+        return contacts
 
     @cached_property
-    def all_contact_numbers(self) -> tuple[int, ...]:
-        """As `contact_numbers`, with those that are left out."""
-        if self.matrices is not None:
-            return tuple(range(1, len(self.matrices.contacts) + 1))
-        right, left = self._floors(self.gap), self._floors(self.gap_left)
-        return tuple(i for i, gap in enumerate((*right, *left), 1) if gap < math.inf)
+    def contact_numbers(self) -> tuple[int, ...]:
+        """Number of each contact."""
+        return tuple(number for number in self.all_contacts if number not in self.unreached)
+
+    @cached_property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Stops of the floors, right ones first, or contacts of the matrices; one bit each."""
+        return tuple(self.all_contacts[number] for number in self.contact_numbers)
 
     @cached_property
     def forcing_vector(self) -> np.ndarray:
@@ -255,8 +247,7 @@ class System:
         floors: list[list[str]] = [[] for _ in range(self.buildings.max() + 1)]
         for i, name in zip(self.buildings.tolist(), self.floor_names, strict=True):
             floors[i].append(name)
-        begins = map(commonprefix, floors)
-        names = tuple(begin.rstrip("0123456789 ") for begin in begins)
+        names = tuple(begin.rstrip("0123456789 ") for begin in map(commonprefix, floors))
         if all(names) and len(set(names)) == len(names) and self.reduction is None:
             return names
         return tuple(map(str, range(1, len(names) + 1))) if len(names) > 1 else ("building",)
@@ -291,6 +282,6 @@ class System:
 
     @property
     def contact_names(self) -> dict[int, str]:
-        """Name of each of `all_contact_numbers`: as given, e.g. A3-B3, or its label."""
-        names = self.names.contacts or tuple(map(self._label, self.all_contact_numbers))
-        return dict(zip(self.all_contact_numbers, names, strict=True))
+        """Name of each of `all_contacts`, by its number: as given, e.g. A3-B3, or its label."""
+        names = self.names.contacts or tuple(map(self._label, self.all_contacts))
+        return dict(zip(self.all_contacts, names, strict=True))

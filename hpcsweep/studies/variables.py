@@ -167,7 +167,7 @@ def empty_results(
         By name, first axis the run.
     """
     n = structure.n_floors
-    n_contacts, n_storeys = len(structure.all_contact_numbers), len(structure.drift_rows)
+    n_contacts, n_storeys = len(structure.all_contacts), len(structure.drift_rows)
     sizes |= {"mode": n, "exponent": 2 * n, "floor": n, "stop": n_contacts, "storey": n_storeys}
     sizes |= {"state": structure.state_units.size, "slider": len(structure.sliders)}
     return {
@@ -181,7 +181,7 @@ def store_measures(rows: Rows, structure: Structure, measures: np.ndarray) -> No
 
     Contacts out of reach have none.
     """
-    numbers, named = structure.all_contact_numbers, named_measures(structure, measures)
+    numbers, named = [*structure.all_contacts], named_measures(structure, measures)
     places = [numbers.index(number) for number in structure.contact_numbers]
     for name in rows.keys() & set(quantities.MEASURES):
         if name not in quantities.CONTACT_MEASURES:

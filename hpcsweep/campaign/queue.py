@@ -20,6 +20,7 @@ from hpcsweep.campaign.work import RankWork
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
 from hpcsweep.store import StoreError, WriteError
+from hpcsweep.store.journal import load_record
 
 MASTER_NOTES = 30.0
 """Seconds between two records of the master's load in the journal."""
@@ -45,8 +46,7 @@ class Queue:
 
     def __init__(self, comm, works: Sequence[RankWork], flag: StopFlag):
         self._comm, self._works, self._flag = comm, works, flag
-        sizes = [work.study.n_tasks for work in works]
-        self._firsts = [0, *itertools.accumulate(sizes)]
+        self._firsts = [0, *itertools.accumulate(work.study.n_tasks for work in works)]
         self._traffic = farm.Traffic()
         self._display = Silent()
         self._at = 0
@@ -68,8 +68,7 @@ class Queue:
                 total = sum(work.study.n_runs for work in self._works)
                 nouns = {work.study.run_noun for work in self._works}
                 unit = nouns.pop() if len(nouns) == 1 else "run"
-                done = sum(work.done_runs for work in self._works)
-                self._display = progress(total, done, unit)
+                self._display = progress(total, sum(work.done_runs for work in self._works), unit)
                 self._display.expect(self._remaining)
             more = self._sample()
             while more:
@@ -190,7 +189,7 @@ class Queue:
 
     def _note_load(self) -> None:
         for k, work in enumerate(self._works):
-            self._guarded(k, partial(work.note_load, self._traffic))
+            self._guarded(k, partial(work.journal.note, "master", **load_record(self._traffic)))
 
     def _flush(self) -> None:
         for k, work in enumerate(self._works):

@@ -104,8 +104,7 @@ class RoundsWork(RankWork):
 
     def begin(self, runs: np.ndarray) -> None:
         """Cut a round into tasks, each with a limited number of runs of a frame."""
-        frame = runs // self._shape[-1]
-        cuts = np.flatnonzero(np.diff(frame)) + 1
+        cuts = np.flatnonzero(np.diff(runs // self._shape[-1])) + 1
         whole = np.split(runs, cuts) if runs.size else []
         most = self._growth.at_once
         self._tasks = [part[k : k + most] for part in whole for k in range(0, len(part), most)]

@@ -247,10 +247,6 @@ class RankWork:
         """Commit the results of this rank."""
         self._campaign.flush()
 
-    def note_load(self, traffic: farm.Traffic) -> None:
-        """Write the master's load into the journal, on rank 0."""
-        self.journal.note("master", **load_record(traffic))
-
     def end(self, reason: str, seconds: float, traffic: farm.Traffic, display: Silent) -> None:
         """Write the last record and report failures (collective)."""
         campaign = self._campaign

@@ -47,7 +47,7 @@ def run(options) -> int:
 
 def _overview(options) -> int:
     """Print the progress of several files, a line each."""
-    from hpcsweep.campaign.overview import as_table, overview
+    from hpcsweep.campaign.status import as_table, overview
 
     rows = [overview(path) for path in options.files]
     print(json.dumps(rows, indent=1) if options.json else as_table(rows))

@@ -19,9 +19,8 @@ from tools import (
     made,
 )
 
-from hpcsweep.campaign.overview import overview
 from hpcsweep.campaign.run import COMPLETE, STOPPED, run
-from hpcsweep.campaign.status import status
+from hpcsweep.campaign.status import overview, status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial

@@ -6,10 +6,9 @@ import shutil
 import pytest
 from tools import SMALL, hpcsweep
 
-from hpcsweep.campaign.overview import overview
 from hpcsweep.campaign.progress import Silent
 from hpcsweep.campaign.run import COMPLETE, STOPPED, run
-from hpcsweep.campaign.status import status
+from hpcsweep.campaign.status import overview, status
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag

@@ -12,9 +12,8 @@ from together import together
 from tools import REFINE, REFINED, SMALL, TWO_STOPS, assert_same_datasets, hpcsweep, made
 
 from hpcsweep import open_results
-from hpcsweep.campaign.overview import overview
 from hpcsweep.campaign.run import STOPPED, run_all
-from hpcsweep.campaign.status import status
+from hpcsweep.campaign.status import overview, status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.classify import MotionClass

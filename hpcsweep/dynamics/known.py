@@ -81,8 +81,7 @@ class Signature:
 
     def __init__(self, points: np.ndarray):
         half = len(points) // 2
-        first = cKDTree(points[:half])
-        distances, _ = first.query(points[half:])
+        distances, _ = cKDTree(points[:half]).query(points[half:])
         self._reach = SAFETY * float(np.quantile(distances, REACH))
         self._tree = cKDTree(points)
         self._mean = points.mean(axis=0)
@@ -308,8 +307,7 @@ class KnownMotions:
 
     def measured(self, place: int, growth: MeanInterval) -> None:
         """Replace the exponent of a motion by its growth a period, measured for longer."""
-        time = self._structure.forcing.period(self._solver.omega)
-        mean, low, high = growth.times(1.0 / time)
+        mean, low, high = growth.times(1.0 / self._structure.forcing.period(self._solver.omega))
         attractor = self.attractors[place]
         self.attractors[place] = replace(
             attractor, lyapunov=mean, lyapunov_low=low, lyapunov_high=high

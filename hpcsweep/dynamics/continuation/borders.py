@@ -173,6 +173,5 @@ def _regime(curve: Curve, point: Solution) -> Regime:
 def _special(curve: Curve, edge: Solution, share: float, before, after) -> list[Special]:
     """Return the special point at a border; none where a slip begins as a period does."""
     change = tuple(b - a for a, b in zip(before, after, strict=True))
-    slips = any(change[len(_forced(curve).structure.contacts) :])
-    kind = Kind.SLIP if slips else Kind.GRAZING
+    kind = Kind.SLIP if any(change[len(_forced(curve).structure.contacts) :]) else Kind.GRAZING
     return [Special(kind, edge, share, change)] if any(change) else []

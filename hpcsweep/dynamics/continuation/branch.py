@@ -137,8 +137,7 @@ def turned(point: Solution) -> Solution:
 
 
 def _turned_special(special: Special) -> Special:
-    change = tuple(-c for c in special.change)
-    return special._replace(at=turned(special.at), change=change)
+    return special._replace(at=turned(special.at), change=tuple(-c for c in special.change))
 
 
 def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:

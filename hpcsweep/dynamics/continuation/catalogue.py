@@ -129,8 +129,7 @@ class Catalogue:
         """Whether the catalogue has no room for another branch."""
         points = sum(len(branch.arc.points) for branch in self.branches)
         longest = 2 * (self._limits.most_steps + FOLDS_OF_A_STEP) + 1
-        full = len(self.branches) >= self._most_branches
-        return full or points + longest > self._most_points
+        return len(self.branches) >= self._most_branches or points + longest > self._most_points
 
     def add(self, points: np.ndarray, value: float, searched: bool = False) -> Place:
         """Add an orbit, shape (p, N), and follow its branch if it is a new one.

@@ -97,7 +97,7 @@ class Solution(NamedTuple):
     tangent: np.ndarray
     maps: TangentMaps
     residual: float
-    inverse: np.ndarray | None = None
+    inverse: Any = None
 
     @property
     def multipliers(self) -> np.ndarray:

@@ -154,8 +154,7 @@ class Chord:
     def along(self, fraction: float, keeps: bool = False) -> Solution:
         """Move to a fraction of the chord; `keeps`: with the Jacobian of the point before."""
         keeps = keeps and self.near is not self._last
-        ahead = self.ahead(fraction)
-        self.near = self._curve.solve(ahead, self._border, self.near, keeps=keeps)
+        self.near = self._curve.solve(self.ahead(fraction), self._border, self.near, keeps=keeps)
         return self.near
 
 

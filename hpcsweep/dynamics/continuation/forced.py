@@ -167,8 +167,7 @@ class ForcedMap:
             values = self._values(value)
             low = values[name]
             values[name] = high = low + DIFFERENCE * (abs(low) or 1.0)
-            ahead = self.images(points, tuple(values.values()))
-            slopes[..., k] = (ahead - images) / (high - low)
+            slopes[..., k] = (self.images(points, tuple(values.values())) - images) / (high - low)
         return images, held(matrices, len(self.structure.sliders)), slopes
 
     def take_round(

@@ -302,7 +302,7 @@ def _about(values: Values) -> dict[str, str]:
 
 def _initial_state(values: Values, structure: Structure, at_rest: bool) -> np.ndarray:
     start = values.get("sweep.initial_state", "rest")
-    sliders = () if at_rest else structure.sliders
+    sliders = structure.sliders if not at_rest else ()
     size = 2 * structure.n_floors + len(sliders)
     if start == "rest":
         return np.zeros(size)

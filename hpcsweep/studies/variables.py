@@ -143,7 +143,7 @@ def run_variables(settings: SweepSettings, structure: Structure) -> list[Variabl
 
 def without_contacts(structure: Structure) -> set[str]:
     """Return the variables that a structure without contacts has no values of."""
-    return set() if structure.all_contact_numbers else set(quantities.CONTACT_MEASURES)
+    return set() if structure.all_contacts else set(quantities.CONTACT_MEASURES)
 
 
 def empty_results(

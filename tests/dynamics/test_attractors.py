@@ -256,7 +256,8 @@ def all_apart(structure, found):
     ],
 )
 def test_no_orbit_is_listed_twice(structure, omega, amplitude, periods):
-    found = hpcsweep.attractors(structure, amplitude, omega, starts=100)
+    # the P2 has 1 % of the starts
+    found = hpcsweep.attractors(structure, amplitude, omega, starts=400 if 2 in periods else 100)
     assert sorted(one.orbit_period for one in found) == periods
     assert all_apart(structure, found) > 1e-3
 

@@ -12,11 +12,11 @@ What a motion is, is told in compiling: with `elements` None all contacts are el
 no sliders and limits; `tangent` None is a record, whose steps are taken one by one; with `measures`
 None peaks and impacts are left out, a third of the compiled code.
 
-The sets of a motion where a stretch of it begins: contacts past their stops, and the table's.
-
-Those past their stops tell what ends the motion; those that push, and sliders that slip, make it
-linear and are the key of its table. They are the same where all contacts are elastic. A smooth
-contact within its layer is past its stop and does not push: a motion with such a one is `layer`'s.
+The sets of a motion where a stretch of it begins are the contacts past their stops, and the
+table's. Those past their stops tell what ends the motion; those that push, and sliders that slip,
+make it linear and are the key of its table. They are the same where all contacts are elastic. A
+smooth contact within its layer is past its stop and does not push: a motion with such a one is
+`layer`'s.
 """
 
 import numpy as np

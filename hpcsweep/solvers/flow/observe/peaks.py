@@ -1,10 +1,9 @@
 """Peaks of single rows and their times over continuous time.
 
 Drifts, floors and distances of closed contacts past their stops are taken from the states at both
-ends of any step (`drift`), absolute accelerations on linear segments from their tables (`outputs`),
-eight at once. A
-peak is first raised to what is reached at the ends, and then looked for only where the Hermite
-bound of `search` allows more.
+ends of any step (`raise_row`), absolute accelerations on linear segments from their tables
+(`outputs`), eight at once. A peak is first raised to what is reached at the ends, and then looked
+for only where the Hermite bound of `search` allows more.
 """
 
 import math

@@ -3,7 +3,7 @@
 Tally: contact set, drift, modal norms, peaks, impacts
 ------------------------------------------------------
 
-`drift`, `peaks`, `impacts` and `modal_norm` update it on linear segments, `layer.measures` by the
+`peaks`, `impacts` and `modal_norm` update it on linear segments, `layer.measures` by the
 same functions inside a layer.
 
 Data shared by the kernels of one structure and frequency, passed as one array

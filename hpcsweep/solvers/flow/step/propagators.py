@@ -2,7 +2,7 @@
 
 Loops
 -----
-All loops are our own, in a workspace: calling a library for matrices of ten rows is slow, and
+All loops are our own: calling a library for matrices of ten rows is slow, and
 products differ between libraries in the last bit.
 
 The tangent map of a linear step is exp(M s), by its polynomials, and powers of a whole step.

@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from piecewise import one_mass_points
 from reference import reference_monodromy, reference_points, reference_window
+from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag
 
 from hpcsweep.model.matrices import Contact
@@ -347,3 +348,19 @@ def test_harmonics_of_no_order_are_refused():
     for order in (math.inf, -math.inf, 10**400):
         with pytest.raises(ValueError, match=r"^harmonics"):
             Structure(2, harmonics=((order, 1.0, 0.0),))
+
+
+def test_a_stop_that_stiffens_beyond_a_depth_is_two_contacts():
+    stops = [Contact((1.0,), gap, 30.0) for gap in (1.0, 1.02)]
+    damping = {"damping": [[0.1]], "sharpness": math.inf}
+    structure = Structure.from_matrices([[1.0]], [[1.0]], contacts=stops, **damping)
+
+    def rate(tau, y):
+        force = sum(30.0 * max(y[0] - stop.gap, 0.0) for stop in stops)
+        return [y[1], -0.4 * math.sin(0.9 * tau) - y[0] - 0.1 * y[1] - force]
+
+    tight = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13, "max_step": 2e-3}
+    exact = solve_ivp(rate, (0.0, 2.0 * math.pi / 0.9), [0.9, 0.6], **tight).y
+    assert exact[0].max() > 1.1
+    points, _ = FlowMap(structure, 0.9).points(np.array([0.9, 0.6]), 0.4, 1)
+    np.testing.assert_allclose(points[-1], exact[:, -1], rtol=0, atol=1e-8)

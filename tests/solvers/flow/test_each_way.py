@@ -116,7 +116,7 @@ class Way(NamedTuple):
 WAYS = {
     "without contact": Way("free.is_free", free),
     "tables": Way(
-        "events.coast ending.end_at_event products.product tangent.tangent_of_steps",
+        "events.coast ending.end_at_event propagators.product propagators.tangent_of_steps",
         lambda: motion(of(STOPS, harmonics=((1, 1.0, 0.3), (3, 0.5, 0.1)))),
     ),
     "fast passages": Way(
@@ -125,7 +125,7 @@ WAYS = {
         IN_LAYER,
     ),
     "one contact in its layer": Way(
-        "equation.take_step equation.step_tangent output.write_part",
+        "equation.take_step equation.step_tangent equation.write_part",
         lambda: motion(
             Structure(3, 1000.0, 1e4, 0.05), 2 * math.pi, 0.02, SLOW - 0.09 * EIGHT[5, :6]
         ),
@@ -149,7 +149,7 @@ WAYS = {
         "elements.pass_guard yielding_map._march", lambda: motion(of(LOSSY, sliders=BRACES))
     ),
     "sliders in layers": Way(
-        "elements.visit_layers sliders.add_sliders_at_stages",
+        "elements.visit_layers scheme.add_sliders_at_stages",
         lambda: motion(of(STOPS, sliders=BRACES, sharpness=20.0), 9.0, 9.0),
         IN_LAYER,
     ),
@@ -205,7 +205,7 @@ WAYS = {
         in_modes=True,
     ),
     "coupled layers": Way(
-        "equation.step_tangent output.write_part",
+        "equation.step_tangent equation.write_part",
         lambda: motion(of(STOPS, sharpness=400.0), 9.0, 9.0),
         IN_LAYER,
         in_modes=True,

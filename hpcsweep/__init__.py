@@ -4,9 +4,8 @@ Units: lengths in gaps, time in 1/omega_0, or those in which a structure is give
 `hpcsweep.model.structure`.
 """
 
-import ast
+import functools
 import importlib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the aliases say that they are public
@@ -48,21 +47,29 @@ if TYPE_CHECKING:  # the aliases say that they are public
     from hpcsweep.store import open_results as open_results
     from hpcsweep.studies.attractors.runs import attractors as attractors
 
-_HOME = {
-    name.name: str(node.module)
-    for node in ast.walk(ast.parse(Path(__file__).read_text()))
-    if isinstance(node, ast.ImportFrom)
-    for name in node.names
-    if name.asname
-}
-"""Module of each public name: the lines above, which are read as text."""
-__all__ = sorted({*_HOME, "__version__"})
+
+@functools.cache
+def _homes() -> dict[str, str]:
+    """Return the module of each public name: the lines above, which are read as text."""
+    import ast
+    from pathlib import Path
+
+    return {
+        name.name: str(node.module)
+        for node in ast.walk(ast.parse(Path(__file__).read_text()))
+        if isinstance(node, ast.ImportFrom)
+        for name in node.names
+        if name.asname
+    }
 
 
 def __getattr__(name: str):
     """Import public names when they are first used, so that the command line starts fast."""
     if name == "__version__":
         return importlib.import_module("hpcsweep.campaign.provenance").version()
-    if name not in _HOME:
+    homes = _homes()
+    if name == "__all__":
+        return sorted({*homes, "__version__"})
+    if name not in homes:
         raise AttributeError(f"module 'hpcsweep' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOME[name]), name)
+    return getattr(importlib.import_module(homes[name]), name)

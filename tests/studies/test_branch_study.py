@@ -166,8 +166,7 @@ def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
     figure = branches.draw(read)
     (axis,) = figure.axes
     assert max(runs.zorder for runs in axis.collections) < min(line.zorder for line in axis.lines)
-    line, *_ = read
-    value, kind = (line[f"special_{name}"].values.ravel() for name in ("value", "kind"))
+    value, kind = (read.line[f"special_{name}"].values.ravel() for name in ("value", "kind"))
     rows = [text.get_text().split() for text in figure.legends[1].get_texts()]
     listed = [float(row[-1]) for row in rows]
     assert listed == sorted(listed)

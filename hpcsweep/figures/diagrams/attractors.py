@@ -1,6 +1,7 @@
 """Attractors of one frame: their points along its path, and the shares of the starts."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -25,7 +26,13 @@ TALL = 0.75
 
 
 @figure_of("attractors", "attractors", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, BRANCHES)
-def attractors(results, omega=None, floors=(), amplitudes=(), branches=None):
+def attractors(
+    results,
+    omega: float | None = None,
+    floors: Sequence[int | str] = (),
+    amplitudes: Sequence[float] = (),
+    branches: Path | None = None,
+):
     """Stroboscopic displacement of each floor on all attractors of one frame.
 
     Against the forcing amplitude, or what they are continued along.

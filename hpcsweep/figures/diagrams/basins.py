@@ -24,7 +24,7 @@ SIZE = 6.4, 6.9
 """Inches."""
 
 
-def load(frames, cells=None):
+def load(frames, cells: bool | None = None):
     """Read the labels and the attractors, of a refined map also what is inferred."""
     names = (
         "label",

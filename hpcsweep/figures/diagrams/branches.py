@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,7 +39,25 @@ ROW, MAX_COLUMNS = 0.148, 3
 """Height of a row, and most columns."""
 
 
-def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> tuple:
+class Read(NamedTuple):
+    """What is drawn.
+
+    Attributes
+    ----------
+    line : xarray.Dataset
+    branches : list of Drawn
+    runs : xarray.Dataset or None
+        Of a sweep, or attractors.
+    study : Branches
+    """
+
+    line: Any
+    branches: list[Drawn]
+    runs: Any
+    study: Branches
+
+
+def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
     """Read a line as it is, its branches, the runs or attractors along its path, and the study."""
     from hpcsweep.store import Frames
 
@@ -58,11 +76,11 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> tuple:
                 raise style.PlotError(f"--sweep {sweep}: {what}")
             runs = held.dataset(lines.index(line))
     dataset = frames.dataset(line)
-    return dataset, [*branches_of(run_of(dataset), study, line)], runs, study
+    return Read(dataset, [*branches_of(run_of(dataset), study, line)], runs, study)
 
 
 @figure_of("branches", "branches", load, FLOORS, LINE, SWEEP)
-def branches(results: tuple, floors=(), **_options):
+def branches(results: Read, floors: Sequence[int | str] = (), **_options):
     """Branches of periodic orbits along the parameter: stable full, unstable thin.
 
     Special points are numbered and listed; with --sweep the stroboscopic points of a sweep, or of

@@ -24,7 +24,7 @@ MAX_COLUMNS = 7
 """Columns of the legend."""
 
 
-def load(reader, frames=None, **_options):
+def load(reader, frames: int | None = None, **_options):
     """Read the frames to draw."""
     return reader.gather([*reader], choose(reader.study.frames, frames).tolist())
 

@@ -27,7 +27,13 @@ PARTS = {"sliders": [5], "contacts": [4], "damping": [3], "kinetic and strain": 
 
 
 @figure_of("history", "responses", responses.loading("contact_force", *NAMES), *PART)
-def history(results, record=None, scale=None, place=None, time=None):
+def history(
+    results,
+    record: str | None = None,
+    scale: float | None = None,
+    place: str | None = None,
+    time: tuple[float, float] | None = None,
+):
     """One record at one intensity over time: the ground and two facing floors; needs the record.
 
     Displacements with and without contacts, the gap and the force between them (the largest since

@@ -24,7 +24,7 @@ MOVES = 1e-9
 
 
 @figure_of("ida", "responses", responses.load, responses.RESPONSE, responses.PLACE, UNITS)
-def ida(results, response="drift", place=None, units=None):
+def ida(results, response: str = "drift", place: str | None = None, units: str | None = None):
     """Response of each record against the intensity, with the 16, 50 and 84 % fractiles.
 
     Also the 50 % of the motion without contacts (elastic, where something yields); flat lines to

@@ -1,6 +1,7 @@
 """Maps over amplitude and frequency: motions, numbers of each run, numbers of attractors."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -47,7 +48,9 @@ VARIABLES = ("n_attractors", "attractor_id", "motion", "share", *map("n_{}".form
 """Variables of maps of attractors, beside those of motions."""
 
 
-def load_attractors(frames, sweep=None, cells=None, value="number"):
+def load_attractors(
+    frames, sweep: Path | None = None, cells: bool | None = None, value: str | None = "number"
+):
     """Read the attractors for a value of a map, or numbers, and count those that a sweep misses."""
     mesh.need_map(frames.study.run_dims, frames.study.amplitude.size)
     each = () if value == "number" else (*mesh.VARIABLES, *([value] if value else []))
@@ -57,7 +60,13 @@ def load_attractors(frames, sweep=None, cells=None, value="number"):
     return results.assign({MISSED: (frames.study.run_dims[-2:], missed_attractors(frames, sweep))})
 
 
-def load_map(frames, direction=None, value=None, cells=None, branches=None):
+def load_map(
+    frames,
+    direction: str | None = None,
+    value: str | None = None,
+    cells: bool | None = None,
+    branches: Path | None = None,
+):
     """Read the map of one direction, and special points of branches."""
     if frames.study.content == "attractors":
         results = load_attractors(frames, cells=cells, value=value)

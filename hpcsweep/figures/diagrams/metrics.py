@@ -33,7 +33,7 @@ SHADES = (
 
 
 @figure_of("metrics", "motions", load_frame, OMEGA, AMPLITUDES)
-def metrics(results, omega=None, amplitudes=()):
+def metrics(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
     """Drift and mean modal norms along the path of one frame, with those without a stop.
 
     Raises

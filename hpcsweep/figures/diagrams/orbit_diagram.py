@@ -1,5 +1,7 @@
 """Orbit diagrams of sweeps, with the contact regions."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from textwrap import wrap
 from typing import NamedTuple
 
@@ -45,7 +47,14 @@ class Group(NamedTuple):
 
 
 @figure_of("orbit", "motions", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, BRANCHES, COLOUR)
-def orbit(results, omega=None, color="direction", floors=(), amplitudes=(), branches=None):
+def orbit(
+    results,
+    omega: float | None = None,
+    color: str = "direction",
+    floors: Sequence[int | str] = (),
+    amplitudes: Sequence[float] = (),
+    branches: Path | None = None,
+):
     """Stroboscopic displacement of each floor against the forcing amplitude, or another parameter.
 
     One frame, sweeps up and down, contact regions along the top.

@@ -1,5 +1,6 @@
 """Phase portraits of motions of a sweep."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,15 @@ class DrawnRun(NamedTuple):
 
 
 @figure_of("phase", "motions", load_frame, OMEGA, AMPLITUDES, ALONG, PERIOD, DIRECTION, FLOORS)
-def phase(results, omega=None, amplitudes=(), periods=(), direction=None, floors=(), along=()):
+def phase(
+    results,
+    omega: float | None = None,
+    amplitudes: Sequence[float] = (),
+    periods: Sequence[int] = (),
+    direction: str | None = None,
+    floors: Sequence[int | str] = (),
+    along: Sequence[float] = (),
+):
     """Phase portraits of the floors at --amplitude A, at --along X, or of an orbit of --period P.
 
     Parameters

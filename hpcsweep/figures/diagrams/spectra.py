@@ -88,7 +88,7 @@ FLOORS = responses.loading("floor_spectrum", "outcome")
 
 
 @figure_of("floor-spectra", "responses", FLOORS, responses.SCALE, responses.PLACE)
-def of_floors(results, scale=None, place=None):
+def of_floors(results, scale: float | None = None, place: str | None = None):
     """Response spectra of a floor at one intensity, 5 % damping, with fractiles.
 
     Of the floor --place (default: the top of the first building), also the 50 % without contacts;

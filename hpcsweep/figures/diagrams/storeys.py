@@ -32,7 +32,7 @@ EDGE = 1.05
 
 
 @figure_of("profile", "responses", responses.load, responses.RESPONSE, responses.SCALE)
-def profile(results, response="drift", scale=None):
+def profile(results, response: str = "drift", scale: float | None = None):
     """Peak drift, displacement or acceleration, ductility or residual drift over the storeys.
 
     Of each building at one intensity: median, 16 to 84 %, and the median of the motion without

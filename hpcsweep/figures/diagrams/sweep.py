@@ -108,7 +108,9 @@ def lay_branches(axes: Mapping[int, Any], frame: Frame, path: Path | None) -> li
     return overlay_keys()
 
 
-def load_frame(frames: "Frames", omega=None, amplitudes=(), **_options):
+def load_frame(
+    frames: "Frames", omega: float | None = None, amplitudes: Sequence[float] = (), **_options
+):
     """Read the frame nearest to a frequency, along that to an amplitude, default the first."""
     study = as_kind(frames.study, RunGrid)
     name, asked = study.run_dims[-2], _asked(study, omega, amplitudes)

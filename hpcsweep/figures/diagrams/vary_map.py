@@ -65,7 +65,7 @@ class Panels(NamedTuple):
     inferred: float
 
 
-def load(frames, omega=None, direction=None, over=None):
+def load(frames, omega: float | None = None, direction: str | None = None, over: str | None = None):
     """Read one frame of every part to draw.
 
     Returns

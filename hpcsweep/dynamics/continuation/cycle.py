@@ -97,7 +97,7 @@ class Solution(NamedTuple):
     tangent: np.ndarray
     maps: TangentMaps
     residual: float
-    inverse: Any = None
+    inverse: np.ndarray | None = None
 
     @property
     def multipliers(self) -> np.ndarray:

@@ -165,6 +165,7 @@ class Locus(Curve):
             A point of the locus, with its inverse.
         """
         assert near is not None
+        assert near.inverse is not None
         steep = abs(border[-1]) >= max(STEEP * math.hypot(*border[-2:]), FLAT)
         across = unit(border.size, -1) if steep else border / np.linalg.norm(border)
         step = max(float(np.linalg.norm(guess - near.y)), MIN_APART)
@@ -184,6 +185,7 @@ class Locus(Curve):
                 component = k - 2
                 guess, _ = on_cubic(last, point, component, border)
                 guess[component] = border
+                assert point.inverse is not None
                 across = unit(guess.size, component)
                 step = float(np.linalg.norm(point.y - last.y))
                 at = self._cross(guess, point.inverse[:, -1], across, point, step)
@@ -196,6 +198,7 @@ class Locus(Curve):
     ) -> Solution:
         """Return a point with its tangent, which is near `way` and points along `border`."""
         apart = max(APART * step, MIN_APART)
+        assert at.inverse is not None
         guess = at.y + apart * way
         other = self._cross(guess, at.inverse[:, -1], across, at, apart, OF_TANGENT)
         away = other.y - at.y

@@ -148,7 +148,7 @@ def gather(segment, past, span, whole, amplitude, wanted, elements, measures, sh
     model, tables, work, tally = shared.model, shared.tables, shared.work, shared.tally
     step = work.step
     tally.contact[0] |= past
-    if measures is None or wanted & DRIFT == 0:  # see `observe.drift.largest_of_storeys`
+    if measures is None or wanted & DRIFT == 0:  # see `observe.peaks.largest_of_storeys`
         drift_on_segment(segment, span, model, tables, tally, step)
     if measures is not None:
         peaks = wanted & PEAKS

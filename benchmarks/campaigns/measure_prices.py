@@ -14,11 +14,10 @@ import time
 from tools import JOBS, PAPER
 
 from hpcsweep.job import load_job
-from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.model.observed import IMPACT, PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.specialised import FOR_ANY
-from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.studies.compilation import warm_up
 from hpcsweep.studies.quantities import METRICS
 from hpcsweep.studies.settings import SweepSettings
@@ -26,7 +25,7 @@ from hpcsweep.studies.settings import SweepSettings
 FLAGS = dict(
     zip(
         ("storey_drift", "displacement", "floor_acceleration", "contact_force", "impacts"),
-        (*PEAK_FLAGS, IMPACT_FLAG),
+        (*PEAK_FLAGS, IMPACT),
         strict=True,
     )
 )

@@ -23,21 +23,20 @@ from general import random_general_cases
 from reference import ORDER, horner, reference_steps, system
 from scipy.special import expit
 
-from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.model.observed import (
+    CLOSINGS,
+    FORCE,
+    IMPACT,
+    MOTIONS,
+    PEAK_FLAGS,
+    SPEED,
+    TIME,
+    Measures,
+)
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.measures import CLOSINGS, FORCE, IMPACT_FLAG, SPEED, TIME
 from hpcsweep.solvers.outcome import Outcome
 
-KINDS = (
-    "storey_drift",
-    "displacement",
-    "floor_acceleration",
-    "contact_force",
-    "impacts",
-    "impact_velocity",
-    "impulse",
-    "contact_share",
-)
+KINDS = tuple(quantity.name for quantity in MOTIONS)
 SAMPLES = np.linspace(0.0, 1.0, 17)
 POWERS = np.vander(SAMPLES, ORDER + 1, increasing=True)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(30)
@@ -170,32 +169,38 @@ def reference_measures(case, state=None):
     each = [impacts(past[:, k], sizes, parts.rho) for k in range(past.shape[1])]
     found = np.array(each).reshape(-1, 4).T
     found[TIME] /= 2 * math.pi / case.omega
-    return np.concatenate((*peaks, np.maximum(largest(past), 0.0), found.ravel()))
+    past, spring = np.maximum(largest(past), 0.0), structure.force_per_length
+    return Measures(
+        *peaks,
+        structure.switched(spring * past, past),
+        found[CLOSINGS],
+        found[SPEED],
+        spring * found[FORCE],
+        found[TIME],
+    )
 
 
-def by_kind(structure, values):
-    """Split measures by their kinds."""
-    n, m = structure.n_floors, len(structure.contacts)
-    return np.split(values, np.cumsum((len(structure.drift_rows), n, n, *4 * (m,))))
+def over_springs(structure, measures):
+    """Return measures by name, forces and impulses over the stiffness of their contacts."""
+    values = dict(vars(measures))
+    for name in ("contact_force", "impulse"):
+        values[name] = values[name] / structure.force_per_length
+    return values
 
 
 def scales(structure, expected):
     """Return the largest of each kind, at least the structure's unit of it."""
     length, rate = structure.length_unit, structure.frequency_unit
     units = (length, length, length * rate**2, length, 1.0, length * rate, length / rate, 1.0)
-    parts = by_kind(structure, expected)
+    parts = over_springs(structure, expected).values()
     return [max(unit, *part.tolist()) for unit, part in zip(units, parts, strict=True)]
 
 
 def differences(structure, one, other, scale):
     """Return the largest difference of each kind over its scale."""
-    parts = zip(by_kind(structure, one), by_kind(structure, other), scale, strict=True)
+    both = (over_springs(structure, each).values() for each in (one, other))
+    parts = zip(*both, scale, strict=True)
     return np.array([np.abs(a - b).max(initial=0.0) / size for a, b, size in parts])
-
-
-def closings(structure, measures):
-    """Return the closings of all contacts."""
-    return by_kind(structure, measures)[KINDS.index("impacts")]
 
 
 def compare(case):
@@ -206,7 +211,7 @@ def compare(case):
     structure, z = case.structure, np.array(case.state)
     expected = reference_measures(case)
     flow = FlowMap(structure, case.omega)
-    seen = flow.observe(z, case.amplitude, 1, measures=sum(PEAK_FLAGS) + IMPACT_FLAG)
+    seen = flow.observe(z, case.amplitude, 1, measures=sum(PEAK_FLAGS) + IMPACT)
     if seen.outcome is not Outcome.COMPLETE:
         return None
     scale = scales(structure, expected)
@@ -215,10 +220,10 @@ def compare(case):
     push = rng.uniform(-1.0, 1.0, z.size) * structure.state_units
     changed = reference_measures(case, z + CHANGE * push)
     steep = differences(structure, changed, expected, scale) / CHANGE
-    counts = bool(np.array_equal(closings(structure, seen.measures), closings(structure, expected)))
+    counts = bool(np.array_equal(seen.measures.impacts, expected.impacts))
     if not counts:
         near = [reference_measures(case, z + sign * 1e-12 * push) for sign in (1.0, -1.0)]
-        if any((closings(structure, e) != closings(structure, expected)).any() for e in near):
+        if any((e.impacts != expected.impacts).any() for e in near):
             counts = None
     return plain, plain / np.maximum(refer(case).kappa, steep), counts
 

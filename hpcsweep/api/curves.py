@@ -15,7 +15,7 @@ from hpcsweep.dynamics.continuation.locus import Locus
 from hpcsweep.dynamics.continuation.meetings import step_of_locus
 from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
 from hpcsweep.model.arguments import choice, count, finite, finite_vector, items, positive, refused
-from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.model.observed import PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import CURVES
 from hpcsweep.solvers.records import normalised_drift

@@ -7,6 +7,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.dynamics.stability import MeanInterval
+from hpcsweep.model.observed import Measures
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 
@@ -79,8 +80,8 @@ class Attractor:
         Number of starts that reached it.
     share, share_low, share_high : float
         Share of all starts, and its Clopper-Pearson interval.
-    measures : ndarray, shape (D + 2 n + 5 m,)
-        As in `hpcsweep.solvers.records.Observation`; empty unless requested.
+    measures : Measures or None
+        As in `hpcsweep.solvers.records.Observation`.
     families : int
         Of sliders: in how many directions an orbit is one of a family, which is the attractor
         (`hpcsweep.dynamics.families`); points, peaks and multiplier are those of one member.
@@ -103,7 +104,7 @@ class Attractor:
     share: float = 0.0
     share_low: float = 0.0
     share_high: float = 1.0
-    measures: np.ndarray = field(default_factory=lambda: np.empty(0))
+    measures: Measures | None = None
     families: int = 0
     sliders: dict[str, Any] = field(default_factory=dict)
 

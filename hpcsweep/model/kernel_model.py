@@ -27,10 +27,8 @@ from hpcsweep.kernels.simd import LANES
 from hpcsweep.model.elements import Elements, kernel_elements
 from hpcsweep.model.kernel_contacts import Contacts, kernel_contacts, wide
 from hpcsweep.model.modes import per_mass
+from hpcsweep.model.observed import PEAKS
 from hpcsweep.model.structure import Structure
-
-DRIFT, FLOOR, ACCELERATION, CONTACT = PEAK_FLAGS = (4, 8, 16, 32)
-"""What has a peak: drifts, floors, absolute accelerations of floors, contacts."""
 
 
 class Energy(NamedTuple):
@@ -71,8 +69,8 @@ class Model(NamedTuple):
     the structure, then elongations of sliders that are no such drift."""
     watched: np.ndarray
     """(Q, 4) int: rows whose peaks can be requested: first and second as for a drift, a side (0 for
-    |y|, 1 or -1 for that times y), and the flag that requests them. In the order of `PEAK_FLAGS`,
-    each kind padded to a multiple of `LANES` by rows of flag 0."""
+    |y|, 1 or -1 for that times y), and the flag that requests them. In the order of
+    `observed.PEAKS`, each padded to a multiple of `LANES` by rows of flag 0."""
     modal_transform: np.ndarray
     """(n, R): Phi^-1, row j gives modal coordinate j."""
     balance: np.ndarray
@@ -180,14 +178,16 @@ def record_model(
 
 
 def _watched(drift_rows: np.ndarray, n: int, places) -> np.ndarray:
-    """List drifts, floors, their accelerations and contacts; see `Model.watched`."""
-    kinds = (
-        [(int(i), int(below), 0, DRIFT) for i, below in drift_rows],
-        [(i, -1, 0, FLOOR) for i in range(n)],
-        [(i, -1, 0, ACCELERATION) for i in range(n)],
-        [(row, -1, int(sign), CONTACT) for row, sign in places],
-    )
-    listed = [row for kind in kinds for row in (*kind, *-len(kind) % LANES * [(0, -1, 0, 0)])]
+    """List the rows of all quantities that have a peak; see `Model.watched`."""
+    along = {
+        "storey": [(int(i), int(below), 0) for i, below in drift_rows],
+        "floor": [(i, -1, 0) for i in range(n)],
+        "stop": [(row, -1, int(sign)) for row, sign in places],
+    }
+    listed: list[tuple[int, int, int, int]] = []
+    for quantity in PEAKS:
+        listed += [(*row, quantity.flag) for row in along[quantity.dim]]
+        listed += -len(listed) % LANES * [(0, -1, 0, 0)]
     return np.array(listed, np.int64).reshape(-1, 4)
 
 

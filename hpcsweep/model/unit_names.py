@@ -69,9 +69,14 @@ class UnitNames(NamedTuple):
 def unit_of(structure, quantity: str) -> str:
     """Return the unit of a quantity of a structure, or of several, as in "length; velocity".
 
-    Anything but a quantity (``1``, ``forcing periods``) is returned unchanged.
+    A quantity may be over another, "acceleration/time". Anything but a quantity (``1``, ``forcing
+    periods``) is returned unchanged.
     """
-    return "; ".join(_unit_of(structure, part) for part in quantity.split("; "))
+    each = (
+        "/".join(_unit_of(structure, name) for name in part.split("/"))
+        for part in quantity.split("; ")
+    )
+    return "; ".join(each).replace("/1/omega_0", " omega_0")
 
 
 def _unit_of(structure, quantity: str) -> str:
@@ -82,7 +87,7 @@ def _unit_of(structure, quantity: str) -> str:
         return structure.unit_names.of(quantity)
     if quantity in GAPS and ("gaps" not in GAPS[quantity] or is_in_gaps(structure)):
         return GAPS[quantity]
-    return UnitNames(time="1/omega_0").of(quantity).replace("/1/omega_0", " omega_0")
+    return UnitNames(time="1/omega_0").of(quantity)
 
 
 def is_in_gaps(structure) -> bool:

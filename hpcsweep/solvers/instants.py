@@ -22,12 +22,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.model.modes import per_mass
+from hpcsweep.model.observed import DISSIPATED
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.march.record import ALL_PEAKS, WITH_ENERGY, march_record
 from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.record_map import RecordMap
 from hpcsweep.solvers.flow.state.shared import PASSAGES, TABLES
-from hpcsweep.solvers.measures import DISSIPATED
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, Outcome
 from hpcsweep.solvers.record_response import Energy, energy_at
 

@@ -9,12 +9,14 @@ Free of contact the modes are uncoupled (12), or coupled by a damping matrix. Th
 
 import cmath
 import math
+from dataclasses import fields
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
 
 from hpcsweep.model.modes import trigonometric_maxima, trigonometric_zeros
+from hpcsweep.model.observed import PEAKS, Measures
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
@@ -41,7 +43,6 @@ class LinearOrbit:
         self.directions = directions = np.concatenate((structure.directions, b, -b))
         gaps = np.array([contact.gap for contact in structure.contacts])
         self.levels = np.append(gaps - structure.layer_half_width, 2 * limits)
-        self._peaks: np.ndarray | None = None
         self.is_known = False
         """Whether there is a steady state, and at rest no contact is in its layer."""
         try:
@@ -104,34 +105,38 @@ class LinearOrbit:
         """Return the largest interstorey drift at amplitudes A."""
         return np.abs(amplitude) * self._drift
 
-    def measures(self, amplitudes) -> np.ndarray:
-        """Return the measures of an `Observation` at amplitudes A, shape (k, D + 2 n + 5 m)."""
-        amplitudes = np.asarray(amplitudes, float).reshape(-1, 1)
-        if self._peaks is None:
-            floors = np.eye(self._structure.n_floors)
-            rows = np.concatenate((self._structure.drift_rows, floors))
-            parts = (self._responses, rows), (self._accelerations(), floors)
-            both = [
-                np.concatenate(
-                    [trigonometric_maxima(self._orders, of, sign * rows) for of, rows in parts]
-                )
-                for sign in (1.0, -1.0)
-            ]
-            self._peaks = np.maximum(*both)
-        size = np.abs(amplitudes)
-        gaps = np.array([contact.gap for contact in self._structure.contacts])
-        largest = self.largest[:, : gaps.size]
-        towards = size * np.where(amplitudes >= 0, *largest)
-        no_impacts = np.zeros((len(size), 4 * gaps.size))
-        return np.hstack((size * self._peaks, np.maximum(towards - gaps, 0.0), no_impacts))
+    def measures(self, amplitudes) -> Measures:
+        """Return the measures of an `Observation` at amplitudes A, of any shape."""
+        size, structure = np.abs(np.asarray(amplitudes, float))[..., None], self._structure
+        names = (each.name for each in fields(Measures))
+        nothing = dict.fromkeys(names, np.zeros(len(structure.contacts)) * size)
+        return Measures(**nothing | {name: size * peaks for name, peaks in self._peaks.items()})
 
-    def _accelerations(self) -> np.ndarray:
-        """Return the harmonics of the absolute accelerations at A = 1, shape (H, n)."""
-        harmonics = -((self._omega * self._orders[:, None]) ** 2) * self._responses
-        if self._structure.shakes:
+    @cached_property
+    def _peaks(self) -> dict[str, np.ndarray]:
+        """Peaks of storeys and floors at A = 1, by quantity."""
+        rows = {"storey": self._structure.drift_rows, "floor": np.eye(self._structure.n_floors)}
+        return {
+            each.name: np.maximum(
+                *(
+                    trigonometric_maxima(
+                        self._orders, self._derivative(each.order), sign * rows[each.dim]
+                    )
+                    for sign in (1.0, -1.0)
+                )
+            )
+            for each in PEAKS
+            if each.dim in rows
+        }
+
+    def _derivative(self, order: int) -> np.ndarray:
+        """Return the harmonics of a derivative of u at A = 1, absolute from u'' on, (H, n)."""
+        rate = 1j * self._omega * self._orders[:, None]
+        harmonics = rate**order * self._responses
+        if order > 1 and self._structure.shakes:
             terms = self._structure.forcing.terms
             ground = np.array([[a * cmath.exp(1j * phase)] for _, a, phase in terms])
-            harmonics = harmonics + ground * self._structure.influence
+            harmonics = harmonics + rate ** (order - 2) * ground * self._structure.influence
         return harmonics
 
     def modal_norm(self, amplitude: float) -> np.ndarray:

@@ -6,9 +6,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpcsweep.model.kernel_model import Model
+from hpcsweep.model.observed import (
+    CLOSINGS,
+    DISSIPATED,
+    FORCE,
+    SPEED,
+    TIME,
+    Measures,
+)
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, SPEED, TIME
-from hpcsweep.solvers.named_measures import ContactMeasures
+from hpcsweep.solvers.measures import along_rows, of_structure, peaks_of
 from hpcsweep.solvers.outcome import Outcome
 
 SAME_TIME = 1e-9
@@ -69,7 +77,7 @@ class Energy(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Response(ContactMeasures):
+class Response(Measures):
     """Peaks of the response to a record, from its first sample to the end of its tail.
 
     Peaks are over continuous time unless they are asked for at the samples, where those of contacts
@@ -78,16 +86,12 @@ class Response(ContactMeasures):
 
     Attributes
     ----------
-    displacement : ndarray, shape (n,)
-        Largest |u_i|, relative to the ground.
-    drift : ndarray, shape (rows,)
-        Largest |row . u| of each row of ``structure.drift_rows``.
-    floor_acceleration : ndarray, shape (n,)
-        Largest absolute acceleration, |u_i'' + a| of a base that shakes.
-    force : ndarray, shape (k,)
-        Largest force of each contact; 0 if it has not closed.
-    impacts, impact_velocity, impulse : ndarray, shape (k,)
-        What each contact has done, see `hpcsweep.solvers.named_measures.ContactMeasures`.
+    displacement, storey_drift, floor_acceleration : ndarray, shapes (n,), (D,) and (n,)
+        See `hpcsweep.model.observed.Measures`, ...
+    contact_force, impacts, impact_velocity, impulse, contact_share : ndarray, shape (k,)
+        ... with sums over the record and its tail.
+    drift, force
+        `storey_drift` and `contact_force`.
     contact_time : ndarray, shape (k,)
         Time in which each contact was closed.
     dissipated : ndarray, shape (k,)
@@ -139,10 +143,6 @@ class Response(ContactMeasures):
     (array([2.]), array([1.]))
     """
 
-    displacement: np.ndarray
-    drift: np.ndarray
-    floor_acceleration: np.ndarray
-    force: np.ndarray
     contact_time: np.ndarray
     dissipated: np.ndarray
     residual: np.ndarray
@@ -167,41 +167,38 @@ class Response(ContactMeasures):
     outcome: Outcome
     energy: Energy | None = None
 
+    @property
+    def drift(self) -> np.ndarray:
+        """Shape (D,)."""
+        return self.storey_drift
+
+    @property
+    def force(self) -> np.ndarray:
+        """Shape (k,)."""
+        return self.contact_force
+
 
 def response_of(
-    structure: Structure,
-    n_rows: int,
-    peaks: np.ndarray,
-    times: np.ndarray,
-    impacts: np.ndarray,
-    slid: Slid,
-    ended: Ended,
+    structure: Structure, model: Model, tally: Any, slid: Slid, ended: Ended
 ) -> Response:
     """Make a response from what has been gathered in the kernels' units.
 
     Parameters
     ----------
     structure : Structure
-    n_rows : int
-        Floors, and the bases behind them.
-    peaks, times : ndarray, shape (P,)
-        Of drifts, with elongations of sliders behind them, floors and bases, absolute accelerations
-        of these, and forces of contacts over their units.
-    impacts : ndarray, shape (N_IMPACTS, k)
-        See `measures`.
+    model : Model
+    tally
+        Has `peaks` and `times` of the rows of `Model.watched`, and `impacts`.
     slid : Slid
     ended : Ended
     """
-    n, n_drifts = structure.n_floors, len(structure.drift_rows)
+    n, state, impacts = structure.n_floors, ended.state, tally.impacts
     length, rate = structure.length_unit, structure.frequency_unit
-    n_contacts = len(structure.contacts)
-    ends = np.cumsum([len(peaks) - 2 * n_rows - n_contacts, n_rows, n_rows])
-    state = ended.state
-    size: list[Any] = np.split(peaks * length, ends)
-    when = np.split(times / rate, ends)
-    shear = size[2][n:] * rate**2
+    peaks = peaks_of(structure, model, tally.peaks)
+    times = of_structure(structure, along_rows(model, tally.times / rate))
+    shear = peaks["floor_acceleration"][n:]
     if shear.size:
-        shear *= structure.base_masses
+        shear = shear * structure.base_masses
     unit = structure.force_per_length
     spring = np.array([slider.stiffness for slider in structure.sliders])
     strength = np.array([slider.strength for slider in structure.sliders])
@@ -213,21 +210,19 @@ def response_of(
 
         lasting = static_equilibrium(structure, plastic) - structure.rest[:n]
     return Response(
-        displacement=size[1][:n],
-        drift=size[0][:n_drifts],
-        floor_acceleration=size[2][:n] * rate**2,
-        force=size[3] * unit,
+        **of_structure(structure, peaks),
         impacts=impacts[CLOSINGS].astype(int),
         impact_velocity=impacts[SPEED] * (length * rate),
+        contact_share=impacts[TIME] / rate / (ended.duration or 1.0),
         contact_time=impacts[TIME] / rate,
         impulse=impacts[FORCE] * unit * (length / rate),
         dissipated=impacts[DISSIPATED] * unit * length**2,
         residual=np.abs(state[:n] - structure.rest[:n]),
         final_state=state,
-        displacement_time=when[1][:n],
-        drift_time=when[0][:n_drifts],
-        acceleration_time=when[2][:n],
-        force_time=when[3],
+        displacement_time=times["displacement"],
+        drift_time=times["storey_drift"],
+        acceleration_time=times["floor_acceleration"],
+        force_time=times["contact_force"],
         ductility=elongation * spring / strength,
         slider_force=np.where(slid.excursions, strength, spring * elongation),
         plastic=plastic,

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.model.observed import Measures
 from hpcsweep.solvers.outcome import Outcome
 
 
@@ -100,8 +101,8 @@ class Followed:
     ----------
     orbits : Orbits
         Runs that skip rules finish, up to the first that they leave open.
-    measures : ndarray, shape (k, D + 2 n + 5 m)
-        As in `Observation`; (k, 0) unless requested.
+    measures : Measures or None
+        Of each run, first axis k; None unless requested.
     state : ndarray, shape (2n,)
         State from which the next run starts.
     open : Approach or None
@@ -109,7 +110,7 @@ class Followed:
     """
 
     orbits: Orbits
-    measures: np.ndarray
+    measures: Measures | None
     state: np.ndarray
     open: Approach | None
 
@@ -137,14 +138,9 @@ class Observation:
         (`window_growth`); NaN unless it was requested.
     logarithms : ndarray, shape (k,)
         Natural logarithm of that factor in each forcing period; empty unless it was requested.
-    measures : ndarray, shape (M,)
-        Read by `hpcsweep.solvers.named_measures`.
-        Largest |drift| of each drift row, largest |u_i| and largest absolute acceleration of each
-        floor, and largest distance past its stop, at least 0, of each contact of the structure;
-        then of each contact its closings a forcing
-        period, its largest closing speed, the integral of its force over its stiffness, a forcing
-        period, and the share of the time in which it is closed. Those that the flags (`PEAK_FLAGS`,
-        `IMPACT_FLAG`) do not request have their initial values; empty if none is requested.
+    measures : Measures or None
+        Those that the flags (`hpcsweep.model.observed`) do not request are 0; None if none is
+        requested.
     slid : dict of str to ndarray, shape (L,)
         Of each slider, if there are any: ``ductility``, its largest elongation over that at which
         it first slips; ``slider_energy``, what it dissipates a forcing period; ``plastic``,
@@ -159,7 +155,7 @@ class Observation:
     outcome: Outcome
     growth: float = math.nan
     logarithms: np.ndarray = field(default_factory=lambda: np.empty(0))
-    measures: np.ndarray = field(default_factory=lambda: np.empty(0))
+    measures: Measures | None = None
     slid: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property

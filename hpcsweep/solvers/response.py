@@ -145,15 +145,16 @@ def linear_response(
     solver = linear_map(structure, record.dt, base_shear, energy)
     peaks = _complete(solver.respond(record.acceleration, 1.0, tail))
     nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
-    drifts, slid, past = np.split(peaks.drift, [n_drifts, n_drifts + len(slides)])
+    drifts, slid, past = np.split(peaks.storey_drift, [n_drifts, n_drifts + len(slides)])
     sliders = [(slider.stiffness, slider.strength) for slider in structure.sliders]
     spring, strength = np.array(sliders).reshape(-1, 2).T
     force = spring * slid
     linear = replace(
         peaks,
-        drift=drifts,
+        storey_drift=drifts,
         drift_time=peaks.drift_time[:n_drifts],
-        force=nothing,
+        contact_force=nothing,
+        contact_share=nothing,
         impacts=nothing.astype(int),
         impact_velocity=nothing,
         contact_time=nothing,

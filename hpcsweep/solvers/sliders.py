@@ -7,9 +7,9 @@ strength, to rounding, and its elongation goes on; p then follows it, y -+ delta
 import numpy as np
 
 from hpcsweep.model.elements import LEVEL, SHARE, SIGN, SPRING, TAKES, Elements
+from hpcsweep.model.observed import ROUNDING
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
-from hpcsweep.solvers.measures import ROUNDING
 
 
 class Sliders:

@@ -8,18 +8,23 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from hpcsweep.model.contact import FAR, contact_force
-from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, Model
-from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.measures import (
+from hpcsweep.model.kernel_model import Model
+from hpcsweep.model.observed import (
+    ACCELERATION,
     CLOSINGS,
+    CONTACT,
+    DRIFT,
+    FLOOR,
     FORCE,
-    IMPACT_FLAG,
+    IMPACT,
     N_IMPACTS,
     ROUNDING,
     SPEED,
     TIME,
-    measures_of,
+    Measures,
 )
+from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.measures import measures_of
 
 STEP_NODES = 9
 """Times at which the interpolant of a step is searched for extrema and crossings."""
@@ -56,7 +61,7 @@ class StepTally:
         upper, lower = model.drift_rows.T
         self._drifts = unit[upper] - unit[lower]
         flags = model.watched[:, 3]
-        self._places = np.flatnonzero(flags & measures & ~ACCELERATION)
+        self._places = np.flatnonzero(flags & measures & (DRIFT | FLOOR | CONTACT))
         rows, below, self._sides, _ = model.watched[self._places].T
         self._watched = unit[rows] - unit[below]
         self._watched[self._sides < 0] *= -1.0
@@ -65,8 +70,9 @@ class StepTally:
         self._levels = self._levels[self._places]
         self._accelerate = accelerate if measures & ACCELERATION else None
         self._accelerated = np.flatnonzero(flags == ACCELERATION)
-        self._wants_any, self._wants_impacts = bool(measures), bool(measures & IMPACT_FLAG)
-        self.peaks = np.zeros(len(flags))
+        self._wants_any, self._wants_impacts = bool(measures), bool(measures & IMPACT)
+        self.peaks = np.full(len(flags), math.nan)  # of what is not known here
+        self.peaks[np.isin(flags, (DRIFT, FLOOR, ACCELERATION, CONTACT))] = 0.0
         self.impacts = np.zeros((N_IMPACTS, model.contacts.gap.size))
         self._closed = np.empty(0, bool)  # of no contact before the first step
         self._beside = np.zeros(model.contacts.gap.size, bool)
@@ -195,10 +201,10 @@ class StepTally:
             self.impacts[SPEED, k] = max(self.impacts[SPEED, k], speed)
         self._beside[k] = True
 
-    def measures(self, structure: Structure, n_periods: int) -> np.ndarray:
-        """Return the measures of an `Observation` of a window; empty if none is requested."""
+    def measures(self, structure: Structure, n_periods: int) -> Measures | None:
+        """Return the measures of an `Observation` of a window; None if none is requested."""
         if not self._wants_any or not n_periods:
-            return np.empty(0)
+            return None
         return measures_of(structure, self._model, self, n_periods)
 
     def _add_modal(self, interpolant, tau, gap):

@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpcsweep.model.kernel_model import DRIFT
+from hpcsweep.model.observed import DRIFT
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import closing_arguments, motion, points_array
 from hpcsweep.solvers.flow.flow_map import FlowMap

@@ -8,8 +8,7 @@ same names from `hpcsweep.solvers.measures` and `hpcsweep.solvers.record_respons
 
 from dataclasses import replace
 
-from hpcsweep.model import kernel_model
-from hpcsweep.solvers.measures import IMPACT_FLAG
+from hpcsweep.model.observed import MOTIONS, TABLE, Quantity
 from hpcsweep.studies.keys import Key, names
 from hpcsweep.studies.variable import BELOW_INFINITY, FINITE, SHARE, SIZE, Variable, contacts, real
 
@@ -30,68 +29,7 @@ LYAPUNOV_SPECTRUM = real(
     optional=True,
 )
 
-TABLE = (
-    ("storey_drift", "storey", "length", "peak drift of each storey", "peak storey drift"),
-    ("displacement", "floor", "length", "peak displacement of each floor", "peak displacement"),
-    (
-        "floor_acceleration",
-        "floor",
-        "acceleration",
-        "peak absolute acceleration of each floor",
-        "peak floor acceleration",
-    ),
-    ("contact_force", "stop", "force", "peak force of each contact", "peak contact force"),
-    ("impacts", "stop", "1", "closings of each contact", "impacts"),
-    ("impact_velocity", "stop", "velocity", "largest closing speed", "largest closing speed"),
-    ("impulse", "stop", "impulse", "impulse of each contact", "impulse"),
-    (
-        "contact_share",
-        "stop",
-        "1",
-        "share of time each contact is closed",
-        "share of time in contact",
-    ),
-    ("contact_time", "stop", "time", "time each contact is closed", ""),
-    ("dissipated", "stop", "energy", "energy that each contact has taken", ""),
-    (
-        "ductility",
-        "slider",
-        "1",
-        "peak elongation of each slider over that of yielding",
-        "ductility",
-    ),
-    ("slider_force", "slider", "force", "peak force of each slider", ""),
-    ("plastic", "slider", "length", "lasting elongation that each slider gains", ""),
-    ("plastic_path", "slider", "length", "sum of its changes", ""),
-    ("excursions", "slider", "1", "how often each slider has slipped", "excursions"),
-    ("slider_energy", "slider", "energy", "energy that each slider dissipates", ""),
-    (
-        "residual_drift",
-        "storey",
-        "length",
-        "lasting drift of each storey; NaN: collapsed",
-        "residual storey drift",
-    ),
-    (
-        "base_shear",
-        "building",
-        "force",
-        "peak reaction of the base of each building",
-        "peak base shear",
-    ),
-)
-"""Name, dimension of one run, quantity of the unit, meaning, and label of figures: those that have
-one are told by summaries, where they are largest. In the order of files."""
-FLAGS = {
-    "storey_drift": kernel_model.DRIFT,
-    "displacement": kernel_model.FLOOR,
-    "floor_acceleration": kernel_model.ACCELERATION,
-    "contact_force": kernel_model.CONTACT,
-    "impacts": IMPACT_FLAG,
-    "impact_velocity": IMPACT_FLAG,
-    "impulse": IMPACT_FLAG,
-    "contact_share": IMPACT_FLAG,
-}
+FLAGS = {quantity.name: quantity.flag for quantity in MOTIONS}
 """Those of motions that jobs request, and their flags, see `Observation.measures`."""
 SUMS = ("impacts", "impulse", "plastic", "slider_energy")
 """Those that grow with time: of motions they are those of a forcing period, and mean values."""
@@ -104,14 +42,13 @@ OPTIONAL = ("residual_drift",)
 """What may be missing in a complete run; summaries do not tell it."""
 WHOLE = ("impacts", "excursions")
 """Whole numbers of a response."""
-SOURCES = {"storey_drift": "drift", "contact_force": "force"}
-"""Fields of a `Response` with other names."""
 A_PERIOD = " a forcing period"
 POWERS = {"1": 0, "time": 0, "energy": 2}
 """Powers of a record's scale with which quantities grow where gaps grow with the scale; else 1."""
 
 
-def _variable(name: str, dim: str, units: str, meaning: str, label: str) -> Variable:
+def _variable(quantity: Quantity) -> Variable:
+    name, dim, units, meaning, label, *_ = quantity
     return Variable(
         name,
         (dim,),
@@ -122,11 +59,10 @@ def _variable(name: str, dim: str, units: str, meaning: str, label: str) -> Vari
         optional=name in OPTIONAL,
         label=label,
         tallied=bool(label) and name not in OPTIONAL,
-        source=SOURCES.get(name, name),
     )
 
 
-QUANTITIES = {row[0]: _variable(*row) for row in TABLE}
+QUANTITIES = {quantity.name: _variable(quantity) for quantity in TABLE}
 """Variables of responses, their dimensions those of the values of one run."""
 MEASURES = tuple(FLAGS)
 CONTACT_MEASURES = tuple(name for name in FLAGS if QUANTITIES[name].dims == ("stop",))

@@ -190,8 +190,7 @@ def _judge_metrics(
     computed["drift"] = normalised_drift(seen.peak_drift, again.amplitude, again.omega)
     peaks = [v for v in RUN_VARIABLES if v.name in run and v.name in MEASURES]
     rows = empty_results(peaks, structure, 1)
-    if peaks:
-        store_measures(rows, structure, seen.measures)
+    store_measures(rows, structure, seen.measures)
     computed |= {name: values[0] for name, values in rows.items()}
     lengths = {"length": 1.0, DRIFT.units: again.amplitude / again.omega**2}
     allowed = 2 * (MIN_ALLOWED if again.allowed is None else again.allowed) * structure.length_unit

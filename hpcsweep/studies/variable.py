@@ -76,6 +76,10 @@ class Variable:
         """Value where nothing is committed: 0 for integers, NaN for others."""
         return np.nan if np.dtype(self.dtype).kind == "f" else 0
 
+    def of(self, solved: Any) -> Any:
+        """Return its values of what a solver has returned."""
+        return getattr(solved, self.source or self.name)
+
     def along(self, names: tuple[str, ...]) -> "Variable":
         """Return the same variable with further leading dimensions."""
         return replace(self, dims=(*names, *self.dims))

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass, Shakedown
+from hpcsweep.model.observed import Measures
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.named_measures import named_measures
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -176,19 +176,18 @@ def empty_results(
     }
 
 
-def store_measures(rows: Rows, structure: Structure, measures: np.ndarray) -> None:
-    """Store measures, shape (M,) or (k, M) as in an `Observation`, in rows of results.
-
-    Contacts out of reach have none.
-    """
-    numbers, named = [*structure.all_contacts], named_measures(structure, measures)
+def store_measures(rows: Rows, structure: Structure, measures: Measures | None) -> None:
+    """Store measures, if there are any, in rows of results. Contacts out of reach have none."""
+    if measures is None:
+        return
+    numbers = [*structure.all_contacts]
     places = [numbers.index(number) for number in structure.contact_numbers]
     for name in rows.keys() & set(quantities.MEASURES):
         if name not in quantities.CONTACT_MEASURES:
-            rows[name][:] = getattr(named, name)
+            rows[name][:] = getattr(measures, name)
         else:
             rows[name][:] = 0.0
-            rows[name][:, places] = getattr(named, name)
+            rows[name][:, places] = getattr(measures, name)
 
 
 def storey_heights(structure: Structure) -> list[tuple[Variable, np.ndarray]]:
@@ -295,8 +294,7 @@ def store(
         rows["poincare"][:, :most] = points[..., :most, :]
     if "drift" in rows:
         rows["drift"][:] = normalised_drift(result["peak_drift"], amplitudes, omega)
-    if result["measures"].size:
-        store_measures(rows, structure, result["measures"])
+    store_measures(rows, structure, result["measures"])
 
 
 def store_failure(rows: Rows, end: np.ndarray, cycles: int, outcome: Outcome) -> None:

@@ -142,7 +142,7 @@ def test_command_lines_are_found_and_mistakes_in_them_are_refused(capsys):
 
 def test_the_exercises_apply():
     exercises = sorted((DOCS / "exercises").glob("*.diff"))
-    assert len(exercises) == 8
+    assert len(exercises) == 9
     for exercise in exercises:
         assert f"exercises/{exercise.name}" in (DOCS / "extending.md").read_text()
         done = subprocess.run(

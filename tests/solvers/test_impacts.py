@@ -8,11 +8,11 @@ from scipy.integrate import solve_ivp
 
 from hpcsweep.model.equations import MODEL, derivative
 from hpcsweep.model.kernel_model import kernel_model
+from hpcsweep.model.observed import CLOSINGS, FORCE, IMPACT, SPEED, TIME
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.measures import CLOSINGS, FORCE, IMPACT_FLAG, SPEED, TIME
 
 PERIODS = 2
 BOTH = {"gap": 0.4, "gap_left": 0.6}
@@ -87,7 +87,10 @@ def reference(structure, amplitude, omega, start) -> np.ndarray:
 
 
 def compare(seen, expected, structure, tolerance) -> None:
-    impacts = seen.measures[-expected.size :].reshape(expected.shape)
+    impacts = np.empty(expected.shape)
+    measures, spring = seen.measures, structure.force_per_length
+    impacts[CLOSINGS], impacts[SPEED] = measures.impacts, measures.impact_velocity
+    impacts[FORCE], impacts[TIME] = measures.impulse / spring, measures.contact_share
     length, rate = structure.length_unit, structure.frequency_unit
     scale = np.array([1.0, length * rate, length / rate, 1.0])[:, None]
     np.testing.assert_array_equal(impacts[CLOSINGS], expected[CLOSINGS])
@@ -105,9 +108,9 @@ def test_impacts_are_those_of_the_motion(structure, amplitude, omega):
     start = start_of(structure, np.random.default_rng(3))
     expected = reference(structure, amplitude, omega, start)
     assert expected[CLOSINGS].any()
-    flow = FlowMap(structure, omega).observe(start, amplitude, PERIODS, measures=IMPACT_FLAG)
+    flow = FlowMap(structure, omega).observe(start, amplitude, PERIODS, measures=IMPACT)
     compare(flow, expected, structure, 2e-8)
-    bdf = BdfMap(structure, omega, 1e-9).observe(start, amplitude, PERIODS, measures=IMPACT_FLAG)
+    bdf = BdfMap(structure, omega, 1e-9).observe(start, amplitude, PERIODS, measures=IMPACT)
     compare(bdf, expected, structure, 1e-4)
 
 
@@ -123,7 +126,7 @@ def test_impacts_of_random_structures():
         structure = Structure(n, beta, rho, rng.uniform(0.01, 0.2), **gaps)
         omega, amplitude = rng.uniform(0.2, 1.5), rng.uniform(0.02, 0.6)
         start = start_of(structure, rng)
-        flow = FlowMap(structure, omega).observe(start, amplitude, PERIODS, measures=IMPACT_FLAG)
+        flow = FlowMap(structure, omega).observe(start, amplitude, PERIODS, measures=IMPACT)
         expected = reference(structure, amplitude, omega, start)
         compare(flow, expected, structure, 1e-7)
         n_closings += expected[CLOSINGS].sum()

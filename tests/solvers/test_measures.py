@@ -14,17 +14,16 @@ from hpcsweep import Contact, open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.job import parse_job
-from hpcsweep.model.kernel_model import ACCELERATION, PEAK_FLAGS
+from hpcsweep.model.observed import ACCELERATION, IMPACT, PEAK_FLAGS, PEAKS
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
 from hpcsweep.solvers.linear import LinearOrbit
-from hpcsweep.solvers.measures import IMPACT_FLAG
 from hpcsweep.studies.quantities import CONTACT_MEASURES, MEASURES
 
-ALL = sum(PEAK_FLAGS) + IMPACT_FLAG
+ALL = sum(PEAK_FLAGS) + IMPACT
 OUTPUT = "".join(f"{name} = true\n" for name in MEASURES)
 SI = {"mass": (2e5, 1e5), "storey_stiffness": (3e7, 2e7), "gap": 0.02}
 CASES = [
@@ -107,28 +106,30 @@ def test_peaks_are_those_of_the_motion(structure, amplitude, omega):
     z = start_of(structure)
     flow = FlowMap(structure, omega)
     seen = flow.observe(z, amplitude, 2, measures=ALL)
-    peaks = seen.measures[: -4 * len(structure.contacts)]
     assert seen.contact
     n_drifts = len(structure.drift_rows)
-    assert peaks[:n_drifts].max() == pytest.approx(seen.peak_drift, rel=1e-11)
+    assert seen.measures.storey_drift.max() == pytest.approx(seen.peak_drift, rel=1e-11)
     low = sampled(structure, amplitude, omega, z, 2)
     n = structure.n_floors
-    parts = np.split(peaks, np.cumsum([n_drifts, n, n]))
+    parts = [getattr(seen.measures, quantity.name) for quantity in PEAKS]
+    low = np.split(low, np.cumsum([n_drifts, n, n]))
+    low[-1] = structure.switched(structure.force_per_length * low[-1], low[-1])
     # a sample misses the top by (spacing)^2 / 8 of the curvature at most
-    for one, other in zip(parts, np.split(low, np.cumsum([n_drifts, n, n])), strict=True):
+    for one, other in zip(parts, low, strict=True):
         scale = np.abs(other).max()
         assert np.all(one >= other - 1e-9 * scale)
         assert np.all(one <= other + 2e-3 * scale)
     plain = flow.observe(z, amplitude, 2)
-    assert plain.measures.size == 0
-    for flag, place in zip(PEAK_FLAGS, parts, strict=True):
-        some = flow.observe(z, amplitude, 2, measures=flag).measures
-        assert set(place.tolist()) <= set(some.tolist())
+    assert plain.measures is None
+    for quantity, values in zip(PEAKS, parts, strict=True):
+        some = flow.observe(z, amplitude, 2, measures=quantity.flag).measures
+        np.testing.assert_array_equal(getattr(some, quantity.name), values)
     np.testing.assert_array_equal(plain.points, seen.points)
     assert plain.peak_drift == pytest.approx(seen.peak_drift, rel=SAME_PEAK)
     bdf = BdfMap(structure, omega, 1e-9).observe(z, amplitude, 2, measures=ALL)
-    scale = np.abs(seen.measures).max()
-    np.testing.assert_allclose(bdf.measures, seen.measures, rtol=3e-4, atol=1e-5 * scale)
+    for name, values in vars(seen.measures).items():
+        scale = 1e-5 * np.abs(values).max()
+        np.testing.assert_allclose(getattr(bdf.measures, name), values, rtol=3e-4, atol=scale)
 
 
 LONG_STEPS = (71, 102, 144, 166, 316, 438, 620, 729, 733, 775, 818, 844, 850, 962, 998)
@@ -154,10 +155,11 @@ def test_a_window_does_not_depend_on_those_before():
     flow = FlowMap(structure, omega)
     first = flow.observe(z, amplitude, 1, measures=ALL).measures
     own = absolute_accelerations(structure, z[None])[0]
-    assert np.all(first[6:9] >= np.abs(own))
+    assert np.all(first.floor_acceleration >= np.abs(own))
     flow.observe(start_of(structure), amplitude, 2, measures=ALL)
     again = flow.observe(z, amplitude, 1, measures=ALL).measures
-    np.testing.assert_array_equal(again, first)
+    for name, values in vars(first).items():
+        np.testing.assert_array_equal(getattr(again, name), values)
 
 
 @pytest.mark.parametrize("sharpness", [pytest.param(2e3, marks=pytest.mark.slow), math.inf])
@@ -173,7 +175,8 @@ def test_forces_on_a_structure_at_rest_leave_its_own_accelerations(sharpness):
     start, found = np.array([0.3, -0.1, 0.2, 0.5]), {}
     for name, structure in (("forced", forced), ("shaken", shaken), ("again", again)):
         flow = FlowMap(structure, 0.8)
-        found[name] = flow.observe(start, 0.4, 1, measures=ACCELERATION).measures[4:6]
+        seen = flow.observe(start, 0.4, 1, measures=ACCELERATION)
+        found[name] = seen.measures.floor_acceleration
         states = reference_at(structure, 0.4, 0.8, start, 2 * math.pi / 0.8, 4000)
         own = absolute_accelerations(structure, states)
         if name == "forced":
@@ -185,7 +188,13 @@ def test_forces_on_a_structure_at_rest_leave_its_own_accelerations(sharpness):
     free = forced.without_contacts()
     orbit = LinearOrbit(free, 0.8)
     seen = FlowMap(free, 0.8).observe(orbit.state(0.4), 0.4, 1, measures=ALL)
-    np.testing.assert_allclose(orbit.measures(0.4)[0], seen.measures, rtol=1e-9)
+    same(orbit.measures(0.4), seen.measures)
+
+
+def same(one, other):
+    """Check that measures are equal."""
+    for name, values in vars(one).items():
+        np.testing.assert_allclose(values, getattr(other, name), rtol=1e-9)
 
 
 def test_free_motions_have_theirs_in_closed_form():
@@ -193,8 +202,9 @@ def test_free_motions_have_theirs_in_closed_form():
     orbit = LinearOrbit(structure, 0.7)
     amplitude = 0.9 * structure.grazing_amplitude(0.7)
     seen = FlowMap(structure, 0.7).observe(orbit.state(amplitude), amplitude, 1, measures=ALL)
-    np.testing.assert_allclose(orbit.measures(amplitude)[0], seen.measures, rtol=1e-9)
-    assert orbit.measures([amplitude, 2 * amplitude]).shape == (2, 24)
+    same(orbit.measures(amplitude), seen.measures)
+    two = orbit.measures([amplitude, 2 * amplitude])
+    assert {values.shape for values in vars(two).values()} == {(2, 3)}
 
 
 @pytest.mark.parametrize("method", ["flow", pytest.param("bdf", marks=pytest.mark.slow)])

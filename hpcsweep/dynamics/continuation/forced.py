@@ -24,9 +24,8 @@ import numpy as np
 from hpcsweep.dynamics.families import are_joined
 from hpcsweep.dynamics.stability import held
 from hpcsweep.model.arguments import choice, shown
+from hpcsweep.model.observed import IMPACT
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.measures import IMPACT_FLAG
-from hpcsweep.solvers.named_measures import named_measures
 from hpcsweep.solvers.offers import BATCHES
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
@@ -202,7 +201,8 @@ class ForcedMap:
 
     def counted(self, seen: Observation) -> tuple[int, ...]:
         """Return the signature of an orbit that has been observed."""
-        closings = named_measures(self.structure, seen.measures).impacts * len(seen.points)
+        assert seen.measures is not None  # `_observe` has requested them
+        closings = seen.measures.impacts * len(seen.points)
         slips = seen.slid.get("excursions", closings[:0])
         return tuple(np.rint(np.append(closings, slips)).astype(int).tolist())
 
@@ -213,7 +213,7 @@ class ForcedMap:
     def _observe(self, points: bytes, value: Any, measures: int) -> Observation:
         states = np.frombuffer(points).reshape(-1, self.size) * self.units
         solver, amplitude = self._begin(value, len(states))
-        seen = solver.observe_each(states, amplitude, measures | IMPACT_FLAG, self._poll)
+        seen = solver.observe_each(states, amplitude, measures | IMPACT, self._poll)
         if seen.outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {seen.outcome.name}")
         return seen

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from hpcsweep.model.observed import CLOSINGS, IMPACT
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import (
@@ -30,7 +31,7 @@ from hpcsweep.solvers.flow.state.shared import (
 )
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
-from hpcsweep.solvers.measures import CLOSINGS, IMPACT_FLAG, measures_of
+from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
 from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observation
@@ -203,7 +204,7 @@ class FlowMap:
             counts = int(run.transient[0]), int(run.newton[0]), int(run.period[0])
             end = self._units.out_of(run.z), *counts, float(run.multiplier[0])
             left_open = Approach(*end, Outcome(outcome))
-        orbits, measured = batch.in_units(rows, n_runs, self.structure), np.empty((n_runs, 0))
+        orbits, measured = batch.in_units(rows, n_runs, self.structure), None
         if measures:
             length = np.maximum(orbits.length, 1)
             measured = measures_of(self.structure, self._shared.model, orbits, length)
@@ -260,7 +261,7 @@ class FlowMap:
 
     def closings(self, states, amplitude, poll=None) -> tuple[int, ...]:
         """Count how often each contact closes in a forcing period from each state, all together."""
-        _, outcome = self._march_each(states, amplitude, self._wanted(False, IMPACT_FLAG), poll)
+        _, outcome = self._march_each(states, amplitude, self._wanted(False, IMPACT), poll)
         if outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {outcome.name}")
         return tuple(map(round, self._shared.tally.impacts[CLOSINGS].tolist()))

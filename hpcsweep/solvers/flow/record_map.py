@@ -81,7 +81,6 @@ class RecordMap:
         model = model._replace(watched=watched)
         self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
         self._sliders = Sliders(structure, model.elements)
-        self._told = model.watched[:, 3] > 0
         self._polling = Polling()
         load_all(kernels_of(structure, energy))
 
@@ -108,19 +107,9 @@ class RecordMap:
         start = self._units.out_of(z).copy()
         wanted = PEAKS_AT_SAMPLES if at_samples else WITH_ENERGY if self._energy else ALL_PEAKS
         done, outcome, collapsed = self._advance(z, samples, scale, tail, poll, wanted)
-        tally, structure = self._shared.tally, self.structure
-        peaks = tally.peaks[self._told]
-        force = peaks[len(peaks) - len(structure.contacts) :]
-        force[:] = structure.switched(force, force * structure.length_unit)
-        response = response_of(
-            structure,
-            len(self._shared.model.ground),
-            peaks,
-            tally.times[self._told],
-            tally.impacts,
-            self._slid(z),
-            Ended(self._units.out_of(z).copy(), done, outcome, collapsed),
-        )
+        model, tally, structure = self._shared.model, self._shared.tally, self.structure
+        ended = Ended(self._units.out_of(z).copy(), done, outcome, collapsed)
+        response = response_of(structure, model, tally, self._slid(z), ended)
         return energy_of(structure, response, start, tally.energy) if self._energy else response
 
     def _slid(self, z: np.ndarray) -> Slid:

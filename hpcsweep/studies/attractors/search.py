@@ -144,9 +144,8 @@ def store_attractor(
     for name, value in (vars(motion) | motion.sliders | {"motion": motion.kind} | values).items():
         if name in result:
             result[name][at] = value
-    if motion.measures.size:
-        rows = {name: result[name][at][None] for name in MEASURES if name in result}
-        store_measures(rows, structure, motion.measures)
+    rows = {name: result[name][at][None] for name in MEASURES if name in result}
+    store_measures(rows, structure, motion.measures)
 
 
 def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:

@@ -61,7 +61,7 @@ def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunA
             again.problem = f"computed again it ends with {response.outcome.name}"
             return again
         peaks_of_each.append(
-            [np.concatenate([getattr(response, p.source) for p in kind]) for kind in kinds.values()]
+            [np.concatenate([p.of(response) for p in kind]) for kind in kinds.values()]
         )
     stored = [np.concatenate([run[p.name] for p in kind]) for kind in kinds.values()]
     again.compared = "peaks, computed plainly"

@@ -199,9 +199,7 @@ class RecordResponses:
                 values["reach"] = reach
                 for peak in peaks:
                     of_gaps = peak.source == "reach"
-                    values[peak.name] = (
-                        reach[:n_contacts] if of_gaps else getattr(linear, peak.source)
-                    )
+                    values[peak.name] = reach[:n_contacts] if of_gaps else peak.of(linear)
                 outcome = Outcome.COMPLETE
             kept = values, outcome
             KEPT.put(key, kept)
@@ -220,7 +218,7 @@ class RecordResponses:
         response = respond(self.computed, record, scale, self._tail, self._settings, poll=poll)
         values = self._unknown(self._peaks)
         for peak in self._peaks:
-            values[peak.name] = getattr(response, peak.source)
+            values[peak.name] = peak.of(response)
         if self._ratio:
             KEPT.put(key, (values, response.outcome))
         return values, response.outcome

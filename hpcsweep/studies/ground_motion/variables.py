@@ -94,38 +94,33 @@ class Collapse(IntEnum):
 ELASTIC = "elastic motion without contacts"
 
 
-def _peak(variable: Variable, source: str = "") -> Variable:
-    return replace(variable, source=source or variable.source or variable.name)
-
-
 def _time(name: str, source: str, meaning: str) -> Variable:
-    return _peak(real(f"{name}_time", QUANTITIES[name].dims, "time", meaning), f"{source}_time")
+    dims = QUANTITIES[name].dims
+    return real(f"{name}_time", dims, "time", meaning, source=f"{source}_time")
 
 
 def _alone(name: str) -> Variable:
     """Return a quantity of the motion without contacts."""
     long_name = f"{QUANTITIES[name].long_name}, {ELASTIC}"
-    alone = replace(QUANTITIES[name], name=f"{name}_alone", long_name=long_name)
-    return _peak(replace(alone, failed=ANY, tallied=False))
+    alone = replace(QUANTITIES[name], name=f"{name}_alone", long_name=long_name, source=name)
+    return replace(alone, failed=ANY, tallied=False)
 
 
-BASES = (_peak(QUANTITIES["base_shear"]),)
+BASES = (QUANTITIES["base_shear"],)
 PEAKS = (
     *(
-        _peak(variable)
+        variable
         for name, variable in QUANTITIES.items()
         if name not in ("contact_share", "base_shear", "residual_drift")
     ),
-    _peak(
-        replace(
-            count("collapsed", (), "1 if the motion has collapsed and ended", limits=EITHER),
-            flags=Collapse,
-        )
+    replace(
+        count("collapsed", (), "1 if the motion has collapsed and ended", limits=EITHER),
+        flags=Collapse,
     ),
-    _peak(real("collapse_time", (), "time", "when it has collapsed, NaN: not", optional=True)),
-    _peak(QUANTITIES["residual_drift"]),
-    _peak(real("residual", ("floor",), "length", "displacement left at the end")),
-    _peak(real("final_state", ("state",), STATES, "state at the end of the tail", FINITE)),
+    real("collapse_time", (), "time", "when it has collapsed, NaN: not", optional=True),
+    QUANTITIES["residual_drift"],
+    real("residual", ("floor",), "length", "displacement left at the end"),
+    real("final_state", ("state",), STATES, "state at the end of the tail", FINITE),
 )
 TIMES = (
     _time("storey_drift", "drift", "time of peak drift"),
@@ -135,13 +130,14 @@ TIMES = (
 )
 ALONE = (
     *map(_alone, ("storey_drift", "displacement", "floor_acceleration")),
-    _peak(
-        real("gap_needed", ("stop",), "length", "gap that would not have closed", failed=ANY),
-        "reach",
+    real(
+        *("gap_needed", ("stop",), "length", "gap that would not have closed"),
+        failed=ANY,
+        source="reach",
     ),
 )
 """Of the motion without contacts, in which nothing yields or slips."""
-ENERGY = _peak(real("energies", ("energy",), "energy", "energies at the end", FINITE), "energy")
+ENERGY = real(*("energies", ("energy",), "energy", "energies at the end", FINITE), source="energy")
 SKIP_RULE = replace(
     variables.SKIP_RULE,
     long_name="rule that spared a computation: 1 linear, below first contact and slip",

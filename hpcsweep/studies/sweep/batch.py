@@ -124,8 +124,9 @@ class Batch:
             if "modal_norm" in self._settings.metrics:
                 for k in free:
                     orbits.modal_norm[k] = linear.modal_norm(amplitudes[k])
-            if measures.size:
-                measures[free] = linear.measures(amplitudes[free])
+            if measures is not None:
+                for name, values in vars(linear.measures(amplitudes[free])).items():
+                    getattr(measures, name)[free] = values
         no_contact = orbits.contact == 0
         return {
             **self._spectra(orbits, amplitudes, poll),

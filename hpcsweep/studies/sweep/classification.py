@@ -185,7 +185,7 @@ def _classify_known(
     length = period or settings.sampling_cycles
     seen = motion.seen
     norms, measures = "modal_norm" in settings.metrics, settings.measures
-    if seen is None or len(seen.points) != length or (measures and not seen.measures.size):
+    if seen is None or len(seen.points) != length or (measures and not seen.measures):
         seen = solver.observe(
             motion.points[-1], amplitude, length, norms, poll=poll, measures=measures
         )

@@ -189,7 +189,7 @@ class FrameRuns:
             done = self.solver.advance(z, amplitude, self.settings.transient_cycles, poll=poll)
             return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
         if self.settings.measures:
-            closed = replace(closed, measures=self._free.orbit.measures(amplitude)[0])
+            closed = replace(closed, measures=self._free.orbit.measures(amplitude))
         exponent = MeanInterval.exact(self._free.orbit.lyapunov_exponent)
         classified = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
         row = _row(result, index)

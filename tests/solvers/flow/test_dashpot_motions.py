@@ -13,14 +13,13 @@ from scipy.integrate import solve_ivp
 import hpcsweep
 from hpcsweep import Contact, Record, Structure
 from hpcsweep.model.dashpot import ratio_of_restitution
-from hpcsweep.model.kernel_model import PEAK_FLAGS
+from hpcsweep.model.observed import IMPACT, PEAK_FLAGS, ROUNDING
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.measures import IMPACT_FLAG, ROUNDING
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.trajectory import trajectory
 
-ALL = sum(PEAK_FLAGS) + IMPACT_FLAG
+ALL = sum(PEAK_FLAGS) + IMPACT
 STILL = Record(np.zeros(2), 0.05)
 RULES = pytest.mark.parametrize("tension", [False, True])
 ONE_QUICK = pytest.mark.parametrize("tension", [False, pytest.param(True, marks=pytest.mark.slow)])
@@ -308,7 +307,7 @@ def test_a_volume_shrinks_by_the_damping_and_the_time_in_which_contacts_push():
     structure = Structure(1, 300.0, math.inf, 0.02, restitution=0.7, tension=True)
     solver, state = FlowMap(structure, 0.9), np.array([0.9, 1.1])
     _, matrix = solver.monodromy(state, 0.3, 1)
-    share = solver.observe(state, 0.3, 1, measures=ALL).measures[-1]
+    share = solver.observe(state, 0.3, 1, measures=ALL).measures.contact_share[-1]
     assert 0 < share < 1
     length = 2 * math.pi / 0.9
     own = length * (structure.damping_matrix[0, 0] + structure.contact_damping[0] * share)

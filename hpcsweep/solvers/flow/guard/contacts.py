@@ -16,10 +16,10 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import local_vector
 from hpcsweep.model.elements import LET_GO, OPEN, PUSHING
 from hpcsweep.model.kernel_contacts import DASHPOT, DRAG, LETS_GO, SPRING
+from hpcsweep.model.observed import ROUNDING
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance, start
 from hpcsweep.solvers.flow.step.forcing import forcing_at
 from hpcsweep.solvers.flow.step.series import accelerations_of
-from hpcsweep.solvers.measures import ROUNDING
 
 AT_REST = 2.0**-40
 """Part of the size of a state, or of a gap, that hides whether a contact at its stop moves: the

@@ -20,6 +20,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, local_matrix, modulus, negative
 from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
+from hpcsweep.model.observed import ROUNDING
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK, row_at_ends
 from hpcsweep.solvers.flow.guard.search import (
     HERMITE_MIDDLE,
@@ -38,7 +39,6 @@ from hpcsweep.solvers.flow.guard.search import (
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.step import expand, state_at, write_row
-from hpcsweep.solvers.measures import ROUNDING
 
 ALL_LANES = (1 << LANES) - 1
 NEAR = 2.0**-20

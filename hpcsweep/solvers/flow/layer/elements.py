@@ -29,6 +29,7 @@ from hpcsweep.kernels.compile import inlined
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point
 from hpcsweep.kernels.simd.vectors import local_vector
 from hpcsweep.model.elements import ENDS
+from hpcsweep.model.observed import ENERGY
 from hpcsweep.solvers.flow.guard.contacts import set_contacts
 from hpcsweep.solvers.flow.guard.elements import (
     all_keep_modes,
@@ -39,7 +40,7 @@ from hpcsweep.solvers.flow.guard.elements import (
 )
 from hpcsweep.solvers.flow.guard.search import UNDECIDED
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step, observe_layer_step
-from hpcsweep.solvers.flow.layer.scheme import add_sliders, write_sliders
+from hpcsweep.solvers.flow.layer.scheme import write_sliders
 from hpcsweep.solvers.flow.layer.visit import (
     INTERVAL,
     Interval,
@@ -48,14 +49,15 @@ from hpcsweep.solvers.flow.layer.visit import (
     longest_step,
 )
 from hpcsweep.solvers.flow.observe.energies import energies_on_segment
-from hpcsweep.solvers.flow.state.shared import (
-    ANY_MEASURE,
-    ENERGY,
-    NO_TALLY,
-    PASSAGES,
-    read_shared,
+from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, PASSAGES, read_shared
+from hpcsweep.solvers.flow.state.state import (
+    accelerations,
+    add_sliders,
+    copy_state,
+    is_ordinary,
+    start,
+    time_of,
 )
-from hpcsweep.solvers.flow.state.state import accelerations, copy_state, is_ordinary, start, time_of
 from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, n_pairs, total_forcing
 from hpcsweep.solvers.flow.step.step import begin_layer_step, layer_segment
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT

@@ -5,6 +5,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import load, total
 from hpcsweep.model.contact import contact_forces
+from hpcsweep.model.observed import FORCE, TIME
 from hpcsweep.solvers.flow.guard.search import (
     Bracket,
     Curve,
@@ -20,7 +21,6 @@ from hpcsweep.solvers.flow.rules.tableau import NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.step.polynomials import evaluate, fourth_derivative, value_and_slope
 from hpcsweep.solvers.flow.step.step import expand
-from hpcsweep.solvers.measures import FORCE, TIME
 
 MISSED = 1e-13
 """Allowed error of the integral of x S over a step, in units of length and time."""

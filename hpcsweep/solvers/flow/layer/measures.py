@@ -19,19 +19,18 @@ from hpcsweep.kernels.simd.vectors import (
     store,
     total,
 )
-from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
+from hpcsweep.model.observed import DRIFT, IMPACT
 from hpcsweep.solvers.flow.guard.extremum import Peak
-from hpcsweep.solvers.flow.layer.acceleration import accelerations_in_layer, may_be_higher
 from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer, may_change
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
 from hpcsweep.solvers.flow.observe.peaks import (
-    DISPLACEMENTS,
-    displacements_on_segment,
     drift_on_segment,
+    peaks_in_layer,
+    peaks_may_rise,
     raise_row,
 )
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
-from hpcsweep.solvers.flow.state.shared import IMPACTS, MAXIMA, NORMS, read_shared, wants_norms
+from hpcsweep.solvers.flow.state.shared import MAXIMA, NORMS, read_shared, wants_norms
 from hpcsweep.solvers.flow.state.state import (
     approach_speed,
     contact_bit,
@@ -164,13 +163,8 @@ def _measure_changes(packed, step, wanted):
     shared = read_shared(packed)
     tau, h, amplitude, before, after = step
     segment = layer_segment(tau, h)
-    if wanted & DISPLACEMENTS:
-        model, tables, outputs = shared.model, shared.tables, shared.outputs
-        tally, present = shared.tally, shared.work.step
-        displacements_on_segment(segment, h, wanted, False, model, tables, outputs, tally, present)
-    if wanted & ACCELERATION:
-        accelerations_in_layer(segment, amplitude, before, after, shared)
-    if wanted & IMPACTS:
+    peaks_in_layer(segment, amplitude, before, after, wanted, shared)
+    if wanted & IMPACT:
         impacts_in_layer(segment, shared)
     return 0
 
@@ -194,15 +188,9 @@ def measure_layer_step(packed, step, wanted):
     shared = read_shared(packed)
     model, tally, work = shared.model, shared.tally, shared.work
     tau, h, _, before, after = step
-    segment, changes = layer_segment(tau, h), False
-    if wanted & DISPLACEMENTS:
-        tables, outputs, present = shared.tables, shared.outputs, work.step
-        changes = displacements_on_segment(
-            segment, h, wanted, True, model, tables, outputs, tally, present
-        )
-    if wanted & ACCELERATION and not changes:
-        changes = may_be_higher(before, after, shared.outputs.first, model, tally, work)
-    if wanted & IMPACTS:
+    segment = layer_segment(tau, h)
+    changes = peaks_may_rise(segment, before, after, wanted, shared)
+    if wanted & IMPACT:
         for k in range(model.contacts.row.shape[0]):
             changes = changes or may_change(k, h, model.contacts, tally, work)
         if not changes:

@@ -408,18 +408,6 @@ def write_sliders(modes, elements, stage):
 
 
 @kernel
-def add_sliders(z, elements, stage, out):
-    """Add the accelerations by the sliders in a state z to `out`, shape (R,)."""
-    first = elements.rows.shape[0] - elements.stiffness.shape[0]
-    for j in range(elements.stiffness.shape[0]):
-        i, below = elements.rows[first + j]
-        y = z[i] - z[below] if below >= 0 else z[i]
-        force = fma(stage.taken[j], y, stage.pushed[j])
-        for row in range(out.shape[0]):
-            out[row] += force * elements.kick[j, row]
-
-
-@kernel
 def add_sliders_at_stages(elements, stage, out):
     """Add the accelerations by the sliders at all stages to `out`, shape (R, N_STAGES)."""
     first = elements.rows.shape[0] - elements.stiffness.shape[0]

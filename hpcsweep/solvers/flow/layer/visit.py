@@ -29,6 +29,7 @@ from hpcsweep.kernels.compile.entry_points import (
     entry_point,
     type_of,
 )
+from hpcsweep.model.observed import IMPACT
 from hpcsweep.solvers.flow.layer.measures import measure_layer_step, observe_layer_step
 from hpcsweep.solvers.flow.layer.scheme import (
     accelerations_at_stages,
@@ -49,12 +50,7 @@ from hpcsweep.solvers.flow.layer.volterra.step import (
     volterra_steps,
 )
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
-from hpcsweep.solvers.flow.state.shared import (
-    ANY_MEASURE,
-    IMPACTS,
-    NO_TALLY,
-    read_shared,
-)
+from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import (
     accelerations,
     approach_speed,
@@ -224,7 +220,7 @@ def _begin_part(part, n_parts, tau, h, z, amplitude, wanted, shared):
         finish(h, z, stage.g, work.step.z_end)
     else:
         write_rows(own.modes, spectrum, work.step.z_end)
-    if wanted & IMPACTS:
+    if wanted & IMPACT:
         quadrature_error(h, z, model, stage)
 
 

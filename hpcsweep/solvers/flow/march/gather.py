@@ -17,7 +17,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, local_vector
-from hpcsweep.model.kernel_model import ACCELERATION, DRIFT
+from hpcsweep.model.observed import ACCELERATION, DRIFT, ENERGY, IMPACT, WITHIN_PASSAGES
 from hpcsweep.solvers.flow.guard.elements import drifts_stay
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
 from hpcsweep.solvers.flow.layer.passage.passage import Arrival, passage_at_end
@@ -30,7 +30,7 @@ from hpcsweep.solvers.flow.observe.impacts import (
 )
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import drift_on_segment, peaks_on_segment
-from hpcsweep.solvers.flow.state.shared import ENERGY, IMPACTS, NO_TALLY, PEAKS, wants_norms
+from hpcsweep.solvers.flow.state.shared import NO_TALLY, PEAKS, wants_norms
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, distance
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.step import state_at, step_tangent
@@ -45,12 +45,15 @@ STEPS = 10_000
 
 
 @inlined
-def accelerations_at_end(segment, ending, z, amplitude, packed, shared):
-    """Raise the peaks of absolute accelerations over the passage at the end of a segment."""
+def peaks_at_end(segment, ending, z, amplitude, wanted, packed, shared):
+    """Raise the peaks that are wanted, `WITHIN_PASSAGES`, over that at the end of a segment."""
     model, step = shared.model, shared.work.step
-    closed_form = ending.passed and model.rho < math.inf
-    if closed_form and _may_exceed(segment, ending, model, shared.outputs, shared.tally, step.rows):
-        _integrate_again(segment, ending, amplitude, packed, shared)
+    if not (ending.passed and model.rho < math.inf):
+        return
+    if wanted != ACCELERATION or _may_exceed(
+        segment, ending, model, shared.outputs, shared.tally, step.rows
+    ):
+        _integrate_again(segment, ending, amplitude, wanted, packed, shared)
         copy_state(z, step.z_end)
 
 
@@ -86,7 +89,7 @@ def _may_exceed(segment, ending, model, outputs, tally, rows):
 
 
 @kernel
-def _integrate_again(segment, ending, amplitude, packed, shared):
+def _integrate_again(segment, ending, amplitude, wanted, packed, shared):
     """Integrate a passage through its layer, on a copy of the state, and observe it."""
     model, work, k = shared.model, shared.work, ending.contact
     z, pairs = local_vector(work.step.z_end.shape[0]), local_vector(work.forcing.shape[0])
@@ -104,9 +107,7 @@ def _integrate_again(segment, ending, amplitude, packed, shared):
         if not tau < end:
             break
         interval = Interval(tau, end, STEPS)
-        tau, outcome, _ = visit_layer(
-            packed, interval, z, amplitude, ACCELERATION, shared.no_tangent
-        )
+        tau, outcome, _ = visit_layer(packed, interval, z, amplitude, wanted, shared.no_tangent)
         if outcome != COMPLETE:
             break
     copy_state(pairs, work.forcing)
@@ -160,7 +161,7 @@ def gather(segment, past, span, whole, amplitude, wanted, elements, measures, sh
             peaks_on_segment(
                 segment, span, amplitude, peaks, model, tables, shared.outputs, tally, step
             )
-        if wanted & IMPACTS:
+        if wanted & IMPACT:
             impacts_on_segment(segment, past, span, model, tables, tally, step)
         if elements is not None and wanted & ENERGY:
             energies_on_segment(segment, span, tables, tally, step)
@@ -182,10 +183,11 @@ def gather_passing(
         As `Ending` has it; the state after the passage is in ``work.step.z_end``.
     """
     model, work, tally = shared.model, shared.work, shared.tally
-    if wanted & IMPACTS:
+    if wanted & IMPACT:
         if model.layer == 0.0:
             record_passing(passing, before, model, tally, work.step.z_end)
         elif elements is None and ending.passed:
             passage_at_end(segment, ending, model, tally, work.step)
-    if elements is None and wanted & ACCELERATION:
-        accelerations_at_end(segment, ending, z, amplitude, packed, shared)
+    if elements is None and wanted & WITHIN_PASSAGES:
+        peaks = wanted & WITHIN_PASSAGES
+        peaks_at_end(segment, ending, z, amplitude, peaks, packed, shared)

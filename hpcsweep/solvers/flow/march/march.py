@@ -4,7 +4,7 @@ from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
 from hpcsweep.kernels.simd.vectors import local_vector
-from hpcsweep.model.kernel_model import DRIFT
+from hpcsweep.model.observed import DRIFT
 from hpcsweep.solvers.flow.guard.contacts import by_elements
 from hpcsweep.solvers.flow.march.interval import UNKNOWN, march_interval
 from hpcsweep.solvers.flow.observe.peaks import largest_of_storeys

@@ -5,6 +5,8 @@ one that harmonics drive: it begins at tau = 0 with the pair (G, G') of its firs
 steps of a record's tables are parts of it (`propagators`).
 """
 
+import math
+
 import numpy as np
 
 from hpcsweep.kernels.arena import as_long_as
@@ -20,24 +22,20 @@ from hpcsweep.kernels.compile.entry_points import (
 )
 from hpcsweep.kernels.simd.vectors import local_vector
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
-from hpcsweep.model.kernel_model import ACCELERATION, CONTACT
+from hpcsweep.model.observed import ACCELERATION, CONTACT, ENERGY, IMPACT
 from hpcsweep.solvers.flow.guard.contacts import accelerations as field_accelerations
 from hpcsweep.solvers.flow.guard.contacts import by_elements, pushing
 from hpcsweep.solvers.flow.guard.elements import sets_of, write_loads
 from hpcsweep.solvers.flow.guard.events import contact_key
 from hpcsweep.solvers.flow.guard.extremum import row_at_ends
-from hpcsweep.solvers.flow.layer.scheme import add_sliders, write_sliders
+from hpcsweep.solvers.flow.layer.scheme import write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.march.interval import UNKNOWN, march_interval
-from hpcsweep.solvers.flow.state.shared import (
-    ENERGY,
-    IMPACTS,
-    NO_TALLY,
-    PEAKS,
-    read_shared,
-)
+from hpcsweep.solvers.flow.observe.peaks import DISPLACEMENTS
+from hpcsweep.solvers.flow.state.shared import NO_TALLY, PEAKS, read_shared
 from hpcsweep.solvers.flow.state.state import (
     accelerations,
+    add_sliders,
     approach_speed,
     contact_bit,
     copy_state,
@@ -110,7 +108,7 @@ def _march(packed, shared, z, samples, amplitude, intervals, wanted, points, ele
 @inlined
 def _gathered(wanted):
     """Return the flags of what is gathered of intervals that are not coasted."""
-    flags = PEAKS | IMPACTS if wanted >= ALL_PEAKS else NO_TALLY
+    flags = PEAKS | IMPACT if wanted >= ALL_PEAKS else NO_TALLY
     return flags | (ENERGY if wanted == WITH_ENERGY else NO_TALLY)
 
 
@@ -151,6 +149,7 @@ def _sample_peaks(j, z, amplitude, shared):
     for p in range(tally.peaks.shape[0]):
         i, below, side, flag = model.watched[p]
         k = p - outputs.first_contact
+        value = 0.0
         if flag == ACCELERATION:
             value = a[i] + model.ground[i] * ground
         elif flag == CONTACT:
@@ -159,8 +158,10 @@ def _sample_peaks(j, z, amplitude, shared):
             value += edges[k, DASHPOT] * approach_speed(k, z, model.contacts)
             if not within and key & contact_bit(k) == np.uint64(0):
                 value = 0.0
-        else:
+        elif flag & DISPLACEMENTS:
             value, _, _, _ = row_at_ends((i, below, side, 0.0), z, z, work.step.bounds)[0]
+        elif flag > 0:  # of that no value at a sample is known
+            tally.peaks[p] = math.nan
         size = abs(value) if side == 0 else value
         if flag > 0 and size > tally.peaks[p]:
             tally.peaks[p], tally.times[p] = size, (j + 1) * model.period

@@ -47,7 +47,7 @@ def gathered(
         logarithms = np.empty(0)
     free = tally.free_time[0] if modal_norm else 0.0
     norms = tally.modal / free if free > 0.0 else np.full_like(tally.modal, math.nan)
-    measured = np.empty(0)
+    measured = None
     if measures and len(points):
         measured = measures_of(structure, shared.model, tally, len(points))
     return Observation(

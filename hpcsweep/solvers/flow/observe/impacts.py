@@ -17,12 +17,11 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
-from hpcsweep.model.kernel_model import FLOOR
+from hpcsweep.model.observed import CLOSINGS, DISSIPATED, FLOOR, FORCE, ROUNDING, SPEED, TIME
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
 from hpcsweep.solvers.flow.step.polynomials import evaluate, integral, value_and_slope
 from hpcsweep.solvers.flow.step.step import expand
-from hpcsweep.solvers.measures import CLOSINGS, DISSIPATED, FORCE, ROUNDING, SPEED, TIME
 
 
 @kernel

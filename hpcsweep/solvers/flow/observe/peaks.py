@@ -1,9 +1,10 @@
-"""Peaks of single rows and their times over continuous time.
+"""Peaks of rows and their times over continuous time: of each quantity of `observed.PEAKS`.
 
 Drifts, floors and distances of closed contacts past their stops are taken from the states at both
-ends of any step (`raise_row`), absolute accelerations on linear segments from their tables
-(`outputs`), eight at once. A peak is first raised to what is reached at the ends, and then looked
-for only where the Hermite bound of `search` allows more.
+ends of any step (`raise_row`); a peak is first raised to what is reached at the ends, and then
+looked for only where the Hermite bound of `search` allows more. Accelerations of floors are those
+of `accelerations`. What a step raises is said in `peaks_on_segment`, `peaks_may_rise` and
+`peaks_in_layer` alone; who marches only hands on what is wanted.
 """
 
 import math
@@ -11,28 +12,28 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, fma, load, local_matrix, modulus, negative
+from hpcsweep.kernels.simd.vectors import local_matrix
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
-from hpcsweep.model.kernel_model import ACCELERATION, CONTACT, DRIFT, FLOOR
+from hpcsweep.model.observed import ACCELERATION, CONTACT, DRIFT, FLOOR
 from hpcsweep.solvers.flow.guard.extremum import (
-    SAME_PEAK,
     Peak,
     raise_peak,
     raise_to_ends,
     row_at_ends,
     row_may_be_higher,
 )
-from hpcsweep.solvers.flow.guard.search import HERMITE_MIDDLE
+from hpcsweep.solvers.flow.observe.accelerations import (
+    acceleration_may_be_higher,
+    accelerations_in_layer,
+    accelerations_on_segment,
+)
 from hpcsweep.solvers.flow.state.state import contact_bit, time_of
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
-from hpcsweep.solvers.flow.step.accelerations import ends_of_accelerations, expand_acceleration
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.step import bound_all_rows, bound_of_row, expand, write_row
 
 DISPLACEMENT_KINDS = 3
 DISPLACEMENTS = DRIFT | FLOOR | CONTACT
-LEAST = 1e-200
-"""Excess over a peak that is not looked for, however small the peak is."""
 
 
 @inlined
@@ -55,7 +56,42 @@ def peaks_on_segment(segment, span, amplitude, wanted, model, tables, outputs, t
     if wanted & DISPLACEMENTS:
         displacements_on_segment(segment, span, wanted, False, model, tables, outputs, tally, step)
     if wanted & ACCELERATION:
-        _accelerations_on_segment(segment, span, amplitude, model, tables, outputs, tally, step)
+        accelerations_on_segment(segment, span, amplitude, model, tables, outputs, tally, step)
+
+
+@inlined
+def peaks_may_rise(segment, ground0, ground1, wanted, shared):
+    """Return whether a step inside a layer may raise a wanted peak.
+
+    Parameters
+    ----------
+    segment : Segment
+    ground0, ground1 : float
+        The forcing at both ends.
+    wanted : int
+    shared : Shared
+        Its present step has the accelerations at both ends.
+    """
+    model, outputs, tally, work = shared.model, shared.outputs, shared.tally, shared.work
+    if wanted & DISPLACEMENTS and displacements_on_segment(
+        segment, segment.h, wanted, True, model, shared.tables, outputs, tally, work.step
+    ):
+        return True
+    return wanted & ACCELERATION != 0 and acceleration_may_be_higher(
+        ground0, ground1, outputs.first, model, tally, work
+    )
+
+
+@inlined
+def peaks_in_layer(segment, amplitude, ground0, ground1, wanted, shared):
+    """Raise the wanted peaks over a step inside a layer; see `peaks_may_rise`."""
+    model, outputs, tally, step = shared.model, shared.outputs, shared.tally, shared.work.step
+    if wanted & DISPLACEMENTS:
+        displacements_on_segment(
+            segment, segment.h, wanted, False, model, shared.tables, outputs, tally, step
+        )
+    if wanted & ACCELERATION:
+        accelerations_in_layer(segment, amplitude, ground0, ground1, shared)
 
 
 @inlined
@@ -113,52 +149,6 @@ def _raise_force(k, w, segment, span, model, tables, tally, step):
         at = higher if higher >= 0.0 else at
     if at >= 0.0:
         tally.times[w] = time + at
-
-
-@inlined
-def _accelerations_on_segment(segment, span, amplitude, model, tables, outputs, tally, step):
-    """Raise the peaks of absolute accelerations; arguments of `peaks_on_segment`."""
-    ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step)
-    start, end, bounds = outputs.start, outputs.end, outputs.bounds
-    quarter, sixth = 0.25 * span, span * (1.0 / 6.0)
-    fourth = HERMITE_MIDDLE * (span * span) * (span * span)
-    for p in range(0, bounds.shape[0], LANES):
-        # the quartics above and below of `search`
-        peak = load(tally.peaks, outputs.first + p)
-        g0, slope0 = load(start, 2 * p), load(start, 2 * p + LANES)
-        g1, slope1 = load(end, 2 * p), load(end, 2 * p + LANES)
-        limit = peak * (1.0 + SAME_PEAK) + LEAST
-        middle = fma(slope0 - slope1, sixth, 0.5 * (g0 + g1))
-        more = load(bounds, p) * fourth
-        early, late = fma(slope0, quarter, g0), fma(slope1, -quarter, g1)
-        # signs one by one: a maximum of Lanes that keeps NaN takes five times a difference
-        higher = negative(peak - modulus(g0)) | negative(peak - modulus(g1))
-        higher |= negative(limit - modulus(early)) | negative(limit - modulus(late))
-        higher |= negative(limit - more - modulus(middle))
-        if higher != 0:
-            for lane in range(LANES):
-                if higher >> lane & 1:
-                    _raise_acceleration(
-                        p + lane, segment, span, model, tables, outputs, tally, step
-                    )
-
-
-@inlined
-def _raise_acceleration(p, segment, span, model, tables, outputs, tally, step):
-    """Raise the peak of floor p by its extrema on a step."""
-    peaks, w, at = tally.peaks, outputs.first + p, p + p // LANES * LANES
-    start, end = outputs.start, outputs.end
-    ends = (start[at], start[at + LANES], end[at], end[at + LANES])
-    bound4, time = outputs.bounds[p], time_of(segment.tau, model)
-    peak = Peak(peaks, w, tally.times[w] - time)
-    reached = raise_to_ends(ends, 0, span, peak)
-    if row_may_be_higher(peaks[w], 0, span, ends, bound4):
-        rows = local_matrix(1, N_COEFFICIENTS)
-        expand_acceleration(p, segment, model, tables, outputs, step, rows[0])
-        higher = raise_peak(rows, segment.h, span, ends, bound4, 0, peak)
-        reached = higher if higher >= 0.0 else reached
-    if reached >= 0.0:
-        tally.times[w] = time + reached
 
 
 @inlined

@@ -17,11 +17,11 @@ from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, INT, entry_point, type_of
 from hpcsweep.kernels.compile.places import allocate, zeros
+from hpcsweep.model.observed import IMPACT
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.march.march import march
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.state.shared import (
-    IMPACTS,
     MAXIMA,
     PEAKS,
     Tally,
@@ -263,7 +263,7 @@ def _finish(tally, run, rows):
     rows.peak_drift[k] = tally.peak_drift[0]
     if run.wanted & PEAKS:
         copy_state(tally.peaks, rows.peaks[k])
-    if run.wanted & IMPACTS:
+    if run.wanted & IMPACT:
         copy_matrix(tally.impacts, rows.impacts[k])
     if wants_norms(run.wanted) and tally.free_time[0] > 0.0:
         for j in range(tally.modal.shape[0]):

@@ -20,7 +20,8 @@ import numpy as np
 from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.places import Pattern, Words, allocate, part, zeros
-from hpcsweep.model.kernel_model import PEAK_FLAGS, Model, kernel_model, model_at_frequency
+from hpcsweep.model.kernel_model import Model, kernel_model, model_at_frequency
+from hpcsweep.model.observed import IMPACT, N_IMPACTS, PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.state.tables import (
     Outputs,
@@ -30,15 +31,12 @@ from hpcsweep.solvers.flow.state.tables import (
     spectrum_of,
 )
 from hpcsweep.solvers.flow.state.workspace import Volterra, Workspace
-from hpcsweep.solvers.measures import IMPACT_FLAG, N_IMPACTS
 
 NO_TALLY, MAXIMA, NORMS = range(3)
-PEAKS, IMPACTS = sum(PEAK_FLAGS), IMPACT_FLAG
-ANY_MEASURE = PEAKS | IMPACTS
-ENERGY = 128
+PEAKS = sum(PEAK_FLAGS)
+ANY_MEASURE = PEAKS | IMPACT
 """What to gather: nothing; contact set and drift; these and the modal norms. To the latter two
-`PEAK_FLAGS` may be added, for the peaks of watched rows, and `IMPACT_FLAG`, for impacts; of motions
-of elements under a record `ENERGY`, for its integrals."""
+flags of `hpcsweep.model.observed` may be added, `ENERGY` of motions of elements under a record."""
 
 
 LINEAR_STEPS, PASSAGES, LAYER_STEPS, VISITS, TABLES = range(5)
@@ -61,7 +59,7 @@ class Tally(NamedTuple):
     times: np.ndarray = zeros("W")
     """... and when they are."""
     impacts: np.ndarray = zeros(N_IMPACTS, "m")
-    """See `hpcsweep.solvers.measures`."""
+    """See `hpcsweep.model.observed`."""
     closed: np.ndarray = zeros(1, dtype=np.uint64)
     """The contacts that are closed now."""
     beside: np.ndarray = zeros(1, dtype=np.uint64)

@@ -210,3 +210,15 @@ SEGMENT = type_of(Segment(0, np.uint64(0), 0, 0.0, 0.0, 0.0))
 def time_of(tau, model):
     """Return the time at tau of a sample interval of a record; tau of a forcing period."""
     return model.ramp[0, 2] + tau if model.ramp.shape[0] > 0 else tau
+
+
+@kernel
+def add_sliders(z, elements, stage, out):
+    """Add the accelerations by the sliders in a state z to `out`, shape (R,)."""
+    first = elements.rows.shape[0] - elements.stiffness.shape[0]
+    for j in range(elements.stiffness.shape[0]):
+        i, below = elements.rows[first + j]
+        y = z[i] - z[below] if below >= 0 else z[i]
+        force = fma(stage.taken[j], y, stage.pushed[j])
+        for row in range(out.shape[0]):
+            out[row] += force * elements.kick[j, row]

@@ -32,7 +32,8 @@ import numpy as np
 
 from hpcsweep.kernels.compile.places import allocate, part, zeros
 from hpcsweep.kernels.simd.vectors import LANES
-from hpcsweep.model.kernel_model import ACCELERATION, Model, forcing_size
+from hpcsweep.model.kernel_model import Model, forcing_size
+from hpcsweep.model.observed import ACCELERATION, CONTACT, FLOOR
 from hpcsweep.solvers.flow.rules.volterra_rule import N_NODES
 
 
@@ -322,12 +323,15 @@ class Outputs(NamedTuple):
 
 def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:
     """Allocate the outputs of a structure."""
+    first_floor, first, first_contact = (
+        int(np.argmax(model.watched[:, 3] == flag)) for flag in (FLOOR, ACCELERATION, CONTACT)
+    )
     return allocate(
         Outputs,
         sizes,
-        first_floor=padded(len(model.drift_rows)),
-        first=int(np.argmax(model.watched[:, 3] == ACCELERATION)),
-        first_contact=len(model.watched) - padded(len(model.contacts.row)),
+        first_floor=first_floor,
+        first=first,
+        first_contact=first_contact,
         place=np.full(2, -1.0),
         key=np.full(sizes["T"], UNFILLED),
         ground=np.pad(model.ground, (0, sizes["padded F"] - sizes["F"])),

@@ -68,6 +68,7 @@ def ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step
 def expand_acceleration(p, segment, model, tables, outputs, step, out):
     """Write the polynomial of an acceleration along the present step."""
     if segment.kind == TABLE:
+        fill_outputs(segment.index, model, tables, outputs)
         expand_row(outputs.poly, segment.index, p, step.x, out)
     else:
         _write_acceleration(p, segment, model, tables, out, step)

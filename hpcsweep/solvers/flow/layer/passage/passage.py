@@ -49,6 +49,7 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BOOL, BYTES, FLOAT, INT, KEY, VECTOR, entry_point
 from hpcsweep.kernels.simd.vectors import total
 from hpcsweep.model.contact import FULL_POTENTIAL
+from hpcsweep.model.observed import FORCE, TIME
 from hpcsweep.solvers.flow.guard.search import LAST_STEP
 from hpcsweep.solvers.flow.layer.passage.crossing import (
     NEGLECTED,
@@ -72,7 +73,6 @@ from hpcsweep.solvers.flow.state.state import (
 )
 from hpcsweep.solvers.flow.step.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope, value_slope_bend
-from hpcsweep.solvers.measures import FORCE, TIME
 
 MEAN_WAY = 3.0
 """rho v s, at least 2.19 where the speed changes on the way."""

@@ -23,7 +23,7 @@ import numpy as np
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.store import read_history
 from hpcsweep.store.journal import BlockCost, CampaignHistory, PilotCost
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import Study, Work
 
 STRATA = 8
 PILOT_SHARE = 0.01
@@ -205,7 +205,7 @@ def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:
     )
 
 
-def n_samples(study: Study) -> int:
+def n_samples(study: Work) -> int:
     """Return the number of samples of a campaign's pilot: at most 1 % of the job's runs."""
     affordable = PILOT_SHARE * study.n_runs / (PILOT_TIMED + 1)
     return int(min(affordable, PILOT_PER_FRAME * study.n_frames, MAX_SAMPLES))
@@ -218,7 +218,7 @@ def sample_place(index: int) -> tuple[float, float]:
 
 
 def time_sample(
-    study: Study, index: int, poll: Callable[[], None] | None = None, n_runs: int = PILOT_TIMED
+    study: Work, index: int, poll: Callable[[], None] | None = None, n_runs: int = PILOT_TIMED
 ) -> PilotCost:
     """Time the runs of a sample."""
     (frame, along), runs, seconds = study.time_runs(*sample_place(index), n_runs, poll)

@@ -31,7 +31,7 @@ from hpcsweep.parallel.schedule import DEDICATED_MASTER
 from hpcsweep.store import Layout, with_inputs
 from hpcsweep.store.inputs import Inputs
 from hpcsweep.studies.run_names import count
-from hpcsweep.studies.study import Lines, Study
+from hpcsweep.studies.study import Lines, Work
 
 SAMPLE_SECONDS = 5.0
 """Time of the sample (s)."""
@@ -142,7 +142,7 @@ def time_pilot(job: Job, seconds: float = SAMPLE_SECONDS) -> Pilot:
     return Pilot(tasks.totals(), samples, n_runs, load, kernels, bool(said))
 
 
-def _time(study: Study, tasks: TaskCosts, index: int, n_runs: int) -> tuple[float, float, int]:
+def _time(study: Work, tasks: TaskCosts, index: int, n_runs: int) -> tuple[float, float, int]:
     """Time a sample; return the seconds a run, of the processor and by the clock, and its runs."""
     clock, processor = time.perf_counter(), time.process_time()
     sample = costs.time_sample(study, index, n_runs=n_runs)

@@ -35,7 +35,7 @@ from hpcsweep.store import (
 from hpcsweep.store.commit import check_writable
 from hpcsweep.store.inputs import Inputs
 from hpcsweep.store.transport import check_transport
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import Work
 
 COMPLETE, FAILED, REFUSED, STOPPED = 0, 1, 2, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
@@ -270,7 +270,7 @@ def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]
     gc.freeze()
 
 
-def _compile_one(comm, study: Study, say: Callable[[str], None]) -> None:
+def _compile_one(comm, study: Work, say: Callable[[str], None]) -> None:
     at_once = comm.gather(study.is_compiled(comm.size))
     if not comm.bcast(at_once and all(at_once)):
         if comm.node_rank() == 0:

@@ -24,10 +24,10 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import DamagedError, is_packed, layout_problems, read_layout, with_inputs
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
-from hpcsweep.studies.blocks import Block, Place, RunAgain
+from hpcsweep.studies.blocks import Block, Place
 from hpcsweep.studies.refine.audit import AUDIT, CROSSED, INFERRED
 from hpcsweep.studies.run_names import run_name
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import RunAgain, Study
 
 LISTED = 20
 """Problems that are described one by one; the rest is counted."""

@@ -15,7 +15,7 @@ from pathlib import Path
 from hpcsweep.earthquakes.text_files import decoded, has_commas, read_bytes, with_point
 from hpcsweep.job.job import JobError
 from hpcsweep.job.values import Values
-from hpcsweep.studies.variable import ROWS
+from hpcsweep.studies.study import ROWS
 
 MAX_BYTES = 2**24
 SEPARATORS = ",;\t"

@@ -23,8 +23,8 @@ from hpcsweep.model.modes import chain_periods
 from hpcsweep.model.structure import MAX_STIFFNESS
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import as_kind
-from hpcsweep.studies.variable import Axis, Variable
+from hpcsweep.studies.study import Axis, as_kind
+from hpcsweep.studies.variable import Variable
 
 OTHERS = {"column", "model", "matrices"}
 """Keys of structures that are not storeys alone, on the ground or on bearings."""

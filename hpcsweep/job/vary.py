@@ -23,7 +23,8 @@ from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.path_grid import ALONG, FORCING, Followed
-from hpcsweep.studies.variable import ROWS, Axis, Variable
+from hpcsweep.studies.study import ROWS, Axis
+from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied, difference, shape_of
 
 VALUES = (bool, int, float, str, list)
@@ -227,7 +228,7 @@ def read_varied(
                 "belong to one set of frequencies; give it ratio and modes"
             )
             raise values.error(f"vary.{column.key}", [*column.given], limit)
-    study = Varied(base, parts, parts.axes)  # type: ignore[abstract]
+    study = Varied(base, parts.axes, parts)
     by_part: dict[str, tuple[Variable, np.ndarray]] = {}
     shape_of_first = shape_of(base)
 

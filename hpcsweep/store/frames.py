@@ -17,8 +17,8 @@ from hpcsweep.store.layout import Layout, StoreError, attributes_of
 from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.study import as_kind
-from hpcsweep.studies.variable import Axis, Variable
+from hpcsweep.studies.study import Axis, as_kind
+from hpcsweep.studies.variable import Variable
 
 MAX_TOLD = 20
 """Most values of an axis that an error lists."""

@@ -1,4 +1,4 @@
-"""Blocks: stretches of runs that are computed and committed together; paths, and runs of them."""
+"""Blocks: stretches of runs that are computed and committed together, and paths of them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -94,41 +94,3 @@ class Path(Sequence[Block]):
 
     def __getitem__(self, position: int) -> Block:  # type: ignore[override]
         return self._block(self._positions[position])
-
-
-@dataclass
-class RunAgain:
-    """Result of recomputing one run.
-
-    Attributes
-    ----------
-    at : str
-        Which run.
-    solver : str
-        The other solver.
-    omega, amplitude : float
-        Of a motion.
-    orbit_period : int
-        0 of what is no orbit.
-    compared : str
-        What was compared with it.
-    difference, allowed : float or None
-        Largest difference of a point (in units of the state), and the allowed one; None if nothing
-        could be compared.
-    whole_run : str
-        Outcome of the whole run by ``flow``: ``equal`` to the last bit, ``same`` within the
-        allowed difference, ``other`` points.
-    problem : str
-        '' if there is none.
-    """
-
-    at: str
-    solver: str
-    omega: float = 0.0
-    amplitude: float = 0.0
-    orbit_period: int = 0
-    compared: str = ""
-    difference: float | None = None
-    allowed: float | None = None
-    whole_run: str = ""
-    problem: str = ""

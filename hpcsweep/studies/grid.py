@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -15,12 +15,13 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies import variables
-from hpcsweep.studies.blocks import Block, Place, Poll, Rows, RunAgain, Say, Timed
+from hpcsweep.studies.blocks import Block, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.invariants import Broken, broken_relations
+from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
 from hpcsweep.studies.report import MAX_FRAMES, Step, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
-from hpcsweep.studies.study import Lines, Study
+from hpcsweep.studies.study import Lines, RunAgain, StudyTally
 from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variable import Coordinate, Variable
 
@@ -28,7 +29,7 @@ UP, DOWN = "up", "down"
 
 
 @dataclass(frozen=True, eq=False)
-class RunGrid(Study):
+class RunGrid(Part):
     """Runs over direction, frame and amplitude; see `hpcsweep.studies.study.Study`.
 
     Attributes
@@ -110,7 +111,7 @@ class RunGrid(Study):
 
     @property
     def of_run(self) -> list[Variable]:
-        """Variables of a run, see `Study.of_run`."""
+        """Variables of a run, see `Part.of_run`."""
         return variables.run_variables(self.settings, self.structure)
 
     @property
@@ -147,9 +148,13 @@ class RunGrid(Study):
         raise NotImplementedError
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
-        """Compute runs at amplitudes of a frame; see `Study.runs_at`."""
+        """Compute runs at amplitudes of a frame; see `Part.runs_at`."""
         runs = self.runs_of(self.moving, float(self.omega[frame]))
         return runs.each(self.amplitudes_of(frame)[places], state, poll)
+
+    def with_settings(self, **changes: Any) -> Self:
+        """Return the same study with other settings."""
+        return replace(self, settings=replace(self.settings, **changes))
 
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a frame, after an untimed one that reaches the attractor."""
@@ -165,7 +170,7 @@ class RunGrid(Study):
         return (frame, middle), places.size, time.perf_counter() - begun
 
     def relations(self, block: Block, rows: Rows) -> Broken:
-        """Return where relations between variables are broken; see `Study.relations`."""
+        """Return where relations between variables are broken; see `Part.relations`."""
         _, frame, low = block.first
         along = slice(low, low + block.n_runs)
         omegas, amplitudes = self.omegas_of(frame)[along], self.amplitudes_of(frame)[along]
@@ -224,7 +229,7 @@ class RunGrid(Study):
             "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
         }
 
-    def tally(self) -> Any:
+    def tally(self) -> StudyTally:
         """Return a tally of runs for ``summary``."""
         return RunTally(self)
 

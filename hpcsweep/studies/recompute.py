@@ -18,8 +18,7 @@ As it was: the whole run from the stored state of the previous run, by ``flow``.
 path: if the run was periodic and the file's solver is ``flow``, the points must be the same.
 """
 
-from dataclasses import replace
-from typing import Any, cast
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -30,11 +29,11 @@ from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation, normalised_drift
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver, witness_of
-from hpcsweep.studies.blocks import Block, RunAgain
+from hpcsweep.studies.blocks import Block, Rows
 from hpcsweep.studies.quantities import DRIFT, MEASURES
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Study
+from hpcsweep.studies.study import RunAgain, Study
 from hpcsweep.studies.variable import CONTACT_SET
 from hpcsweep.studies.variables import RUN_VARIABLES, empty_results, store_measures
 
@@ -49,12 +48,24 @@ MIN_ALLOWED = 1e-7
 """Smallest difference allowed; closed forms and integrators meet no closer."""
 
 
-def compute_again(study: Study, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
+class Repeatable(Study, Protocol):
+    """A study whose runs can be computed alone, and with other settings."""
+
+    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
+        """Compute one run alone from a state."""
+
+    def with_settings(self, **changes: Any) -> Self:
+        """Return the same study with other settings."""
+
+
+def compute_again(
+    study: Repeatable, block: Block, row: int, run: dict, start: np.ndarray
+) -> RunAgain:
     """Recompute one complete run.
 
     Parameters
     ----------
-    study : Study
+    study : Repeatable
     block : Block
     row : int
         Of the block.
@@ -217,14 +228,12 @@ def _short(values: np.ndarray | float) -> str:
 
 
 def _compare_whole(
-    study: Study, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
+    study: Repeatable, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
 ) -> None:
     """Recompute the whole run by `flow`, from the end of the previous run."""
     is_flow = study.settings.solver == "flow"
-    if not is_flow:
-        settings = replace(study.settings, solver="flow", rtol=SOLVERS["flow"].tight)
-        study = replace(cast(Any, study), settings=settings)
-    result = study.compute_run(block, row, start)
+    by_flow = study if is_flow else study.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
+    result = by_flow.compute_run(block, row, start)
     if is_flow and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"
         return

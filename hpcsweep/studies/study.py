@@ -1,4 +1,4 @@
-"""Interface of a study: what differs between studies, and what all of them share.
+"""Interfaces of a study: what differs between studies, and nothing else.
 
 A study is cut into independent tasks, and each task into blocks, which are computed in order along
 the task's path and committed one by one. A block is a stretch of runs; each block starts from the
@@ -9,295 +9,203 @@ tasks to ranks, `checks` has its runs recomputed; none of them knows which study
 is a module in this folder and an entry in `hpcsweep.studies.kinds`.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
-from typing import Any, ClassVar, Self, TypeVar
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, RunAgain, Say, Timed
-from hpcsweep.studies.invariants import Broken, listed, of_each
-from hpcsweep.studies.keys import Tables
+from hpcsweep.studies.blocks import Block, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.refinement import Refinement
 from hpcsweep.studies.seeds import Reader
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.variable import Axis, Coordinate, Variable
+from hpcsweep.studies.variable import Coordinate, Variable
 
+ROWS = "rows"
+"""Key of ``vary`` whose rows, one a structure, each have a value of several keys."""
 Lines = Iterator[tuple[str, str]]
 """What users are told: names and texts."""
 
 
-class Study(ABC):
-    """A study: its runs are independent unless it says otherwise.
-
-    Runs stand along the last of their axes, in each frame and, if there are any, each direction.
-    They are cut into blocks of `block_size`, in ascending order; block b of a descending direction
-    holds as many, counted from the top. What is defined here is that of a study without `axes`,
-    its own only part.
+@dataclass(frozen=True)
+class Axis:
+    """Values of a varied key of the job, or of keys that vary together; a dimension of the file.
 
     Attributes
     ----------
-    structure : Structure
-        Of several parts that of the first.
-    initial_state : ndarray, shape (2n,)
-        State from which the first run of every task starts.
-    settings : SweepSettings
-        How runs are computed.
-    block_size : int
-        Most runs of a block.
-    kind, summary, run_noun : str
-        Name in job files, what is computed in a line, and noun for a run.
-    keys : Tables
-        Keys of job files, by table, of this study alone.
-    without : tuple of str
-        Tables of which it knows its own keys alone.
-    axes : tuple of Axis
-        Keys that are varied, the first dimensions of the file; see `hpcsweep.studies.vary`.
-    n_parts : int
-        Number of points of `axes`.
-    run_dims : tuple of str
-        Dimensions of a run: ..., the frames, and the runs of a frame.
-    directions : tuple of str
-        Values of the dimension ``direction``; empty if runs have none.
-    n_frames : int
-        Sweeps over the last axis, of each direction.
-    n_along : int
-        Number of runs of one frame and direction.
-    carried : tuple of str
-        Variables that hold the start of the next run.
-    checksum : str
-        Long name of `commit`.
-    by_frame : bool
-        Whether a frame is a task, as a path is; else each block is one.
-    grid_fields : tuple of str
-        Fields that say which runs there are; empty where a run depends on all of the job.
-    content : str
-        ``motions``, one a run, ``attractors``, several, or ``responses`` to records.
-    is_list : bool
-        Whether each frame has one amplitude of its own.
-    starts_at_rest : bool
-        Whether runs start from static equilibrium, whatever `initial_state` is.
-    slots : mapping of str to str
-        See `hpcsweep.studies.invariants.of_each`.
-    status_variables : tuple of str
-        Variables of `count`.
-    refine : Refinement, optional
-        Which points of its map are computed, round by round; None: all.
+    name : str
+        Name of the dimension.
+    key : str
+        ``TABLE.KEY`` of job files; `ROWS` of keys that vary together.
+    values : tuple of int, of float or of str
+        As the file holds them; others, such as true, as they are written in TOML.
+    units : str
+    given : tuple
+        As the job holds them.
+    columns : tuple of Axis
+        Of keys that vary together, each with a value a row, which may recur.
     """
 
-    structure: Structure
-    initial_state: np.ndarray
-    settings: SweepSettings
-    block_size: int
-    directions: tuple[str, ...]
-
-    kind: ClassVar[str]
-    summary: ClassVar[str]
-    run_noun: ClassVar[str] = "run"
-    keys: ClassVar[Tables]
-    without: ClassVar[tuple[str, ...]] = ()
-    default_block: ClassVar[int] = 1
-    axes: tuple[Axis, ...] = ()
-    n_parts: ClassVar[int] = 1
-    run_dims: ClassVar[tuple[str, ...]]
-    carried: ClassVar[tuple[str, ...]] = ()
-    checksum: ClassVar[str] = "checksum of a block"
-    by_frame: ClassVar[bool] = False
-    grid_fields: ClassVar[tuple[str, ...]] = ()
-    content: ClassVar[str]
-    is_list: ClassVar[bool] = False
-    starts_at_rest: ClassVar[bool] = False
-    slots: ClassVar[Mapping[str, str]] = {}
-    status_variables: ClassVar[tuple[str, ...]]
-    refine: Refinement | None = None
-
-    def cut(self, _frames: slice) -> dict[str, Any]:
-        """Return the fields of a study of some frames; empty where they depend on others."""
-        return {}
+    name: str
+    key: str
+    values: tuple[Any, ...]
+    units: str
+    given: tuple[Any, ...]
+    columns: tuple["Axis", ...] = ()
 
     @property
-    def commit(self) -> Variable:
-        """Checksums of the blocks, which cut the last of the dimensions of a run."""
-        return Variable("commit", (*self.run_dims[:-1], "block"), "<u8", "1", self.checksum)
+    def keys(self) -> "tuple[Axis, ...]":
+        """The keys that vary, each with its values."""
+        return self.columns or (self,)
 
     @property
-    def map_axes(self) -> dict[str, np.ndarray]:
-        """Values of the axes of a map that may be refined, by key of the job."""
-        return {}
+    def coordinate(self) -> Coordinate:
+        """The values as stored in the file."""
+        types: dict[type, Any] = {int: "<i8", float: "<f8", str: object}
+        return Coordinate(np.array(self.values, types[type(self.values[0])]), self.units, self.key)
+
+
+@dataclass
+class RunAgain:
+    """Result of recomputing one run.
+
+    Attributes
+    ----------
+    at : str
+        Which run.
+    solver : str
+        The other solver.
+    omega, amplitude : float
+        Of a motion.
+    orbit_period : int
+        0 of what is no orbit.
+    compared : str
+        What was compared with it.
+    difference, allowed : float or None
+        Largest difference of a point (in units of the state), and the allowed one; None if nothing
+        could be compared.
+    whole_run : str
+        Outcome of the whole run by ``flow``: ``equal`` to the last bit, ``same`` within the
+        allowed difference, ``other`` points.
+    problem : str
+        '' if there is none.
+    """
+
+    at: str
+    solver: str
+    omega: float = 0.0
+    amplitude: float = 0.0
+    orbit_period: int = 0
+    compared: str = ""
+    difference: float | None = None
+    allowed: float | None = None
+    whole_run: str = ""
+    problem: str = ""
+
+
+class StudyTally(Protocol):
+    """Counts over the runs of a study, for ``summary``.
+
+    Attributes
+    ----------
+    at_once : int
+        Most frames that `add` takes together.
+    """
+
+    at_once: int
 
     @property
-    def structures(self) -> tuple[Structure, ...]:
-        """The structure of each run of a frame, or of all of them."""
-        return (self.structure,)
+    def done(self) -> int:
+        """Number of computed runs."""
 
-    def structure_at(self, at: int) -> Structure:
-        """Return the structure of a run of a frame."""
-        return self.structures[at % len(self.structures)]
+    def add(self, frame: Any, study: "Study") -> None:
+        """Count the runs of frames, an xarray.Dataset, of a study or of a part of it."""
 
-    def units_at(self, omega: float, amplitude: Any, at: int = 0) -> np.ndarray:
-        """Return the units of states, `Structure.units_at`, of a run of a frame."""
-        return self.structure_at(at).units_at(omega, amplitude)
+    def summary(self) -> dict[str, Any]:
+        """Return the counts: numbers, strings, lists and dicts."""
 
-    @property
-    @abstractmethod
-    def n_frames(self) -> int:
-        """Number of frames."""
 
-    @property
-    @abstractmethod
-    def n_along(self) -> int:
-        """Number of runs of one frame and direction."""
+class Work(Protocol):
+    """What a study computes: tasks, each a path of blocks, in any order and on any rank.
 
-    @abstractmethod
-    def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
-        """Compute the runs of a frame at places along its last axis, in this order.
-
-        They start from the present state of their path.
-        """
-
-    @property
-    @abstractmethod
-    def of_run(self) -> list[Variable]:
-        """Variables of a run, in the order of the file; their dimensions those of its values."""
-
-    @cached_property
-    def variables(self) -> list[Variable]:
-        """Variables of the runs, in the order of the file."""
-        return [variable.along(self.run_dims) for variable in self.of_run]
-
-    @property
-    @abstractmethod
-    def coordinates(self) -> dict[str, Coordinate]:
-        """Values of every dimension."""
-
-    @property
-    def dimensions(self) -> dict[str, int]:
-        """Size of every dimension."""
-        return {name: coordinate.values.size for name, coordinate in self.coordinates.items()}
-
-    @abstractmethod
-    def relations(self, block: Block, rows: Rows) -> Broken:
-        """Return where relations between variables are broken in runs, by what should be so."""
-
-    def check(self, block: Block, rows: Rows) -> list[tuple[int, str]]:
-        """Return the broken invariants of runs: (row, message)."""
-        each = of_each(self.variables, rows, self.structure, self.slots)
-        return listed(each | self.relations(block, rows))
-
-    @property
-    def n_blocks(self) -> int:
-        """Number of blocks of one frame and direction."""
-        return -(-self.n_along // self.block_size)
+    A block's results are arrays by variable name, first axis its runs in file order.
+    """
 
     @property
     def n_tasks(self) -> int:
-        """Number of tasks of the study."""
-        last = len(self.directions) - 1, self.n_frames - 1, self.n_blocks - 1
-        return int(self.task_of(*last)) + 1
+        """Number of tasks."""
 
     @property
     def n_runs(self) -> int:
-        """Number of runs of all frames and directions."""
-        return max(len(self.directions), 1) * self.n_frames * self.n_along
+        """Number of runs."""
 
-    def task_of(self, *place):
-        """Return the task of blocks, numbers or arrays of their places."""
-        return place[-2] if self.by_frame else place[-2] * self.n_blocks + place[-1]
+    @property
+    def n_frames(self) -> int:
+        """Sweeps over the last axis, of each direction."""
 
-    def path(self, task: int) -> Sequence[Block]:
-        """Return the blocks of a task in the order of computation, direction after direction."""
-        if not self.by_frame:
-            return Path(1, lambda _: self.block((0, *divmod(task, self.n_blocks))))
-
-        def block(position: int) -> Block:
-            direction, number = divmod(position, self.n_blocks)
-            return self.block((direction, task, number)[-len(self.run_dims) :])
-
-        return Path(max(len(self.directions), 1) * self.n_blocks, block)
-
-    def descends(self, _direction: int) -> bool:
-        """Return whether the runs of a direction are computed in descending order."""
-        return False
-
-    def block(self, place: Place) -> Block:
-        """Return the block with an index in ``commit``: direction, frame, number along the path."""
-        *outer, number = place
-        descends = self.descends(outer[0])
-        begin, end = number * self.block_size, (number + 1) * self.block_size
-        if descends:
-            begin, end = self.n_along - end, self.n_along - begin
-        low, high = max(begin, 0), min(end, self.n_along)
-        return Block(int(self.task_of(*place)), place, (*outer, low), high - low, descends)
-
-    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
-        """Compute a block from the present state of its path; rows in file order."""
-        *_, frame, low = block.first
-        result = self.runs_at(frame, np.arange(low, low + block.n_runs)[block.order], state, poll)
-        return {name: np.ascontiguousarray(values[block.order]) for name, values in result.items()}
-
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
-        """Compute one run alone from a state."""
-        *_, frame, at = block.run(row)
-        return self.runs_at(frame, np.array([at]), state)
-
-    def end_state(self, rows: Rows, row: int) -> np.ndarray:
-        """Return the state from which the run after one of the rows starts."""
-        return rows["final_state"][row] if self.carried else self.initial_state
-
-    def predecessor(self, _block: Block, _row: int) -> Place | None:
-        """Return None: every run is independent."""
-        return None
+    @property
+    def block_size(self) -> int:
+        """Most runs of a block."""
 
     @property
     def polls_per_run(self) -> int:
-        """Least number of calls of `poll` in a run."""
-        return 1
+        """Times that a run calls its `poll`, at least."""
 
     @property
-    def starting_range(self) -> dict[str, tuple[int, float, float]]:
-        """Component and range of drawn or gridded starts, by name; empty if there are none."""
-        return {}
+    def initial_state(self) -> np.ndarray:
+        """State from which the first run of every task starts, shape (2n,)."""
 
-    def with_reader(self, _reader: Reader) -> Self:
-        """Return the study itself, whose runs start from no motions of files."""
-        return self
+    @property
+    def carried(self) -> tuple[str, ...]:
+        """Variables that hold the start of the next run."""
+
+    def path(self, task: int) -> Sequence[Block]:
+        """Return the blocks of a task in the order of computation."""
+
+    def block(self, place: Place) -> Block:
+        """Return the block with an index in ``commit``."""
+
+    def task_of(self, *place):
+        """Return the task of blocks, numbers or arrays of their places."""
+
+    def descends(self, direction: int, /) -> bool:
+        """Return whether the runs of a direction are computed in descending order."""
+
+    def with_reader(self, reader: Reader) -> "Study":
+        """Return the study with what reads the results files that its runs start from.
+
+        Without it no run is computed that starts from a motion of a file.
+        """
 
     def missing_inputs(self) -> str:
-        """Return nothing."""
-        return ""
+        """Return what these files do not hold though runs need it; '' if nothing."""
 
-    def describe_part(self, _place: Place) -> str:
-        """Return nothing, as there are no `axes`."""
-        return ""
+    def predecessor(self, block: Block, row: int) -> Place | None:
+        """Return the index of the run from whose end state a run starts; None: `initial_state`."""
 
-    def part(self, _place: Place) -> "Study":
-        """Return the study itself, as there are no `axes`."""
-        return self
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
+        """Return the state from which the run after one of the rows starts.
 
-    def part_of(self, block: Block) -> tuple["Study", Block]:
-        """Return the part to which a block belongs, and the block with its index there."""
-        return self, block
+        Made of the variables `carried`: the end state, or whatever else the study carries along its
+        path; a finite one-dimensional array, stored completely in the file.
+        """
 
-    @property
-    @abstractmethod
-    def given(self) -> list[tuple[Variable, np.ndarray]]:
-        """Variables that are known in advance, with their values."""
+    def compute(self, block: Block, state: np.ndarray, poll: Poll = None) -> Rows:
+        """Compute a block from the present state of its path."""
 
-    @abstractmethod
+    def check(self, block: Block, rows: Rows) -> list[tuple[int, str]]:
+        """Return the broken invariants of runs: (row, message)."""
+
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs, for the pilot, at a share of the tasks' frames and along their axis."""
 
-    @abstractmethod
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way."""
 
-    @abstractmethod
     def is_compiled(self, n_ranks: float | None = None) -> bool:
         """Return whether the cache is known to hold all that its runs call; see `warm_up`."""
 
-    @abstractmethod
     def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
         """Compile, or load from disk, all that its runs call.
 
@@ -305,30 +213,135 @@ class Study(ABC):
         pays, kernels are specialised to the structure.
         """
 
-    @abstractmethod
+    @property
+    def settings(self) -> SweepSettings:
+        """How runs are computed."""
+
+    def part_of(self, block: Block) -> tuple["Study", Block]:
+        """Return the part to which a block belongs, and the block with its index there."""
+
+
+class Contents(Protocol):
+    """What a study's file holds: variables along axes, by name."""
+
+    @property
+    def kind(self) -> str:
+        """Name in job files."""
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Keys that are varied, the first dimensions of the file; see `hpcsweep.studies.vary`."""
+
+    @property
+    def run_dims(self) -> tuple[str, ...]:
+        """Dimensions of a run: ..., the frames, and the runs of a frame."""
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        """Values of the dimension ``direction``; empty if runs have none."""
+
+    @property
+    def commit(self) -> Variable:
+        """Checksums of the blocks."""
+
+    @property
+    def structure(self) -> Structure:
+        """Structure, that of the first part."""
+
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """The structure of each run of a frame, or of all of them."""
+
+    def structure_at(self, at: int) -> Structure:
+        """Return the structure of a run of a frame."""
+
+    def units_at(self, omega: float, amplitude: Any, at: int = 0) -> np.ndarray:
+        """Return the units of states, `Structure.units_at`, of a run of a frame."""
+
+    @property
+    def variables(self) -> list[Variable]:
+        """Variables of the runs, in the order of the file."""
+
+    @property
+    def dimensions(self) -> dict[str, int]:
+        """Size of every dimension."""
+
+    @property
+    def coordinates(self) -> dict[str, Coordinate]:
+        """Values of every dimension."""
+
+    @property
+    def given(self) -> list[tuple[Variable, np.ndarray]]:
+        """Variables that are known in advance, with their values."""
+
+    @property
+    def n_parts(self) -> int:
+        """Number of points of `axes`."""
+
+    def part(self, place: Place) -> "Study":
+        """Return the study at an index of `axes`: the study itself where there are none."""
+
+    @property
+    def grid_fields(self) -> tuple[str, ...]:
+        """Fields that say which runs there are; empty where a run depends on all of the job."""
+
+    @property
+    def refine(self) -> Refinement | None:
+        """Which points of its map are computed, round by round; None: all."""
+
+    @property
+    def map_axes(self) -> dict[str, np.ndarray]:
+        """Values of the axes of its map, by key of the job."""
+
+    @property
+    def content(self) -> str:
+        """``motions``, one a run, ``attractors``, several, or ``responses`` to records."""
+
+    @property
+    def starting_range(self) -> dict[str, tuple[int, float, float]]:
+        """Component and range of drawn or gridded starts, by name; empty if there are none."""
+
+    @property
+    def is_list(self) -> bool:
+        """Whether each frame has one amplitude of its own."""
+
+    @property
+    def starts_at_rest(self) -> bool:
+        """Whether runs start from static equilibrium, whatever `initial_state` is."""
+
+
+class Description(Protocol):
+    """What users are told of a study and of its runs."""
+
+    def describe_part(self, place: Place) -> str:
+        """Describe a part by the values of `axes`; empty where there are none."""
+
+    @property
+    def run_noun(self) -> str:
+        """Noun for a run."""
+
+    @property
+    def status_variables(self) -> tuple[str, ...]:
+        """Variables of `count`."""
+
     def lines(self) -> Lines:
         """Tell, before anything is computed, what drives the structure."""
 
-    @abstractmethod
     def warnings(self) -> Iterable[str]:
         """Return one line for each thing there that looks like a mistake."""
 
-    @abstractmethod
     def describe(self, run: Place) -> dict[str, Any]:
         """Describe a run by its dimensions: ``record``, ``scale``, say; the values of `axes`."""
 
-    @abstractmethod
     def describe_task(self, task: int) -> str:
         """Describe a task by its frequency and other properties."""
 
-    @abstractmethod
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return the motions of a run, each as the variables of a run of a sweep.
 
         One that is not at the run's own place has its ``omega``, ``amplitude`` or ``structure``.
         """
 
-    @abstractmethod
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count, for ``status``, what only this kind of study reports.
 
@@ -339,9 +352,12 @@ class Study(ABC):
             The variables `status_variables`, ``outcome`` and ``cycles``.
         """
 
-    @abstractmethod
-    def tally(self) -> Any:
-        """Return what counts runs for ``summary``, see `hpcsweep.studies.tally.BaseTally`."""
+    def tally(self) -> StudyTally:
+        """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
+
+
+class Study(Work, Contents, Description, Protocol):
+    """A study: each of its users asks one part of it alone."""
 
 
 Kind = TypeVar("Kind")

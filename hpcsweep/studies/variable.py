@@ -1,4 +1,4 @@
-"""One variable of the results, the values of one dimension, and keys that vary along one."""
+"""One variable of the results, and the values of one dimension."""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -119,45 +119,3 @@ class Coordinate(NamedTuple):
     values: np.ndarray
     units: str
     long_name: str
-
-
-ROWS = "rows"
-"""Key of ``vary`` whose rows, one a structure, each have a value of several keys."""
-
-
-@dataclass(frozen=True)
-class Axis:
-    """Values of a varied key of the job, or of keys that vary together; a dimension of the file.
-
-    Attributes
-    ----------
-    name : str
-        Name of the dimension.
-    key : str
-        ``TABLE.KEY`` of job files; `ROWS` of keys that vary together.
-    values : tuple of int, of float or of str
-        As the file holds them; others, such as true, as they are written in TOML.
-    units : str
-    given : tuple
-        As the job holds them.
-    columns : tuple of Axis
-        Of keys that vary together, each with a value a row, which may recur.
-    """
-
-    name: str
-    key: str
-    values: tuple[Any, ...]
-    units: str
-    given: tuple[Any, ...]
-    columns: tuple["Axis", ...] = ()
-
-    @property
-    def keys(self) -> "tuple[Axis, ...]":
-        """The keys that vary, each with its values."""
-        return self.columns or (self,)
-
-    @property
-    def coordinate(self) -> Coordinate:
-        """The values as stored in the file."""
-        types: dict[type, Any] = {int: "<i8", float: "<f8", str: object}
-        return Coordinate(np.array(self.values, types[type(self.values[0])]), self.units, self.key)

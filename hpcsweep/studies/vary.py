@@ -6,38 +6,36 @@ not depend on other parts, so the tasks of all parts are tasks of the whole, and
 are equal, to the last bit, to those of a job of its own.
 """
 
-from abc import update_abstractmethods
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.model.unit_names import is_in_gaps, unit_of
-from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, RunAgain, Say, Timed
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.run_names import written
 from hpcsweep.studies.seeds import Reader
-from hpcsweep.studies.study import Study
-from hpcsweep.studies.variable import Axis, Coordinate, Variable, real
+from hpcsweep.studies.study import Axis, Contents, Description, RunAgain, Work
+from hpcsweep.studies.variable import Coordinate, Variable, real
 
 PARTS_KEPT = 1000
 """Parts that a process keeps, 20 kB each: many ranks take tasks of any of them, costliest first."""
 
 
 @dataclass(frozen=True, eq=False)
-class Varied(Study):
+class Varied:
     """A study at each point of further axes; see `hpcsweep.studies.study.Study`.
 
     Parameters
     ----------
     base : RunGrid
         The part at the first value of every axis.
+    axes : tuple of Axis
     make : callable
         Return the part at an index.
-    axes : tuple of Axis
     reader : Reader, optional
         See `with_reader`.
     by_part : dict of str to (Variable, ndarray)
@@ -45,10 +43,22 @@ class Varied(Study):
     """
 
     base: RunGrid
+    axes: tuple[Axis, ...]
     make: Callable[[Place], RunGrid]
-    axes: tuple[Axis, ...] = ()
+
     reader: Reader | None = None
     by_part: dict[str, tuple[Variable, np.ndarray]] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an attribute that all parts share, one of `SHARED`."""
+        if name in SHARED and not name.startswith("_"):
+            return getattr(self._first, name)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    @cached_property
+    def structure(self) -> Any:
+        """Structure of the first part."""
+        return self._first.structure
 
     @property
     def _first(self) -> RunGrid:
@@ -82,7 +92,7 @@ class Varied(Study):
         return tuple(len(axis.values) for axis in self.axes)
 
     @property
-    def n_parts(self) -> int:  # type: ignore[override]
+    def n_parts(self) -> int:
         """Number of parts."""
         return int(np.prod(self.shape, dtype=object))
 
@@ -107,7 +117,7 @@ class Varied(Study):
         return tuple(axis.name for axis in self.axes)
 
     @property
-    def run_dims(self) -> tuple[str, ...]:  # type: ignore[override]
+    def run_dims(self) -> tuple[str, ...]:
         """Dimensions of a run."""
         return self.names + self.base.run_dims
 
@@ -280,10 +290,8 @@ class Varied(Study):
         return Block(task, at + block.place, at + block.first, block.n_runs, block.descending)
 
 
-for _name in {**Study.__annotations__, **vars(Study)}.keys() - vars(Varied).keys():
-    if not _name.startswith("_"):  # what is not defined here all parts have in common
-        setattr(Varied, _name, property(attrgetter(f"_first.{_name}")))
-update_abstractmethods(Varied)
+SHARED = frozenset((*vars(Work), *vars(Contents), *vars(Description)))
+"""The interface of a study: what a `Varied` does not define all of its parts have in common."""
 
 
 def shape_of(part: RunGrid) -> tuple:

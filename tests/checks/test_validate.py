@@ -273,8 +273,7 @@ def test_a_window_that_repeats_has_a_period(tmp_path):
 
     class Forgetful(AmplitudeSweep):
         def runs_at(self, *arguments):
-            settings = replace(self.settings, period_tolerance=1e-300)
-            return AmplitudeSweep.runs_at(replace(self, settings=settings), *arguments)
+            return AmplitudeSweep.runs_at(self.with_settings(period_tolerance=1e-300), *arguments)
 
     make(path, plain, Forgetful)
     report = validate(path, samples=0)

@@ -31,6 +31,7 @@ from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.path_grid import ALONG, Followed, PathGrid
 from hpcsweep.studies.points import POINTS, PointGrid
 from hpcsweep.studies.refinement import REFINE, read_refinement
+from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -104,7 +105,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
 
     @property
     def of_run(self) -> list[Variable]:
-        """Variables of a point, see `Study.of_run`."""
+        """Variables of a point, see `Part.of_run`."""
         return attractor_variables(self.settings, self.structure)
 
     @property
@@ -148,12 +149,12 @@ class AttractorGrid(search.SearchLimits, RunGrid):
             ),
         }
 
-    def tally(self) -> AttractorTally:
+    def tally(self) -> StudyTally:
         """Return a tally of points for ``summary``."""
         return AttractorTally(self)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
-        """Return where relations between variables are broken; see `Study.relations`."""
+        """Return where relations between variables are broken; see `Part.relations`."""
         from hpcsweep.studies.attractors.invariants import broken_relations
 
         return broken_relations(self, rows)

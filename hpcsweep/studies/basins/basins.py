@@ -23,6 +23,7 @@ from hpcsweep.studies.basins.slice import SliceGrid, read_slice
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.refinement import Refinement, read_refinement
+from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -71,7 +72,7 @@ class Basins(SliceGrid):
 
     @property
     def of_run(self) -> list[Variable]:
-        """Variables of a row, see `Study.of_run`."""
+        """Variables of a row, see `Part.of_run`."""
         return variables.basin_variables(self.settings, self.structure)
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
@@ -91,12 +92,12 @@ class Basins(SliceGrid):
             (runs[f"n_{name}"][good].sum() for name in UNSTORED),
         )
 
-    def tally(self) -> BasinTally:
+    def tally(self) -> StudyTally:
         """Return a tally of rows for ``summary``."""
         return BasinTally(self)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
-        """Return where relations between variables are broken; see `Study.relations`."""
+        """Return where relations between variables are broken; see `Part.relations`."""
         from hpcsweep.studies.attractors.invariants import broken_rows
 
         return broken_rows(rows)
@@ -139,7 +140,7 @@ class RefinedBasins(SliceGrid):
 
     @property
     def of_run(self) -> list[Variable]:
-        """Variables of a start, see `Study.of_run`."""
+        """Variables of a start, see `Part.of_run`."""
         return variables.START_VARIABLES
 
     @property
@@ -183,12 +184,12 @@ class RefinedBasins(SliceGrid):
         counts = ((runs["label"][done] == k).sum() for k in UNSTORED.values())
         return count_starts(int(done.sum()), runs["cycles"][done].sum(), counts)
 
-    def tally(self) -> StartTally:
+    def tally(self) -> StudyTally:
         """Return a tally of starts for ``summary``."""
         return StartTally(self)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
-        """Return where relations between variables are broken; see `Study.relations`."""
+        """Return where relations between variables are broken; see `Part.relations`."""
         label, failed = rows["label"], rows["outcome"] != Outcome.COMPLETE
         codes = (*UNSTORED.values(), *range(1, self.max_attractors + 1))
         return {

@@ -27,7 +27,7 @@ from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.points import POINTS
 from hpcsweep.studies.seeds import Reader, Seeds, Where
-from hpcsweep.studies.study import Lines
+from hpcsweep.studies.study import Lines, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -138,7 +138,7 @@ class Branches(BranchGrid):
 
     @property
     def of_run(self) -> list[Variable]:
-        """Variables of a line, see `Study.of_run`."""
+        """Variables of a line, see `Part.of_run`."""
         of_branches = variables.variables_of(self.structure)
         return [*of_branches, *(variables.CURVE_VARIABLES if self.curves else ())]
 
@@ -237,12 +237,12 @@ class Branches(BranchGrid):
         super().warm_up(say, n_ranks)
         load(branch_kernels(self.structure), say, kernels="kernels of branches")
 
-    def tally(self) -> BranchTally:
+    def tally(self) -> StudyTally:
         """Make what counts the lines for ``summary``."""
         return BranchTally(self)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
-        """Return where relations between variables are broken; see `Study.relations`."""
+        """Return where relations between variables are broken; see `Part.relations`."""
         return broken_relations(self, rows)
 
     def describe_task(self, task: int) -> str:

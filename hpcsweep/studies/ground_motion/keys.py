@@ -43,9 +43,9 @@ from hpcsweep.studies.ground_motion.variables import (
     read_damping_ratio,
 )
 from hpcsweep.studies.keys import BLOCK, Key
+from hpcsweep.studies.part import Part
 from hpcsweep.studies.quantities import QUANTITIES
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.study import Study
 from hpcsweep.studies.variable import Coordinate
 
 KEYS = (
@@ -129,7 +129,7 @@ DEFAULT_SCALE = {"by": "factor", "values": [1.0]}
 
 
 @dataclass(frozen=True, eq=False)
-class RecordGrid(Study):
+class RecordGrid(Part):
     """Records at scales: the fields of a study, and its runs.
 
     Attributes

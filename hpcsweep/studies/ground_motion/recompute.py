@@ -10,11 +10,12 @@ import math
 import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.blocks import Block, Rows, RunAgain
+from hpcsweep.studies.blocks import Block, Rows
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.responses import respond
 from hpcsweep.studies.ground_motion.variables import peaks_of
 from hpcsweep.studies.run_names import run_name
+from hpcsweep.studies.study import RunAgain
 from hpcsweep.studies.variable import Variable
 
 NUDGE = 1e-9

@@ -14,7 +14,7 @@ import numpy as np
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, Poll, Rows, RunAgain, Say, Timed
+from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
 from hpcsweep.studies.ground_motion import describe, keys
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.recompute import response_again
@@ -30,7 +30,7 @@ from hpcsweep.studies.ground_motion.variables import (
 )
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
-from hpcsweep.studies.study import Lines
+from hpcsweep.studies.study import Lines, RunAgain, StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
@@ -102,7 +102,7 @@ class Records(RecordGrid):
 
     @property
     def of_run(self) -> list[Variable]:
-        """Variables of a run, see `Study.of_run`."""
+        """Variables of a run, see `Part.of_run`."""
         asked = self.history > 0.0, bool(self.floors.periods)
         return response_variables(self.structure, self.settings, *asked)
 
@@ -133,7 +133,7 @@ class Records(RecordGrid):
         return self.responses.rows(self.record(frame), self.factor[frame, places], poll)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
-        """Return where relations between variables are broken; see `Study.relations`."""
+        """Return where relations between variables are broken; see `Part.relations`."""
         complete, skip_rule = rows["outcome"] == Outcome.COMPLETE, rows["skip_rule"]
         linear = skip_rule == SkipRule.LINEAR
         end = np.abs(rows["final_state"][:, : rows["displacement"].shape[1]])
@@ -182,7 +182,7 @@ class Records(RecordGrid):
         linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
         return {"runs_below_contact": int(linear.sum())}
 
-    def tally(self) -> describe.ResponseTally:
+    def tally(self) -> StudyTally:
         """Return a tally of runs for ``summary``."""
         return describe.ResponseTally(self)
 

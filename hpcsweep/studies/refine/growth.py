@@ -11,6 +11,7 @@ import numpy as np
 
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Block, Poll, Rows
+from hpcsweep.studies.part import Part
 from hpcsweep.studies.refine.audit import (
     AUDIT,
     CELL,
@@ -26,8 +27,8 @@ from hpcsweep.studies.refine.cells import Labels
 from hpcsweep.studies.refine.crossing import KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
 from hpcsweep.studies.refinement import Refinement, Source
-from hpcsweep.studies.study import Study
-from hpcsweep.studies.variable import ROWS, Coordinate, Variable, code
+from hpcsweep.studies.study import ROWS, Study, as_kind
+from hpcsweep.studies.variable import Coordinate, Variable, code
 from hpcsweep.studies.variables import named, numbered
 
 AT_ONCE = 64
@@ -113,7 +114,7 @@ class MapGrowth:
     def compute(self, blocks: Sequence[Block], state: np.ndarray, poll: Poll) -> list[Rows]:
         """Compute points of a frame, each a block, from a state."""
         parts = [self.study.part_of(block) for block in blocks]
-        part, (_, frame, _) = parts[0][0], parts[0][1].first
+        part, (_, frame, _) = as_kind(parts[0][0], Part), parts[0][1].first
         places = np.array([inner.first[-1] for _, inner in parts])
         runs = part.runs_at(frame, places, state, poll)
         return [{name: rows[k : k + 1] for name, rows in runs.items()} for k in range(len(blocks))]

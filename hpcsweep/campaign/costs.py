@@ -286,12 +286,10 @@ def remaining_of(campaigns: Sequence[KnownCosts]) -> float | None:
     float or None
         None if nothing is known of one of them.
     """
-    runs = 0.0
-    for each in campaigns:
-        left = each.seconds_left()
-        if left is None:
-            return None
-        runs += left
+    lefts = [each.seconds_left() for each in campaigns]
+    runs = sum(left for left in lefts if left is not None)
+    if None in lefts:
+        return None
     begun = [each.begun for each in campaigns if each.begun is not None]
     elapsed = time.monotonic() - min(begun) if begun else 0.0
     spent = sum(each.spent for each in campaigns)

@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from datetime import timedelta
 from typing import TextIO
 
 from hpcsweep.studies.run_names import count, plural
@@ -83,7 +84,7 @@ class Bar(Silent):
         remaining = self._remaining()
         if remaining is not None:
             self._bar.bar_format = BAR
-            self._bar.set_postfix_str(f"{_duration(remaining)} left", refresh=False)
+            self._bar.set_postfix_str(f"{timedelta(seconds=int(remaining))} left", refresh=False)
 
     def message(self, text: str) -> None:
         """Show a message without breaking the bar."""
@@ -132,11 +133,5 @@ class Log(Silent):
                 remaining = self._remaining()
                 if remaining is None:
                     remaining = (self._total - self._done) / rate
-                line += f", {_duration(remaining)} left"
+                line += f", {timedelta(seconds=int(remaining))} left"
         return line
-
-
-def _duration(seconds: float) -> str:
-    minutes, seconds = divmod(int(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{seconds:02d}"

@@ -50,6 +50,7 @@ class Queue:
         self._traffic = farm.Traffic()
         self._display = Silent()
         self._at = 0
+        self._due = time.monotonic() + MASTER_NOTES
         # tasks that are not done, on rank 0
         self._left: set[int] = set()
         self._take(range(len(works)))
@@ -82,7 +83,7 @@ class Queue:
                     self._cost,
                     self._left.discard,
                     self._traffic,
-                    _every(MASTER_NOTES, self._display.tick, self._note_load),
+                    self._tick,
                     self._flush,
                 )
                 self._flush()
@@ -187,7 +188,12 @@ class Queue:
         k, report = value
         self._guarded(k, lambda: self._display.advance(self._works[k].block_done(rank, report)))
 
-    def _note_load(self) -> None:
+    def _tick(self) -> None:
+        """Update the display, and now and then write the master's load."""
+        self._display.tick()
+        if time.monotonic() < self._due:
+            return
+        self._due = time.monotonic() + MASTER_NOTES
         for k, work in enumerate(self._works):
             self._guarded(k, partial(work.journal.note, "master", **load_record(self._traffic)))
 
@@ -216,16 +222,3 @@ class Queue:
             else:
                 ended = reason, seconds, self._traffic, self._display
                 self._guarded(k, partial(work.end, *ended))
-
-
-def _every(seconds: float, always: Callable[[], None], then: Callable[[], None]) -> Callable:
-    """Return a function that calls `always`, and `then` at most once in an interval."""
-    due = [time.monotonic() + seconds]
-
-    def tick() -> None:
-        always()
-        if time.monotonic() >= due[0]:
-            due[0] = time.monotonic() + seconds
-            then()
-
-    return tick

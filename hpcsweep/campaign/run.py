@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from hpcsweep import store
 from hpcsweep.campaign import provenance
 from hpcsweep.campaign.progress import Silent, say_line
 from hpcsweep.campaign.queue import Queue
@@ -19,19 +20,6 @@ from hpcsweep.job import Job
 from hpcsweep.job.paths import followed
 from hpcsweep.parallel.mpi import on_master
 from hpcsweep.parallel.stopping import StopFlag
-from hpcsweep.store import (
-    DamagedError,
-    Journal,
-    Layout,
-    Lock,
-    Reuse,
-    StoreError,
-    WriteError,
-    create,
-    open_campaign,
-    opening,
-    with_inputs,
-)
 from hpcsweep.store.commit import check_writable
 from hpcsweep.store.inputs import Inputs
 from hpcsweep.store.transport import check_transport
@@ -41,6 +29,10 @@ COMPLETE, FAILED, REFUSED, STOPPED = 0, 1, 2, 75
 """Exit codes (75 is EX_TEMPFAIL: run again to resume)."""
 STOP_MARGIN = 5.0
 """Seconds before the time limit at which the ranks begin to stop."""
+
+
+Opened = tuple[store.Layout, Path, store.Lock]
+"""A job's file, prepared and locked."""
 
 
 class JobEnd(NamedTuple):
@@ -118,18 +110,18 @@ def run_all(
         if len(jobs) > 1:
             _allow_open_files()
         endings: dict[int, JobEnd] = {}
-        opened: dict[int, tuple[Layout, Path, Lock]] = {}
+        opened: dict[int, Opened] = {}
         hosts = comm.gather(socket.gethostname())
         for k, (job, output) in enumerate(jobs):
-            layout, output = Layout(with_inputs(job)), followed(output)
-            lock = Lock(output)
+            layout, output = store.Layout(store.with_inputs(job)), followed(output)
+            lock = store.Lock(output)
             if comm.rank != 0:
                 # to answer, it loads the modules of its solver, while rank 0 prepares the file
                 job.study.is_compiled(comm.size)
             try:
                 prepare = partial(_prepare, layout, output, lock, comm, hosts, say, reuse)
-                on_master(comm, prepare, StoreError)
-            except StoreError as error:
+                on_master(comm, prepare, store.StoreError)
+            except store.StoreError as error:
                 if len(jobs) == 1:
                     raise
                 endings[k] = JobEnd(output, REFUSED, str(error))
@@ -142,17 +134,15 @@ def run_all(
     return [endings[k] for k in range(len(jobs))]
 
 
-def _run_opened(
-    opened: list[tuple[Layout, Path, Lock]], comm, flag, hosts: list[str], progress, say, reuse
-) -> list[JobEnd]:
+def _run_opened(opened: list[Opened], comm, flag, hosts, progress, say, reuse) -> list[JobEnd]:
     """Run jobs whose files are prepared and locked."""
     output = opened[0][1]
     try:
-        campaigns = [open_campaign(output, layout, comm) for layout, output, _ in opened]
+        campaigns = [store.open_campaign(output, layout, comm) for layout, output, _ in opened]
         _compile(comm, [layout.job.study for layout, _, _ in opened], flag, say)
         works = []
         for (layout, output, _), campaign in zip(opened, campaigns, strict=True):
-            earlier = Reuse(layout, reuse)
+            earlier = store.Reuse(layout, reuse)
             kind = RoundsWork if layout.growth else RankWork
             works.append(kind(comm, output, campaign, flag, hosts, say, earlier))
         queue = Queue(comm, works, flag)
@@ -161,18 +151,18 @@ def _run_opened(
         except BaseException:
             # no other rank is waited for: the caller ends them all
             for work in works:
-                with contextlib.suppress(WriteError):
+                with contextlib.suppress(store.WriteError):
                     work.flush()
             raise
         for k, work in enumerate(works):
             with contextlib.suppress(*((Exception,) if k in queue.failed else ())):
                 work.close()
-    except (OSError, DamagedError) as error:
+    except (OSError, store.DamagedError) as error:
         # found sound before: it has been removed or truncated since
         _release(opened, comm)
-        said = str(error) if isinstance(error, StoreError) else f"{output}: {error}"
-        raise WriteError(f"{said}; it was changed by somebody else in mid-run") from None
-    except WriteError:
+        said = str(error) if isinstance(error, store.StoreError) else f"{output}: {error}"
+        raise store.WriteError(f"{said}; it was changed by somebody else in mid-run") from None
+    except store.WriteError:
         _release(opened, comm)
         raise
     comm.barrier()
@@ -193,14 +183,14 @@ def _allow_open_files() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
-def _release(opened: list[tuple[Layout, Path, Lock]], comm) -> None:
+def _release(opened: list[Opened], comm) -> None:
     for _, _, lock in opened:
         lock.release(remove=comm.rank == 0)
 
 
-def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, reuse) -> None:
+def _prepare(layout: store.Layout, output: Path, lock, comm, hosts: list[str], say, reuse) -> None:
     """Check or create the file, under the lock."""
-    opening.check_place(output)
+    store.opening.check_place(output)
     check_transport()
     existing = output.exists()
     _check_earlier(layout, output, reuse, say)
@@ -211,44 +201,45 @@ def _prepare(layout: Layout, output: Path, lock, comm, hosts: list[str], say, re
     lock.acquire(comm.size)
     try:
         if not (existing or output.exists()):
-            create(output, layout, provenance.collect(comm.library, hosts) | inputs.attributes)
-            Journal(output).begin()
+            made = provenance.collect(comm.library, hosts)
+            store.create(output, layout, made | inputs.attributes)
+            store.Journal(output).begin()
             return
         # again, or for the first time: another campaign may just have created it
         _check_same_job(layout, output, inputs)
         with contextlib.suppress(OSError), output.open("r+b"):
             return
-        raise StoreError(f"{output}: cannot be written")
+        raise store.StoreError(f"{output}: cannot be written")
     except BaseException:
         lock.release(remove=True)
         raise
 
 
-def _check_earlier(layout: Layout, output: Path, reuse: Sequence[Path], say) -> None:
+def _check_earlier(layout: store.Layout, output: Path, reuse: Sequence[Path], say) -> None:
     """Check that earlier files fit the job; say where results may differ in the last digits."""
     for path in reuse:
         if path.resolve() == output.resolve():
-            raise StoreError(f"{path}: is the file of the results; --reuse takes others")
-        made = opening.check_file(path).get("libraries")
+            raise store.StoreError(f"{path}: is the file of the results; --reuse takes others")
+        made = store.opening.check_file(path).get("libraries")
         if made != provenance.library_versions():
             say(f"{path}: made with {made}: what is taken may differ in the last digits")
-    Reuse(layout, reuse).close()
+    store.Reuse(layout, reuse).close()
 
 
-def _check_same_job(layout: Layout, output: Path, inputs: Inputs) -> None:
+def _check_same_job(layout: store.Layout, output: Path, inputs: Inputs) -> None:
     """Check that a file is of this job, plain, and sound apart from its results."""
-    stored = opening.read_layout(output)  # a `DamagedError` if it is not of any job
+    stored = store.opening.read_layout(output)  # a `DamagedError` if it is not of any job
     if stored.fingerprint != layout.fingerprint:
-        raise StoreError(
+        raise store.StoreError(
             f"{output}: holds the results of another job (named {stored.name!r}); give "
             "another file with -o"
         )
-    inputs.check(output, opening.check_file(output))
-    opening.refuse_problems(output, opening.layout_problems(output, layout))
+    inputs.check(output, store.opening.check_file(output))
+    store.opening.refuse_problems(output, store.opening.layout_problems(output, layout))
     check_writable(output)
 
 
-def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]) -> None:
+def _compile(comm, studies: Sequence[Work], flag: StopFlag, say: Callable[[str], None]) -> None:
     """Load the kernels; if any is not in the cache, one rank of each node compiles first.
 
     That may take minutes, so a signal ends the ranks at once: nothing is being written.
@@ -262,18 +253,14 @@ def _compile(comm, studies: Sequence, flag: StopFlag, say: Callable[[str], None]
     if flag.reason is not None:
         leave(flag.reason)
     for study in studies:
-        _compile_one(comm, study, say)
+        at_once = comm.gather(study.is_compiled(comm.size))
+        if not comm.bcast(at_once and all(at_once)):
+            if comm.node_rank() == 0:
+                study.warm_up(say if comm.rank == 0 else None, comm.size)
+            comm.barrier()
+        study.warm_up(n_ranks=comm.size)
     # no rank writes while another may still exit at once
     comm.barrier()
     flag.at_once = None
     # what is loaded stays: spare the garbage collector from scanning it repeatedly
     gc.freeze()
-
-
-def _compile_one(comm, study: Work, say: Callable[[str], None]) -> None:
-    at_once = comm.gather(study.is_compiled(comm.size))
-    if not comm.bcast(at_once and all(at_once)):
-        if comm.node_rank() == 0:
-            study.warm_up(say if comm.rank == 0 else None, comm.size)
-        comm.barrier()
-    study.warm_up(n_ranks=comm.size)

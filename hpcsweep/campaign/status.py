@@ -1,8 +1,6 @@
 """Report the state of campaign files and, from their journals, of the work (`hpcsweep status`).
 
-Only reads, takes no lock, and may be called from any process at any time. Of many files a row each,
-cheap enough for hundreds of them: a few attributes, which blocks have a checksum, the outcomes, and
-the journal.
+Only reads, takes no lock, and may be called from any process at any time; of many files a row each.
 """
 
 import time
@@ -12,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcsweep.campaign.costs import TaskCosts, is_place
-from hpcsweep.job import JobError, parse_job
+from hpcsweep.job import JobError
 from hpcsweep.job.paths import path_of
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
@@ -20,7 +18,7 @@ from hpcsweep.store import Layout, StoreError, open_layout, read_history
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
 from hpcsweep.store.journal import CampaignHistory, Session, totals
-from hpcsweep.store.opening import check_file, read_progress
+from hpcsweep.store.opening import check_file
 
 RECENT = 60.0
 """Seconds over which the recent rate is measured."""
@@ -30,6 +28,11 @@ FRAMES = {"omega": "frame"}
 OUTCOMES = {int(outcome): outcome.name for outcome in Outcome}
 SILENT = 120.0
 """Seconds without a record after which a session may not run any more: one comes every 30."""
+OF_ROWS = (
+    *("file", "name", "runs_total", "n_failed", "core_seconds", "core_seconds_remaining"),
+    "last_heard",
+)
+"""What a row tells of a status."""
 HEADS = ("file", "state", "runs", "%", "failed", "core s", "left", "heard")
 
 
@@ -76,7 +79,10 @@ def status(path: str | Path) -> dict:
     now = session.last if session and session.ended else time.time()
     work, remaining = None, None
     if history.costs and not state["complete"] and not layout.derived:
-        work, remaining = _remaining(layout, history, committed, session)
+        costs = TaskCosts(layout.study)
+        costs.learn(history, np.argwhere(committed))
+        computing = computing_ranks(session.ranks if session else 1)
+        work, remaining = costs.remaining(), costs.remaining(computing)
     return {
         "file": str(path),
         "version": str(check_file(path).get("hpcsweep_version", "")),
@@ -165,16 +171,6 @@ def _rates(session: Session | None, now: float) -> dict:
     }
 
 
-def _remaining(
-    layout: Layout, history: CampaignHistory, committed: np.ndarray, session: Session | None
-) -> tuple[float | None, float | None]:
-    """Estimate work left on one core, and the wall time left, from the costs so far."""
-    costs = TaskCosts(layout.study)
-    costs.learn(history, np.argwhere(committed))
-    computing = computing_ranks(session.ranks if session else 1)
-    return costs.remaining(), costs.remaining(computing)
-
-
 def _frame_seconds(layout: Layout, history: CampaignHistory) -> dict | None:
     """Return the cost of the frames whose blocks were all timed."""
     study, dims = layout.study, layout.commit.dims
@@ -220,73 +216,41 @@ def _master(session: Session | None) -> dict | None:
 def _session(session: Session) -> dict:
     """Return one session as a dict."""
     names = ("started", "ranks", "hosts", "transport", "ended")
-    written, rate, part = session.written_bytes or None, None, None
-    seconds = session.write_seconds
-    if written and session.rank_seconds and seconds is not None:
-        rate, part = written / seconds if seconds else None, seconds / session.rank_seconds
-    else:
-        written = None
+    written, seconds, whole = session.written_bytes, session.write_seconds, session.rank_seconds
+    share = seconds / whole if written and whole and seconds is not None else None
     return {name: getattr(session, name) for name in names} | {
-        "written_bytes": written,
-        "write_bytes_per_second": rate,
-        "write_share": part,
+        "written_bytes": None if share is None else written,
+        "write_bytes_per_second": written / seconds if share and written and seconds else None,
+        "write_share": share,
     }
 
 
 def overview(path: str | Path) -> dict:
-    """Return the progress of a campaign.
+    """Return the progress of a campaign, of its `status`, in a row of a table.
 
     Returns
     -------
     dict
-        ``file``, ``name``, ``runs_done``, ``runs_total``, ``n_failed``, ``core_seconds``,
-        ``core_seconds_remaining`` (as the blocks so far; None if none was timed, and of a
-        refined map), ``last_heard`` (s) and ``state``: ``complete``, ``running``, ``stopped`` (in
-        good order), ``silent`` (it was killed, or says nothing), ``not begun``, or
-        ``unreadable``, with ``why``.
+        ``file``, ``name``, ``runs_done``, inferred ones among them, ``runs_total``, ``n_failed``,
+        ``core_seconds``, ``core_seconds_remaining`` (None if none was timed, and of a refined map),
+        ``last_heard`` (s) and ``state``: ``complete``, ``running``, ``stopped`` (in good order),
+        ``silent`` (it was killed, or says nothing), ``not begun``, or ``unreadable``, with ``why``.
     """
-    path = path_of("path", path)
     try:
-        attributes, committed, outcome, inferred = read_progress(path)
-        complete = bool((committed if inferred is None else inferred).all())
-        done = outcome.size if complete else _runs_done(path, attributes, committed, outcome)
+        told = status(path)
     except (StoreError, JobError) as error:
         return {"file": str(path), "state": "unreadable", "why": str(error)}
-    history = read_history(path)
-    timed = totals(history.latest.values())
-    heard = None if history.last is None else time.time() - history.last
-    ended = history.sessions[-1].ended if history.sessions else None
-    if complete:
+    heard = told["last_heard"]
+    if told["complete"]:
         state = "complete"
-    elif ended:
+    elif told["sessions"] and told["sessions"][-1]["ended"]:
         state = "stopped"
     elif heard is None:
         state = "not begun"
     else:
         state = "running" if heard < SILENT else "silent"
-    of_run = timed.core / timed.runs if timed.runs and inferred is None else None
-    left = None if of_run is None else (outcome.size - done) * of_run
-    return {
-        "file": str(path),
-        "name": attributes["name"],
-        "state": state,
-        "runs_done": done,
-        "runs_total": outcome.size,
-        "n_failed": int((outcome > Outcome.COMPLETE).sum()),
-        "core_seconds": timed.core,
-        "core_seconds_remaining": 0.0 if complete else left,
-        "last_heard": heard,
-    }
-
-
-def _runs_done(path: Path, attributes: dict, committed: np.ndarray, outcome: np.ndarray) -> int:
-    """Count the runs of the blocks that have a checksum."""
-    study = parse_job(attributes["job"], str(path), attributes["name"], is_stored=True).study
-    shape = tuple(study.dimensions[dim] for dim in study.commit.dims)
-    if committed.shape != shape or outcome.size != study.n_runs:
-        raise StoreError(f"{path}: damaged; see hpcsweep status {path}")
-    left = study.dimensions[study.run_dims[-1]] - study.block_size * np.arange(shape[-1])
-    return int((committed * np.minimum(left, study.block_size)).sum())
+    done = told["runs_done"] + told.get("runs_inferred", 0)
+    return {name: told[name] for name in OF_ROWS} | {"state": state, "runs_done": done}
 
 
 def _lines(rows: Sequence[dict]) -> list[tuple[str, ...]]:

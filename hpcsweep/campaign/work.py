@@ -1,12 +1,13 @@
 """Verify what the file of a campaign holds, and compute, write and report its unfinished tasks."""
 
-import array
 import time
+from array import array
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +29,8 @@ SCAN_NOTES = 10.0
 """Seconds between two messages about the progress of verification."""
 
 
-class Scan:
-    """Contents of the file: verified by all ranks, each its share, and known on rank 0.
+class Scanned(NamedTuple):
+    """Contents of the file, on rank 0.
 
     Attributes
     ----------
@@ -42,60 +43,55 @@ class Scan:
         Whether no rank had to stop; the same on every rank.
     """
 
-    def __init__(self, comm, blocks: Blocks, flag: StopFlag, say: Callable[[str], None]):
-        self._flag, self._say = flag, say if comm.rank == 0 else lambda text: None
-        self._begun = self._reported = time.monotonic()
-        study = blocks.study
-        # no other task needs verifying
-        begun = on_master(comm, blocks.begun, OSError, StoreError)
-        self.todo: list[int] = []
-        self.done_runs = 0
-        done = array.array("q")
-        finished = True
-        try:
-            mine = begun[comm.rank :: comm.size]
-            self._poll(0, len(mine))
-            for number, task in enumerate(mine):
-                done += self._verify(blocks, task, partial(self._poll, number, len(mine)))
-        except farm.Stop:
-            finished = False
-        places = np.array(done, np.int64).reshape(-1, len(study.commit.dims))
-        gathered = comm.gather((self.todo, self.done_runs, places, finished))
-        if gathered is not None:
-            left = np.ones(study.n_tasks, bool)
-            left[begun] = False
-            left[[task for part in gathered for task in part[0]]] = True
-            self.todo = np.flatnonzero(left).tolist()
-            self.done_runs = sum(part[1] for part in gathered)
-            places = np.concatenate([part[2] for part in gathered])
-            finished = all(part[3] for part in gathered)
-        self.done = places
-        self.finished = comm.bcast(finished)
+    todo: list[int]
+    done_runs: int
+    done: np.ndarray
+    finished: bool
 
-    def _verify(self, blocks: Blocks, task: int, poll: Callable[[], None]) -> array.array:
-        """Verify a task; return the indices of its valid blocks in a row."""
-        places = array.array("q")
-        n_blocks = n_good = 0
-        for block, valid in blocks.verify(task, poll):
-            n_blocks += 1
-            if valid:
-                n_good += 1
-                self.done_runs += block.n_runs
-                places.extend(block.place)
-        if n_good == n_blocks:
-            return array.array("q")
-        self.todo.append(task)
-        return places
 
-    def _poll(self, task: int, n_tasks: int) -> None:
+def scan(comm, blocks: Blocks, flag: StopFlag, say: Callable[[str], None]) -> Scanned:
+    """Verify the contents of the file on all ranks, each its share (collective)."""
+    # no other task needs verifying
+    begun = on_master(comm, blocks.begun, OSError, StoreError)
+    mine = begun[comm.rank :: comm.size]
+    todo, done_runs, done, finished = [], 0, array("q"), True
+    started = reported = time.monotonic()
+
+    def poll(number: int = 0) -> None:
         """Raise `Stop` if requested; report progress from time to time."""
-        if self._flag.is_set():
+        nonlocal reported
+        if flag.is_set():
             raise farm.Stop
         now = time.monotonic()
-        if now - self._reported > SCAN_NOTES:
-            self._reported = now
-            where = f", {100 * task / n_tasks:.0f} % of its tasks" if n_tasks else ""
-            self._say(f"verifying what is in the file: {now - self._begun:.0f} s{where}")
+        if comm.rank == 0 and now - reported > SCAN_NOTES:
+            reported, share = now, 100 * number / len(mine)
+            say(f"verifying what is in the file: {now - started:.0f} s, {share:.0f} % of its tasks")
+
+    try:
+        poll()
+        for number, task in enumerate(mine):
+            places, is_whole = array("q"), True
+            for block, is_valid in blocks.verify(task, partial(poll, number)):
+                is_whole &= is_valid
+                if is_valid:
+                    done_runs += block.n_runs
+                    places.extend(block.place)
+            if not is_whole:
+                todo.append(task)
+                done += places
+    except farm.Stop:
+        finished = False
+    at = np.array(done, np.int64).reshape(-1, len(blocks.study.commit.dims))
+    gathered = comm.gather(Scanned(todo, done_runs, at, finished))
+    if gathered is not None:
+        left = np.ones(blocks.study.n_tasks, bool)
+        left[begun] = False
+        left[[task for part in gathered for task in part.todo]] = True
+        todo = np.flatnonzero(left).tolist()
+        done_runs = sum(part.done_runs for part in gathered)
+        at = np.concatenate([part.done for part in gathered])
+        finished = all(part.finished for part in gathered)
+    return Scanned(todo, done_runs, at, comm.bcast(finished))
 
 
 @dataclass
@@ -156,9 +152,8 @@ class RankWork:
 
     def _scan(self, say) -> None:
         """Verify the contents of the file (collective)."""
-        scan = Scan(self._comm, self._campaign.blocks, self._flag, say)
-        self.scanned, self.todo, self.done_runs = scan.finished, scan.todo, scan.done_runs
-        self._done = scan.done
+        scanned = scan(self._comm, self._campaign.blocks, self._flag, say)
+        self.todo, self.done_runs, self._done, self.scanned = scanned
 
     def estimate(self, wanted: bool) -> None:
         """Begin to estimate the costs of tasks if `wanted`, as rank 0 decides."""

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
-import numpy as np
 
 from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
@@ -21,7 +20,6 @@ from hpcsweep.store.contents import CHECKSUM, file_problems, metadata_checksum
 from hpcsweep.store.create import reason
 from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
 from hpcsweep.store.offsets import open_for_reading
-from hpcsweep.studies.refine.audit import INFERRED
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
@@ -153,33 +151,6 @@ def check_file(path: Path) -> dict:
             f"version {LAYOUT_VERSION}"
         )
     return attributes
-
-
-def read_progress(path: Path) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray | None]:
-    """Read how far a campaign is, and no more: nothing is verified.
-
-    Returns
-    -------
-    attributes : dict
-        Of the file, ``job`` and ``name`` among them.
-    committed : ndarray of bool
-        Whether each block has a checksum, shape of ``commit``.
-    outcome : ndarray of int
-        Of the runs; 0 where none was written.
-    inferred : ndarray of bool or None
-        Of a refined map, whether each frame has the checksum of what is inferred.
-
-    Raises
-    ------
-    StoreError
-        If it is not a campaign file of this layout version.
-    """
-    attributes = check_file(path)
-    if not {"job", "name"} <= attributes.keys():
-        raise DamagedError(path, f"damaged (attributes are missing); {REMEDY}")
-    with reading(path) as file:
-        inferred = file[INFERRED][...] != 0 if INFERRED in file else None
-        return attributes, file["commit"][...] != 0, file["outcome"][...], inferred
 
 
 def _equal(value: object, expected: object) -> bool:

@@ -96,7 +96,7 @@ def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
     flag = StopFlag()
     flag.reason = "SIGTERM"
     flag.at_once = lambda reason: None
-    from hpcsweep.campaign.work import Scan
+    from hpcsweep.campaign.work import scan
     from hpcsweep.parallel import memory
     from hpcsweep.store import Layout, create
     from hpcsweep.store.commit import Blocks
@@ -106,17 +106,17 @@ def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
         file["commit"][...] = 1
     with Blocks(path, Layout(job)) as blocks:
         begun = time.monotonic()
-        assert not Scan(Serial(), blocks, flag, print).finished
+        assert not scan(Serial(), blocks, flag, print).finished
         assert time.monotonic() - begun < 10.0
         before = memory.peak()
         with StopFlag(deadline=time.time() + 1.0) as late:
-            assert not Scan(Serial(), blocks, late, print).finished
+            assert not scan(Serial(), blocks, late, print).finished
         assert time.monotonic() - begun < 30.0
         assert memory.peak() - before < 100e6
 
 
 def test_a_scan_verifies_only_tasks_of_which_the_file_holds_a_part(tmp_path, monkeypatch):
-    from hpcsweep.campaign.work import Scan
+    from hpcsweep.campaign.work import scan
     from hpcsweep.store import Layout, create
     from hpcsweep.store.commit import Blocks
 
@@ -128,7 +128,7 @@ def test_a_scan_verifies_only_tasks_of_which_the_file_holds_a_part(tmp_path, mon
     verify = Blocks.verify
     monkeypatch.setattr(Blocks, "verify", lambda *args: verified.append(args[1]) or verify(*args))
     with StopFlag() as flag, Blocks(path, Layout(job)) as blocks:
-        fresh = Scan(Serial(), blocks, flag, print)
+        fresh = scan(Serial(), blocks, flag, print)
         assert verified == []
         assert fresh.todo == list(range(job.study.n_tasks)) == list(range(3000))
         # a block that is there, and one whose checksum does not hold
@@ -139,7 +139,7 @@ def test_a_scan_verifies_only_tasks_of_which_the_file_holds_a_part(tmp_path, mon
             for name, values in rows.items():
                 file[name][good.runs] = values
             file["commit"][good.place], file["commit"][bad.place] = whole, 1
-        again = Scan(Serial(), blocks, flag, print)
+        again = scan(Serial(), blocks, flag, print)
         assert verified == [507, 2499]
         assert (again.done_runs, again.finished) == (1, True)
         assert again.todo == [task for task in range(3000) if task != 507]

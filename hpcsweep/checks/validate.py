@@ -10,7 +10,6 @@ Three kinds of evidence, from cheap to costly:
 """
 
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,8 +32,6 @@ LISTED = 20
 """Problems that are described one by one; the rest is counted."""
 MAX_DRAWS = 10_000
 """Runs drawn in search of complete ones."""
-LOCATING_SECONDS = 60.0
-"""Time limit (s) for recomputing damaged blocks, to find the damaged bytes."""
 
 
 @dataclass
@@ -72,10 +69,6 @@ class Findings:
         self.n_problems += 1
         if len(self.problems) < LISTED:
             self.problems.append(problem)
-
-
-class _OutOfTime(Exception):
-    """Raised where a block takes too long to recompute."""
 
 
 def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Findings:
@@ -161,7 +154,6 @@ class _Checker:
     def __init__(self, blocks: Blocks, report: Findings):
         self._blocks, self._report = blocks, report
         self._study = blocks.study
-        self._seconds_left = LOCATING_SECONDS
 
     def check(self) -> list[Block]:
         """Verify every committed block; return the sound ones."""
@@ -192,14 +184,12 @@ class _Checker:
         self._report.committed += 1
         good = stored == self._blocks.checksum(block, start, rows)
         if not good:
-            begun = time.monotonic()
-            rows = self._describe_damage(block, start, rows, begun + self._seconds_left)
-            self._seconds_left -= time.monotonic() - begun
+            rows = self._describe_damage(block, start, rows)
         for row, problem in self._study.check(block, rows):
             self._report.add(f"{place}, {_along(self._study, block, row)}: {problem}")
         return rows, good
 
-    def _describe_damage(self, block: Block, start: np.ndarray, rows: dict, deadline: float):
+    def _describe_damage(self, block: Block, start: np.ndarray, rows: dict) -> dict:
         """Report the wrong bytes of a damaged block; return its true rows if they are known."""
         blocks, report = self._blocks, self._report
         first, last = (_along(self._study, block, k) for k in (0, block.n_runs - 1))
@@ -207,7 +197,9 @@ class _Checker:
             f"{_place(self._study, block)}, block {block.place[-1]} ({first} "
             f"to {last.rpartition(' ')[2]}): checksum does not hold"
         )
-        true = self._compute(block, start, deadline)
+        # no more than can be listed, which may take long
+        locate = report.n_problems < LISTED and np.isfinite(start).all()
+        true = self._study.compute(block, start) if locate else None
         places = blocks.places(block)
         if true is None or blocks.checksum(block, start, true) != blocks.committed(block):
             if true is not None and all(
@@ -217,13 +209,7 @@ class _Checker:
                     f"{what}; computed again, all its variables are right: commit is damaged"
                 )
                 return true
-            where = ", ".join(
-                f"{name} {first} to {first + size - 1}" for name, (first, size) in places.items()
-            )
-            report.add(
-                f"{what}; one or more of its bytes, or the block before"
-                + (f" ({where})" if where else "")
-            )
+            report.add(f"{what}; one or more of its bytes, or the block before")
             return rows
         for name in blocks.variables:
             wrong = np.flatnonzero(_raw(true[name]) != _raw(rows[name]))
@@ -235,20 +221,6 @@ class _Checker:
                     f"first in {_along(self._study, block, row)}{byte}"
                 )
         return true
-
-    def _compute(self, block: Block, start: np.ndarray, deadline: float) -> dict | None:
-        """Recompute a block as `run` did; return None if it takes too long."""
-
-        def poll() -> None:
-            if time.monotonic() > deadline:
-                raise _OutOfTime
-
-        if not np.all(np.isfinite(start)):
-            return None
-        try:
-            return self._study.compute(block, start, poll)
-        except _OutOfTime:
-            return None
 
 
 def _raw(values: np.ndarray) -> np.ndarray:
@@ -267,23 +239,18 @@ def _choose(
     rows : dict of str to ndarray
         Of the block.
     """
-    ends = np.cumsum([block.n_runs for block in valid])
+    ends = np.cumsum([block.n_runs for block in valid], dtype=int)
     total = int(ends[-1]) if valid else 0
-    seen: set[int] = set()
     chosen = 0
-    while chosen < samples and len(seen) < min(total, MAX_DRAWS):
-        number = int(rng.integers(total))
-        if number in seen:
-            continue
-        seen.add(number)
-        which = int(np.searchsorted(ends, number, side="right"))
-        block = valid[which]
-        row = int(number - (ends[which] - block.n_runs))
+    for number in rng.choice(total, min(total, MAX_DRAWS), replace=False).tolist():
+        if chosen == samples:
+            return
+        block = valid[which := int(np.searchsorted(ends, number, side="right"))]
+        row = number - (int(ends[which]) - block.n_runs)
         rows = blocks.read(block)
-        if rows["outcome"][row] != Outcome.COMPLETE:
-            continue
-        chosen += 1
-        yield block, row, rows
+        if rows["outcome"][row] == Outcome.COMPLETE:
+            chosen += 1
+            yield block, row, rows
 
 
 def inferred_problems(blocks: Blocks) -> list[tuple[Place, str]]:

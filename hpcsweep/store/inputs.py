@@ -19,7 +19,7 @@ from hpcsweep.store.contents import CURVES
 from hpcsweep.store.frames import Frames
 from hpcsweep.store.layout import Layout, StoreError
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.refine.crossing import KnownCurve
+from hpcsweep.studies.refine.growth import KnownCurve
 from hpcsweep.studies.seeds import Seed, Seeds, Where
 from hpcsweep.studies.study import Study, as_kind
 

@@ -5,16 +5,12 @@ The kernels for any structure are compiled once. Kernels specialised to the stru
 user requests them.
 """
 
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from hpcsweep.dynamics.classify_motion import SETTLED
-from hpcsweep.kernels.compile.warm import load_all, missing, processors
+from hpcsweep.kernels.compile.warm import load_all, processors
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.compiling import announced
-from hpcsweep.solvers.solver import SOLVERS, make_solver
+from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.blocks import Say
 from hpcsweep.studies.quantities import METRICS
 from hpcsweep.studies.settings import SweepSettings
@@ -29,19 +25,26 @@ REFINED_SHARE = 0.1
 """Share of the histories of a refined map that are computed, about."""
 
 
-def is_compiled(
+def needed(
     settings: SweepSettings, structure: Structure | None = None, specialised: bool = False
-) -> bool:
-    """Return whether the cache is known to hold what runs with these settings call.
+) -> list[Any]:
+    """Return the kernels that runs with these settings call, compiled or not.
 
     Parameters
     ----------
     settings : SweepSettings
-    structure, specialised
-        See `warm_up`.
+    structure : Structure, optional
+        Default: what those of any structure do.
+    specialised : bool
+        Return those specialised to the structure.
     """
     SOLVERS[settings.solver].load()
-    return settings.solver == "flow" and not missing(_needed(settings, structure, specialised))
+    if settings.solver != "flow":
+        return []
+    # imported late: the solver may be another one
+    from hpcsweep.solvers.flow.specialised import needed_kernels
+
+    return needed_kernels(structure, specialised, settings.measures != 0)
 
 
 def warm_up(
@@ -51,47 +54,12 @@ def warm_up(
     structure: Structure | None = None,
     specialised: bool = False,
 ) -> None:
-    """Compile, or load from disk, what runs with these settings call, by running a few periods.
+    """Compile, or load from disk, what runs with these settings call; see `needed` and `load`."""
+    load(needed(settings, structure, specialised), say, jobs)
+    if structure is not None and specialised:
+        from hpcsweep.solvers.flow.specialised import use
 
-    Parameters
-    ----------
-    settings : SweepSettings
-    say : callable, optional
-        Called with the progress of compilation, if there is anything to compile.
-    jobs : int, optional
-        Processes that compile; default one for each available processor.
-    structure : Structure, optional
-        Compile only what its runs call; default what those of any structure do.
-    specialised : bool
-        Compile kernels specialised to the structure (solver `flow`).
-    """
-    SOLVERS[settings.solver].load()
-    example = Structure(1, 10.0) if structure is None or not specialised else structure
-    if settings.solver == "flow":
-        kernels = "kernels specialised to the structure" if specialised else "kernels"
-        load(_needed(settings, structure, specialised), say, jobs, kernels)
-        if specialised:
-            from hpcsweep.solvers.flow.specialised import use
-
-            use(example)
-    solver = make_solver(settings.solver, example, 1.0, settings.rtol, yields=True)
-    z = np.zeros(example.state_units.size)
-    amplitude = 0.0 if specialised else 1.0
-    if SOLVERS[settings.solver].batches(example):
-        from hpcsweep.solvers.flow import FlowMap
-        from hpcsweep.solvers.flow.orbit.batch import Rules
-
-        assert isinstance(solver, FlowMap)
-        rules = Rules(settled=SETTLED, same=SETTLED, near=SETTLED)
-        solver.follow_orbits(np.array([amplitude]), z, rules, None)
-    if "converged" in settings.skip:
-        solver.settle(z, amplitude, 1, 1, SETTLED, SETTLED)
-    else:
-        solver.advance(z, amplitude, 1)
-    solver.observe(z, amplitude, 1)
-    if "lyapunov" in settings.metrics:
-        solver.observe(z, amplitude, 1, growth=True)
-        solver.monodromy(z, amplitude, 1)
+        use(structure)
 
 
 def worth_specialising(study: Study, n_ranks: float | None) -> bool:
@@ -108,27 +76,21 @@ def warm_up_all(say: Say = None, jobs: int | None = None) -> None:
     """Compile, or load, what runs with any settings and responses to records call."""
     from hpcsweep.solvers.flow.record_map import kernels_of
 
-    every = SweepSettings(metrics=frozenset(METRICS))
-    needed = dict.fromkeys([*_needed(every, None, False), *kernels_of(Structure(1), True)])
-    load(list(needed), say, jobs)
-    for name in SOLVERS:
-        warm_up(replace(every, solver=name), say, jobs)
+    every = needed(SweepSettings(metrics=frozenset(METRICS)))
+    load(list(dict.fromkeys([*every, *kernels_of(Structure(1), True)])), say, jobs)
 
 
-def load(needed: list[Any], say: Say, jobs: int | None = None, kernels: str = "kernels") -> None:
-    """Compile kernels, or load them from the disk, and tell the progress."""
-    tell = None if say is None else announced(say, kernels)
-    load_all(needed, tell, processors() if jobs is None else jobs)
+def load(kernels: list[Any], say: Say = None, jobs: int | None = None) -> None:
+    """Compile kernels, in one process for each available processor, or load them from the disk.
 
-
-def kernel_set(settings: SweepSettings, structure: Structure) -> tuple:
-    """Return what identifies all that runs of a structure with these settings call."""
-    needed = _needed(settings, structure, False) if settings.solver == "flow" else ()
-    return settings, *needed
-
-
-def _needed(settings: SweepSettings, structure: Structure | None, specialised: bool) -> list[Any]:
-    # imported late: the solver may be another one
-    from hpcsweep.solvers.flow.specialised import needed_kernels
-
-    return needed_kernels(structure, specialised, settings.measures != 0)
+    Parameters
+    ----------
+    kernels : list of EntryPoint
+    say : callable, optional
+        Called with the progress of compilation, if there is anything to compile.
+    jobs : int, optional
+        Processes that compile.
+    """
+    special = " specialised to the structure" * any(kernel.specialisation for kernel in kernels)
+    tell = None if say is None else announced(say, f"kernels{special}")
+    load_all(kernels, tell, processors() if jobs is None else jobs)

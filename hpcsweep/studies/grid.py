@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -21,7 +22,7 @@ from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
 from hpcsweep.studies.report import MAX_FRAMES, Step, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
-from hpcsweep.studies.study import Lines, RunAgain, StudyTally
+from hpcsweep.studies.study import Lines, RunAgain
 from hpcsweep.studies.tally import RunTally
 from hpcsweep.studies.variable import Coordinate, Variable
 
@@ -229,7 +230,7 @@ class RunGrid(Part):
             "no_period_found": int((complete & (runs["orbit_period"] == 0)).sum()),
         }
 
-    def tally(self) -> StudyTally:
+    def tally(self) -> Any:
         """Return a tally of runs for ``summary``."""
         return RunTally(self)
 
@@ -246,40 +247,24 @@ class RunGrid(Part):
         more = f" to {last['amplitude']:.6g}" if block.n_runs > 1 else ""
         return f"Omega = {first['omega']:.6g}, A = {first['amplitude']:.6g}{more}"
 
-    @property
-    def _all_settings(self) -> SweepSettings:
-        """Settings with all metrics that the runs compute."""
-        return replace(self.settings, metrics=self.settings.metrics | self.always)
-
-    @cached_property
-    def _by_kernels(self) -> dict[tuple, Structure]:
-        """A structure for each set of kernels that runs call."""
-        from hpcsweep.studies.compilation import kernel_set
-
-        return {
-            kernel_set(self._all_settings, structure): structure for structure in self.structures
-        }
-
-    @property
-    def kernels(self) -> tuple:
-        """What identifies the kernels that its runs call."""
-        return tuple(self._by_kernels)
-
     def _specialises(self, n_ranks: float | None) -> bool:
         from hpcsweep.studies.compilation import worth_specialising
 
         return len(self.structures) == 1 and worth_specialising(self, n_ranks)
 
-    def is_compiled(self, n_ranks: float | None = None) -> bool:
-        """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import is_compiled
+    def kernels(self, n_ranks: float | None = None) -> list[Any]:
+        """Return the kernels that its runs call; see `Part.kernels`."""
+        from hpcsweep.studies.compilation import needed
 
-        each, specialised = self._by_kernels.values(), self._specialises(n_ranks)
-        return all(is_compiled(self._all_settings, structure, specialised) for structure in each)
+        settings = replace(self.settings, metrics=self.settings.metrics | self.always)
+        special = self._specialises(n_ranks)
+        each = (needed(settings, structure, special) for structure in self.structures)
+        return list(dict.fromkeys(chain.from_iterable(each)))
 
     def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
-        """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import warm_up
+        """Compile its `kernels`, or load them from disk, and use those for its structure."""
+        super().warm_up(say, n_ranks)
+        if self._specialises(n_ranks):
+            from hpcsweep.solvers.flow.specialised import use
 
-        for structure in self._by_kernels.values():
-            warm_up(self._all_settings, say, None, structure, self._specialises(n_ranks))
+            use(self.structure)

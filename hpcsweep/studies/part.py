@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows
+from hpcsweep.studies.blocks import Block, Path, Place, Poll, Rows, Say
 from hpcsweep.studies.invariants import Broken, listed, of_each
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.refinement import Refinement
@@ -190,6 +190,26 @@ class Part(ABC):
     def predecessor(self, _block: Block, _row: int) -> Place | None:
         """Return None: every run is independent."""
         return None
+
+    @abstractmethod
+    def kernels(self, n_ranks: float | None = None) -> list[Any]:
+        """Return the kernels that its runs call.
+
+        With `n_ranks`, of all of its runs on that many ranks, or that share of one: where it pays,
+        those specialised to the structure.
+        """
+
+    def is_compiled(self, n_ranks: float | None = None) -> bool:
+        """Return whether the cache holds its `kernels`."""
+        from hpcsweep.kernels.compile.warm import missing
+
+        return not missing(self.kernels(n_ranks))
+
+    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
+        """Compile its `kernels`, or load them from disk."""
+        from hpcsweep.studies.compilation import load
+
+        load(self.kernels(n_ranks), say)
 
     @property
     def polls_per_run(self) -> int:

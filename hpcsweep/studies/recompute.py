@@ -81,20 +81,18 @@ def compute_again(
     other = witness_of(study.settings.solver, study.structure)
     described, home = study.describe(block.run(row)), study.structure_at(block.run(row)[-1])
     point = described["omega"], described["amplitude"]
-    solvers: dict[tuple, tuple] = {}
     compared = []
     for motion in study.motions(run):
         forcing = motion.get("omega", point[0]), motion.get("amplitude", point[1])
-        place = motion.get("structure", home), *forcing
-        if place not in solvers:
-            structure = place[0].measured_at(*forcing)
-            solver = make_solver(other, structure, forcing[0], SOLVERS[other].tight, yields=True)
-            tight = SOLVERS["flow"].tight
-            tangent = make_solver("flow", structure, forcing[0], tight, yields=True)
-            solvers[place] = solver, tangent
+        moving = motion.get("structure", home).measured_at(*forcing), forcing[0]
+        solver, tangent = (
+            make_solver(name, *moving, SOLVERS[name].tight, yields=True) for name in (other, "flow")
+        )
         again = RunAgain(run_name(described), other, *forcing, int(motion["orbit_period"]))
-        solver, tangent = solvers[place]
-        _compare_motion(study.settings, again, solver, tangent, motion)
+        try:
+            _compare_points(study.settings, again, solver, tangent, motion)
+        except ArithmeticError as error:
+            again.compared, again.difference = f"nothing: {error}", None
         compared.append(again)
     nothing = RunAgain(run_name(described), other, *point, compared="nothing: no motion is held")
     again = max(compared, key=_badness, default=nothing)
@@ -107,14 +105,6 @@ def _badness(again: RunAgain) -> tuple[bool, float]:
     if again.difference is None or not again.allowed:
         return bool(again.problem), -1.0
     return bool(again.problem), again.difference / again.allowed
-
-
-def _compare_motion(settings: SweepSettings, again: RunAgain, solver, tangent, run: dict) -> None:
-    """Recompute a motion with the other solver."""
-    try:
-        _compare_points(settings, again, solver, tangent, run)
-    except ArithmeticError as error:
-        again.compared, again.difference = f"nothing: {error}", None
 
 
 def _allowed(settings: SweepSettings, structure: Structure, other: str, growth: float) -> float:

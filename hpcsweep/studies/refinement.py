@@ -132,9 +132,7 @@ def read_refinement(
     if not values.has("study.refine"):
         return None
     table = values.get("study.refine")
-    if not isinstance(table, Mapping):
-        raise values.error("study.refine", table, "must be a table such as {levels = 4}")
-    values.check_keys("study.refine", table, names(KEYS))
+    values.check_table("study.refine", table, names(KEYS), ())
     if values.has("study.points"):
         limit = "does not go with study.points: a list of points has no cells"
         raise values.error("study.refine", table, limit)

@@ -104,28 +104,6 @@ class RunAgain:
     problem: str = ""
 
 
-class StudyTally(Protocol):
-    """Counts over the runs of a study, for ``summary``.
-
-    Attributes
-    ----------
-    at_once : int
-        Most frames that `add` takes together.
-    """
-
-    at_once: int
-
-    @property
-    def done(self) -> int:
-        """Number of computed runs."""
-
-    def add(self, frame: Any, study: "Study") -> None:
-        """Count the runs of frames, an xarray.Dataset, of a study or of a part of it."""
-
-    def summary(self) -> dict[str, Any]:
-        """Return the counts: numbers, strings, lists and dicts."""
-
-
 class Work(Protocol):
     """What a study computes: tasks, each a path of blocks, in any order and on any rank.
 
@@ -352,8 +330,8 @@ class Description(Protocol):
             The variables `status_variables`, ``outcome`` and ``cycles``.
         """
 
-    def tally(self) -> StudyTally:
-        """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally`."""
+    def tally(self) -> Any:
+        """Return a tally of runs for ``summary``; see `hpcsweep.studies.tally.BaseTally`."""
 
 
 class Study(Work, Contents, Description, Protocol):

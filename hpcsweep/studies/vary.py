@@ -6,7 +6,7 @@ not depend on other parts, so the tasks of all parts are tasks of the whole, and
 are equal, to the last bit, to those of a job of its own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -255,11 +255,11 @@ class Varied:
         )
 
     def is_compiled(self, n_ranks: float | None = None) -> bool:
-        """Return whether the cache is known to hold all that its runs call."""
+        """Return whether the cache holds the kernels of all parts."""
         return all(part.is_compiled(self._share(n_ranks)) for part in self._parts_by_kernels())
 
     def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
-        """Compile, or load from disk, all that its runs call."""
+        """Compile the kernels of all parts, or load them from disk."""
         for part in self._parts_by_kernels():
             part.warm_up(say, self._share(n_ranks))
 
@@ -267,14 +267,11 @@ class Varied:
         """Return the share of the ranks that each part has."""
         return None if n_ranks is None else n_ranks / self.n_parts
 
-    def _parts_by_kernels(self) -> list[RunGrid]:
-        """Return parts that together call all kernels, one for each set of these."""
-        if not self.base.kernels:
-            return [self.base]
+    def _parts_by_kernels(self) -> Iterator[RunGrid]:
+        """Iterate over parts that together call all kernels."""
         several = [any(_picks_kernels(key.key) for key in axis.keys) for axis in self.axes]
         shape = [len(a.values) if picks else 1 for a, picks in zip(self.axes, several, strict=True)]
-        parts = (self.part(place) for place in np.ndindex(*shape))
-        return list({part.kernels: part for part in parts}.values())
+        return map(self.part, np.ndindex(*shape))
 
     def _place(self, number: int) -> Place:
         # for each task of millions: a tenth of the time of `unravel_index`

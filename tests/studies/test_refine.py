@@ -6,8 +6,8 @@ from together import together
 
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.studies.refine.audit import ALPHA, draw, interval, n_allowed, n_drawn
-from hpcsweep.studies.refine.cells import WRONG, Cells, Labels
-from hpcsweep.studies.refine.crossing import Counts, KnownCurve, crossed_boxes
+from hpcsweep.studies.refine.cells import WRONG, Cells, Counts, Labels
+from hpcsweep.studies.refine.growth import KnownCurve, crossed_boxes
 from hpcsweep.studies.refine.rounds import RefinementRounds, n_least
 from hpcsweep.studies.refinement import Refinement, Source
 
@@ -109,7 +109,7 @@ def test_the_costliest_cells_are_left_and_inferred_from_the_nearest_points():
 def test_of_equally_near_points_the_first_axis_counts_first():
     cells, labels = Cells((3, 3), 1), Labels(9)
     labels.store(np.array([0, 2, 4, 6, 8]), np.array([[0, k, 1] for k in (1, 2, 3, 4, 5)], "u8"))
-    cells.learn(cells.first(), labels)
+    cells.learn(cells.corners_and_centres(), labels)
     assert cells.cut(allowed=WRONG * 4).size == 0
     level, code = cells.inferred()
     assert level.tolist() == [0, -1, 0, -1, 0, -1, 0, -1, 0]

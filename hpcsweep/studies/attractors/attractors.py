@@ -15,7 +15,7 @@ the structure, A, Omega and the job.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -31,12 +31,8 @@ from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.path_grid import ALONG, Followed, PathGrid
 from hpcsweep.studies.points import POINTS, PointGrid
 from hpcsweep.studies.refinement import REFINE, read_refinement
-from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
-
-if TYPE_CHECKING:
-    from hpcsweep.studies.attractors.runs import AttractorRuns
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +112,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
             "attractor": numbered(self.max_attractors, "attractor, by falling share"),
         }
 
-    def runs_of(self, structure: Structure, omega: float) -> "AttractorRuns":
+    def runs_of(self, structure: Structure, omega: float) -> Any:
         """Return what finds the attractors of one structure at one frequency."""
         # imported here: reading results needs no kernels
         from hpcsweep.studies.attractors.runs import AttractorRuns
@@ -149,7 +145,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
             ),
         }
 
-    def tally(self) -> StudyTally:
+    def tally(self) -> AttractorTally:
         """Return a tally of points for ``summary``."""
         return AttractorTally(self)
 

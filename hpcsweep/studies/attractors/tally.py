@@ -7,25 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.boundaries import basin_boundary
-from hpcsweep.dynamics.classify import (
-    CLASS_NAMES,
-    MotionClass,
-    contact_name,
-    shakedown_name,
-)
+from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, contact_name, shakedown_name
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies import tally
 from hpcsweep.studies.attractors.search import KINDS, UNSTORED
 from hpcsweep.studies.refine.audit import SOURCE, inferred_name
 from hpcsweep.studies.refinement import Source
 from hpcsweep.studies.study import Study
-from hpcsweep.studies.tally import (
-    BaseTally,
-    class_shares,
-    contact_shares,
-    shakedown_shares,
-    share,
-    shares,
-)
 
 
 class Counted(NamedTuple):
@@ -57,7 +45,7 @@ def attractors_in(frame) -> tuple[list[int], list[Counted]]:
     return number, list(map(Counted, kind, period, contact, shakedown))
 
 
-class AttractorTally(BaseTally):
+class AttractorTally(tally.BaseTally):
     """Tally of points and their starts: each attractor of each point counts."""
 
     def add(self, frame, study: Study) -> None:
@@ -89,14 +77,14 @@ class AttractorTally(BaseTally):
         del periods[0], contacts[None]
         return super().summary() | {
             "periods_per_start": counts["all"]["cycles"] / starts if starts else None,
-            "numbers": shares(counts["n_attractors"], self.done),
+            "numbers": tally.shares(counts["n_attractors"], self.done),
             "starts": starts,
-            **{f"starts_{name}": share(counts["starts"][name], starts) for name in UNSTORED},
+            **{f"starts_{name}": tally.share(counts["starts"][name], starts) for name in UNSTORED},
             "attractors": held,
-            "classes": class_shares(classes, self._study, KINDS),
-            "periods": shares(periods, held),
-            "shakedown": shakedown_shares(shakedown, held, self._study),
-            "contact_sets": contact_shares(contacts, held, self._study),
+            "classes": tally.class_shares(classes, self._study, KINDS),
+            "periods": tally.shares(periods, held),
+            "shakedown": tally.shakedown_shares(shakedown, held, self._study),
+            "contact_sets": tally.contact_shares(contacts, held, self._study),
         }
 
 
@@ -129,7 +117,7 @@ class BasinTally(AttractorTally):
         """Return the counts; see `BaseTally.summary`."""
         labels, starts = self._study.structure.contact_labels, self.counts["starts"]["all"]
         basins = {
-            name: {"name": kind.named(labels), **share(self.counts["hits"][name], starts)}
+            name: {"name": kind.named(labels), **tally.share(self.counts["hits"][name], starts)}
             for name, kind in self.attractors.items()
         }
         self.counts["attractors"] = Counter(self.attractors.values())
@@ -157,7 +145,7 @@ class StartTally(BasinTally):
 
     def add(self, frame, study: Study) -> None:
         """Count a row; see `BaseTally.add`."""
-        BaseTally.add(self, frame, study)
+        tally.BaseTally.add(self, frame, study)
         computed = frame["outcome"].values != Outcome.NOT_COMPUTED
         inferred = frame[SOURCE].values == Source.INFERRED
         labels = np.where(inferred, frame[inferred_name("label")].values, frame["label"].values)

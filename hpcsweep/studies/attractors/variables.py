@@ -5,17 +5,9 @@ from dataclasses import replace
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import ISOLATED
-from hpcsweep.studies import quantities
+from hpcsweep.studies import quantities, variables
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import ANY, FINITE, VALID, Variable, code, count, real
-from hpcsweep.studies.variables import (
-    CYCLES,
-    OF_SLIDERS,
-    OUTCOME,
-    RUN_VARIABLES,
-    SPECTRUM,
-    without_contacts,
-)
 
 EACH = ("attractor",)
 SLOTS = {"attractor": "attractor_id"}
@@ -44,7 +36,7 @@ ATTRACTOR = (
     quantities.LYAPUNOV.along(EACH),
     real("lyapunov_low", EACH, "rate", "lower end of the exponent's interval", None),
     real("lyapunov_high", EACH, "rate", "upper end of the exponent's interval", None),
-    *(variable.along(EACH) for variable in SPECTRUM),
+    *(variable.along(EACH) for variable in variables.SPECTRUM),
     quantities.CONTACT.along(EACH),
     quantities.DRIFT.along(EACH),
     quantities.MODAL_NORM.along(EACH),
@@ -52,7 +44,11 @@ ATTRACTOR = (
         replace(quantities.of_motions(name), optional=True).along(EACH)
         for name in quantities.MEASURES
     ),
-    *(variable.along(EACH) for variable in RUN_VARIABLES if variable.name in OF_SLIDERS),
+    *(
+        variable.along(EACH)
+        for variable in variables.RUN_VARIABLES
+        if variable.name in variables.OF_SLIDERS
+    ),
     count("families", EACH, "dimensions of the family of orbits that is the attractor"),
     real("point", (*EACH, "state"), quantities.STATES, "a stroboscopic point", FINITE),
 )
@@ -67,21 +63,21 @@ VARIABLES = (
     count("n_failed", (), "starts whose integration failed", failed=VALID),
     count("n_elsewhere", (), "starts that reached attractors not stored", failed=VALID),
     count("last_id", (), "largest identity given on the path so far", failed=VALID),
-    CYCLES,
-    OUTCOME,
+    variables.CYCLES,
+    variables.OUTCOME,
 )
-OF_SPECTRUM = tuple(each.name for each in SPECTRUM)
+OF_SPECTRUM = tuple(each.name for each in variables.SPECTRUM)
 OPTIONAL = ("contact", "drift", "modal_norm", *quantities.MEASURES, *OF_SPECTRUM)
 """Variables that a job may leave out."""
 
 
 def attractor_variables(
-    settings: SweepSettings, structure: Structure, variables: tuple[Variable, ...] = VARIABLES
+    settings: SweepSettings, structure: Structure, every: tuple[Variable, ...] = VARIABLES
 ) -> list[Variable]:
     """Return those of the variables of each point that a job has, in the order of the file."""
-    out = set(OPTIONAL) - set(settings.metrics) | without_contacts(structure)
+    out = set(OPTIONAL) - set(settings.metrics) | variables.without_contacts(structure)
     if "lyapunov_spectrum" in settings.metrics:
         out -= set(OF_SPECTRUM)
     if ISOLATED.of(structure):
-        out |= {*OF_SLIDERS, "families"}
-    return [variable for variable in variables if variable.name not in out]
+        out |= {*variables.OF_SLIDERS, "families"}
+    return [variable for variable in every if variable.name not in out]

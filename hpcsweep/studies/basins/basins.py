@@ -23,7 +23,6 @@ from hpcsweep.studies.basins.slice import SliceGrid, read_slice
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.refinement import Refinement, read_refinement
-from hpcsweep.studies.study import StudyTally
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
@@ -92,7 +91,7 @@ class Basins(SliceGrid):
             (runs[f"n_{name}"][good].sum() for name in UNSTORED),
         )
 
-    def tally(self) -> StudyTally:
+    def tally(self) -> BasinTally:
         """Return a tally of rows for ``summary``."""
         return BasinTally(self)
 
@@ -184,7 +183,7 @@ class RefinedBasins(SliceGrid):
         counts = ((runs["label"][done] == k).sum() for k in UNSTORED.values())
         return count_starts(int(done.sum()), runs["cycles"][done].sum(), counts)
 
-    def tally(self) -> StudyTally:
+    def tally(self) -> StartTally:
         """Return a tally of starts for ``summary``."""
         return StartTally(self)
 

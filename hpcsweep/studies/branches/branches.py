@@ -18,22 +18,22 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import FORCING_PARAMETERS
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
+from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.branches import variables
-from hpcsweep.studies.branches.invariants import broken_relations
 from hpcsweep.studies.branches.keys import CHECKED, KEYS, BranchGrid, read_lines
 from hpcsweep.studies.branches.tally import BranchTally
-from hpcsweep.studies.invariants import Broken
+from hpcsweep.studies.invariants import Broken, misnumbered
 from hpcsweep.studies.keys import OMEGA, Tables
 from hpcsweep.studies.points import POINTS
 from hpcsweep.studies.seeds import Reader, Seeds, Where
-from hpcsweep.studies.study import Lines, StudyTally
+from hpcsweep.studies.study import Lines
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import numbered
 
 START = "branches"
 SPECIALS_SHARE = 8
 """Points of branches, as stored, to one special point."""
+ROUNDING = 1e-9
 AGAIN = 5
 """Points of branches that `validate` computes again."""
 
@@ -186,11 +186,6 @@ class Branches(BranchGrid):
 
         return line_of(self, frame, self.seeds_of(frame), poll)
 
-    def time_runs(self, share: float, _along: float, _n_runs: int, poll: Poll = None) -> Timed:
-        """Time one line."""
-        place, _, seconds = super().time_runs(share, 0.0, 0, poll)
-        return place, 1, seconds
-
     def motions(self, run: Rows) -> list[dict[str, Any]]:
         """Return points of branches, evenly over all, as runs that ended in them.
 
@@ -222,31 +217,87 @@ class Branches(BranchGrid):
         """Count branches, and the seeds that lie on them."""
         return {name: int(runs[name][done].sum()) for name in self.status_variables}
 
-    def is_compiled(self, n_ranks: float | None = None) -> bool:
-        """Return whether the cache is known to hold all that its runs call."""
+    def kernels(self, n_ranks: float | None = None) -> list[Any]:
+        """Return the kernels that its runs call; see `Part.kernels`."""
         from hpcsweep.solvers.flow.specialised import branch_kernels
-        from hpcsweep.studies.compilation import missing
 
-        return super().is_compiled(n_ranks) and not missing(branch_kernels(self.structure))
+        return super().kernels(n_ranks) + branch_kernels(self.structure)
 
-    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
-        """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.solvers.flow.specialised import branch_kernels
-        from hpcsweep.studies.compilation import load
-
-        super().warm_up(say, n_ranks)
-        load(branch_kernels(self.structure), say, kernels="kernels of branches")
-
-    def tally(self) -> StudyTally:
+    def tally(self) -> BranchTally:
         """Make what counts the lines for ``summary``."""
         return BranchTally(self)
 
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
-        return broken_relations(self, rows)
+        broken = {**_of_branches(rows), **_of_points(self.span, rows), **_of_seeds(rows)}
+        return broken | (_of_curves(self, rows) if self.curves else {})
 
     def describe_task(self, task: int) -> str:
         """Describe a line by what is fixed on it."""
         values = {"omega": ("Omega", self.omega), "amplitude": ("A", self.amplitude)}
         fixed = [pair for name, pair in values.items() if name not in self.moves]
         return ", ".join(f"{symbol} = {each[task]:.6g}" for symbol, each in fixed) or "the line"
+
+
+def _of_branches(rows: Rows) -> Broken:
+    ids = rows["branch_id"]
+    held = ids > 0
+    return {
+        "branches are numbered from 1": misnumbered(ids),
+        "n_branches counts them": held.sum(axis=1) != rows["n_branches"],
+        "a branch leaves one found before it": (held & (rows["parent"] >= ids)).any(axis=1),
+    }
+
+
+def _of_points(span: tuple[float, float], rows: Rows) -> Broken:
+    branch, value = rows["step_branch"], rows["value"]
+    held = branch > 0
+    with np.errstate(invalid="ignore"):
+        size = np.hypot(rows["multiplier_real"], rows["multiplier_imag"])
+        steady = size.max(axis=2) < 1.0
+    special = rows["special_branch"] > 0
+    step = rows["special_step"]
+    return {
+        "points come branch after branch": (
+            (np.diff(branch, axis=1) < 0) & (branch[:, 1:] > 0)
+        ).any(axis=1),
+        "values lie in the span": (held & ~_inside(value, span)).any(axis=1),
+        "stable is that of the multipliers": (held & (steady != (rows["stable"] > 0))).any(axis=1),
+        "special points are at steps": (special & (step >= branch.shape[1])).any(axis=1),
+    }
+
+
+def _of_curves(study: BranchGrid, rows: Rows) -> Broken:
+    ids, step = rows["curve_id"], rows["curve_of_step"]
+    n_curves = rows["n_curves"][:, None]
+    inside = _inside(rows["curve_amplitude"], study.span)
+    inside &= _inside(rows["curve_omega"], study.curve_span)
+    return {
+        "curves are numbered from 1": misnumbered(ids),
+        "n_curves counts them": (ids > 0).sum(axis=1) != rows["n_curves"],
+        "points of curves lie in the spans": ((step > 0) & ~inside).any(axis=1),
+        "points, meetings and special points are on curves of the line": (
+            (step > n_curves).any(axis=1)
+            | (rows["meeting_curve"] > n_curves).any(axis=1)
+            | (rows["special_curve"] > n_curves).any(axis=1)
+        ),
+    }
+
+
+def _of_seeds(rows: Rows) -> Broken:
+    held, branch = rows["seed_period"] > 0, rows["seed_branch"]
+    return {
+        "each seed lies on a branch, or is told why not": (
+            held & ((branch > 0) == (rows["seed_reason"] > 0))
+        ).any(axis=1),
+        "seeds lie on branches of the line": (branch > rows["n_branches"][:, None]).any(axis=1),
+        "n_covered counts those on a branch": (branch > 0).sum(axis=1) != rows["n_covered"],
+        "seeds are counted": (rows["n_seeds"] < held.sum(axis=1)),
+    }
+
+
+def _inside(values: np.ndarray, span: tuple[float, float]) -> np.ndarray:
+    low, high = span
+    slack = ROUNDING * (high - low)
+    with np.errstate(invalid="ignore"):
+        return (values >= low - slack) & (values <= high + slack)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.earthquakes import units
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
 from hpcsweep.earthquakes.suite import (
     MEASURES,
@@ -23,25 +24,12 @@ from hpcsweep.earthquakes.suite import (
     nearest,
 )
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
-from hpcsweep.earthquakes.units import (
-    NEAR,
-    OWN,
-    UNITS,
-    acceleration_unit,
-    seconds_in,
-    standard_gravity,
-)
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
 from hpcsweep.studies.blocks import Place
+from hpcsweep.studies.ground_motion import variables
 from hpcsweep.studies.ground_motion.responses import RecordResponses
-from hpcsweep.studies.ground_motion.variables import (
-    ENERGY,
-    MAX_PERIODS,
-    FloorSpectra,
-    read_damping_ratio,
-)
 from hpcsweep.studies.keys import BLOCK, Key
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.quantities import QUANTITIES
@@ -98,7 +86,7 @@ OUTPUT = (
         QUANTITIES["base_shear"].long_name,
         told="true where the structure yields",
     ),
-    Key("energy", f"{ENERGY.long_name} ([which](yielding.md#results))", False),
+    Key("energy", f"{variables.ENERGY.long_name} ([which](yielding.md#results))", False),
     Key(
         "history",
         "step in time at which the motion itself is stored, of every run: a whole multiple or a "
@@ -174,7 +162,7 @@ class RecordGrid(Part):
     storey_height: tuple[float, ...]
     gravity: float
     history: float
-    floors: FloorSpectra
+    floors: variables.FloorSpectra
     numbers: tuple[int, ...] = ()
 
     @cached_property
@@ -201,10 +189,12 @@ class RecordGrid(Part):
 
     @cached_property
     def instants(self) -> dict[str, Coordinate]:
-        """Dimension of the histories; empty if none are stored."""
+        """Instants of the longest record and its tail; empty if no histories are stored."""
         if not self.history:
             return {}
-        return {"time": _instants(self.suite, self.tail, self.history)}
+        longest = _longest(self.suite) + self.tail
+        values = self.history * np.arange(math.floor(longest / self.history + SAME_STEP) + 1)
+        return {"time": Coordinate(values, "time", "time since the first sample")}
 
 
 def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
@@ -221,10 +211,10 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
     if "files" in table:
         unit: Any = values.get("records.unit", "g")
         try:
-            if unit != OWN:
-                acceleration_unit("unit", unit)
+            if unit != units.OWN:
+                units.acceleration_unit("unit", unit)
         except ValueError:
-            limit = f"must be one of {', '.join(UNITS)}"
+            limit = f"must be one of {', '.join(units.UNITS)}"
             raise values.error("records.unit", unit, limit) from None
         dt = values.positive("records.dt", table["dt"]) if "dt" in table else None
         channel = table.get("channel")
@@ -240,10 +230,7 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
 
 
 def _synthetic(values: Any, table: Any) -> Synthetic:
-    if not isinstance(table, dict):
-        limit = "must be a table such as {count = 20, seed = 1, rms = 1.0}"
-        raise values.error("records.synthetic", table, limit)
-    values.check_keys("records.synthetic", table, tuple(SUITE))
+    values.check_table("records.synthetic", table, tuple(SUITE), ())
     read: dict[str, Any] = {}
     for key, kind in SUITE.items():
         name = f"records.synthetic.{key}"
@@ -266,10 +253,10 @@ def _units(values: Any) -> tuple[str, str, float]:
     """Read the structure's units of length and time, m and s where not named, and one g."""
     named = values.table("units")
     length, time = named.get("length", "m"), named.get("time", "s")
-    if not isinstance(time, str) or seconds_in(time) is None:
+    if not isinstance(time, str) or units.seconds_in(time) is None:
         limit = "must be a known unit of time, as s or ms, since records are in seconds"
         raise values.error("units.time", time, limit)
-    gravity = standard_gravity(length, time) if isinstance(length, str) else None
+    gravity = units.standard_gravity(length, time) if isinstance(length, str) else None
     if gravity is None:
         limit = "must be a known unit of length, as m or mm, since records have accelerations"
         raise values.error("units.length", length, limit)
@@ -281,7 +268,7 @@ def read_gravity(values: Any) -> float:
     length, time, standard = _units(values)
     value = values.get("records.gravity", standard)
     gravity = values.positive("records.gravity", value)
-    if "length" in values.table("units") and abs(gravity / standard - 1.0) > NEAR:
+    if "length" in values.table("units") and abs(gravity / standard - 1.0) > units.NEAR:
         limit = f"one g is {standard:.10g} {length}/{time}^2, by the names in units"
         raise values.error("records.gravity", value, limit)
     return gravity
@@ -297,10 +284,7 @@ def known_gravity(values: Any, key: str, value: Any) -> float:
 def read_tail(values: Any, suite: tuple[Facts, ...]) -> float:
     """Read the time of free motion after each record."""
     longest = MAX_SAMPLES * min(facts.dt for facts in suite)
-    tail = values.number("records.tail", values.get("records.tail", 0.0))
-    if not 0 <= tail <= longest:
-        raise values.error("records.tail", tail, f"must be from 0 to {longest:g}")
-    return tail
+    return values.within("records.tail", values.get("records.tail", 0.0), 0.0, longest)
 
 
 def read_history(values: Any, suite: tuple[Facts, ...], tail: float) -> float:
@@ -336,13 +320,13 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
         if key == "period" and table.get(key) == OWN_PERIOD:
             periods = (OWN_PERIOD,)
             continue
-        most = 1 if key == "period" else MAX_PERIODS
+        most = 1 if key == "period" else variables.MAX_PERIODS
         listed = values.numbers(f"records.scale.{key}", table.get(key), True, most)
         if listed.min() <= 0:
             raise values.error(f"records.scale.{key}", table[key], "must be above 0")
         periods = tuple(listed.tolist())
     damping = table.get("damping_ratio", DAMPING_RATIO)
-    ratio = read_damping_ratio(values, "records.scale.damping_ratio", damping)
+    ratio = variables.read_damping_ratio(values, "records.scale.damping_ratio", damping)
     grid = {key: table[key] for key in RANGE if key in table}
     if "values" in grid and len(grid) > 1:
         raise values.error("records.scale.values", grid["values"], "goes without from and to")
@@ -388,13 +372,6 @@ def read_found(
         limit = "must be as hpcsweep wrote it; delete records.found to look for the records again"
         raise values.error("records.found", stored, limit) from None
     return facts, paths
-
-
-def _instants(suite: tuple[Facts, ...], tail: float, step: float) -> Coordinate:
-    """Return the dimension of the histories: the instants of the longest record and its tail."""
-    longest = _longest(suite) + tail
-    values = step * np.arange(math.floor(longest / step + SAME_STEP) + 1)
-    return Coordinate(values, "time", "time since the first sample")
 
 
 def _longest(suite: tuple[Facts, ...]) -> float:

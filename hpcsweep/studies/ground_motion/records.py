@@ -2,10 +2,16 @@
 
 A task is a record; a block holds some of its scales. With several structures (``[vary]``) a task is
 a record of one of them. No run depends on another (`responses`).
+
+A stored response is computed again plainly, without the rules that spare work: the whole response
+of the structure as the job gives it, at the scale of the run. How far two ways may differ is
+measured: by how much the peaks change where the scale changes a little, over that change. The
+record may not be at hand where a file is examined; then nothing is compared.
 """
 
+import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -14,27 +20,28 @@ import numpy as np
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.blocks import Block, Poll, Rows, Say, Timed
-from hpcsweep.studies.ground_motion import describe, keys
+from hpcsweep.studies.blocks import Block, Poll, Rows, Timed
+from hpcsweep.studies.ground_motion import describe, keys, variables
 from hpcsweep.studies.ground_motion.keys import RecordGrid
-from hpcsweep.studies.ground_motion.recompute import response_again
-from hpcsweep.studies.ground_motion.responses import KEPT, SKIP_RULES
-from hpcsweep.studies.ground_motion.variables import (
-    FACTOR,
-    FACTS,
-    GROUPS,
-    RUN,
-    place_coordinates,
-    read_floor_spectra,
-    response_variables,
-)
+from hpcsweep.studies.ground_motion.responses import KEPT, SKIP_RULES, respond
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
-from hpcsweep.studies.study import Lines, RunAgain, StudyTally
+from hpcsweep.studies.run_names import run_name
+from hpcsweep.studies.study import Lines, RunAgain
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
-ROUNDING = 1.0 + 1e-9
+AT_MOST = 1.0 + 1e-9
+"""Relative size that exceeds another by rounding."""
+NUDGE = 1e-9
+"""Relative change of the scale by which the conditioning of a response is measured."""
+ROUNDING = 1e-12
+"""Relative difference of two ways where the conditioning is 1."""
+COMPARED = ("length", "acceleration", "force", "impulse")
+"""Quantities of the peaks that are compared."""
+TOGETHER = {"residual_drift": "storey_drift"}
+"""Peaks that are compared with the size of another: where a storey does not yield they are 0, to
+rounding of that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +54,12 @@ class Records(RecordGrid):
     without: ClassVar[tuple[str, ...]] = ("sweep", "forcing", "output")
     skip_rules: ClassVar[tuple[str, ...]] = SKIP_RULES
     default_block: ClassVar[int] = 25
-    run_dims: ClassVar[tuple[str, ...]] = RUN
+    run_dims: ClassVar[tuple[str, ...]] = variables.RUN
     by_frame: ClassVar[bool] = True
     directions: ClassVar[tuple[str, ...]] = ()  # type: ignore[misc]
     content: ClassVar[str] = "responses"
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     starts_at_rest: ClassVar[bool] = True
-    kernels: ClassVar[tuple] = ()
 
     @classmethod
     def read(cls, values, **common) -> "Records":
@@ -63,7 +69,7 @@ class Records(RecordGrid):
             structure = common["structure"] = structure.without_contacts()
         if settings.solver != "flow":
             raise values.error("solver.method", settings.solver, "must be 'flow' for records")
-        groups = [key for key in keys.OUTPUT if key.name in GROUPS]
+        groups = [key for key in keys.OUTPUT if key.name in variables.GROUPS]
         default = {key.name: key.default for key in groups}
         default["base_shear"] = not LINEAR.of(structure)
         flags = {name: values.get(f"output.{name}", flag) for name, flag in default.items()}
@@ -81,7 +87,7 @@ class Records(RecordGrid):
             storey_height=structure.names.storey_heights,
             gravity=keys.read_gravity(values),
             history=keys.read_history(values, suite, tail),
-            floors=read_floor_spectra(values, suite, structure),
+            floors=variables.read_floor_spectra(values, suite, structure),
             **common,
         )
 
@@ -104,13 +110,13 @@ class Records(RecordGrid):
     def of_run(self) -> list[Variable]:
         """Variables of a run, see `Part.of_run`."""
         asked = self.history > 0.0, bool(self.floors.periods)
-        return response_variables(self.structure, self.settings, *asked)
+        return variables.response_variables(self.structure, self.settings, *asked)
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
         """Values of every dimension."""
         return {
-            **place_coordinates(self.structure, self.settings),
+            **variables.place_coordinates(self.structure, self.settings),
             "record": named([facts.name for facts in self.suite], "ground-motion record"),
             "scale": Coordinate(self.scale.astype("<f8"), self.measure.quantity, str(self.measure)),
             "state": states(self.structure, 2 * self.structure.n_floors),
@@ -124,9 +130,9 @@ class Records(RecordGrid):
         """Variables that are known in advance, with their values."""
         facts = [
             (variable, np.array([getattr(facts, variable.name) for facts in self.suite]))
-            for variable in FACTS
+            for variable in variables.FACTS
         ]
-        return [*facts, (FACTOR, self.factor), *storey_heights(self.structure)]
+        return [*facts, (variables.FACTOR, self.factor), *storey_heights(self.structure)]
 
     def runs_at(self, frame: int, places: np.ndarray, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute the runs of a record at some of its scales."""
@@ -137,7 +143,7 @@ class Records(RecordGrid):
         complete, skip_rule = rows["outcome"] == Outcome.COMPLETE, rows["skip_rule"]
         linear = skip_rule == SkipRule.LINEAR
         end = np.abs(rows["final_state"][:, : rows["displacement"].shape[1]])
-        within = (end <= rows["displacement"] * ROUNDING).all(axis=1)
+        within = (end <= rows["displacement"] * AT_MOST).all(axis=1)
         touched = (rows["impacts"] > 0).any(axis=1) if "impacts" in rows else np.array(False)
         fallen = np.isfinite(rows.get("collapse_time", np.full(linear.shape, np.nan)))
         return {
@@ -150,7 +156,7 @@ class Records(RecordGrid):
         }
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
-        """Compute a complete stored run again, another way; see `.recompute`."""
+        """Compute a complete stored response again, plainly; see the module."""
         return response_again(self, block, row, run)
 
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
@@ -182,24 +188,12 @@ class Records(RecordGrid):
         linear = done & (runs["skip_rule"] == SkipRule.LINEAR)
         return {"runs_below_contact": int(linear.sum())}
 
-    def tally(self) -> StudyTally:
+    def tally(self) -> describe.ResponseTally:
         """Return a tally of runs for ``summary``."""
         return describe.ResponseTally(self)
 
-    def is_compiled(self, n_ranks: float | None = None) -> bool:
-        """Return whether the cache is known to hold all that its runs call."""
-        from hpcsweep.studies.compilation import missing
-
-        return not missing(self._kernels())
-
-    def warm_up(self, say: Say = None, n_ranks: float | None = None) -> None:
-        """Compile, or load from disk, all that its runs call."""
-        from hpcsweep.studies.compilation import load
-
-        load(self._kernels(), say)
-
-    def _kernels(self) -> list:
-        """Return what its runs call."""
+    def kernels(self, n_ranks: float | None = None) -> list[Any]:
+        """Return the kernels that its runs call."""
         from hpcsweep.solvers.flow.record_map import kernels_of
 
         return kernels_of(self.structure, "energy" in self.settings.metrics)
@@ -211,3 +205,64 @@ class Records(RecordGrid):
     def warnings(self) -> Iterator[str]:
         """Return one line for each thing that looks like a mistake in the records."""
         return describe.warnings(self)
+
+
+def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunAgain:
+    """Compute one complete response again.
+
+    Parameters
+    ----------
+    study : RecordGrid
+    block : Block
+    row : int
+        Of the block.
+    run : dict of str to ndarray
+        The run's variables.
+    """
+    record, at = block.run(row)
+    factor = float(study.factor[record, at])
+    again = RunAgain(at=run_name(study.describe((record, at))), solver=study.settings.solver)
+    try:
+        samples = study.record(record)
+    except ValueError as error:
+        again.compared = f"nothing: the record is not at hand: {error}"
+        return again
+    structure, tail = study.structure, study.tail
+    peaks, _ = variables.peaks_of(structure, study.settings)
+    kinds: dict[str, list[Variable]] = {}
+    for peak in peaks:
+        if peak.units in COMPARED:
+            kinds.setdefault(TOGETHER.get(peak.name, peak.name), []).append(peak)
+
+    def by_kind(values: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+        return [np.concatenate([values[peak.name] for peak in kind]) for kind in kinds.values()]
+
+    computed: list[list[np.ndarray]] = []
+    for scale in (factor, factor * (1.0 + NUDGE)):
+        response = respond(structure, samples, scale, tail, study.settings)
+        if response.outcome is not Outcome.COMPLETE:
+            again.problem = f"computed again it ends with {response.outcome.name}"
+            return again
+        computed.append(by_kind({peak.name: peak.of(response) for peak in peaks}))
+    again.compared = "peaks, computed plainly"
+    again.difference = _apart(by_kind(run), computed[0])
+    again.allowed = ROUNDING * max(_apart(*computed) / NUDGE, 1.0)
+    if not again.difference <= again.allowed:
+        again.problem = (
+            f"computed plainly its peaks differ by {again.difference:.2g} of the largest, allowed "
+            f"are {again.allowed:.2g}"
+        )
+    result = study.compute_run(block, row, study.initial_state)
+    equal = all(result[name][0].tobytes() == run[name].tobytes() for name in run)
+    again.whole_run = "equal" if equal else "same" if not again.problem else "other"
+    return again
+
+
+def _apart(left: list[np.ndarray], right: list[np.ndarray]) -> float:
+    """Return the largest difference of two sets of peaks, each over the largest of its kind."""
+    worst = 0.0
+    for a, b in zip(left, right, strict=True):
+        size = max(float(np.abs(b).max(initial=0.0)), float(np.abs(a).max(initial=0.0)))
+        far = float(np.abs(a - b).max(initial=0.0))
+        worst = max(worst, far / size if size > 0 else 0.0)
+    return worst if math.isfinite(worst) else math.inf

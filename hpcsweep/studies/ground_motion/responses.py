@@ -264,31 +264,20 @@ def _map(structure: Structure, dt: float, rtol: float, base_shear: bool, energy:
     return record_map(structure, dt, rtol, base_shear=base_shear, energy=energy)
 
 
-class _Kept:
-    """Cache of the latest responses, up to `MAX_KEPT` bytes."""
+class _Kept(OrderedDict[tuple, tuple[np.ndarray, Outcome]]):
+    """Cache of the latest responses, as many of the last one's size as have `MAX_KEPT` bytes."""
 
-    def __init__(self):
-        self._responses: OrderedDict[tuple, tuple[np.ndarray, Outcome]] = OrderedDict()
-        self._bytes = 0
-
-    def get(self, key: tuple) -> tuple[np.ndarray, Outcome] | None:
+    def get(self, key: tuple) -> tuple[np.ndarray, Outcome] | None:  # type: ignore[override]
         """Return the cached response of a key, or None."""
-        response = self._responses.get(key)
-        if response is not None:
-            self._responses.move_to_end(key)
-        return response
+        if key in self:
+            self.move_to_end(key)
+        return super().get(key)
 
     def put(self, key: tuple, response: tuple[np.ndarray, Outcome]) -> None:
         """Cache a response."""
-        self._responses[key] = response
-        self._bytes += response[0].nbytes
-        while self._bytes > MAX_KEPT:
-            _, (values, _) = self._responses.popitem(last=False)
-            self._bytes -= values.nbytes
-
-    def clear(self) -> None:
-        """Clear the cache."""
-        self.__init__()  # type: ignore[misc]
+        self[key] = response
+        while len(self) * response[0].nbytes > MAX_KEPT:
+            self.popitem(last=False)
 
 
 KEPT = _Kept()

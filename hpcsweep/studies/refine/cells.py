@@ -13,7 +13,7 @@ cell that agrees, and a part `WRONG` of its points is expected to be wrong. What
 a cell of s steps costs to resolve goes as s^(d - 1), what is wrong otherwise as s^d: most is spared
 where the cost of a point, the greatest known of the cell, is largest over s.
 
-A cell that a known curve crosses (`crossing`) is always cut, down to the grid.
+A cell that a known curve crosses (`growth`) is always cut, down to the grid.
 
 Each label is two numbers, the least and the greatest code of known points: a cell agrees where its
 least is not below its greatest.
@@ -23,13 +23,34 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.studies.refine.crossing import Counts
-
 WRONG = 0.2
 """Part of the points of a cell that are expected to be wrong if it disagrees and is left."""
 CUT = -1
 NOTHING = np.iinfo(np.int32).max
 """Least code of points that are not known; their greatest is -1."""
+
+
+class Counts:
+    """Number of crossed boxes in any box of points.
+
+    Parameters
+    ----------
+    crossed : ndarray of bool
+        Of `hpcsweep.studies.refine.growth.crossed_boxes`.
+    """
+
+    def __init__(self, crossed: np.ndarray):
+        self._sums = np.pad(crossed.astype(np.int64), [(1, 0)] * crossed.ndim)
+        for axis in range(crossed.ndim):
+            np.cumsum(self._sums, axis=axis, out=self._sums)
+
+    def between(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Count the crossed boxes between first and last points, both of shape (m, d)."""
+        total = np.zeros(len(begin), np.int64)
+        for at in np.ndindex(*(2,) * begin.shape[1]):
+            sign = (-1) ** (len(at) - sum(at))
+            total += sign * self._sums[tuple(np.where(at, end, begin).T)]
+        return total
 
 
 class Labels:
@@ -123,7 +144,7 @@ class Cells:
 
     def __init__(self, shape: tuple[int, ...], levels: int, crossed: np.ndarray | None = None):
         self.shape = shape
-        self._crossings = None if crossed is None else Counts(crossed)
+        self._crossings = Counts(np.zeros(np.array(shape) - 1) if crossed is None else crossed)
         size, self._last = int(np.prod(shape)), np.array(shape) - 1
         self._strides = [int(np.prod(shape[axis + 1 :])) for axis in range(len(shape))]
         self._least, self._greatest = np.full(size, NOTHING, np.int32), np.full(size, -1, np.int32)
@@ -137,10 +158,6 @@ class Cells:
         lines = np.meshgrid(*(np.arange(0, n - 1, 2**levels) for n in shape), indexing="ij")
         begin = np.stack(lines, axis=-1).reshape(-1, len(shape))
         self._add(begin, np.broadcast_to(self._last, begin.shape), levels)
-
-    def first(self) -> np.ndarray:
-        """Return the corners and centres of the coarsest cells, flat indices."""
-        return self._corners_and_centres(0)
 
     def learn(self, points: np.ndarray, labels: Labels) -> None:
         """Learn the labels and costs of points, flat indices."""
@@ -179,7 +196,7 @@ class Cells:
                 whole = end[level == k]
                 inside = np.all(child < whole, axis=1)
                 self._add(child[inside], whole[inside], k - 1)
-        return self._corners_and_centres(first_new)
+        return self.corners_and_centres(first_new)
 
     def inferred(self) -> tuple[np.ndarray, np.ndarray]:
         """Return level and code of every unknown point, shape (n,); 0 for the others.
@@ -226,16 +243,11 @@ class Cells:
             self._least[points].min(axis=1),
             self._greatest[points].max(axis=1),
             self._cost[points].max(axis=1),
-            self._are_crossed(begin, end),
+            self._crossings.between(begin, end) > 0,
         )
         self._cell_of[self._points(begin, end - 1, 2**level)] = number[:, None]
         parts = zip(self._cells, new, strict=True)
         self._cells = _Table(*(np.concatenate(both) for both in parts))
-
-    def _are_crossed(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        if self._crossings is None:
-            return np.zeros(len(begin), bool)
-        return self._crossings.between(begin, end) > 0
 
     def _points(self, begin: np.ndarray, last: np.ndarray, count: int) -> np.ndarray:
         """Return the points of boxes, flat indices, shape (k, count^d); the last are repeated."""
@@ -246,7 +258,7 @@ class Cells:
             points = points.reshape(len(begin), count ** (axis + 1))
         return points
 
-    def _corners_and_centres(self, first: int) -> np.ndarray:
+    def corners_and_centres(self, first: int = 0) -> np.ndarray:
         """Return the corners and centres of the cells from a number on, flat indices, ascending."""
         begin, end = self._cells.begin[first:], self._cells.end[first:]
         corners = [np.where(at, end, begin) for at in np.ndindex(*(2,) * len(self.shape))]

@@ -22,7 +22,7 @@ def n_least(
     """
     n = int(np.prod(shape))
     cells = Cells(shape, refinement.levels, crossed)
-    points = cells.first()
+    points = cells.corners_and_centres()
     while (more := cells.cut()).size:
         points = np.union1d(points, more)
     return min(points.size + n_drawn(refinement.wrong, 1, n), n)
@@ -81,7 +81,7 @@ class RefinementRounds:
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """Yield the points of each round, flat indices, ascending."""
-        yield from self._compute(self._cells.first(), Source.COMPUTED)
+        yield from self._compute(self._cells.corners_and_centres(), Source.COMPUTED)
         wrong, n = self.refinement.wrong, self.source.size
         for look in range(1, MAX_LOOKS + 1):
             yield from self._agree(look)

@@ -29,7 +29,7 @@ last one that was reached. After a collapse the path goes on from rest.
 import math
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -51,15 +51,7 @@ from hpcsweep.studies.sweep.classification import (
     interval_of_orbit,
     spectrum_variables,
 )
-from hpcsweep.studies.variables import (
-    EXPONENTS,
-    empty_rows,
-    store,
-    store_failure,
-)
-
-if TYPE_CHECKING:
-    from hpcsweep.solvers.flow.flow_map import FlowMap
+from hpcsweep.studies.variables import EXPONENTS, empty_rows, store, store_failure
 
 ON_PATH, ALONE = 160, 5
 """Parts of ``classify_cycles`` that the chaos of a run on a path, and of an independent run, must
@@ -105,7 +97,7 @@ class FrameRuns:
         if "converged" in settings.skip and SOLVERS[settings.solver].batches(structure):
             from hpcsweep.studies.sweep.batch import Batch
 
-            self._batch = Batch(cast("FlowMap", self.solver), settings, self._free)
+            self._batch = Batch(cast(Any, self.solver), settings, self._free)
 
     def follow(self, amplitudes: Amplitudes, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute runs at consecutive amplitudes, each from the end of the previous one.

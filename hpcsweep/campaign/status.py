@@ -242,7 +242,7 @@ def overview(path: str | Path) -> dict:
         return {"file": str(path), "state": "unreadable", "why": str(error)}
     heard = told["last_heard"]
     if told["complete"]:
-        state = "complete"
+        state, told["core_seconds_remaining"] = "complete", 0.0
     elif told["sessions"] and told["sessions"][-1]["ended"]:
         state = "stopped"
     elif heard is None:

@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
     return made
 
 
-def test_rows_agree_with_the_status_of_each_file(folder):
+def test_rows_agree_with_the_status_of_each_file(folder, tmp_path):
     for name, state in (("whole.h5", "complete"), ("half.h5", "stopped")):
         row, reported = overview(folder / name), status(folder / name)
         assert row["state"] == state
@@ -42,6 +42,8 @@ def test_rows_agree_with_the_status_of_each_file(folder):
             assert row[key] == reported[key], key
     assert 0 < overview(folder / "half.h5")["runs_done"] < 88
     assert overview(folder / "half.h5")["core_seconds_remaining"] > 0
+    without_journal = shutil.copyfile(folder / "whole.h5", tmp_path / "whole.h5")
+    assert overview(without_journal)["core_seconds_remaining"] == 0
 
 
 def test_one_that_cannot_be_read_hides_no_other(folder):

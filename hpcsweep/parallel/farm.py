@@ -16,12 +16,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from hpcsweep.parallel.mpi import MAX_SLEEP, MIN_SLEEP
-from hpcsweep.parallel.schedule import BALANCE_SECONDS, Schedule, computing_ranks, report_interval
+from hpcsweep.parallel.mpi import SLEEP
+from hpcsweep.parallel.schedule import Schedule, computing_ranks, report_interval
 from hpcsweep.parallel.stopping import Stop, StopFlag
 
-BALANCE_SHARE = 0.02
-"""Largest share of its time that the master spends choosing tasks to recall."""
+BALANCE_SECONDS, BALANCE_SHARE = 0.1, 0.02
+"""Least time (s) between two choices of tasks to recall, and largest share of the master's."""
 
 
 @dataclass
@@ -117,16 +117,13 @@ class _Master:
         self._unfinished = False
 
     def run(self, compute) -> bool:
-        sleep = MIN_SLEEP
         while len(self._schedule) or self._busy:
             if self._serve():
-                sleep = MIN_SLEEP
                 continue
             if self._computes and len(self._schedule) and not self._stopping:
                 self._compute(compute)
-                continue
-            time.sleep(sleep)
-            sleep = min(2 * sleep, MAX_SLEEP)
+            else:
+                time.sleep(SLEEP)
         for rank in range(1, self._comm.size):
             self._comm.send(("end", None), rank)
         self._hear_out()
@@ -177,7 +174,7 @@ class _Master:
             message = self._comm.receive()
             if message is None:
                 self._flag.is_set()
-                time.sleep(MIN_SLEEP)
+                time.sleep(SLEEP)
             elif message[1][0] == "ended":
                 left -= 1
 
@@ -214,7 +211,10 @@ class _Master:
             self._traffic.message_seconds += time.perf_counter() - begun
         balanced = self._comm.size > 1 and begun >= self._next_balance
         if balanced:
-            self._balance()
+            recalls = self._schedule.recalls(time.monotonic())
+            for rank, task in self._task_of.items():
+                if rank != 0 and task in recalls:
+                    self._comm.send(("recall", task), rank)
         if handled or balanced:
             spent = time.perf_counter() - begun
             self._traffic.seconds += spent
@@ -243,13 +243,6 @@ class _Master:
             self._ended(rank, rest)
         self._busy.discard(rank)
         self._idle.append(rank)
-
-    def _balance(self) -> None:
-        """Recall tasks if others must start now."""
-        recalls = self._schedule.recalls(time.monotonic(), every=0.0)
-        for rank, task in self._task_of.items():
-            if rank != 0 and task in recalls:
-                self._comm.send(("recall", task), rank)
 
 
 def _work(comm, compute, flag: StopFlag, at_rest) -> None:
@@ -292,7 +285,6 @@ def _work(comm, compute, flag: StopFlag, at_rest) -> None:
         last_report = time.monotonic()
 
     say("ready")
-    sleep = MIN_SLEEP
     while True:
         message = comm.receive()
         if message is None:
@@ -300,12 +292,9 @@ def _work(comm, compute, flag: StopFlag, at_rest) -> None:
                 # idle, so that no poll says it: the others may have hours to go
                 told_master = True
                 say("signal", flag.reason)
-            if sleep == MAX_SLEEP:
-                at_rest()
-            time.sleep(sleep)
-            sleep = min(2 * sleep, MAX_SLEEP)
+            at_rest()
+            time.sleep(SLEEP)
             continue
-        sleep = MIN_SLEEP
         kind, value = message[1]
         if kind == "end":
             say("ended")

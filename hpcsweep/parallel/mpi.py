@@ -28,8 +28,8 @@ LAUNCHER_SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", SRUN, "MV2_COMM_WORLD_SIZE
 HYDRA = "MPI_LOCALNRANKS"
 """A variable that only Hydra sets."""
 
-MIN_SLEEP, MAX_SLEEP = 1e-4, 1e-3
-"""Back-off (s) of a rank that waits."""
+SLEEP = 5e-4
+"""Seconds for which a rank that waits sleeps: little to a block of runs, no load of its core."""
 LET_OUT_SECONDS = 5.0
 """Longest wait (s) for the launcher to read a rank's output before an abort ..."""
 PASS_ON_SECONDS = 0.1
@@ -62,10 +62,6 @@ class Serial:
     def node_rank(self) -> int:
         """Return the rank within the node."""
         return 0
-
-    def send(self, value, rank: int) -> None:
-        """Send a value to another rank."""
-        raise AssertionError("a serial run has nobody to send to")
 
     def receive(self):
         """Return (rank, value) of a waiting message, or None if there is none."""
@@ -119,10 +115,8 @@ class Ranks:
     def barrier(self) -> None:
         """Wait for all ranks."""
         arrived = self.raw.Ibarrier()
-        sleep = MIN_SLEEP
         while not arrived.Test():
-            time.sleep(sleep)
-            sleep = min(2 * sleep, MAX_SLEEP)
+            time.sleep(SLEEP)
 
     def node_rank(self) -> int:
         """Return the rank within the node."""

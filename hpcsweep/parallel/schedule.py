@@ -30,10 +30,6 @@ CRITICAL = 0.95
 SOON = 0.05
 """A rank is not interrupted if it is free within this share of the waiting task's rest, or for
 a task that is not longer than its own by this share."""
-BALANCE_SECONDS = 0.1
-"""Least time (s) between two inspections of the running tasks."""
-BALANCES = 200
-"""Approximate maximum number of inspections of the running tasks in a whole job."""
 REPORT_SECONDS = 0.5
 """Least time (s) between two reports of one rank, for up to `REPORTING_RANKS` ranks."""
 REPORTING_RANKS = 500
@@ -70,7 +66,6 @@ class Schedule:
         self._waiting = sorted((self._key(cost), -task) for task, cost in costs.items())
         self._since: dict[int, float] = {}
         self.recalled: set[int] = set()
-        self._next_balance = -np.inf
 
     def __len__(self) -> int:
         """Return the number of waiting tasks."""
@@ -105,23 +100,20 @@ class Schedule:
         """Return by what a task is sorted: its cost (s), 0 if it is small."""
         return cost if cost > self._small else 0.0
 
-    def recalls(self, now: float, every: float = BALANCE_SECONDS) -> list[int]:
-        """Return the running tasks to recall; inspects them at most once in `every` (s)."""
-        if self._n == 1 or not self._waiting or now < self._next_balance:
+    def recalls(self, now: float) -> list[int]:
+        """Return the running tasks to recall."""
+        if self._n == 1 or not self._waiting:
             return []
         costs = [(self._estimate(-task), task) for _, task in self._waiting]
         waiting = sum(left for left, _ in costs)
         self._waiting = sorted((self._key(left), task) for left, task in costs)
         if self._waiting[-1][0] < CRITICAL * waiting / self._n:
-            # below the fair share, however little the running tasks have left
-            self._next_balance = now + max(every, waiting / self._n / BALANCES)
-            return []
+            return []  # below the fair share, however little the running tasks have left
         rest = {
             task: max(self._estimate(task) - (now - since), 0.0)
             for task, since in self._since.items()
         }
         share = (sum(rest.values()) + waiting) / self._n
-        self._next_balance = now + max(every, share / BALANCES)
         victims = iter(sorted((left, task) for task, left in rest.items()))
         coming = len(self.recalled)
         tasks: list[int] = []

@@ -15,6 +15,7 @@ import numpy as np
 from tools import DESCRIBED
 
 from hpcsweep.dynamics.attractor import UNDECIDED
+from hpcsweep.dynamics.attractors import AttractorSearch
 from hpcsweep.dynamics.basins import portrait
 from hpcsweep.dynamics.known import distance
 from hpcsweep.dynamics.starts import box_of, starting_states
@@ -105,8 +106,8 @@ def _point(rng, structure, options):
 
 
 def _search(solver, amplitude: float, starts: np.ndarray):
-    nothing = np.zeros((0, starts.shape[1]))
-    return portrait(solver, amplitude, nothing, starts, SweepSettings(), CYCLES, CONFIDENCE)
+    search = AttractorSearch(solver, amplitude, SweepSettings(), CYCLES, CONFIDENCE, None)
+    return portrait(search, np.zeros((0, starts.shape[1])), starts)
 
 
 def _twin(one, others, units):

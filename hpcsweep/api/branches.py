@@ -8,7 +8,7 @@ from hpcsweep.dynamics.continuation.borders import catalogue_of, check_hardening
 from hpcsweep.dynamics.continuation.branch import Arc, Limits
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import Solution
-from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
+from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.periodic import find
 from hpcsweep.model.arguments import count, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
@@ -87,13 +87,10 @@ def branch(
     >>> kind, round(float(branch.special_value[0]), 12)
     ('grazing', 0.1)
     """
-    low, high = finite_vector("span", span, 2).tolist()
     check_hardening(instance("structure", structure, Structure))
-    check_parameter(structure, parameter)
     forced, nearby = find(structure, amplitude, omega, state, period, parameter)
     value = forced.value
-    if not low < high or not low <= value <= high:
-        raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
+    low, high = span_of(span, parameter, value)
     scale = high - low
     n_steps, largest = count("steps", steps, 1, MAX_STEPS), positive("largest_step", largest_step)
     limits = Limits(low, high, n_steps, largest)
@@ -103,9 +100,17 @@ def branch(
     return _of_branch(catalogue, forced)
 
 
+def span_of(span: Any, parameter: str, value: float) -> tuple[float, float]:
+    """Return the validated span of a parameter, which must hold its value."""
+    low, high = finite_vector("span", span, 2).tolist()
+    if not low < high or not low <= value <= high:
+        raise ValueError(f"span must hold {parameter} = {value:g}, is {low:g} to {high:g}")
+    return low, high
+
+
 def _of_branch(catalogue: Catalogue, forced: ForcedMap):
     """Turn the branch of a catalogue into a dataset; see `branch`."""
-    arc, structure = catalogue.branches[0].arc, forced.structure
+    arc, structure = catalogue.branches[0], forced.structure
     specials = [special for _, special in arc.specials]
     variables, held = variables_of(structure), (("branch",), ("step",), ("special",))
     kept = [variable for variable in variables if variable.dims[:1] in held]
@@ -153,38 +158,25 @@ def dataset_of(arc: Arc, forced: ForcedMap, variables: dict, attributes: dict):
     curve, structure, units = arc.curve, forced.structure, forced.units
     length, speed = (unit_of(structure, kind) for kind in ("length", "velocity"))
     described = {"units": f"{length}; {speed}", "long_name": "stroboscopic points of the orbit"}
+    floquet = {"units": "1", "long_name": "Floquet multipliers"}
 
     def along(dimension: str, prefix: str, solutions: list[Solution]) -> dict:
         """Return the orbits at the points of the curve."""
         size = len(solutions)
         points = np.array([curve.split(solution.y)[0] * units for solution in solutions])
+        points = points.reshape(size, curve.period, forced.size)
         multipliers = np.array([solution.multipliers for solution in solutions], complex)
+        multipliers = multipliers.reshape(size, forced.size)
         return {
-            f"{prefix}orbit": (
-                (dimension, "turn", "state"),
-                points.reshape(size, curve.period, forced.size),
-                described,
-            ),
-            f"{prefix}multiplier": (
-                (dimension, "number"),
-                multipliers.reshape(size, forced.size),
-                {"units": "1", "long_name": "Floquet multipliers"},
-            ),
+            f"{prefix}orbit": ((dimension, "turn", "state"), points, described),
+            f"{prefix}multiplier": ((dimension, "number"), multipliers, floquet),
         }
 
+    specials = [special.at for _, special in arc.specials]
+    place = {"amplitude": forced.amplitude, "omega": forced.omega}
     return xarray.Dataset(
-        {
-            **along("step", "", arc.points),
-            **along("special", "special_", [special.at for _, special in arc.specials]),
-            **variables,
-        },
+        along("step", "", arc.points) | along("special", "special_", specials) | variables,
         coords={"state": state_names(structure)[: forced.size]},
-        attrs={
-            **attributes,
-            "period": curve.period,
-            "amplitude": forced.amplitude,
-            "omega": forced.omega,
-            "begins": arc.ends[0],
-            "ends": arc.ends[1],
-        },
+        attrs=attributes
+        | {"period": curve.period, **place, "begins": arc.ends[0], "ends": arc.ends[1]},
     )

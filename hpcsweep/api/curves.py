@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.api.branches import MAX_STEPS, dataset_of
+from hpcsweep.api.branches import MAX_STEPS, dataset_of, span_of
 from hpcsweep.dynamics.continuation.branch import Arc, Limits, follow
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
 from hpcsweep.dynamics.continuation.events import Kind, locate
-from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
+from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.locus import Locus
-from hpcsweep.dynamics.continuation.meetings import step_of_locus
-from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST
-from hpcsweep.model.arguments import choice, count, finite, finite_vector, items, positive, refused
+from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST, step_of_locus
+from hpcsweep.model.arguments import choice, count, finite, items, positive, refused
 from hpcsweep.model.observed import PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import CURVES
@@ -67,7 +66,7 @@ def curve(
         ``orbit`` (step, turn, state), ``multiplier`` (step, number, complex), ``contact`` (bit k -
         1 for contact k) and ``drift``. Over ``special``, where the curve ends or meets others, or,
         along that of a limit, where a special point is, in order: ``special_kind``
-        (`dynamics.continuation.meetings.Meeting`), ``special_value``, ``special_point``,
+        (`dynamics.continuation.plane.Meeting`), ``special_value``, ``special_point``,
         ``special_orbit``, ``special_multiplier`` and ``special_step`` (of the point after it).
         Attributes ``begins`` and ``ends`` say why the curve goes no further.
 
@@ -104,7 +103,7 @@ def curve(
         points = special["special_orbit"].values / along.units
         value = float(special["special_value"])
     home, amplitude, omega = along.at(value)
-    forced = ForcedMap(home, amplitude, omega, _two(home, parameters))
+    forced = ForcedMap(home, amplitude, omega, _two(parameters))
     spans = _spans(span, forced)
     scale = np.array([high - low for low, high in spans])
     if kind is None:
@@ -169,10 +168,8 @@ def _kind(special: Any) -> Kind:
 TWO = "two different ones"
 
 
-def _two(structure: Structure, parameters: Any) -> tuple[str, str]:
+def _two(parameters: Any) -> tuple[str, str]:
     names = items("parameters", parameters, TWO)
-    for name in names:
-        check_parameter(structure, name)
     if len(names) != 2 or names[0] == names[1]:
         raise refused("parameters", TWO, parameters)
     return names[0], names[1]
@@ -182,11 +179,7 @@ def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[flo
     """Read the spans of both parameters; they must hold the special point."""
     if np.shape(span) != (2, 2):
         raise ValueError("span must be two pairs, lowest and highest value of each parameter")
-    pairs = [finite_vector("span", pair, 2).tolist() for pair in span]
-    for name, (low, high), value in zip(forced.parameters, pairs, forced.value, strict=True):
-        if not low < high or not low <= value <= high:
-            raise ValueError(f"span must hold {name} = {value:g}, is {low:g} to {high:g}")
-    first, second = (tuple(pair) for pair in pairs)
+    first, second = map(span_of, span, forced.parameters, forced.value)
     return first, second
 
 

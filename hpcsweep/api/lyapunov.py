@@ -4,14 +4,7 @@ from typing import Any
 
 from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.lyapunov import LyapunovSpectrum, spectrum_of_motion, spectrum_of_orbit
-from hpcsweep.model.arguments import (
-    choice,
-    count,
-    finite,
-    finite_vector,
-    forcing_frequency,
-    positive,
-)
+from hpcsweep.model import arguments
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
@@ -86,11 +79,14 @@ def lyapunov_spectrum(
     0.0
     """
     TANGENTS.demand(structure)
-    z = finite_vector("state", state, structure.state_units.size)
-    amplitude, omega = finite("amplitude", amplitude), forcing_frequency("omega", omega)
-    error, name = positive("error", error), choice("solver", solver, SOLVERS)
-    max_cycles = count("max_cycles", max_cycles, SPECTRUM_CYCLES.limits[0], MAX_CYCLES)
-    classify_cycles = count("classify_cycles", classify_cycles, 0, MAX_CYCLES)
+    z = arguments.finite_vector("state", state, structure.state_units.size)
+    amplitude, omega = (
+        arguments.finite("amplitude", amplitude),
+        arguments.forcing_frequency("omega", omega),
+    )
+    error, name = arguments.positive("error", error), arguments.choice("solver", solver, SOLVERS)
+    max_cycles = arguments.count("max_cycles", max_cycles, SPECTRUM_CYCLES.limits[0], MAX_CYCLES)
+    classify_cycles = arguments.count("classify_cycles", classify_cycles, 0, MAX_CYCLES)
     moving = loaded(structure.within_reach(amplitude, z), name)
     tolerance = SOLVERS[name].rtol if rtol is None else rtol
     made = make_solver(name, moving.measured_at(omega, amplitude), omega, tolerance)

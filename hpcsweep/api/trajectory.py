@@ -71,31 +71,24 @@ def trajectory(
     force = structure.contact_forces(moving)
     rate = accelerations(structure, moving, (force, path.slider_force), ground)
 
-    def quantity(dims, values, kind: str, name: str):
-        return dims, values, {"units": unit_of(structure, kind), "long_name": name}
+    rows = {
+        "displacement": ("floor", moving[:, :n], "length", "displacement"),
+        "velocity": ("floor", moving[:, n:], "velocity", "velocity"),
+        "acceleration": ("floor", rate, "acceleration", "acceleration relative to the ground"),
+        "contact_force": ("contact", force, "force", "contact force"),
+    }
+    contacts = [structure.contact_names[k] for k in structure.contact_numbers]
+    named = {"floor": np.arange(1, n + 1), "contact": contacts}
+    if plastic.size:
+        rows["slider_force"] = ("slider", path.slider_force, "force", "slider force")
+        rows["lasting_elongation"] = ("slider", plastic, "length", "lasting elongation")
+        named["slider"] = list(structure.slider_names)
 
-    def along(dim: str, values, kind: str, name: str):
-        return quantity((dim, "time"), values.T, kind, name)
+    def notes(kind: str, name: str) -> dict[str, str]:
+        return {"units": unit_of(structure, kind), "long_name": name}
 
-    dataset = xarray.Dataset(
-        {
-            "displacement": along("floor", moving[:, :n], "length", "displacement"),
-            "velocity": along("floor", moving[:, n:], "velocity", "velocity"),
-            "acceleration": along(
-                "floor", rate, "acceleration", "acceleration relative to the ground"
-            ),
-            "contact_force": along("contact", force, "force", "contact force"),
-        },
-        coords={
-            "time": quantity("time", time, "time", "time"),
-            "floor": np.arange(1, n + 1),
-            "contact": [structure.contact_names[k] for k in structure.contact_numbers],
-        },
+    return xarray.Dataset(
+        {key: ((dim, "time"), values.T, notes(*of)) for key, (dim, values, *of) in rows.items()},
+        coords={"time": ("time", time, notes("time", "time")), **named},
         attrs={"amplitude": float(amplitude), "omega": float(omega)},
-    )
-    if not plastic.size:
-        return dataset
-    return dataset.assign_coords(slider=list(structure.slider_names)).assign(
-        slider_force=along("slider", path.slider_force, "force", "slider force"),
-        lasting_elongation=along("slider", plastic, "length", "lasting elongation"),
     )

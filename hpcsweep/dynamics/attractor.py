@@ -1,12 +1,13 @@
 """The motion that a state goes to; one attractor, and all at a point (structure, A, Omega)."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.stability import MeanInterval
+from hpcsweep.dynamics.stability import UNKNOWN, MeanInterval
 from hpcsweep.model.observed import Measures
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
@@ -44,11 +45,11 @@ class Motion:
 
     kind: MotionClass
     points: np.ndarray
-    period: int
-    multiplier: float
-    interval: MeanInterval
-    cycles: int
-    outcome: Outcome
+    period: int = 0
+    multiplier: float = math.nan
+    interval: MeanInterval = UNKNOWN
+    cycles: int = 0
+    outcome: Outcome = Outcome.COMPLETE
     seen: Observation | None = None
     families: int = 0
 

@@ -69,8 +69,16 @@ class AttractorSearch:
 
     Parameters
     ----------
-    solver, amplitude, settings, max_cycles, confidence, poll
-        As in `portrait`.
+    solver : Solver
+        Of the structure and the frequency.
+    amplitude : float
+    settings : SweepSettings
+    max_cycles : int
+        Forcing periods after which a motion is left undecided.
+    confidence : float
+        Of the tests of lifetimes.
+    poll : callable or None
+        Called before each start and within long ones; may raise to leave.
 
     Attributes
     ----------
@@ -85,7 +93,7 @@ class AttractorSearch:
 
     def __init__(self, solver, amplitude: float, settings, max_cycles: int, confidence, poll):
         self._solver, self._amplitude, self._settings = solver, amplitude, settings
-        self._max_cycles, self._poll = max_cycles, poll
+        self._max_cycles, self.confidence, self._poll = max_cycles, confidence, poll
         self._at_risk = periods_at_risk(max_cycles, confidence)
         self._rng = np.random.default_rng(0)
         self._known = KnownMotions(solver, amplitude, settings.period_tolerance)
@@ -249,8 +257,9 @@ class AttractorSearch:
         ended = (labels != UNDECIDED) & (labels != survivor)
         on_transient = ended | (labels == UNDECIDED)
         self.n_transient += int(on_transient.sum())
-        survival = Survival(int(ended.sum()), int(ages[on_transient].sum()))
-        self.transient = self.transient.followed_by(survival)
+        escapes, at_risk = self.transient
+        at_risk += int(ages[on_transient].sum())
+        self.transient = Survival(escapes + int(ended.sum()), at_risk)
         return labels
 
     def _outlive(
@@ -284,14 +293,11 @@ class AttractorSearch:
         return self._place_orbit(motion) if periodic else None, motion.points[-1]
 
     def _approach(self, starts: np.ndarray) -> Approached:
-        longest = max(min(self._settings.transient_cycles, self._max_cycles), PATIENCE, WINDOW)
+        longest, known = PATIENCE, self._known
+        if not known.all_orbits:
+            longest = max(min(self._settings.transient_cycles, self._max_cycles), PATIENCE, WINDOW)
         return approach(
-            self._solver,
-            self._amplitude,
-            starts,
-            self._known.neighbourhoods,
-            PATIENCE if self._known.all_orbits else longest,
-            self._poll,
+            self._solver, self._amplitude, starts, known.neighbourhoods, longest, self._poll
         )
 
     def classify(self, state: np.ndarray) -> int:

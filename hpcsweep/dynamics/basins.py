@@ -26,18 +26,12 @@ class StateBasins:
 
     Parameters
     ----------
-    solver : Solver
-        Of the structure and the frequency.
-    amplitude : float
+    search : AttractorSearch
+        At the point.
     starts : ndarray, shape (N, 2n)
         Starts from which the attractors are found.
-    settings : SweepSettings
-    max_cycles : int
-        Forcing periods after which a motion is left undecided.
     most : int
         Number of listed attractors, those that most of `starts` reach.
-    poll : callable, optional
-        Called before each start and within long ones; may raise to leave.
 
     Attributes
     ----------
@@ -45,17 +39,8 @@ class StateBasins:
         In order of decreasing `hits`.
     """
 
-    def __init__(
-        self,
-        solver,
-        amplitude: float,
-        starts: np.ndarray,
-        settings,
-        max_cycles: int,
-        most: int,
-        poll: Callable[[], None] | None = None,
-    ):
-        self._search = AttractorSearch(solver, amplitude, settings, max_cycles, CONFIDENCE, poll)
+    def __init__(self, search: AttractorSearch, starts: np.ndarray, most: int):
+        self._search = search
         labels = self._search.labels(starts)
         attractors = self._search.attractors
         hits = np.bincount(labels[labels >= 0], minlength=len(attractors))
@@ -75,7 +60,7 @@ class StateBasins:
         ----------
         states : ndarray, shape (k, 2n)
         poll : callable, optional
-            As above.
+            Called before each start and within long ones; may raise to leave.
 
         Returns
         -------
@@ -108,42 +93,24 @@ class StateBasins:
         return labels
 
 
-def portrait(
-    solver,
-    amplitude: float,
-    seeds: np.ndarray,
-    starts: np.ndarray,
-    settings,
-    max_cycles: int,
-    confidence: float,
-    poll: Callable[[], None] | None = None,
-) -> Portrait:
-    """Find the attractors at one point and their shares.
+def portrait(search: AttractorSearch, seeds: np.ndarray, starts: np.ndarray) -> Portrait:
+    """Find the attractors at the point of a search and their shares.
 
     Parameters
     ----------
-    solver : Solver
-        Of the structure and the frequency.
-    amplitude : float
+    search : AttractorSearch
+        Its confidence is also that of the intervals of the shares.
     seeds : ndarray, shape (m, 2n)
         States whose motions are classified first and do not count for shares.
     starts : ndarray, shape (N, 2n)
-    settings : SweepSettings
-    max_cycles : int
-        Forcing periods after which a motion is left undecided.
-    confidence : float
-        Confidence of the intervals of the shares, and of the tests of lifetimes.
-    poll : callable, optional
-        Called before each start and within long ones; may raise to leave.
     """
-    search = AttractorSearch(solver, amplitude, settings, max_cycles, confidence, poll)
     for seed in seeds:
         search.classify(seed)
     labels = search.labels(starts)
     attractors = []
     for place, attractor in enumerate(search.attractors):
         hits, total = int((labels == place).sum()), len(starts)
-        low, high = share_interval(hits, total, confidence)
+        low, high = share_interval(hits, total, search.confidence)
         share = hits / total if total else 0.0
         attractors.append(
             replace(attractor, hits=hits, share=share, share_low=low, share_high=high)
@@ -151,5 +118,5 @@ def portrait(
     outcome = Outcome.COMPLETE
     if search.failures and not attractors and not np.any(labels == UNDECIDED):
         outcome = search.failures.most_common(1)[0][0]
-    transient = search.n_transient, search.transient.lifetime(confidence)
+    transient = search.n_transient, search.transient.lifetime(search.confidence)
     return Portrait(attractors, labels, search.cycles, outcome, *transient)

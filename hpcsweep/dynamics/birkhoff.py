@@ -20,7 +20,6 @@ orbit on a locked one.
 
 import math
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -32,21 +31,6 @@ TORUS_GROWTH = 0.5
 TORUS_RATE = 3e-4
 """The same a period: for a torus that is nearly broken the weighted growth falls slowly. Orbits of
 period 300 to 1,600 to which such tori are locked are approached by 1e-3 to 1e-2 a period."""
-
-
-class WeightedGrowth(NamedTuple):
-    """Weighted mean growth a period, times the periods of the whole stretch."""
-
-    first: float
-    """Of the first half; `second`, `whole`."""
-    second: float
-    whole: float
-
-    def vanishes(self, size: int) -> bool:
-        """Return whether the growth over `size` periods vanishes, as on a torus."""
-        swings = max(NEUTRAL_GROWTH, 3 * TORUS_RATE * size)
-        halves = abs(self.first) <= swings and abs(self.second) <= swings
-        return halves and abs(self.whole) <= max(TORUS_GROWTH, TORUS_RATE * size)
 
 
 def agreeing_digits(points: np.ndarray) -> float:
@@ -93,18 +77,31 @@ def weighted_means(points: np.ndarray) -> np.ndarray:
     return np.concatenate((weights @ points, weights @ (points * points)))
 
 
-def weighted_growth(logarithms: np.ndarray) -> WeightedGrowth:
-    """Return the growth of a tangent vector over a stretch, from weighted means.
+def growth_vanishes(logarithms: np.ndarray) -> bool:
+    """Return whether a tangent vector has not grown over a stretch, as on a torus.
 
     Parameters
     ----------
     logarithms : ndarray, shape (k,)
         Logarithms of its growth in each forcing period, k >= 4.
     """
+    size, (*halves, whole) = len(logarithms), np.abs(weighted_growth(logarithms)).tolist()
+    swings = max(halves) <= max(NEUTRAL_GROWTH, 3 * TORUS_RATE * size)
+    return swings and whole <= max(TORUS_GROWTH, TORUS_RATE * size)
+
+
+def weighted_growth(logarithms: np.ndarray) -> np.ndarray:
+    """Return the weighted mean growth a period, times the periods of the whole stretch.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Of its first half, its second half, and the whole.
+    """
     size, half = len(logarithms), len(logarithms) // 2
     weights = _weights(half)
     means = (weights @ logarithms[:half], weights @ logarithms[-half:], _weights(size) @ logarithms)
-    return WeightedGrowth(*(float(mean) * size for mean in means))
+    return np.array(means) * size
 
 
 @lru_cache(maxsize=128)

@@ -24,15 +24,15 @@ At the border of its family (`families`) an orbit of sliders is replaced by one 
 that across families.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from hpcsweep.dynamics import orbit, stability
 from hpcsweep.dynamics.attractor import Motion
-from hpcsweep.dynamics.birkhoff import agreeing_digits, weighted_growth
+from hpcsweep.dynamics.birkhoff import agreeing_digits, growth_vanishes
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, NEUTRAL_GROWTH, MotionClass
 from hpcsweep.dynamics.families import moved_inward
 from hpcsweep.dynamics.lifetime import outlive
@@ -126,11 +126,14 @@ def classify_motion(
     if window is not None:
         z, motion = search.judge_window(z, window)
     while motion is None and search.left:
-        if search.may_be_near_orbit:
+        if search.stretch is None and not (search.growing or search.likely_torus):
             z, motion = search.watch(z, WATCHED)
         if motion is None and search.left:
             z, motion = search.carry_on(z)
-    return motion or search.undecided(z)
+    if motion is None:
+        last = search.last if len(search.last) else z[None]
+        motion = search.motion(MotionClass.UNDECIDED, last, growth=search.growth)
+    return motion
 
 
 class _Classifier:
@@ -143,11 +146,11 @@ class _Classifier:
         self._units = solver.structure.state_units
         self._time = solver.structure.forcing.period(solver.omega)
         self._max_cycles = max_cycles
-        self._last = np.empty((0, self._units.size))  # points of what was judged last
+        self.last = np.empty((0, self._units.size))  # points of what was judged last
         self._logarithms = np.empty(0)  # of all that was observed
-        self._stretch: Growth | None = None  # the stretch that is extended
+        self.stretch: Growth | None = None  # the stretch that is extended
         self._tried: dict[int, int] = {}  # its length when it was tried to jump, by period
-        self._growing = self._likely_torus = False
+        self.growing = self.likely_torus = False
         self.cycles = 0
 
     @property
@@ -156,19 +159,9 @@ class _Classifier:
         return max(self._max_cycles - self.cycles, 0)
 
     @property
-    def may_be_near_orbit(self) -> bool:
-        """Whether to watch for an orbit before beginning a stretch."""
-        return self._stretch is None and not (self._growing or self._likely_torus)
-
-    @property
     def growth(self) -> stability.MeanInterval:
         """Growth a period over everything observed."""
         return stability.growth_interval(self._logarithms)
-
-    def undecided(self, z: np.ndarray) -> Motion:
-        """Return the motion as undecided."""
-        last = self._last if len(self._last) else z[None]
-        return self.motion(MotionClass.UNDECIDED, last, growth=self.growth)
 
     def watch(self, z: np.ndarray, n_periods: int) -> Step:
         """Integrate until the motion has reached an orbit, or is verified to go to one."""
@@ -191,7 +184,7 @@ class _Classifier:
 
     def carry_on(self, z: np.ndarray) -> Step:
         """Observe the motion for longer, and classify it by the end of the continuous stretch."""
-        before = self._stretch
+        before = self.stretch
         direction = None if before is None else before.direction
         most = min(self._more(), self.left)
         seen = self._solver.grow(z, self._amplitude, most, self._poll, direction)
@@ -200,23 +193,23 @@ class _Classifier:
             return z, self.motion(MotionClass.FAILED, seen.points, outcome=seen.outcome)
         added = stability.aligned(seen.logarithms) if before is None else seen.logarithms
         self._logarithms = np.concatenate((self._logarithms, added))
-        self._stretch = stretch = seen if before is None else before.followed_by(seen)
+        self.stretch = stretch = seen if before is None else before.followed_by(seen)
         start = stretch.points[-1]
         end, motion = self._closing(stretch.points)
         if motion is None and np.array_equal(end, start):
             judged = max(MIN_TORUS, int(JUDGED * len(stretch.points)))
             end, motion = self._judge(stretch.last(judged))
         if not np.array_equal(end, start):  # a repelling orbit was left
-            self._stretch = None
+            self.stretch = None
             self._tried.clear()
         return end, self._confirmed(motion, end)
 
     def _more(self) -> int:
         """Return the number of periods by which to extend the stretch."""
-        size = 0 if self._stretch is None else len(self._stretch.points)
+        size = 0 if self.stretch is None else len(self.stretch.points)
         if size >= MIN_TORUS:
             return size // CARRIED
-        return MIN_TORUS - size if self._likely_torus else max(size, FIRST_STRETCH)
+        return MIN_TORUS - size if self.likely_torus else max(size, FIRST_STRETCH)
 
     def _confirmed(self, motion: Motion | None, z: np.ndarray) -> Motion | None:
         """Watch chaos for an orbit that ends it; return the resulting motion."""
@@ -246,12 +239,11 @@ class _Classifier:
         It is also claimed where each of the last two turns has closed on the previous one.
         """
         points, size, end = stretch / self._units, len(stretch), stretch[-1]
-        closing = orbit.closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
-        period = closing.period
+        period, distance = orbit.closing_period(points, LONGEST + 1, size // 3, NEAR, self._same)
         if not period:
             return end, None
         last = points[-3 * period :]
-        if closing.distance <= self._same and self._closed(last, 3 * period // 2):
+        if distance <= self._same and self._closed(last, 3 * period // 2):
             return self._arrive(end, period)
         soon = orbit.limit_of_approach(last, period) is not None or TURNS * period <= size
         if soon and size >= 2 * self._tried.get(period, 0):
@@ -266,8 +258,8 @@ class _Classifier:
         """
         points, size, end = seen.points / self._units, len(seen.points), seen.points[-1]
         whole = seen if isinstance(seen, Observation) else None
-        growth, self._last = self.growth, seen.points
-        self._growing = seen.growth > NEUTRAL_GROWTH
+        growth, self.last = self.growth, seen.points
+        self.growing = seen.growth > NEUTRAL_GROWTH
         # short orbits where the last points have closed, long ones where all have
         period = self._closed(points, LONGEST) or (longest and self._closed(points, longest))
         if period:
@@ -289,10 +281,10 @@ class _Classifier:
         size = len(points)
         neutral = abs(seen.growth) <= NEUTRAL_GROWTH or size >= MIN_TORUS
         digits = agreeing_digits(points) if neutral and size >= 4 else 0.0
-        self._likely_torus = neutral and digits >= HINT_DIGITS
+        self.likely_torus = neutral and digits >= HINT_DIGITS
         if size < MIN_TORUS or digits < TORUS_DIGITS:
             return None
-        if not weighted_growth(seen.logarithms).vanishes(size):
+        if not growth_vanishes(seen.logarithms):
             return None
         growth = stability.growth_interval(seen.logarithms)
         period = orbit.returning_period(points, size // RETURNS, NEAR)
@@ -346,19 +338,16 @@ class _Classifier:
         period, multiplier = there.period, there.multiplier
         exact = stability.exponent_of_multiplier(multiplier, period)
         exponent = stability.MeanInterval.exact(exact)
-        motion = self.motion(MotionClass.PERIODIC, points, period, multiplier, exponent)
-        return replace(motion, families=there.families)
+        facts = {"period": period, "multiplier": multiplier, "families": there.families}
+        return self.motion(MotionClass.PERIODIC, points, exponent, **facts)
 
     def motion(
         self,
         kind: MotionClass,
         points: np.ndarray,
-        period: int = 0,
-        multiplier: float = math.nan,
         growth: stability.MeanInterval = stability.UNKNOWN,
-        outcome: Outcome = Outcome.COMPLETE,
-        seen: Observation | None = None,
+        **facts: Any,
     ) -> Motion:
-        """Return the result; `growth` is a forcing period's."""
+        """Return the result, with more facts of it; `growth` is a forcing period's."""
         interval = growth.times(1.0 / self._time)
-        return Motion(kind, points, period, multiplier, interval, self.cycles, outcome, seen)
+        return Motion(kind, points, interval=interval, cycles=self.cycles, **facts)

@@ -265,25 +265,23 @@ class KnownMotions:
         """Return the index of a motion that is no orbit, by a record of it; add it if it is new."""
         scaled = self._scaled(seen.points)
         latest = Signature(scaled)
-        for signature, points, there in self._records:
-            is_torus = motion.kind is MotionClass.QUASI_PERIODIC and self._is_torus(there)
-            if (
-                signature.holds(scaled)
-                or latest.holds(points)
-                or (is_torus and latest.same_torus(signature))
-            ):
-                self.remember(seen.points, there)
-                return there
-        member = self.family(motion, seen)
-        if member is not None:
-            self.remember(seen.points, member)
-            return member
+        torus = MotionClass.QUASI_PERIODIC
+        tori = [k for k, each in enumerate(self.attractors) if motion.kind is each.kind is torus]
+        resembled = (
+            there
+            for signature, points, there in self._records
+            if signature.holds(scaled)
+            or latest.holds(points)
+            or (there in tori and latest.same_torus(signature))
+        )
+        there = next(resembled, None)
+        there = self.family(motion, seen) if there is None else there
+        if there is not None:
+            self.remember(seen.points, there)
+            return there
         place = self.add(motion, seen.points, seen, None)
         self._records.append((latest, scaled, place))
         return place
-
-    def _is_torus(self, place: int) -> bool:
-        return place >= 0 and self.attractors[place].kind is MotionClass.QUASI_PERIODIC
 
     def remember(self, points: np.ndarray, place: int) -> None:
         """Keep a further record of a motion, which its first record failed to recognise."""

@@ -42,10 +42,6 @@ class Survival(NamedTuple):
     escapes: int = 0
     at_risk: float = 0
 
-    def followed_by(self, more: "Survival") -> "Survival":
-        """Return the survival of these motions and more."""
-        return Survival(self.escapes + more.escapes, self.at_risk + more.at_risk)
-
     def lifetime(self, confidence: float) -> MeanInterval:
         """Return the mean lifetime in forcing periods, with the interval of a confidence.
 

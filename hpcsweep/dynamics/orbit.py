@@ -17,7 +17,6 @@ the period is claimed. `closed_period` claims an orbit of p only where
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -142,18 +141,9 @@ def returns_near(points: np.ndarray, near: float) -> bool:
     return bool(np.any(np.abs(points[:-1] - points[-1]).max(axis=1) <= near))
 
 
-class Recurrence(NamedTuple):
-    """A period after which points return ever nearer."""
-
-    period: int
-    """0 if there is none."""
-    distance: float
-    """Largest over the last turn."""
-
-
 def closing_period(
     points: np.ndarray, min_period: int, max_period: int, near: float, tolerance: float
-) -> Recurrence:
+) -> tuple[int, float]:
     """Return the p after which points return nearest, and nearer over the last three turns.
 
     Parameters
@@ -167,6 +157,13 @@ def closing_period(
         Largest difference of a coordinate over the last turn.
     tolerance : float
         Distances within it need not fall.
+
+    Returns
+    -------
+    period : int
+        0 if there is none.
+    distance : float
+        Largest over the last turn.
     """
     coordinates = _coordinates(points)
     closing = []
@@ -177,7 +174,7 @@ def closing_period(
         if last < near and (last <= FALLS * before or last <= tolerance):
             closing.append((last, period))
     distance, period = min(closing, default=(near, 0))
-    return Recurrence(period, distance)
+    return period, distance
 
 
 def limit_of_approach(points: np.ndarray, period: int) -> np.ndarray | None:

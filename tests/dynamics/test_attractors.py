@@ -131,7 +131,8 @@ def test_what_neighbourhoods_and_windows_tell_is_what_each_start_decides():
     settings, units = SweepSettings(), AS_DESCRIBED.state_units
     for amplitude in (0.115, 0.15):
         starts = starting_states(box_of(None, units), 60, 3, 0.445, amplitude)
-        found = portrait(solver, amplitude, starts[:0], starts, settings, 2000, 0.95)
+        searched = AttractorSearch(solver, amplitude, settings, 2000, 0.95, None)
+        found = portrait(searched, starts[:0], starts)
         search = AttractorSearch(solver, amplitude, settings, 2000, 0.95, None)
         alone = np.array([search.classify(start) for start in starts])
         assert found.cycles < search.cycles
@@ -267,7 +268,8 @@ def test_near_its_fold_an_orbit_is_one_whatever_the_tolerance():
     solver, amplitude = make_solver("flow", PAPER, 0.445, 1e-9), FOLD - 1e-13
     starts = starting_states(box_of(None, PAPER.state_units), 100, 3, 0.445, amplitude)
     settings = SweepSettings(period_tolerance=1e-11)
-    found = portrait(solver, amplitude, starts[:0], starts, settings, 2000, 0.95)
+    searched = AttractorSearch(solver, amplitude, settings, 2000, 0.95, None)
+    found = portrait(searched, starts[:0], starts)
     assert sorted(one.orbit_period for one in found.attractors) == [1, 1, 2]
 
 

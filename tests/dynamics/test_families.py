@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import hpcsweep
+from hpcsweep.dynamics.attractors import AttractorSearch
 from hpcsweep.dynamics.basins import portrait
 from hpcsweep.dynamics.classify import MotionClass, Shakedown
 from hpcsweep.dynamics.families import are_joined
@@ -118,8 +119,8 @@ def test_starts_go_where_the_reference_takes_them():
     structure, amplitude, omega = beside_a_stop(), 0.36, 1.218
     starts = structure.slipped(np.random.default_rng(1).uniform((-2, -2), (0.267, 2), (4, 2)))
     solver = make_solver("flow", structure.measured_at(omega, amplitude), omega, 1e-9, yields=True)
-    given = SweepSettings(), 5000, 0.95
-    told = portrait(solver, amplitude, np.empty((0, 3)), starts, *given)
+    search = AttractorSearch(solver, amplitude, SweepSettings(), 5000, 0.95, None)
+    told = portrait(search, np.empty((0, 3)), starts)
     for start, label in zip(starts, told.labels.tolist(), strict=True):
         track = []
         points = reference(structure, amplitude, omega, start, 25, track)

@@ -141,7 +141,12 @@ def test_a_group_is_told_alike_in_any_order_and_what_is_not_listed_is_elsewhere(
     solver = make_solver("flow", structure, 1.0, 1e-9)
     rng = np.random.default_rng(4)
     states = rng.uniform(-1, 1, (60, 2))
-    both = StateBasins(solver, 0.7, states[:20], SweepSettings(), 600, 8)
+
+    def basins(starts, most):
+        search = AttractorSearch(solver, 0.7, SweepSettings(), 600, 0.95, None)
+        return StateBasins(search, starts, most)
+
+    both = basins(states[:20], 8)
     assert [one.hits for one in both.attractors] == sorted(
         (one.hits for one in both.attractors), reverse=True
     )
@@ -149,11 +154,11 @@ def test_a_group_is_told_alike_in_any_order_and_what_is_not_listed_is_elsewhere(
     second, _ = both.labels(states[40:])
     again, _ = both.labels(states[20:40])
     assert np.array_equal(first, again)
-    one = StateBasins(solver, 0.7, states[:20], SweepSettings(), 600, 1)
+    one = basins(states[:20], 1)
     (kept,) = one.attractors
     assert kept.hits == both.attractors[0].hits
     assert np.array_equal(one.labels(states[40:])[0], np.where(second == 0, 0, ELSEWHERE))
-    none = StateBasins(solver, 0.7, states[:0], SweepSettings(), 600, 8)
+    none = basins(states[:0], 8)
     assert none.attractors == []
     assert set(none.labels(states[:4])[0].tolist()) == {ELSEWHERE}
     assert ELSEWHERE not in (UNDECIDED, FAILED)

@@ -32,14 +32,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.branch import (
-    Arc,
-    Limits,
-    Step,
-    ahead_of,
-    sought,
-    step_of_branch,
-)
+from hpcsweep.dynamics.continuation import branch
 from hpcsweep.dynamics.continuation.catalogue import Catalogue, orbits_on
 from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solution
 from hpcsweep.dynamics.continuation.events import Kind, Special
@@ -77,13 +70,13 @@ def catalogue_of(forced: ForcedMap, *settings) -> Catalogue:
 
 
 def step_up_to_border(
-    curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: Limits
-) -> Step | None:
+    curve: Curve, last: Solution, bend: np.ndarray, step: float, limits: branch.Limits
+) -> branch.Step | None:
     """Take a step like `step_of_branch`, or one to a border and across it; None if too far."""
     with contextlib.suppress(ArithmeticError):
-        point = sought(curve, last, ahead_of(last, bend, step), step)
+        point = branch.sought(curve, last, branch.ahead_of(last, bend, step), step)
         if curve.signature(point) == curve.signature(last):
-            taken = step_of_branch(curve, last, bend, step, limits, point)
+            taken = branch.step_of_branch(curve, last, bend, step, limits, point)
             if taken is not None:
                 return taken
     if step > NEAR:
@@ -99,7 +92,7 @@ class YieldingCatalogue(Catalogue):
 
     step = staticmethod(step_up_to_border)
 
-    def is_on(self, arc: Arc, points: np.ndarray, value: float) -> bool:
+    def is_on(self, arc: branch.Arc, points: np.ndarray, value: float) -> bool:
         """Return whether an orbit lies on a branch, or is of the family of an orbit that does."""
         if super().is_on(arc, points, value):
             return True
@@ -108,7 +101,7 @@ class YieldingCatalogue(Catalogue):
         return any(_forced(arc.curve).joins(*both, value) for both in pairs)
 
 
-def _across(curve: Curve, last: Solution, step: float, limits: Limits) -> Step | None:
+def _across(curve: Curve, last: Solution, step: float, limits: branch.Limits) -> branch.Step | None:
     """Go to a border within two steps, and across it; None if there is none."""
     edge, share = _edge(curve, last, 2.0 * step)
     if share == 1.0:

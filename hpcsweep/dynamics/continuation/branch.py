@@ -42,8 +42,6 @@ COLLAPSED = 1e-4
 GRAZES = 1e-6
 """Distance from a grazing, in units of y, within which a branch that is not followed on ends at it:
 beside a stop that is stiff enough the tangent turns by a radian within less than a step."""
-HALVINGS = 30
-"""Of the share of a step at which a component has a value."""
 
 
 class Limits(NamedTuple):
@@ -71,7 +69,7 @@ class Limits(NamedTuple):
 
 @dataclass
 class Arc:
-    """A piece of a branch.
+    """A branch, or a piece of it.
 
     Attributes
     ----------
@@ -82,12 +80,18 @@ class Arc:
         Each with the index in `points` of the point after it, a fold with its own index.
     ends : (str, str)
         Why it stops at its beginning and at its end.
+    parent : int
+        In a catalogue, the branch that it leaves, -1 if it was found by an orbit.
+    searched : bool
+        Whether that orbit was found by the search.
     """
 
     curve: Any
     points: list[Solution]
     specials: list[tuple[int, Special]] = field(default_factory=list)
     ends: tuple[str, str] = ("", "")
+    parent: int = -1
+    searched: bool = False
 
     @cached_property
     def heights(self) -> np.ndarray:
@@ -196,7 +200,7 @@ def step_of_branch(
     try:
         ahead = ahead_of(last, bend, step)
         point = point or sought(curve, last, ahead, step)
-        angle = angle_of_step(last, ahead, point, step)
+        angle = angle_of(last, ahead, point, step)
         if angle is None:
             return None
         if collapses(curve, last, point):
@@ -269,7 +273,7 @@ def _has_pole(specials: list[Special]) -> bool:
     return any(abs(flip - fold) <= 2.0 * events.PRECISION for flip in flips for fold in folds)
 
 
-def angle_of_step(last: Solution, guess: np.ndarray, point: Solution, step: float) -> float | None:
+def angle_of(last: Solution, guess: np.ndarray, point: Solution, step: float) -> float | None:
     """Return the angle by which a step turns the tangent, None if it is too long."""
     angle = math.acos(min(float(point.tangent.dot(last.tangent)), 1.0))
     astray = length(point.y - guess) > ASTRAY * step
@@ -283,19 +287,13 @@ def on_cubic(
 
     Between them a curve is Hermite's cubic through both, with their tangents.
     """
+    from scipy.optimize import brentq  # reading results does not need it
+
     chord = length(last.y - first.y)
-    slope, last_slope = chord * first.tangent[component], chord * last.tangent[component]
-    low, high = 0.0, 1.0
-    rises = last.y[component] > first.y[component]
-    for _ in range(HALVINGS):
-        s = 0.5 * (low + high)
-        there = events.cubic(s, first.y[component], last.y[component], slope, last_slope)
-        if (there < value) == rises:
-            low = s
-        else:
-            high = s
-    s = 0.5 * (low + high)
-    return events.cubic(s, first.y, last.y, chord * first.tangent, chord * last.tangent), s
+    rows = first.y, last.y, chord * first.tangent, chord * last.tangent
+    along = [float(row[component]) for row in rows]
+    s = float(brentq(lambda s: events.cubic(s, *along) - value, 0.0, 1.0))
+    return events.cubic(s, *rows), s
 
 
 def _shifted(curve, point: Solution, shift: int) -> Solution:

@@ -17,19 +17,12 @@ of c, that of the normal form's coefficient (Kuznetsov, Elements of Applied Bifu
 
 import contextlib
 import math
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.branch import (
-    COLLAPSED,
-    Arc,
-    Limits,
-    Stepper,
-    follow,
-    on_cubic,
-)
+from hpcsweep.dynamics.continuation.branch import COLLAPSED, Arc, Limits, Stepper, follow, on_cubic
 from hpcsweep.dynamics.continuation.cycle import Curve, Map, NotConvergedError, Solution, solve_at
 from hpcsweep.dynamics.continuation.events import Kind, Special, n_unstable
 from hpcsweep.dynamics.orbit import smallest_period
@@ -49,39 +42,6 @@ DISTANCES = (1e-3, 1e-4, 1e-5, 1e-6)
 have doubled itself."""
 APART = 0.1
 """Share of eps at which the orbit found is another one."""
-
-
-@dataclass
-class Branch:
-    """A branch of a catalogue.
-
-    Attributes
-    ----------
-    arc : Arc
-    parent : int
-        Branch that it leaves, -1 if it was found by an orbit.
-    searched : bool
-        Whether that orbit was found by the search.
-    """
-
-    arc: Arc
-    parent: int = -1
-    searched: bool = False
-
-
-class Place(NamedTuple):
-    """Where an orbit lies.
-
-    Attributes
-    ----------
-    branch : int
-        Number of its branch, -1 if there is no room for it.
-    distance : float
-        From the points that were given to those of the orbit, in units of the state.
-    """
-
-    branch: int
-    distance: float
 
 
 class Catalogue:
@@ -121,18 +81,25 @@ class Catalogue:
         self._map, self._limits, self._scale, self._costly = map_, limits, scale, costly
         self._most_period, self._most_branches = most_period, most_branches
         self._most_points = most_points
-        self.branches: list[Branch] = []
+        self.branches: list[Arc] = []
         self._grown = 0
 
     @property
     def is_full(self) -> bool:
         """Whether the catalogue has no room for another branch."""
-        points = sum(len(branch.arc.points) for branch in self.branches)
+        points = sum(len(arc.points) for arc in self.branches)
         longest = 2 * (self._limits.most_steps + FOLDS_OF_A_STEP) + 1
         return len(self.branches) >= self._most_branches or points + longest > self._most_points
 
-    def add(self, points: np.ndarray, value: float, searched: bool = False) -> Place:
+    def add(self, points: np.ndarray, value: float, searched: bool = False) -> tuple[int, float]:
         """Add an orbit, shape (p, N), and follow its branch if it is a new one.
+
+        Returns
+        -------
+        branch : int
+            Number of its branch, -1 if there is no room for it.
+        distance : float
+            From the points to those of the orbit, in units of the state.
 
         Raises
         ------
@@ -145,16 +112,15 @@ class Catalogue:
         distance = float(np.abs(there - points).max())
         shortest = smallest_period(there, 1e-7)
         if shortest < len(points):
-            return Place(self.add(there[:shortest], value, searched).branch, distance)
+            return self.add(there[:shortest], value, searched)[0], distance
         number = self.branch_of(there, value)
         if number < 0:
             number = self._follow(curve, orbit, -1, searched)
-        return Place(number, distance)
+        return number, distance
 
     def branch_of(self, points: np.ndarray, value: float) -> int:
         """Return the branch on which an orbit lies to `SAME`, -1 for none."""
-        for number, branch in enumerate(self.branches):
-            arc = branch.arc
+        for number, arc in enumerate(self.branches):
             if arc.curve.period == len(points) and self.is_on(arc, points, value):
                 return number
         return -1
@@ -165,15 +131,13 @@ class Catalogue:
 
     def orbits_at(self, period: int, value: float) -> list[np.ndarray]:
         """Return all orbits of the branches of a period at a value, shape (p, N) each."""
-        orbits = []
-        for arc in (branch.arc for branch in self.branches if branch.arc.curve.period == period):
-            orbits += orbits_on(arc, value)
-        return orbits
+        arcs = [arc for arc in self.branches if arc.curve.period == period]
+        return [orbit for arc in arcs for orbit in orbits_on(arc, value)]
 
     def grow(self) -> None:
         """Follow the branches that leave others."""
         while self._grown < len(self.branches):
-            arc = self.branches[self._grown].arc
+            arc = self.branches[self._grown]
             for at, (place, special) in enumerate(arc.specials):
                 if special.kind in (Kind.DOUBLING, Kind.BRANCH_POINT):
                     arc.specials[at] = place, self._leave(self._grown, place, special)
@@ -186,7 +150,8 @@ class Catalogue:
         arc, number = self.own_part(arc, start)
         if len(arc.points) == 1 and number >= 0:
             return number
-        self.branches.append(Branch(arc, parent, searched))
+        arc.parent, arc.searched = parent, searched
+        self.branches.append(arc)
         return len(self.branches) - 1
 
     def own_part(self, arc: Arc, start: Solution) -> tuple[Arc, int]:
@@ -228,7 +193,7 @@ class Catalogue:
 
     def _leave(self, parent: int, place: int, special: Special) -> Special:
         """Follow the branch that leaves at a special point; return it with its criticality."""
-        arc = self.branches[parent].arc
+        arc = self.branches[parent]
         switched = switch(arc.curve, special)
         if switched is None:
             return special
@@ -253,8 +218,7 @@ class Catalogue:
         """
         points = np.tile(curve.split(special.at.y)[0], (period // curve.period, 1))
         turns = [np.roll(points, shift, axis=0) for shift in range(curve.period)]
-        for number, branch in enumerate(self.branches):
-            arc = branch.arc
+        for number, arc in enumerate(self.branches):
             if arc.curve.period == period:
                 for why, end in zip(arc.ends, (arc.points[0], arc.points[-1]), strict=True):
                     there = arc.curve.split(end.y)[0]

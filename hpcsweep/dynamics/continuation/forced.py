@@ -11,7 +11,6 @@ contact.
 """
 
 import math
-from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -100,7 +99,7 @@ class ForcedMap:
         self._poll = poll
         self._seen = lru_cache(KEPT_SEEN)(self._observe)
         self._closed = lru_cache(KEPT_SEEN)(self._closings)
-        self._solvers: OrderedDict[tuple, Any] = OrderedDict()
+        self._solvers: dict[tuple, Any] = {}
 
     @property
     def is_costly(self) -> bool:
@@ -117,37 +116,29 @@ class ForcedMap:
         return next(values) if isinstance(self.parameter, str) else tuple(values)
 
     def _values(self, value: Any) -> dict[str, float]:
-        """Return the values of all parameters: `value` is a number for one, a tuple for two."""
-        values = value if isinstance(value, tuple) else (value,)
-        return dict(zip(self.parameters, values, strict=True))
-
-    def _tied(self, value: Any) -> dict[str, float]:
         """Return the values of all parameters, and of what they give."""
-        values = self._values(value)
+        numbers = value if isinstance(value, tuple) else (value,)
+        values = dict(zip(self.parameters, numbers, strict=True))
         return values | {name: of(**values) for name, of in self._ties.items()}
 
     def at(self, value: Any) -> tuple[Structure, float, float]:
         """Return structure, amplitude and frequency at a value of the parameter."""
-        changed: dict[str, Any] = self._tied(value)
-        amplitude = changed.pop("amplitude", self.amplitude)
-        omega = changed.pop("omega", self.omega)
+        changed: dict[str, Any] = self._values(value)
+        amplitude, omega = (changed.pop(name, getattr(self, name)) for name in FORCING_PARAMETERS)
         structure = replace(self.structure, **changed) if changed else self.structure
         return structure, amplitude, omega
 
     def solver(self, value: Any) -> tuple[Any, float]:
         """Return the solver and the amplitude at a value of the parameter."""
-        others = self._tied(value)
+        others = self._values(value)
         amplitude, key = others.pop("amplitude", self.amplitude), tuple(others.values())
-        solver = self._solvers.get(key)
-        if solver is None:
+        if key not in self._solvers:
             structure, amplitude, omega = self.at(value)
             measured = structure.measured_at(omega, amplitude)
-            solver = self._solvers[key] = make_solver(
-                "flow", measured, omega, self._rtol, yields=True
-            )
+            self._solvers[key] = make_solver("flow", measured, omega, self._rtol, yields=True)
             if len(self._solvers) > KEPT_SOLVERS:
-                self._solvers.popitem(last=False)
-        return solver, amplitude
+                del self._solvers[next(iter(self._solvers))]
+        return self._solvers[key], amplitude
 
     def images(self, points: np.ndarray, value: Any) -> np.ndarray:
         """Return the states after a forcing period, shape (p, N)."""
@@ -162,11 +153,11 @@ class ForcedMap:
         images, matrices = solver.images(points * self.units, amplitude, True, self._poll)
         images, matrices = images / self.units, matrices * self.units / self.units[:, None]
         slopes = np.empty((*points.shape, by))
-        for k, name in enumerate(self.parameters[:by]):
-            values = self._values(value)
-            low = values[name]
-            values[name] = high = low + DIFFERENCE * (abs(low) or 1.0)
-            slopes[..., k] = (self.images(points, tuple(values.values())) - images) / (high - low)
+        for k in range(by):
+            values = [*value] if isinstance(value, tuple) else [value]
+            low = values[k]
+            values[k] = high = low + DIFFERENCE * (abs(low) or 1.0)
+            slopes[..., k] = (self.images(points, tuple(values)) - images) / (high - low)
         return images, held(matrices, len(self.structure.sliders)), slopes
 
     def take_round(
@@ -185,7 +176,7 @@ class ForcedMap:
         least, largest, periods = solver.take_round(
             rows, inverse, matrices, scale, unit, rules, self._poll
         )
-        self._count(periods)
+        self.periods += periods
         return least, largest
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
@@ -232,9 +223,6 @@ class ForcedMap:
         orbits, count = (orbit * self.units, other * self.units), int(sticks.sum())
         return are_joined(solver, amplitude, *orbits, count, self._poll)
 
-    def _count(self, periods: int) -> None:
-        self.periods += periods
-
     def _begin(self, value: Any, periods: int = 1) -> tuple[Any, float]:
-        self._count(periods)
+        self.periods += periods
         return self.solver(value)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.stability import floquet_multipliers
-from hpcsweep.dynamics.verification import REACH, Verdict, VerifiedOrbit, verify_orbit
+from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count, finite, finite_vector, forcing_frequency, instance
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import MAX_PERIOD
@@ -147,15 +147,8 @@ def find(
         loaded(structure, branches=True)
     verdict = verify_orbit(solver, z, amplitude, period)
     if verdict.orbit is None:
-        near = f"no orbit of period {period} within {REACH} of the state"
-        raise ArithmeticError(f"{near}: {_why(verdict)}")
+        why = f"the residual of Newton's method falls to {verdict.residual:.3g} and no further"
+        if verdict.away < math.inf:
+            why = f"the one found is {verdict.away:.3g} away"
+        raise ArithmeticError(f"no orbit of period {period} within {REACH} of the state: {why}")
     return forced, verdict.orbit
-
-
-def _why(verdict: Verdict) -> str:
-    """Return what Newton's method has come to where there is no orbit."""
-    if verdict.away < math.inf:
-        return f"the one found is {verdict.away:.3g} away"
-    if verdict.residual < math.inf:
-        return f"the residual of Newton's method falls to {verdict.residual:.3g} and no further"
-    return "the solver has failed"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpcsweep.dynamics.attractor import Found, Portrait
+from hpcsweep.dynamics.attractors import AttractorSearch
 from hpcsweep.dynamics.basins import portrait
 from hpcsweep.dynamics.known import matched
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
@@ -77,16 +78,10 @@ class AttractorRuns:
         box = np.array(limits.box)
         starts = starting_states(box, limits.starts, limits.seed, self._omega, amplitude)
         starts = self._measured.slipped(starts)
-        return portrait(
-            self._solver,
-            amplitude,
-            seeds,
-            starts,
-            settings,
-            limits.max_cycles,
-            limits.confidence,
-            poll,
+        search = AttractorSearch(
+            self._solver, amplitude, settings, limits.max_cycles, limits.confidence, poll
         )
+        return portrait(search, seeds, starts)
 
     def follow(self, amplitudes: Amplitudes, state: np.ndarray, poll: Poll = None) -> Rows:
         """Find the attractors of consecutive amplitudes.

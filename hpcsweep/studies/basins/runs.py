@@ -3,7 +3,8 @@
 import numpy as np
 
 from hpcsweep.dynamics.attractor import FAILED
-from hpcsweep.dynamics.basins import StateBasins
+from hpcsweep.dynamics.attractors import AttractorSearch
+from hpcsweep.dynamics.basins import CONFIDENCE, StateBasins
 from hpcsweep.dynamics.starts import starting_states
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
@@ -111,15 +112,10 @@ class SliceRuns:
             box = np.stack((study.initial_state, study.initial_state), axis=1)
             for k, values in zip(study.components, (study.horizontal, study.vertical), strict=True):
                 box[k] = values[[0, -1]]
-            self._basins = StateBasins(
-                self._solver,
-                self._amplitude,
-                self._structure.slipped(
-                    starting_states(box, study.starts, study.seed, *self._point)
-                ),
-                self._settings,
-                study.max_cycles,
-                study.max_attractors,
-                poll,
+            search = AttractorSearch(
+                self._solver, self._amplitude, self._settings, study.max_cycles, CONFIDENCE, poll
             )
+            starts = starting_states(box, study.starts, study.seed, *self._point)
+            starts = self._structure.slipped(starts)
+            self._basins = StateBasins(search, starts, study.max_attractors)
         return self._basins

@@ -98,17 +98,18 @@ def _take(
         rows["seed_point"][0, k] = seed.points[0]
         try:
             points = seed.points[: seed.period] / forced.units
-            place = catalogue.add(continued(forced, points, value, seed.period), value)
+            points = continued(forced, points, value, seed.period)
+            branch, distance = catalogue.add(points, value)
         except ArithmeticError:
             rows["seed_reason"][0, k] = Reason.NO_ORBIT
             continue
-        rows["seed_distance"][0, k] = place.distance
-        if not place.distance <= REACH:
+        rows["seed_distance"][0, k] = distance
+        if not distance <= REACH:
             rows["seed_reason"][0, k] = Reason.ANOTHER_ORBIT
-        elif place.branch < 0:
+        elif branch < 0:
             rows["seed_reason"][0, k] = Reason.NO_ROOM
         else:
-            rows["seed_branch"][0, k] = place.branch + 1
+            rows["seed_branch"][0, k] = branch + 1
             covered += 1
     rows["n_covered"][0] = covered
 
@@ -128,19 +129,19 @@ def store_branches(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
     rows["n_branches"][0] = len(catalogue.branches)
     for k, branch in enumerate(catalogue.branches):
         rows["branch_id"][0, k] = k + 1
-        rows["branch_period"][0, k] = branch.arc.curve.period
+        rows["branch_period"][0, k] = branch.curve.period
         origin = Origin.SEARCH if branch.searched else Origin.SEED
         rows["found_by"][0, k] = Origin.LEAVING if branch.parent >= 0 else origin
         rows["parent"][0, k] = branch.parent + 1
-        for name, why in zip(("begins", "ends"), branch.arc.ends, strict=True):
+        for name, why in zip(("begins", "ends"), branch.ends, strict=True):
             rows[name][0, k] = End[why.upper().replace(" ", "_")]
 
 
 def _store_points(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None:
     at = 0
     for k, branch in enumerate(catalogue.branches):
-        for orbit in branch.arc.points:
-            points, value = branch.arc.curve.split(orbit.y)
+        for orbit in branch.points:
+            points, value = branch.curve.split(orbit.y)
             seen = forced.observe(points, value)
             rows["step_branch"][0, at], rows["value"][0, at] = k + 1, value
             rows["stable"][0, at] = abs(orbit.multipliers[0]) < 1.0
@@ -160,9 +161,9 @@ def _store_specials(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None
     at = first = 0
     numbers = forced.structure.contact_numbers
     for k, branch in enumerate(catalogue.branches):
-        for step, special in branch.arc.specials:
+        for step, special in branch.specials:
             if at < rows["special_kind"].shape[1]:
-                points, value = branch.arc.curve.split(special.at.y)
+                points, value = branch.curve.split(special.at.y)
                 rows["special_branch"][0, at], rows["special_kind"][0, at] = k + 1, special.kind
                 rows["special_value"][0, at], rows["special_step"][0, at] = value, first + step
                 rows["special_point"][0, at] = points[0] * forced.units
@@ -174,7 +175,7 @@ def _store_specials(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None
                     rows["change"][0, at] = sum(closed if special.kind is Kind.GRAZING else slid)
                     rows["special_contact"][0, at] = sum(grazing)
                 at += 1
-        first += len(branch.arc.points)
+        first += len(branch.points)
 
 
 def _strip(study: BranchGrid, line: int) -> tuple[float, float]:
@@ -209,7 +210,7 @@ def _store_curves(
     places = (
         (number, k)
         for number, branch in enumerate(catalogue.branches)
-        for k in range(len(branch.arc.specials))
+        for k in range(len(branch.specials))
     )
     for at, place in zip(range(rows["special_curve"].shape[1]), places, strict=False):
         rows["special_curve"][0, at] = on.get(place, -1) + 1

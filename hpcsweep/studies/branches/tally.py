@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.dynamics.continuation.meetings import Meeting
-from hpcsweep.dynamics.continuation.plane import KINDS
+from hpcsweep.dynamics.continuation.plane import KINDS, Meeting
 from hpcsweep.studies.branches.keys import BranchGrid
 from hpcsweep.studies.branches.variables import Origin, Reason
 from hpcsweep.studies.study import Study, as_kind

@@ -3,7 +3,7 @@
 from enum import IntEnum
 
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.dynamics.continuation.meetings import Meeting
+from hpcsweep.dynamics.continuation.plane import Meeting
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.quantities import CONTACT, DRIFT, STATES
 from hpcsweep.studies.variable import (

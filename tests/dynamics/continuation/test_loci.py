@@ -7,7 +7,7 @@ from maps_in_closed_form import Cubic, HenonPlane, SoftImpacts
 from hpcsweep.dynamics.continuation.branch import Limits, follow
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.dynamics.continuation.locus import Locus
-from hpcsweep.dynamics.continuation.meetings import Meeting, step_of_locus
+from hpcsweep.dynamics.continuation.plane import Meeting, step_of_locus
 
 
 def followed(map_, kind, points, values, spans, change=(), side=None, largest=0.05):

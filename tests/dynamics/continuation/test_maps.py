@@ -41,22 +41,22 @@ def test_doublings_of_the_logistic_map_give_feigenbaums_ratio():
 
 def test_branches_of_the_logistic_map_are_found_once_and_are_supercritical():
     catalogue = catalogue_of(Logistic(), [0.6], 2.5, 1.5, 3.55, 8)
-    assert [one.arc.curve.period for one in catalogue.branches] == [1, 2, 4, 8]
+    assert [one.curve.period for one in catalogue.branches] == [1, 2, 4, 8]
     assert [one.parent for one in catalogue.branches] == [-1, 0, 1, 2]
     for one in catalogue.branches[:3]:
-        assert [special.criticality for _, special in one.arc.specials] == [1]
+        assert [special.criticality for _, special in one.specials] == [1]
     # an orbit of each is recognised, at any phase
     x = np.array([0.5130445, 0.7994555])
     for points in (x, x[::-1]):
-        assert catalogue.add(points[:, None], 3.2).branch == 1
-    assert catalogue.add(np.array([[0.5]]), 2.0).branch == 0
+        assert catalogue.add(points[:, None], 3.2)[0] == 1
+    assert catalogue.add(np.array([[0.5]]), 2.0)[0] == 0
     assert len(catalogue.branches) == 4
 
 
 def test_a_branch_ends_where_a_step_has_led_onto_a_known_one():
     # of the logistic map's fixed points x = 0 and x = 1 - 1 / r, which cross at r = 1
     catalogue = catalogue_of(Logistic(), [0.6], 2.5, 1.5, 2.9, 1)
-    known = catalogue.branches[0].arc
+    known = catalogue.branches[0]
     first = follow(known.curve, solve_at(known.curve, np.array([[0.0]]), 2.0), Limits(1.5, 2.9))
     away = [one for one in first.points if one.y[-1] < 2.3]
     jumped = [one for one in known.points if one.y[-1] > 2.3]
@@ -76,11 +76,11 @@ def test_a_branch_ends_where_a_step_has_led_onto_a_known_one():
 def test_folds_and_doublings_of_the_henon_map():
     b = Henon.b
     catalogue = catalogue_of(Henon(), [0.6, 0.18], 0.2, -0.2, 1.0, 2, most_steps=60)
-    kinds = found_on(catalogue.branches[0].arc)
+    kinds = found_on(catalogue.branches[0])
     assert [kind for kind, _ in kinds] == [Kind.FOLD, Kind.DOUBLING]
     expected = [-0.25 * (1 - b) ** 2, 0.75 * (1 - b) ** 2]
     np.testing.assert_allclose([value for _, value in kinds], expected, rtol=0, atol=1e-11)
-    (doubling,) = found_on(catalogue.branches[1].arc)
+    (doubling,) = found_on(catalogue.branches[1])
     # x y = ((1 - b)^2 - a) / a^2 of the orbit of period 2, whose tangent map has the trace
     # 4 a^2 x y + 2 b and the determinant b^2
     assert doubling[0] is Kind.DOUBLING
@@ -89,7 +89,7 @@ def test_folds_and_doublings_of_the_henon_map():
 
 def test_a_torus_of_the_delayed_logistic_map():
     (branch,) = catalogue_of(Delayed(), [0.3, 0.3], 1.6, 1.2, 2.2, 4).branches
-    ((kind, value),) = found_on(branch.arc)
+    ((kind, value),) = found_on(branch)
     assert kind is Kind.TORUS
     assert value == pytest.approx(2.0, abs=1e-11)
 
@@ -98,11 +98,11 @@ def test_a_search_finds_all_orbits_of_the_logistic_map_in_its_window_of_period_3
     catalogue = Catalogue(Logistic(), Limits(3.835, 3.845), 0.01, 4, 64)
     starts = np.linspace(0.02, 0.98, 256)[:, None]
     search(catalogue, Logistic(), starts, (3.835, 3.845), 4)
-    periods = [one.arc.curve.period for one in catalogue.branches]
+    periods = [one.curve.period for one in catalogue.branches]
     # fixed points 0 and 1 - 1/r; those of 2 and 4 by doubling; the pair of 3, born at 1 + 8^(1/2);
     # the other pair of 4 is born at 3.9601
     assert sorted(periods) == [1, 1, 2, 3, 3, 4]
-    stable = [abs(one.arc.points[0].multipliers[0]) < 1 for one in catalogue.branches]
+    stable = [abs(one.points[0].multipliers[0]) < 1 for one in catalogue.branches]
     assert [p for p, steady in zip(periods, stable, strict=True) if steady] == [3]
 
 

@@ -71,7 +71,7 @@ class FlowMap:
         made = shared_at(structure, self.omega, tolerance, MAX_STEPS)
         self._shared, self._packed, shapes = made
         self._units = Units(structure, self._shared.model)
-        self._kernels = kernels_for(self._shared, shapes)
+        self._kernels = kernels_for(self._shared.model, shapes)
         self._measures = False  # whether what they call is loaded
         self._watches: dict[int, tuple] = {}
         self.counts = self._shared.counts

@@ -31,7 +31,7 @@ from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
 from hpcsweep.solvers.flow.orbit.contract import take_round
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
-from hpcsweep.solvers.flow.state.shared import SHARED, Shared, new_shared
+from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 
 
 class MotionKernels(NamedTuple):
@@ -62,16 +62,16 @@ FOR_ANY = MotionKernels(
 )
 
 
-def kernels_for(shared: Shared, words: Words) -> MotionKernels:
+def kernels_for(model: Model, words: Words) -> MotionKernels:
     """Return the kernels for a structure: specialised ones if they are loaded or in the cache.
 
     Parameters
     ----------
-    shared : Shared
+    model : Model
     words : Words
-        Of its `Pattern`.
+        Of the `Pattern` of its `Shared`.
     """
-    elements = of_elements(shared.model)
+    elements = of_elements(model)
     if not (elements or _loaded or _kept_keys()):
         return FOR_ANY
     with LOADING:
@@ -120,9 +120,9 @@ def _needed(elements: tuple[EntryPoint, ...], measures: bool) -> list[EntryPoint
 def branch_kernels(structure: Structure) -> list[EntryPoint]:
     """Return what following branches calls besides, of the kernels that solvers call."""
     needed = with_called(*OF_BRANCHES, *FOR_ANY.measures)
-    shared = new_shared(kernel_model(structure, 1.0), 0.0, 0)
-    words = Pattern(shared).words
-    return needed if kernels_for(shared, words) is FOR_ANY else _specialised(words).of(needed)
+    model = kernel_model(structure, 1.0)
+    words = _words_for(model)
+    return needed if kernels_for(model, words) is FOR_ANY else _specialised(words).of(needed)
 
 
 def _words_for(model: Model) -> Words:

@@ -47,12 +47,10 @@ STEPS = 10_000
 @inlined
 def peaks_at_end(segment, ending, z, amplitude, wanted, packed, shared):
     """Raise the peaks that are wanted, `WITHIN_PASSAGES`, over that at the end of a segment."""
-    model, step = shared.model, shared.work.step
+    model, step, outputs, tally = shared.model, shared.work.step, shared.outputs, shared.tally
     if not (ending.passed and model.rho < math.inf):
         return
-    if wanted != ACCELERATION or _may_exceed(
-        segment, ending, model, shared.outputs, shared.tally, step.rows
-    ):
+    if wanted != ACCELERATION or _may_exceed(segment, ending, model, outputs, tally, step.rows):
         _integrate_again(segment, ending, amplitude, wanted, packed, shared)
         copy_state(z, step.z_end)
 
@@ -189,5 +187,4 @@ def gather_passing(
         elif elements is None and ending.passed:
             passage_at_end(segment, ending, model, tally, work.step)
     if elements is None and wanted & WITHIN_PASSAGES:
-        peaks = wanted & WITHIN_PASSAGES
-        peaks_at_end(segment, ending, z, amplitude, peaks, packed, shared)
+        peaks_at_end(segment, ending, z, amplitude, wanted & WITHIN_PASSAGES, packed, shared)

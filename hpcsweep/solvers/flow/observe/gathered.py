@@ -47,9 +47,7 @@ def gathered(
         logarithms = np.empty(0)
     free = tally.free_time[0] if modal_norm else 0.0
     norms = tally.modal / free if free > 0.0 else np.full_like(tally.modal, math.nan)
-    measured = None
-    if measures and len(points):
-        measured = measures_of(structure, shared.model, tally, len(points))
+    is_measured = measures and len(points)
     return Observation(
         points,
         structure.contact_bits(int(tally.contact[0])),
@@ -58,5 +56,5 @@ def gathered(
         outcome,
         window_growth(logarithms),
         logarithms,
-        measures=measured,
+        measures=measures_of(structure, shared.model, tally, len(points)) if is_measured else None,
     )

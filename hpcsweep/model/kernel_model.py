@@ -31,7 +31,7 @@ from hpcsweep.model.observed import PEAKS
 from hpcsweep.model.structure import Structure
 
 
-class Energy(NamedTuple):
+class EigenBound(NamedTuple):
     """What bounds eigenvalues, M = L L^T."""
 
     reach: np.ndarray
@@ -75,7 +75,7 @@ class Model(NamedTuple):
     """(n, R): Phi^-1, row j gives modal coordinate j."""
     balance: np.ndarray
     """(n,): 1 / sqrt of the masses, up to a factor: units in which M^-1 K is nearly symmetric."""
-    energy: Energy
+    eigen: EigenBound
     stiffness_bound: float
     """Of the eigenvalues of M^-1 K."""
     hardest: float
@@ -121,11 +121,11 @@ def _at_any_frequency(structure: Structure, bases: bool = False, always: bool = 
     drift_rows = np.array(drifts, np.int64)
     extra = np.vstack((own, np.array(rows.extra).reshape(-1, n)))
     layer = float(structure.layer_half_width / length)
-    energy = _energy(structure)
+    bound = _eigen_bound(structure)
     masses = np.diag(mass)
     forcing = wide(per_mass(mass, structure.forcing_vector), extra)
     contacts = kernel_contacts(structure, places, extra, (stiffness, damping), layer, len(own))
-    growth = _growth(structure, energy.drag)
+    growth = _growth(structure, bound.drag)
     model = Model(
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
@@ -140,9 +140,9 @@ def _at_any_frequency(structure: Structure, bases: bool = False, always: bool = 
         watched=_watched(drift_rows.reshape(-1, 2), n + len(own), places),
         modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
         balance=np.sqrt(masses.max() / masses),
-        energy=energy._replace(drag=max(energy.drag, growth)),
+        eigen=bound._replace(drag=max(bound.drag, growth)),
         stiffness_bound=max(float(structure.stiffness_bound / rate**2), growth**2),
-        hardest=_hardest(energy),
+        hardest=_hardest(bound),
         bandwidth=_bandwidth(stiffness) if not len(extra) else n + len(extra) - 1,
         damping_bandwidth=_bandwidth(damping) if not len(extra) else n + len(extra) - 1,
         rho=float(structure.sharpness * length),
@@ -247,11 +247,11 @@ def _bandwidth(matrix: np.ndarray) -> int:
     return int(np.abs(i - j).max(initial=0))
 
 
-def _energy(structure: Structure) -> Energy:
+def _eigen_bound(structure: Structure) -> EigenBound:
     scale = structure.frequency_unit
     root = np.linalg.cholesky(structure.mass_matrix)
     drag = np.linalg.solve(root, np.linalg.solve(root, structure.damping_matrix).T) / scale
-    return Energy(
+    return EigenBound(
         reach=np.ascontiguousarray(np.linalg.solve(root, structure.directions.T).T),
         kappa=structure.contact_stiffness / scale**2,
         drag=float(np.linalg.eigvalsh(drag)[-1]),
@@ -272,9 +272,9 @@ def _growth(structure: Structure, drag: float) -> float:
     return 0.5 * (drag + float(np.sqrt(drag**2 - 4.0 * least))) if least < 0.0 else 0.0
 
 
-def _hardest(energy: Energy) -> float:
+def _hardest(bound: EigenBound) -> float:
     """Return the largest eigenvalue of the contribution of all contacts to M^-1 K."""
-    if not energy.kappa.size:
+    if not bound.kappa.size:
         return 0.0
-    together = np.einsum("k,ki,kj->ij", energy.kappa, energy.reach, energy.reach)
+    together = np.einsum("k,ki,kj->ij", bound.kappa, bound.reach, bound.reach)
     return float(np.linalg.eigvalsh(together)[-1])

@@ -321,7 +321,7 @@ class FlowMap:
         scale, unit = scale / self._units.amplitude_unit, unit / self.structure.length_unit
         self._polling.begin(poll)
         outcome, *moves, n_periods = self._kernels.take_round(
-            self._packed, rows, inverse, matrices, scale, unit, contract.Rules(*rules)
+            self._packed, rows, inverse, matrices, scale, unit, contract.Round(*rules)
         )
         self._polling.end(n_periods)
         if outcome != Outcome.COMPLETE:

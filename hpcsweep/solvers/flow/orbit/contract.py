@@ -25,7 +25,7 @@ from hpcsweep.solvers.flow.step.algebra import invert
 from hpcsweep.solvers.outcome import COMPLETE
 
 
-class Rules(NamedTuple):
+class Round(NamedTuple):
     """When moves end."""
 
     most: int
@@ -42,7 +42,7 @@ class Rules(NamedTuple):
 
 @entry_point(
     *((INT, FLOAT, FLOAT, INT), BYTES, MATRIX, MATRIX, MATRIX, FLOAT, FLOAT),
-    type_of(Rules(0, 0.0, 0.0, 0.0, 0.0)),
+    type_of(Round(0, 0.0, 0.0, 0.0, 0.0)),
     specialises=True,
 )
 def take_round(shared, rows, inverse, matrices, scale, unit, rules):
@@ -61,7 +61,7 @@ def take_round(shared, rows, inverse, matrices, scale, unit, rules):
         Receives the tangent maps at y; if empty, only the moves are made.
     scale, unit : float
         Units of the amplitude and of the points in y, over those of the kernels.
-    rules : Rules
+    rules : Round
 
     Returns
     -------

@@ -84,7 +84,7 @@ def bound_of_set(key, model):
     |lambda| <= d. Of K and C k and d are at most the largest eigenvalues, of contacts the largest
     sum of a row of sqrt(kappa_k kappa_l) |d_k M^-1 d_l|.
     """
-    kappa, reach, contacts = model.energy.kappa, model.energy.reach, model.contacts
+    kappa, reach, contacts = model.eigen.kappa, model.eigen.reach, model.contacts
     hardest = strongest = 0.0
     for k in range(kappa.shape[0]):
         if key & contact_bit(k) == np.uint64(0):
@@ -105,4 +105,4 @@ def bound_of_set(key, model):
     for h in range(model.harmonics.shape[0]):
         fastest = max(fastest, model.harmonics[h, 0] * model.omega)
     stiffest = math.sqrt(model.stiffness_bound + hardest)
-    return max(stiffest, max(model.energy.drag + strongest, fastest))
+    return max(stiffest, max(model.eigen.drag + strongest, fastest))

@@ -32,7 +32,7 @@ AT_CROSSING = 1e-10
 """Part of that interval to which a crossing is found."""
 
 
-class Path(NamedTuple):
+class Course(NamedTuple):
     """A motion at p instants of forcing periods."""
 
     states: np.ndarray
@@ -75,7 +75,7 @@ class PeriodMap:
         self._phases, self._polling = (turn + phase).ravel(), Polling()
         load_all(kernels_of(self.structure))
 
-    def follow(self, n_periods: int = 1) -> Path:
+    def follow(self, n_periods: int = 1) -> Course:
         """Return the motion at the ends of all parts, the first and the last included.
 
         Raises
@@ -88,7 +88,7 @@ class PeriodMap:
         plastic = self._sliders.plastic(held[0], modes)[0]
         states = self._units.out_of(np.concatenate((held[0], plastic), -1))
         states[0] = self.state
-        return Path(states, self._sliders.force(*held))
+        return Course(states, self._sliders.force(*held))
 
     def _through(self, n_periods: int) -> list[np.ndarray]:
         """Return the states of the kernels at all ends, with modes and p of elements."""

@@ -28,9 +28,9 @@ from hpcsweep.solvers.flow.guard.search import (
     SAME_INSTANT,
     UNDECIDED,
     Bracket,
-    Curve,
     Level,
-    Part,
+    Stretch,
+    Trace,
     first_passage,
     leaves,
     may_reach,
@@ -129,7 +129,7 @@ def _within(value, error, row, first, windows):
 
 
 @kernel
-def keep_modes(first, d, proof):
+def modes_kept(first, d, proof):
     """Return which of `LANES` elements keep their modes within d of a step, see `negative`.
 
     That is proved, by the bounds of `search`; `write_ends` has told of the step.
@@ -154,7 +154,7 @@ def all_keep_modes(d, elements, proof, step):
     """Return whether no guard is passed within d of a step; True is proved."""
     write_ends(elements, proof, step)
     for first in range(0, proof.ends.shape[1], LANES):
-        if keep_modes(first, d, proof) != ALL_LANES:
+        if modes_kept(first, d, proof) != ALL_LANES:
             return False
     return True
 
@@ -200,7 +200,7 @@ def _passage(g, segment, end, modes, tables, elements, ends, step):
     law = (guard[SPRING] * unit, guard[SPEED] * unit, offset * unit)
     rows = local_matrix(1, N_COEFFICIENTS)
     bound4 = write_row((i, below), law, segment, tables, step, rows)
-    curve, level = Curve(rows, 0, h), Level(1.0, 0.0)
+    curve, level = Trace(rows, 0, h), Level(1.0, 0.0)
     g0, slope0 = value_and_slope(curve.rows, 0, h, 0.0)
     g1, slope1 = value_and_slope(curve.rows, 0, h, end)
     y, w = ends[0, e], ends[1, e]
@@ -211,7 +211,7 @@ def _passage(g, segment, end, modes, tables, elements, ends, step):
         end, g0, slope0, g1, slope1, bound4
     ):
         return -1.0
-    part = Part(0.0, g0, slope0, end, g1, slope1)
+    part = Stretch(0.0, g0, slope0, end, g1, slope1)
     a, ga, b, gb = first_passage(curve, part, level, bound4)
     if a < 0.0:
         return a
@@ -242,7 +242,7 @@ def first_change(segment, span, modes, tables, elements, proof, step):
     first, time = -1, span
     write_ends(elements, proof, step)
     for block in range(0, proof.ends.shape[1], LANES):
-        kept = keep_modes(block, span, proof)
+        kept = modes_kept(block, span, proof)
         for e in range(block, min(block + LANES, modes.mode.shape[0])):
             proof.kept[e] = kept >> (e - block) & 1
             if proof.kept[e]:

@@ -11,9 +11,9 @@ from hpcsweep.kernels.simd.vectors import LANES, load, local_vector
 from hpcsweep.solvers.flow.guard.search import (
     UNDECIDED,
     Bracket,
-    Curve,
     Level,
-    Part,
+    Stretch,
+    Trace,
     first_passage,
     leaves,
     may_reach,
@@ -123,7 +123,7 @@ def first_event(segment, span, model, tables, step):
             continue
         near |= contact_bit(k)
         expand(i, segment, tables, step)
-        curve = Curve(rows, i, h)
+        curve = Trace(rows, i, h)
         edge = layer_edge(key, k, model)
         sign, level = edge
         value, slope = z_end[place], z_end[speed_place]
@@ -131,7 +131,7 @@ def first_event(segment, span, model, tables, step):
             value, slope = value_and_slope(rows, i, h, first.b)
         start = sign * (x[place] - level), sign * x[speed_place]
         end = sign * (value - level), sign * slope
-        part = Part(0.0, start[0], start[1], first.b, end[0], end[1])
+        part = Stretch(0.0, start[0], start[1], first.b, end[0], end[1])
         bracket = first_passage(curve, part, edge, step.bounds[place])
         if bracket.a == UNDECIDED:
             return UNDECIDED, bracket, near
@@ -139,7 +139,7 @@ def first_event(segment, span, model, tables, step):
             continue
         if contact >= 0 and bracket.b > first.a:
             # both within one interval: take the time of the first
-            earlier = Curve(rows, model.contacts.row[contact], h)
+            earlier = Trace(rows, model.contacts.row[contact], h)
             a = rising_root(earlier, first, layer_edge(key, contact, model))
             b = rising_root(curve, bracket, edge)
             if b >= a:

@@ -77,7 +77,7 @@ ENDS = np.arange(1.0, LANES + 1.0) / LANES
 """Ends of the parts of an interval."""
 
 
-class Curve(NamedTuple):
+class Trace(NamedTuple):
     """A displacement along a step of length h: polynomial `row` of `rows`."""
 
     rows: np.ndarray
@@ -93,7 +93,7 @@ class Level(NamedTuple):
     value: float
 
 
-class Part(NamedTuple):
+class Stretch(NamedTuple):
     """Ends of a part of a step, with g and its slopes there."""
 
     a: float
@@ -236,7 +236,7 @@ def _first_uncleared(curve, part, level, bound4, touch):
     -------
     place : int
         Number of the part; `LANES` if there is none (proved).
-    Part
+    Stretch
         The part.
     """
     a, ga, da, b, gb, db = part
@@ -252,8 +252,8 @@ def _first_uncleared(curve, part, level, bound4, touch):
     start = a + place * d
     left, left_slope = lane(before, place), lane(slope_before, place)
     if place == LANES - 1:
-        return place, Part(start, left, left_slope, b, gb, db)
-    return place, Part(start, left, left_slope, start + d, lane(g, place), lane(slope, place))
+        return place, Stretch(start, left, left_slope, b, gb, db)
+    return place, Stretch(start, left, left_slope, start + d, lane(g, place), lane(slope, place))
 
 
 @kernel
@@ -262,9 +262,9 @@ def first_passage(curve, part, level, bound4):
 
     Parameters
     ----------
-    curve : Curve
+    curve : Trace
         u along the step.
-    part : Part
+    part : Stretch
         Where it is searched.
     level : Level
     bound4 : float
@@ -303,7 +303,7 @@ def first_passage(curve, part, level, bound4):
             if shortest and not (da < 0.0 and db < 0.0):
                 return Bracket(b, gb, b, gb)
         if not (cleared or shortest):
-            whole = Part(a, ga, da, b, gb, db)
+            whole = Stretch(a, ga, da, b, gb, db)
             place, uncleared = _first_uncleared(curve, whole, level, bound4, touch)
             if place < LANES - 1:
                 stack[depth, 0], stack[depth, 1], stack[depth, 2] = b, gb, db

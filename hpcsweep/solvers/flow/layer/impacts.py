@@ -8,9 +8,9 @@ from hpcsweep.model.contact import contact_forces
 from hpcsweep.model.observed import FORCE, TIME
 from hpcsweep.solvers.flow.guard.search import (
     Bracket,
-    Curve,
     Level,
-    Part,
+    Stretch,
+    Trace,
     first_passage,
     may_reach,
     rising_root,
@@ -80,7 +80,7 @@ def _follow(k, segment, shared):
     speed_row = work.step.a.shape[0] + row
     expand(row, segment, tables, work.step)
     expand(speed_row, segment, tables, work.step)
-    curve, bound4 = Curve(rows, row, h), fourth_derivative(rows[row : row + 1], h)
+    curve, bound4 = Trace(rows, row, h), fourth_derivative(rows[row : row + 1], h)
     x, v = distance(k, work.step.x, contacts), approach_speed(k, work.step.x, contacts)
     x1, v1 = distance(k, work.step.z_end, contacts), approach_speed(k, work.step.z_end, contacts)
     since = 0.0
@@ -88,7 +88,7 @@ def _follow(k, segment, shared):
         closed = tally.closed[0] & bit != np.uint64(0)
         inward = -1.0 if closed else 1.0
         level = Level(inward * sign, stop)
-        part = Part(since, inward * x, inward * v, h, inward * x1, inward * v1)
+        part = Stretch(since, inward * x, inward * v, h, inward * x1, inward * v1)
         bracket = Bracket(-1.0, 0.0, h, 0.0)
         if change < MAX_CHANGES and since < h:
             bracket = first_passage(curve, part, level, bound4)

@@ -16,8 +16,8 @@ from hpcsweep.solvers.flow.guard.events import layer_edge
 from hpcsweep.solvers.flow.guard.search import (
     SAME_INSTANT,
     Bracket,
-    Curve,
     Level,
+    Trace,
     rising_root,
 )
 from hpcsweep.solvers.flow.layer.passage.passage import (
@@ -53,7 +53,7 @@ def end_at_event(segment, event, promised, z, amplitude, packed, shared):
     expand_contacts(segment, near, model, shared.tables, work.step)
     edge = layer_edge(segment.key, contact, model)
     direction = -1.0 if segment.key & contact_bit(contact) else 1.0
-    curve = Curve(rows, contacts.row[contact], h)
+    curve = Trace(rows, contacts.row[contact], h)
     if bracket.a < bracket.b and bracket.gb >= model.layer:
         # at its stop before any other is at its layer
         a, ga, b, gb = bracket

@@ -74,10 +74,10 @@ class OneByOne(Batch):
         free = self._free.window(state, amplitude)
         if free is not None:
             orbit = self._free.orbit
-            seen = replace(free, measures=orbit.measures(amplitude)[0])
+            seen = replace(free, measures=orbit.measures(amplitude))
             exponent = orbit.lyapunov_exponent
             end = self._done(row, amplitude, SkipRule.LINEAR, seen, 0, exponent)
-            return Followed(ONE, np.empty((1, 0)), end if follow else state, None)
+            return Followed(ONE, None, end if follow else state, None)
         end = solver.settle(
             state,
             amplitude,
@@ -86,7 +86,7 @@ class OneByOne(Batch):
             *(SETTLED, same, NEAR),
         )
         if not end.period:
-            return Followed(NONE, np.empty((0, 0)), state, end)
+            return Followed(NONE, None, state, end)
         seen = solver.observe(state=end.state, amplitude=amplitude, n_periods=end.period,
                               modal_norm=True, measures=settings.measures)  # fmt: skip
         # the window procedure's last point is the end of its periods, whatever the orbit is
@@ -102,7 +102,7 @@ class OneByOne(Batch):
         else:
             exponent = math.log(end.multiplier) / (2 * math.pi * end.period / solver.omega)
         end = self._done(row, amplitude, rule, seen, cycles, exponent, period)
-        return Followed(ONE, np.empty((1, 0)), end if follow else state, None)
+        return Followed(ONE, None, end if follow else state, None)
 
     def _done(self, row, amplitude, rule, seen, cycles, exponent, period=1):
         kind = MotionClass.PERIODIC if seen.contact else MotionClass.NO_CONTACT

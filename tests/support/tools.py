@@ -201,6 +201,11 @@ def mpirun() -> str:
     return found
 
 
+def flat(measures) -> np.ndarray:
+    """All measures of a motion in a row."""
+    return np.concatenate(list(vars(measures).values()))
+
+
 def environment(**extra: str) -> dict[str, str]:
     """Environment of a campaign: as a user has it, Open MPI allowed to run as it must here."""
     return {

@@ -15,6 +15,7 @@ import numba
 import numpy as np
 import pytest
 from together import together
+from tools import flat
 
 import hpcsweep
 from hpcsweep import Building, Contact, Slider, Structure
@@ -72,7 +73,7 @@ def motion(structure, omega=3.0, amplitude=3.0, start=START) -> dict[str, np.nda
     seen = solver.observe(start, amplitude, 1, True, True, measures=shared.ANY_MEASURE)
     lanes_are_padded(solver._shared.outputs)
     end = solver.advance(start, amplitude, 1).state
-    told = {"points": np.r_[seen.points.ravel(), end], "measures": seen.measures}
+    told = {"points": np.r_[seen.points.ravel(), end], "measures": flat(seen.measures)}
     told["norm"] = seen.modal_norm
     if structure.sliders:
         return told | {"slid": np.concatenate([np.ravel(v) for v in seen.slid.values()])}

@@ -31,8 +31,8 @@ def test_a_modulus_is_bounded_by_the_larger_of_both_sides():
 def first_root(rows, h, level, bound):
     """Time at which polynomial 0 first reaches the level on the step; -1 if it does not."""
     (u0, v0), (u1, v1) = (polynomials.value_and_slope(rows, 0, h, s) for s in (0.0, h))
-    curve, upwards = search.Curve(rows, 0, h), search.Level(1.0, level)
-    part = search.Part(0.0, u0 - level, v0, h, u1 - level, v1)
+    curve, upwards = search.Trace(rows, 0, h), search.Level(1.0, level)
+    part = search.Stretch(0.0, u0 - level, v0, h, u1 - level, v1)
     bracket = search.first_passage(curve, part, upwards, bound)
     return bracket.a if bracket.a < 0 else search.rising_root(curve, bracket, upwards)
 

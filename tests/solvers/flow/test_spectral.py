@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from reference import reference_points
+from tools import flat
 
 import hpcsweep
 from hpcsweep import Building, Contact, Slider
@@ -61,7 +62,7 @@ def test_periods_equal_those_of_tables(structure, twice):
     def gather():
         flow = FlowMap(structure, 3.0)
         seen = flow.observe(state, 3.0, 3, modal_norm=True, measures=shared.ANY_MEASURE)
-        return seen.points, seen.modal_norm, seen.measures, *flow.monodromy(state, 3.0, 3)
+        return seen.points, seen.modal_norm, flat(seen.measures), *flow.monodromy(state, 3.0, 3)
 
     for table, mode in zip(*twice(gather), strict=True):
         np.testing.assert_allclose(mode, table, rtol=1e-9, atol=1e-11)

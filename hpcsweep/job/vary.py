@@ -346,7 +346,9 @@ def _rows(values: Values, tables: Any) -> Axis:
         if row.keys() != rows[0].keys():
             raise values.error(f"{key}[{at}]", [*row], f"must have the keys {', '.join(rows[0])}")
     columns = {name: [row[name] for row in rows] for name in rows[0]}
-    labels: tuple = tuple(map(str, columns.pop(NAME, ()))) or tuple(range(1, len(rows) + 1))
+    labels: tuple = tuple(range(1, len(rows) + 1))
+    if NAME in columns:
+        labels = tuple(map(str, _listed(values, NAME, columns.pop(NAME), True)[0]))
     if len(set(labels)) < len(labels):
         raise values.error(f"{key}.{NAME}", [*labels], "must not hold a value twice")
     varied = tuple(_axis(values, name, column, together=True) for name, column in columns.items())
@@ -389,6 +391,8 @@ def _listed(values: Values, key: str, content: object, together: bool) -> tuple[
         limit, text = "", value
         if not isinstance(value, VALUES) or value != value:
             limit = "must be numbers, words, true and false, or lists"
+        elif isinstance(value, str) and not value.isprintable():
+            limit = "must be of characters that can be printed"
         elif not isinstance(value, float):
             text = write_value(value)
             limit = f"must have {MAX_WORD} characters at most" * (len(text) > MAX_WORD)

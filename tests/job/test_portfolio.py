@@ -1,5 +1,6 @@
 """Portfolios: keys that vary together, a row a structure, from a CSV file or the job itself."""
 
+import json
 import os
 from collections.abc import Mapping
 
@@ -200,6 +201,16 @@ def test_what_a_table_cannot_mean_is_refused(job, text, said):
     job.with_name("portfolio.csv").write_text(text)
     with pytest.raises(JobError, match=f"portfolio.csv.*{said}"):
         load_job(job)
+
+
+@together("word", ["a\nb", "x\x07y", "\x00"])
+def test_words_of_rows_can_be_printed(job, word):
+    rows = [{"name": word, "pounding.gap": 0.5}, {"name": "c", "pounding.gap": 0.6}]
+    text = ", ".join(f'{{name = {json.dumps(row["name"])}, "pounding.gap" = 0.5}}' for row in rows)
+    with pytest.raises(JobError, match=r"rows\[0\], column name = .*: must be of characters that"):
+        load_job(job, [f"vary.rows=[{text}]"])
+    with pytest.raises(JobError, match=r"building\[0\]\.name = .*: must be of characters that"):
+        load_job(job, [f'vary={{"building[0].name" = [{json.dumps(word)}, "c"]}}'])
 
 
 def test_a_pipe_is_no_table(job):

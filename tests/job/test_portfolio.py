@@ -221,7 +221,7 @@ def test_a_pipe_is_no_table(job):
 
 
 def test_a_key_that_all_rows_share_is_not_blamed_on_one(job):
-    with pytest.raises(JobError, match=r"^\S+job.toml with .*: records.tail = -1.0: must be from"):
+    with pytest.raises(JobError, match=r"^\S+job.toml with .*: records.tail = -1: must be from"):
         load_job(job, ["records.tail=-1"])
 
 

@@ -1,33 +1,20 @@
 """`hpcsweep animate`: make a film of the orbit diagrams over Omega.
 
 Make a film of the orbit diagrams, or of a measure, one frame a forcing frequency, with fixed axes:
-MP4 or, by the ending of OUT, GIF. Start it under mpirun to use many ranks; alone it uses several
-processes. The film is the same for any number. Needs the extra 'video' (imageio-ffmpeg).
+MP4 or, by the ending of OUT, GIF. Start it under mpirun to use several cores; the film is the same
+for any number of ranks. Needs the extra 'video' (imageio-ffmpeg).
 """
 
 import functools
-import os
 from dataclasses import fields
 
 from hpcsweep.commands import FAILURE, CommandError, abort, add_at, add_file, complain
-from hpcsweep.commands.outputs import FILM, PICTURE, check_overwriting
-from hpcsweep.figures.options import (
-    BRANCHES,
-    COLOUR,
-    FLOORS,
-    Option,
-    file_name,
-    positive,
-    whole_number,
-)
+from hpcsweep.commands.outputs import FILM, check_overwriting
+from hpcsweep.figures.options import BRANCHES, COLOUR, FLOORS, Option, positive, whole_number
 
 OPTIONS = (
-    Option(
-        "--poster", "also write the frame with most kinds of motion", type=file_name, metavar="PNG"
-    ),
     Option("--fps", "frames per second (default: 25)", type=positive),
     Option("--every", "take every Kth frame", type=whole_number(1), metavar="K"),
-    Option("--direction", "sweeps that are drawn (default: both)", choices=("up", "down", "both")),
     COLOUR,
     FLOORS,
     Option(
@@ -51,13 +38,6 @@ def configure(parser) -> None:
     add_file(parser, "OUT", "film, .mp4 or .gif (default: FILE.mp4)")
     for option in OPTIONS:
         option.add(parser)
-    parser.add_argument(
-        "--processes",
-        type=whole_number(1),
-        default=0,
-        metavar="N",
-        help="processes, where there is one rank (default: the cores)",
-    )
     add_at(parser)
 
 
@@ -84,13 +64,10 @@ def run(options) -> int:
         except StoreError as error:
             raise PlotError(str(error)) from None
         check_overwriting(request.output, FILM)
-        if request.poster is not None:
-            check_overwriting(request.poster, PICTURE)
 
     try:
         on_master(comm, accept, PlotError, CommandError)
-        processes = options.processes or len(os.sched_getaffinity(0))
-        n_frames = make(request, comm, processes, functools.partial(make_progress, unit="frame"))
+        n_frames = make(request, comm, functools.partial(make_progress, unit="frame"))
     except (PlotError, CommandError):
         raise
     except Exception as error:

@@ -209,18 +209,8 @@ def test_branches_lie_under_the_points_of_a_film(folder, whole):
 
 
 def _film(folder, branches) -> tuple:
-    poster = folder / "poster.png"
-    return (
-        folder / "sweep.h5",
-        "--width",
-        "480",
-        "-o",
-        folder / "film.mp4",
-        "--branches",
-        branches,
-        "--poster",
-        poster,
-    )
+    given = "--width", "480", "-o", folder / "film.mp4", "--branches", branches
+    return folder / "sweep.h5", *given
 
 
 @pytest.mark.slow

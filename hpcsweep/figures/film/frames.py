@@ -26,12 +26,9 @@ class Request:
     ----------
     file, output : Path
         Results, and the film; its ending selects MP4 or GIF.
-    poster : Path or None
-        Picture of the frame with most kinds of motion.
     fps : float
     every : int
         Step between frames, in ascending frequency.
-    direction : {"up", "down", "both"}
     color : {"direction", "contact", "period"}
     width : int
         In pixels, even; 0 for the default.
@@ -47,10 +44,8 @@ class Request:
 
     file: Path
     output: Path
-    poster: Path | None = None
     fps: float = 25.0
     every: int = 1
-    direction: str = "both"
     color: str = "direction"
     width: int = 0
     floors: tuple[int | str, ...] = ()
@@ -76,8 +71,6 @@ class FrameSurvey(NamedTuple):
         Directions, motions or contact sets that colours show.
     contacts : Counter
         Runs of each contact set.
-    kinds, points : int
-        Number of kinds of motion (period and contact set), and of points.
     """
 
     frame: int
@@ -85,8 +78,6 @@ class FrameSurvey(NamedTuple):
     high: np.ndarray
     keys: set[int]
     contacts: Counter[int]
-    kinds: int
-    points: int
 
 
 class Common(NamedTuple):
@@ -138,10 +129,6 @@ class Film:
         self.request = request
         self.frames = Frames(request.file, at=request.at)
         self._shown = request.show or "poincare"
-        for name in (self._shown, *(("contact",) if request.color == "contact" else ())):
-            if name not in self.frames:
-                wanted = f"set output.{name} = true in the job"
-                raise PlotError(f"{request.file}: holds no {name}: {wanted}")
         self.study = as_kind(self.frames.study, RunGrid)
         self.structure = self.frames.job.structure
         style.need_amplitudes(self.study)
@@ -158,11 +145,6 @@ class Film:
                 raise PlotError(f"--branches {request.branches}: does not go with --show")
             self.overlay = Overlay(request.branches, self.study)
             self.overlay.need(self.order)
-        there = self.study.directions
-        self.directions = there if request.direction == "both" else (request.direction,)
-        if not {*self.directions} <= {*there}:
-            held = f"{request.file} holds {', '.join(there)}"
-            raise PlotError(f"--direction {request.direction}: {held}")
 
     def read(self, frame: int) -> dict[str, np.ndarray]:
         """Read one frame.
@@ -175,9 +157,10 @@ class Film:
             direction, contact set or motion (index in `palette.MOTIONS`) that the colour shows, all
             (direction, amplitude).
         """
-        names = (self._shown, "orbit_period", "outcome", *{"contact"}.intersection(self.frames))
-        rows = [self.study.directions.index(name) for name in self.directions]
-        variables = {k: v[rows] for k, v in self.frames.read(frame, names).items()}
+        names = [self._shown, "orbit_period", "outcome"]
+        if self.request.color == "contact" or "contact" in self.frames:
+            names.append("contact")
+        variables = {**self.frames.read(frame, tuple(names))}
         values = variables.pop(self._shown)
         if self.measure:
             values = (values * self.measure.factor)[..., None, :]
@@ -185,7 +168,7 @@ class Film:
         values[variables["outcome"] != Outcome.COMPLETE] = np.nan
         periods = variables["orbit_period"]
         if self.request.color == "period":
-            classes = style.classes_of(self.frames.dataset(frame))[rows, 0]
+            classes = style.classes_of(self.frames.dataset(frame))[:, 0]
             variables["key"] = palette.motion_index(classes, periods)
         elif self.request.color == "contact":
             variables["key"] = variables["contact"]
@@ -204,8 +187,6 @@ class Film:
         if not points.size:
             return None
         done = variables["outcome"] == Outcome.COMPLETE
-        names = ("orbit_period", "key", *{"contact"}.intersection(variables))
-        periods, keys, *sets = (variables[name][done].tolist() for name in names)
-        kinds = len({*zip(periods, *sets, strict=True)})
-        extremes = points.min(axis=0), points.max(axis=0)
-        return FrameSurvey(frame, *extremes, set(keys), Counter(*sets), kinds, len(points))
+        contacts = Counter(variables["contact"][done].tolist() if "contact" in variables else ())
+        keys = set(variables["key"][done].tolist())
+        return FrameSurvey(frame, points.min(axis=0), points.max(axis=0), keys, contacts)

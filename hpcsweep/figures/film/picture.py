@@ -59,7 +59,7 @@ class Picture:
             for c, name in zip(common.contacts, names, strict=True)
         }
         self.keys = {key: self._key(key) for key in common.keys}
-        n_panels, n_bands = len(film.floors), len(film.directions) if self.sets else 0
+        n_panels, n_bands = len(film.floors), len(study.directions) if self.sets else 0
         tall = float(np.clip(PANELS / n_panels, MIN_PANEL, MAX_PANEL))
         heights = [SCALE, *([BAND * n_bands] if n_bands else []), *[tall] * n_panels]
         pixels = film.request.width or PIXELS[film.request.is_gif]
@@ -83,7 +83,7 @@ class Picture:
         self.bands: Any = None
         if n_bands:
             self.bands = rest[0]
-            words = [f"contact, {name}" for name in film.directions]
+            words = [f"contact, {name}" for name in study.directions]
             self.bands.set(xlim=panel.get_xlim(), ylim=(n_bands, 0), xticks=[], frame_on=False)
             self.bands.set_yticks(np.arange(n_bands) + 0.5, words, fontsize=8)
             self.bands.tick_params(length=0)
@@ -181,7 +181,7 @@ class Picture:
             return palette.motions_of(film.structure)[key][::-1]
         if film.request.color == "contact":
             return self.sets[key]
-        name = film.directions[key]
+        name = film.study.directions[key]
         return palette.DIRECTIONS[name], film.study.words[name] + (" (beneath)" if key else "")
 
     def _name(self, floor: int) -> str:

@@ -89,22 +89,20 @@ def write_demands(
     event, direction = count("event", event, 1), count("direction", direction, 1)
     choice("unit", unit, ACCELERATION_UNITS)
     instance("note", note, str)
-    names, units, columns = [], [], []
-    for kind, first, values, its_unit in (
-        ("PFA", 0, np.hstack([ground, floors]), unit),
-        ("PID", 1, drift, "rad"),
-    ):
-        for location, column in enumerate(values.T, first):
-            name = f"{event}-{kind}-{location}-{direction}"
-            if not np.all((column >= 0) & (column < np.inf)):
-                wrong = column[~((column >= 0) & (column < np.inf))][0]
-                raise refused(name, "finite and at least 0", float(wrong))
-            names.append(name)
-            units.append(its_unit)
-            columns.append(column.tolist())
+    peaks = ("PFA", 0, np.hstack([ground, floors]), unit), ("PID", 1, drift, "rad")
+    demands = {
+        f"{event}-{kind}-{location}-{direction}": (its_unit, column)
+        for kind, first, values, its_unit in peaks
+        for location, column in enumerate(values.T, first)
+    }
+    for name, (_, column) in demands.items():
+        wrong = column[~((column >= 0) & (column < np.inf))]
+        if wrong.size:
+            raise refused(name, "finite and at least 0", float(wrong[0]))
+    units, columns = zip(*demands.values(), strict=True)
     with file.open("w", newline="", encoding="utf-8") as stream:
         table = csv.writer(stream)
-        table.writerow([as_cell(note), *names])
+        table.writerow([as_cell(note), *demands])
         table.writerow(["Units", *units])
-        for name, realisation in zip(rowwise, zip(*columns, strict=True), strict=True):
+        for name, realisation in zip(rowwise, np.transpose(columns).tolist(), strict=True):
             table.writerow([as_cell(name), *map(repr, realisation)])

@@ -268,16 +268,12 @@ def _fragility(
 
 def _caution(median: float, lowest: float, highest: float, shares: np.ndarray, event: str) -> str:
     """Write why a median is extrapolated, empty if it is not."""
+    words = "the median is an extrapolation, not bounded by the"
     if median > highest or shares.max() < 0.5:
-        where = "above the highest" if median > highest else "not bounded by the highest"
-        return (
-            f"the median is an extrapolation, {where} stripe, {highest:.4g}: "
-            f"at most {100 * shares.max():.3g} % of the records {event}"
-        )
-    if median < lowest or shares.min() > 0.5:
-        where = "below the lowest" if median < lowest else "not bounded by the lowest"
-        return f"the median is an extrapolation, {where} stripe, {lowest:.4g}"
-    return ""
+        share = f"at most {100 * shares.max():.3g} % of the records {event}"
+        return f"{words} highest stripe, {highest:.4g}: {share}"
+    below = median < lowest or shares.min() > 0.5
+    return f"{words} lowest stripe, {lowest:.4g}" if below else ""
 
 
 def cloud(intensity: Any, response: Any) -> Cloud:

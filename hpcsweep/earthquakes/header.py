@@ -52,8 +52,9 @@ RATED = _pattern(
 BOTH = _pattern(r"\bnpts\b.*\bdt\b|\bdt\b.*\bnpts\b")
 PEAK = _pattern(r"\b(?:pga|pgv|pgd|peaks?|max\w*|min(?:\.|imum\w*|ima)?(?![a-z])|largest)\b")
 CLAUSE = _pattern(
-    r"\b(?:in\s+)?unit(?P<many>s?)\b(?P<filler>(?:\s*(?:\b(?:of|are|is|in(?!\s*(?:[/*.^-]|per))|for|the|"
-    r"acc\w*|data|samples?|values|time|series|histor\w+)\b|[=:]))*)\s*(?P<rest>.*)"
+    r"\b(?:in\s+)?unit(?:s\b|\b(?=\s*(?:of\b|is\b|in\b|for\b|[:=(\[])))(?:\s*(?:\b(?:of|are|is|"
+    r"in(?!\s*(?:[/*.^-]|per))|for|the|acc\w*|data|samples?|values|time|series|histor\w+)\b|[=:]))*"
+    r"\s*(?P<rest>[^\d\s:=].*)"
 )
 IN = _pattern(
     r"\b(?P<what>acc\w*|veloc\w*|displ\w*|data|samples|values|amplitudes?|times?|t)\b\.?(?:\s+(?:time|series|histor(?:y|ies)|data|values|records?|trace|samples))*"
@@ -84,6 +85,8 @@ REMARK = _pattern(
 """What else stands behind the name of a column: directions, corrections, formats."""
 OTHER_UNIT = _pattern(r"\W*(?:counts?|cnts?|m?v|volts?|lsb|adc|digits?|raw|\S+/s\S*)\W*")
 """What is a unit of something else."""
+WRITTEN_UNIT = _pattern(r"\S+|\S*[/^*²%\d].*")
+"""A word, or words of which the first is written like a unit, be it known or not."""
 SECOND = Unit(Fraction(1), time=1)
 
 
@@ -191,15 +194,23 @@ def _named(line: str, is_last: bool) -> Iterator[Said]:
     if other := KINDS.search(line):
         raise ValueError(f"must hold accelerations, is of {other['type'] or other['what']}")
     if clause := CLAUSE.search(line):
-        yield from _of_clause(clause, line)
+        yield from _of_clause(clause["rest"])
         line = line[: clause.start()]
         parts = line.split(", ")
     for match in IN.finditer(line):
-        yield from _of_words(match["what"], match["rest"])
+        words, unit = match["rest"], leading_unit(match["rest"])
+        if unit or WRITTEN_UNIT.fullmatch(words):
+            yield from _judged(match["what"], words, unit, unit is not None)
     in_columns = bool(IN_COLUMNS.match(line))
     about = in_columns or bool(re.search(r"\bacc", line, re.IGNORECASE))
     for j, part in enumerate(parts):
-        yield from _of_brackets(part, in_columns)
+        at = 0
+        for match in BRACKETED.finditer(part):
+            if not match[2]:  # no number: that is the value of something else
+                yield from _judged(
+                    part[at : match.start()], match[1], unit_of(match[1]), in_columns
+                )
+            at = match.end()
         if about:
             yield from _of_cell(BRACKETED.sub(" ", part), in_columns)
         if is_last and in_columns and j and OTHER_COLUMN.match(part):
@@ -215,89 +226,52 @@ def _without_peaks(part: str) -> str:
     return said if CLAUSE.search(said) else ""
 
 
-def _samples(words: str, unit: Unit | None) -> Iterator[Said]:
-    """Yield a unit of samples; refuse one of velocity or displacement."""
-    words = " ".join(words.split())
+def _samples(words: str, unit: Unit | None) -> Said:
+    """Return what is said of samples; refuse a unit of velocity or displacement."""
     if unit is None or unit.kind in ("time", "frequency"):
-        yield words, None
-    elif unit.kind != "acceleration":
+        return words, None
+    if unit.kind != "acceleration":
         raise ValueError(f"must hold accelerations, has the unit {words}, of {unit.kind}")
-    else:
-        yield words, unit
+    return words, unit
 
 
-def _of_clause(clause: re.Match, line: str) -> Iterator[Said]:
+def _of_clause(rest: str) -> Iterator[Said]:
     """Read what stands after *units of*: one unit, or several."""
-    rest = clause["rest"].strip(" ([{\"'")
-    items = re.split(r"[;,()\[\]]|\band\b", rest)
+    items = re.split(r"[;,()\[\]]|\band\b", rest.strip(" ([{\"'"))
     units = [(item, unit) for item in items if (unit := leading_unit(item))]
-    said = clause["filler"].strip() or clause["rest"].startswith(("(", "["))
-    if not (clause["many"] or said) and not (units and ACCELERATION.search(line)):
-        return  # as in "unit 2"
-    if not rest or (not clause["many"] and rest[0].isdigit()):
-        return
-    for item, unit in units:
-        if unit.kind == "time":
-            yield item, unit
-    of_samples = [(item, unit) for item, unit in units if unit.kind == "acceleration"]
-    if of_samples:
-        yield from of_samples
-    elif not any(unit.kind == "time" for _, unit in units) or len(units) > 1:
-        first = next(((i, u) for i, u in units if u.kind != "time"), (items[0], None))
-        yield from _samples(*first)
+    others = [said for said in units if said[1].kind not in ("time", "acceleration")]
+    accelerations = [said for said in units if said[1].kind == "acceleration"]
+    yield from (said for said in units if said[1].kind == "time")
+    if units:
+        yield from accelerations or (_samples(*said) for said in others)
+    else:
+        yield items[0], None
 
 
-def _of_words(what: str, rest: str) -> Iterator[Said]:
-    """Read what stands after *acceleration in*, or *time in*."""
-    unit, words = leading_unit(rest), rest.split()
-    if TIME.fullmatch(what):
-        if unit is not None and unit.kind == "time":
-            yield words[0], unit
-    elif unit is not None and unit.kind not in ("time", "frequency"):
-        yield from _samples(rest, unit)
-    elif what.lower().startswith("acc") and words and not REMARK.fullmatch(words[0]):
-        is_unit = len(words) == 1 or re.search(r"[/^*²%\d]", words[0])
-        if is_unit:
-            yield words[0], None
-
-
-def _of_brackets(part: str, in_columns: bool) -> Iterator[Said]:
-    """Read what stands in brackets behind the name of a column."""
-    at = 0
-    for match in BRACKETED.finditer(part):
-        before, words = part[at : match.start()], match[1]
-        at, unit = match.end(), unit_of(words)
-        if match[2]:  # a number: the value of something else
-            continue
-        if TIME.fullmatch(before):
-            if unit is not None and unit.kind == "time":
-                yield words, unit
-            elif in_columns:
-                raise ValueError(f"the unit of times is not known: {words}")
-        elif unit is not None and unit.kind == "acceleration":
+def _judged(what: str, words: str, unit: Unit | None, is_named: bool) -> Iterator[Said]:
+    """Judge words in the place of a unit of something, which may be the name of a column."""
+    words, kind = " ".join(words.split()), unit.kind if unit else ""
+    if kind == "acceleration":
+        yield words, unit
+    elif TIME.fullmatch(what):
+        if kind == "time":
             yield words, unit
-        elif ACCELERATION.search(before) or in_columns or OTHER_COLUMN.fullmatch(before.strip()):
-            is_remark = REMARK.fullmatch((words.split() or [""])[0]) or len(words.split()) > 3
-            if not is_remark or (unit is not None and unit.kind != "time"):
-                yield from _samples(words, unit)
+        elif is_named:
+            raise ValueError(f"the unit of times is not known: {words}")
+    elif is_named or ACCELERATION.search(what) or OTHER_COLUMN.fullmatch(what.strip()):
+        is_remark = REMARK.fullmatch(words.partition(" ")[0]) or words.count(" ") > 2
+        if kind in ("velocity", "displacement", "frequency") or not is_remark:
+            yield _samples(words, unit)
 
 
 def _of_cell(part: str, in_columns: bool) -> Iterator[Said]:
     """Read a unit beside the name of a column, or in a column of its own, without brackets."""
-    name = re.match(r"\W*(?:\w+\s+)*?(acc[a-z]*|times?|ag?|t)\b[.\s:=/]*", part, re.IGNORECASE)
-    if name and not (in_columns or name[1].lower().startswith("acc")):
-        name = None
+    names = r"acc[a-z]*|times?|ag?|t" if in_columns else r"acc[a-z]*"
+    name = re.match(rf"\W*(?:\w+\s+)*?({names})\b[.\s:=/]*", part, re.IGNORECASE)
     words = part[name.end() :] if name else part
     unit = unit_of(words)
-    if unit is not None and unit.kind == "acceleration":
-        yield words.strip(), unit
-    elif name and TIME.fullmatch(name[1]):
-        if unit is not None and unit.kind == "time":
-            yield words.strip(), unit
-    elif (unit is not None and name) or (
-        OTHER_UNIT.fullmatch(words) and not REMARK.fullmatch(words)
-    ):
-        yield from _samples(words, unit)
+    if unit or OTHER_UNIT.fullmatch(words):
+        yield from _judged(name[1] if name else "", words, unit, bool(name or not unit))
 
 
 def _compound(line: str) -> Iterator[Said]:

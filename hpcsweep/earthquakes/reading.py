@@ -20,28 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpcsweep.earthquakes import units
 from hpcsweep.earthquakes.formats import format_of, read_format
-from hpcsweep.earthquakes.header import (
-    NUMBERS,
-    SECOND,
-    Header,
-    number,
-    read_header,
-    says,
-)
+from hpcsweep.earthquakes.header import NUMBERS, SECOND, Header, number, read_header, says
 from hpcsweep.earthquakes.text_files import COMMA, decoded, read_bytes
-from hpcsweep.earthquakes.units import (
-    OWN,
-    STANDARD_GRAVITY,
-    UNITS,
-    Unit,
-    acceleration_unit,
-    factor_of,
-    in_seconds,
-    in_unit_of_time,
-    plain,
-    unit_of,
-)
 from hpcsweep.model.arguments import file_name, positive, shown
 from hpcsweep.model.record import MAX_SAMPLES, Record
 
@@ -75,7 +57,7 @@ class Table(NamedTuple):
 def read_record(
     path: str | PathLike[str],
     unit: str = "g",
-    gravity: float = STANDARD_GRAVITY,
+    gravity: float = units.STANDARD_GRAVITY,
     dt: float | None = None,
     time: str = "s",
     channel: int | None = None,
@@ -129,9 +111,9 @@ def read_record(
     >>> hpcsweep.read_record("somewhere.txt", unit="g")
     Record('somewhere', 3 samples, dt=0.01, peak=1.9613)
     """
-    asked = None if unit == OWN else acceleration_unit("unit", unit)
-    factor = factor_of(asked, unit, gravity) if asked else 1.0
-    in_unit_of_time(1.0, time)
+    asked = None if unit == units.OWN else units.acceleration_unit("unit", unit)
+    factor = units.factor_of(asked, unit, gravity) if asked else 1.0
+    units.in_unit_of_time(1.0, time)
     if dt is not None:
         dt = positive("dt", dt)
     file = Path(file_name("path", path))
@@ -142,21 +124,20 @@ def read_record(
         # of K-NET the ending is the direction
         name = file.name if "K-NET" in table.header.steps else file.stem
         name += "" if channel is None else f"-{channel}"
-        return Record(table.values * factor, in_unit_of_time(table.dt, time), name)
+        return Record(table.values * factor, units.in_unit_of_time(table.dt, time), name)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
 
 
-def _compare_units(header: Header, asked: Unit, name: str) -> None:
+def _compare_units(header: Header, asked: units.Unit, name: str) -> None:
     """Refuse a unit that is not the one that the file names."""
     if header.unknown is not None:
         limit = f"names a unit of acceleration that is not known, {shown(header.unknown)}"
-        raise ValueError(f"{limit}: with unit = {OWN!r} values are taken as they are")
+        raise ValueError(f"{limit}: with unit = {units.OWN!r} values are taken as they are")
     for unit, words in header.units.items():
         if unit != asked:
-            said = next(
-                (spelling for spelling in UNITS[:-1] if unit_of(spelling) == unit), plain(words)
-            )
+            spellings = (each for each in units.UNITS[:-1] if units.unit_of(each) == unit)
+            said = next(spellings, units.plain(words))
             raise ValueError(f"unit must be that of the file, {said}, is {name}")
 
 
@@ -312,13 +293,13 @@ def _are_numbered(rows: list[Row]) -> bool:
     return len(first) > 1 and counted == list(range(len(first)))
 
 
-def _are_times(rows: list[Row], unit: Unit | None, said: dict[str, float]) -> bool:
+def _are_times(rows: list[Row], unit: units.Unit | None, said: dict[str, float]) -> bool:
     """Return whether first numbers rise by the step that is said, as if they were times."""
     times = np.array([number(cells[0]) for _, cells in rows]) * float((unit or SECOND).size)
     return any(np.allclose(np.diff(times), step, rtol=0, atol=0.1 * step) for step in said.values())
 
 
-def _step(cells: list[str], unit: Unit, said: dict[str, float]) -> float:
+def _step(cells: list[str], unit: units.Unit, said: dict[str, float]) -> float:
     """Return the step in seconds of equidistant times in a unit, which must be what is said."""
     n, times = len(cells), np.array(list(map(number, cells)))
     if not 2 <= n <= MAX_SAMPLES:
@@ -341,7 +322,7 @@ def _step(cells: list[str], unit: Unit, said: dict[str, float]) -> float:
         if np.abs(times - times[0] - candidate * np.arange(n)).max() <= within:
             nice, apart = candidate, max(within, single)
             break
-    nice = in_seconds(nice, unit)
+    nice = units.in_seconds(nice, unit)
     for label, value in said.items():
         if abs(value - nice) * (n - 1) > apart * float(unit.size):
             raise ValueError(f"{label} must be that of the times, {nice!r}, is {value!r}")

@@ -119,7 +119,9 @@ def synthetic_records(
     dt, duration = positive("dt", dt), positive("duration", duration)
     steps = count("duration / dt", round(min(duration / dt, 1e9)), 100, MAX_SAMPLES - 1)
     filters = _filters(_soil(soil), dt)
-    envelope = _envelope(steps, dt, *_parts(rise, strong))
+    rise = number("rise", rise, "from 0.001 to 0.8", 0.001, 0.8)
+    strong = number("strong", strong, f"from 0 to 0.8 - rise, {0.8 - rise:g}", 0.0, 0.8 - rise)
+    envelope = _envelope(steps, dt, rise, strong)
     noise = np.array([_noise(seed, i, steps + 1) for i in range(n)]).T * envelope[:, None]
     gain = positive("rms", rms) / _deviation(filters)
     motion = gain * _filtered(_filtered(noise, filters[0]), filters[1])
@@ -132,12 +134,6 @@ def _soil(soil: str | Soil) -> Soil:
         named = zip(Soil._fields, soil, strict=True)
         return Soil(*(positive(f"soil.{name}", value) for name, value in named))
     return SOILS[choice("soil", soil, SOILS)]
-
-
-def _parts(rise: float, strong: float) -> tuple[float, float]:
-    """Take the parts of the duration in which the envelope grows and stays."""
-    rise = number("rise", rise, "from 0.001 to 0.8", 0.001, 0.8)
-    return rise, number("strong", strong, f"from 0 to 0.8 - rise, {0.8 - rise:g}", 0.0, 0.8 - rise)
 
 
 def _filters(soil: Soil, dt: float) -> tuple[Filter, Filter]:

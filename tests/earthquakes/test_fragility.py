@@ -285,4 +285,4 @@ def test_a_median_between_stripes_that_none_and_all_reach_is_no_extrapolation():
     assert fit.caution == ""
     # all reach the first stripe
     found = capacity([1.0, 5.0], [[4.0, 5.0], [5.0, 6.0]], threshold=3.0)
-    assert "below the lowest stripe, 1" in capacity_fragility(found).caution
+    assert "not bounded by the lowest stripe, 1" in capacity_fragility(found).caution

@@ -1,38 +1,9 @@
-"""The command line: all commands of `hpcsweep.commands`."""
+"""The command line: all commands of `hpcsweep.commands`.
 
-import argparse
-import errno
-import inspect
-import re
-import sys
-from collections.abc import Callable
-from importlib import import_module
-
-from hpcsweep.campaign.progress import silence
-from hpcsweep.commands import (
-    FAILURE,
-    NO_MEMORY,
-    USER_ERROR,
-    CommandError,
-    complain,
-    environment,
-    lacks_memory,
-)
-from hpcsweep.commands import one_thread as one_thread  # before numpy is loaded
-
-NAMES = (
-    "new describe run status summary fragility table split merge validate pack plot animate "
-    "explore warmup"
-)
-COMMANDS = {name: import_module(f"hpcsweep.commands.{name}") for name in NAMES.split()}
-"""Modules of the commands, by their names, in the order of the help."""
-
-DESCRIPTION = """\
 Parameter studies of base-excited structures impacting a rigid stop.
 
-Start it under mpirun or srun to use many ranks; otherwise it runs as one."""
+Start it under mpirun or srun to use many ranks; otherwise it runs as one.
 
-EPILOG = """\
 examples:
   hpcsweep new study.toml                       write a job to start from
   hpcsweep describe study.toml                  modes, units, grazing amplitude, number of runs
@@ -49,17 +20,31 @@ exit codes:
   75  stopped in good order before the end (time limit or signal): run again to resume
   2   a mistake in what was asked: one line says which; nothing was written
   1   memory or disk are not enough, told on one line; anything else, with a traceback
-  141 standard output was closed"""
+  141 standard output was closed
+"""
 
+import argparse
+import errno
+import inspect
+import re
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
-FOR_USERS = {
-    "hpcsweep.job.job": "JobError",
-    "hpcsweep.store.layout": "StoreError",
-    "hpcsweep.studies.ground_motion.stripes": "StripesError",
-    "hpcsweep.figures.style": "PlotError",
-    "hpcsweep.parallel.mpi": "LauncherError",
-}
-"""Errors that tell users on one line what is wrong, by their modules."""
+from hpcsweep.campaign.progress import silence
+from hpcsweep.commands import FAILURE, NO_MEMORY, USER_ERROR, complain, environment, lacks_memory
+from hpcsweep.commands import one_thread as one_thread  # before numpy is loaded
+
+NAMES = (
+    "new describe run status summary fragility table split merge validate pack plot animate "
+    "explore warmup"
+)
+COMMANDS = {name: import_module(f"hpcsweep.commands.{name}") for name in NAMES.split()}
+"""Modules of the commands, by their names, in the order of the help."""
+
+FOR_USERS = ["CommandError", "JobError", "LauncherError", "PlotError", "StoreError", "StripesError"]
+"""Errors that tell users on one line what is wrong, by name: their modules may not be loaded."""
 RAW = argparse.RawDescriptionHelpFormatter
 CLOSED_PIPE = 141
 """Exit code when standard output is closed, as the shell gives it: 128 + SIGPIPE."""
@@ -101,7 +86,7 @@ class _Parser(argparse.ArgumentParser):
 
 def build_parser() -> argparse.ArgumentParser:
     """Build the parser of all commands."""
-    parser = _Parser(prog="hpcsweep", description=DESCRIPTION, epilog=EPILOG, formatter_class=RAW)
+    parser = _Parser(prog="hpcsweep", **_help_of(__doc__)[1])
     # argparse sizes the column of commands by the options: "-h, --help" leaves eight letters
     parser.add_argument(
         *("-V", "--version"),
@@ -110,17 +95,22 @@ def build_parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for name, command in COMMANDS.items():
-        first, _, text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")
-        text, *examples = re.split(r"\n\n(?=examples?:|exit codes:)", text)
+        first, texts = _help_of(command.__doc__)
         commands.add_parser(
             name,
             help=first.partition(": ")[2].removesuffix("."),
-            description=text or None,
-            epilog="\n\n".join(examples) or None,
-            formatter_class=RAW,
             complete=command.configure,
+            **texts,
         ).set_defaults(function=command.run)
     return parser
+
+
+def _help_of(docstring: str | None) -> tuple[str, dict[str, Any]]:
+    """Return the first line of a docstring, and its description and epilog for argparse."""
+    first, _, text = inspect.cleandoc(docstring or "").partition("\n\n")
+    text, *examples = re.split(r"\n\n(?=examples?:|exit codes:)", text)
+    epilog = "\n\n".join(examples) or None
+    return first, {"description": text or None, "epilog": epilog, "formatter_class": RAW}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -154,17 +144,10 @@ def _call(arguments: list[str] | None) -> int:
         if lacks_memory(error):
             complain(NO_MEMORY)
             return FAILURE
-        if not isinstance(error, _for_users()):
+        if not any(kind.__name__ in FOR_USERS for kind in type(error).__mro__):
             raise
         complain(str(error))
         return USER_ERROR
-
-
-def _for_users() -> tuple[type, ...]:
-    """Return the classes of errors that may have been raised for users."""
-    # who raised one has loaded its module
-    loaded = ((sys.modules.get(module), name) for module, name in FOR_USERS.items())
-    return CommandError, *(getattr(module, name) for module, name in loaded if module)
 
 
 def _version() -> int:

@@ -15,6 +15,7 @@ from hpcsweep.studies.run_names import count
 
 HELD = ("motions", "attractors", "responses")
 """Holdings of files that have a page."""
+STEP = whole_number(1, 10_000_000)
 OPTIONS = (
     BRANCHES,
     Option(
@@ -26,26 +27,11 @@ OPTIONS = (
     Option(
         "--points",
         "at most K stroboscopic points of a run (default: as many as keep the page small)",
-        type=whole_number(1, 10_000_000),
+        type=STEP,
         metavar="K",
     ),
-    Option(
-        "--bits",
-        "resolution of the points: 1/2^B of a frame's range (default: %(default)s)",
-        type=whole_number(6, 16),
-        default=12,
-        metavar="B",
-    ),
-    *(
-        Option(
-            f"--{each}-step",
-            f"keep every Nth {each}",
-            type=whole_number(1, 10_000_000),
-            default=1,
-            metavar="N",
-        )
-        for each in ("frame", "amplitude")
-    ),
+    Option("--frame-step", "keep every Nth frame", type=STEP, default=1, metavar="N"),
+    Option("--amplitude-step", "keep every Nth amplitude", type=STEP, default=1, metavar="N"),
     Option(
         "--max-mb",
         "refuse to write a larger page (default: %(default)g)",
@@ -83,20 +69,13 @@ def run(options) -> int:
     return 0
 
 
-def _motions(options, _frames):
+def _motions(options, frames):
     """Return the page of a map, the sizes of its parts, its contents and how to have less."""
     from hpcsweep.figures.explorer.page import build_page
     from hpcsweep.figures.explorer.page_data import gather
 
-    study = gather(
-        options.file,
-        options.points,
-        options.frame_step,
-        options.amplitude_step,
-        at=options.at,
-        by_share=options.by_share,
-        branches=options.branches,
-    )
+    steps = options.frame_step, options.amplitude_step
+    study = gather(frames, options.points, *steps, options.by_share, options.branches)
     kept, stored = study.thinned["points"], study.thinned["of_points"]
     along = count(study.amplitude.size, study.dims[1])
     contents = (
@@ -104,8 +83,8 @@ def _motions(options, _frames):
         f"{along} x {count(len(study.directions), study.each)}, "
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )
-    advice = "fewer --points or --bits, a --frame-step or --amplitude-step"
-    return *build_page(study, options.bits), contents, advice
+    advice = "fewer --points, a --frame-step or --amplitude-step"
+    return *build_page(study), contents, advice
 
 
 def _responses(options, frames):

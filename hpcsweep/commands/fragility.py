@@ -37,26 +37,18 @@ if TYPE_CHECKING:
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    from hpcsweep.studies.ground_motion.stripes import RESPONSES
+    from hpcsweep.figures.diagrams import responses
 
     add_file(parser)
     wanted = parser.add_mutually_exclusive_group(required=True)
-    wanted.add_argument("--threshold", type=float, help="response that is a failure")
-    wanted.add_argument("--collapse", action="store_true", help="collapse is the failure")
+    responses.THRESHOLD.add(wanted)
+    responses.COLLAPSES.add(wanted)
     wanted.add_argument("--demands", type=file_name, metavar="CSV", help="table to be written")
-    parser.add_argument(
-        "--response",
-        default="drift",
-        choices=tuple(RESPONSES),
-        help="of which the threshold is (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--place", metavar="NAME", help="storey, floor, contact or building (default: the largest)"
-    )
+    for option in (responses.RESPONSE, responses.PLACE, UNITS):
+        option.add(parser)
     parser.add_argument(
         "--scale", type=positive, help="intensity of the table; the nearest there is"
     )
-    UNITS.add(parser)
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)
 
@@ -79,6 +71,7 @@ def _threshold(options, results, study: "Records") -> int:
     from hpcsweep.studies.ground_motion.describe import alone_words
     from hpcsweep.studies.ground_motion.stripes import COLLAPSE, capacities, fit, stripes_of
 
+    options.response = options.response or "drift"
     if options.collapse:
         options.response, options.threshold = COLLAPSE, 1.0
     stripes = stripes_of(results, study, options.response, options.place, options.units)

@@ -80,7 +80,7 @@ def _describe(figure: Figure, default: dict[str, str]) -> str:
 def run(options) -> int:
     """Run the command."""
     from hpcsweep.figures.style import PlotError
-    from hpcsweep.figures.view import limits, resolution, save
+    from hpcsweep.figures.view import save, viewing
     from hpcsweep.store import Frames, job_of
     from hpcsweep.studies.ground_motion.stripes import StripesError
 
@@ -100,8 +100,8 @@ def run(options) -> int:
         output = output.with_name(f"{output.name}.png")
     check_overwriting(output, PICTURE)
     frames = Frames(options.file, figure.draws, options.at)
-    view = limits(x=options.xlim, y=options.ylim)
-    with contextlib.closing(frames), resolution(options.dpi), view, writing(output):
+    view = viewing(options.dpi, x=options.xlim, y=options.ylim)
+    with contextlib.closing(frames), view, writing(output):
         try:
             save(figure.draw(figure.load(frames, **chosen), **chosen), output)
         except (PlotError, StripesError) as error:

@@ -14,7 +14,7 @@ from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, 
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, stripes_of
 
-RESPONSE = Option("--response", "what is drawn (default: drift)", choices=tuple(RESPONSES))
+RESPONSE = Option("--response", "of which response (default: drift)", choices=tuple(RESPONSES))
 PLACE = Option(
     "--place",
     "storey, floor or contact, or a building, of which it is (default: the largest of all)",
@@ -32,7 +32,7 @@ TIME = Option(
     metavar=("FROM", "TO"),
 )
 THRESHOLD = Option(
-    "--threshold", "response that is a failure, in the unit of the figure; needed", type=float
+    "--threshold", "response that is a failure, in its unit in figures", type=float, metavar="X"
 )
 COLLAPSES = Option("--collapse", "collapse is the failure", action="store_true", default=None)
 MAX_GREY = 200

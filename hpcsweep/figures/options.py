@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 MODULES = (
-    "orbit_diagram phase frames attractors maps metrics vary_map intensities storeys spectra "
-    "histories branches basins"
+    "orbit_diagram phase frames attractors maps metrics vary_map intensities storeys histories "
+    "branches basins"
 )
 """Of `hpcsweep.figures.diagrams`; the first figure that draws what a file holds is the default."""
 

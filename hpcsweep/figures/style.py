@@ -11,7 +11,6 @@ from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.figures.fitting import broken, fitter, legend_below
 from hpcsweep.figures.palette import contact_colour
 from hpcsweep.job import Job, parse_job, part_of
-from hpcsweep.model.arguments import real
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import LINEAR, Capability
 from hpcsweep.studies.grid import RunGrid
@@ -155,30 +154,24 @@ FAR_OFF = 0.1
 """Share of a frequency by which a request may lie beyond the range of frames."""
 
 
-def nearest_frame(omegas: np.ndarray, omega: float | None, name: str = "omega") -> int:
-    """Return the frame nearest to a frequency, the first if none is requested.
-
-    Of one frame it is that one, which a caption tells: a file was asked before (`check_omega`).
-    """
-    if omega is None or omegas.size == 1:
-        return 0
-    check_omega(omegas, omega, name)
-    return int(np.argmin(np.abs(omegas - omega)))
-
-
-def check_omega(omegas: np.ndarray, omega: float, name: str = "omega") -> None:
-    """Refuse a frequency, or what else frames have by `name`, far beyond those of all frames.
+def frame_at(study: RunGrid, omega: float | None = None, amplitudes: Sequence[float] = ()) -> int:
+    """Return the frame nearest to a frequency, along that to an amplitude, default the first.
 
     Raises
     ------
     PlotError
+        If the frames have no frequencies, or none that is near.
     """
-    if not np.isfinite(real(name, omega)):
-        raise PlotError(f"--{name} {omega}: must be finite")
-    low, high = float(np.min(omegas)), float(np.max(omegas))
-    beyond = max(low - omega, omega - high)
-    if beyond > FAR_OFF * high:
-        raise PlotError(f"--{name} {omega:g}: the results hold {low:.6g} to {high:.6g}")
+    name = study.run_dims[-2]
+    if omega is not None and name != "omega":
+        raise PlotError(f"--omega {omega:g}: the sweep is along {study.run_dims[-1]}")
+    asked = amplitudes[0] if name == "amplitude" and len(amplitudes) else omega
+    if asked is None:
+        return 0
+    low, high = float(study.frames.min()), float(study.frames.max())
+    if not max(low - asked, asked - high) <= FAR_OFF * high:
+        raise PlotError(f"--{name} {asked:g}: the results hold {low:.6g} to {high:.6g}")
+    return int(np.argmin(np.abs(study.frames - asked)))
 
 
 def need(results, *names: str) -> None:

@@ -5,50 +5,48 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.figures.style import PlotError
 
 DPI = 200
-"""Pixels an inch, unless `resolution` says other."""
+"""Pixels an inch, unless `viewing` says other."""
 SAME, NEAR = 1e-6, 0.05
 """Share of values by which those differ that are drawn as equal, and of the axis around them."""
-_dpi: ContextVar[int] = ContextVar("dpi", default=DPI)
-_limits: ContextVar[Mapping[str, tuple[float, float]]] = ContextVar(
-    "limits",
-    default=MappingProxyType({}),
-)
-"""Of the axes x and y, where they are requested (`limits`)."""
+
+
+class View(NamedTuple):
+    """Pixels an inch, and the requested limits of the axes x and y."""
+
+    dpi: int = DPI
+    limits: Mapping[str, tuple[float, float]] = MappingProxyType({})
+
+
+WHOLE = View()
+_view: ContextVar[View] = ContextVar("view", default=WHOLE)
 
 
 @contextmanager
-def _holding(variable: ContextVar, value) -> Iterator[None]:
-    before = variable.set(value)
-    try:
-        yield
-    finally:
-        variable.reset(before)
-
-
-def resolution(dpi: int):
-    """Write the figures of a block with `dpi` pixels an inch."""
-    return _holding(_dpi, dpi)
-
-
-def limits(**given: Sequence[float] | None):
-    """Limit the axes `x` and `y` of all panels of the figures of a block to [low, high].
+def viewing(dpi: int | None = None, **limits: Sequence[float] | None) -> Iterator[None]:
+    """Draw the figures of a block with `dpi` pixels an inch, and limit `x` and `y` of all panels.
 
     Raises
     ------
     PlotError
-        If the limits are not finite and ascending.
+        If limits are not finite and ascending.
     """
-    for name, ends in given.items():
-        if ends is not None and not -np.inf < ends[0] < ends[1] < np.inf:
+    asked = {name: (ends[0], ends[1]) for name, ends in limits.items() if ends is not None}
+    for name, ends in asked.items():
+        if not -np.inf < ends[0] < ends[1] < np.inf:
             limit = "must be two finite numbers, the lower one first"
             raise PlotError(f"--{name}lim {ends[0]:g} {ends[1]:g}: {limit}")
-    return _holding(_limits, {name: (*ends,) for name, ends in given.items() if ends is not None})
+    before = _view.set(View(dpi or _view.get().dpi, asked))
+    try:
+        yield
+    finally:
+        _view.reset(before)
 
 
 def visible(name: str, low: float, high: float) -> tuple[float, float]:
@@ -59,7 +57,7 @@ def visible(name: str, low: float, high: float) -> tuple[float, float]:
     PlotError
         If that is nothing.
     """
-    ends = _limits.get().get(name, (low, high))
+    ends = _view.get().limits.get(name, (low, high))
     if ends[1] < low or high < ends[0]:
         limit = f"must hold a part of {low:.6g} to {high:.6g}, where all is drawn"
         raise PlotError(f"--{name}lim {ends[0]:g} {ends[1]:g}: {limit}")
@@ -70,7 +68,7 @@ def visible(name: str, low: float, high: float) -> tuple[float, float]:
 def _limit(figure) -> None:
     """Set the requested limits of all panels; refuse them where units differ, or nothing is."""
     panels = [axis for axis in figure.axes if axis.get_label() != "<colorbar>"]
-    for name, ends in _limits.get().items():
+    for name, ends in _view.get().limits.items():
         words = filter(None, (getattr(axis, f"get_{name}label")() for axis in panels))
         units = {text.partition("  [")[2].rstrip("]") for text in words}
         if len(units) > 1:
@@ -104,7 +102,7 @@ def _part(figure) -> None:
 
 def pixels(figure) -> np.ndarray:
     """Return the width and the height of a figure's picture, shape (2,)."""
-    return figure.get_size_inches() * _dpi.get()
+    return figure.get_size_inches() * _view.get().dpi
 
 
 def save(figure, path: Path) -> None:
@@ -114,7 +112,7 @@ def save(figure, path: Path) -> None:
     try:
         _part(figure)
         _limit(figure)
-        figure.savefig(path, dpi=_dpi.get())
+        figure.savefig(path, dpi=_view.get().dpi)
     except PlotError:
         raise
     except ValueError as error:

@@ -17,7 +17,6 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
-from hpcsweep.figures.diagrams import orbit_diagram
 from hpcsweep.job import load_job, parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers.bdf import BdfMap
@@ -260,8 +259,6 @@ def test_odd_names_and_texts_are_refused(results, tmp_path):
     finally:
         frames.close()
     refused(lambda: load_job(tmp_path / "job.toml", "a.b=1"), "settings")
-    opened = hpcsweep.open_results(results)
-    refused(lambda: orbit_diagram.orbit.draw(opened, omega="0.6"), "omega")
 
 
 def test_numbers_of_numpy_fractions_and_arrays_without_dimensions_are_numbers():

@@ -179,7 +179,7 @@ def test_maps_read_frame_by_frame_are_the_same_pictures(file, tmp_path):
         )
         for draw in (maps.motion_map.draw, metrics.benefit.draw):
             left, right = tmp_path / "left.png", tmp_path / "right.png"
-            with view.resolution(100):
+            with view.viewing(100):
                 view.save(draw(few), left)
                 view.save(draw(whole, direction=direction), right)
             assert left.read_bytes() == right.read_bytes()

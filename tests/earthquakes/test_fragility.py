@@ -211,8 +211,12 @@ def test_the_same_records_at_more_stripes_bound_no_more():
     "x, k, told",
     [
         (STRIPES, EXCEEDED, ""),
-        ([1.0, 2.0, 3.0], [1, 4, 9], "above the highest stripe, 3: at most 20 % of the records"),
-        ([1.0, 2.0, 3.0], [30, 40, 44], "below the lowest stripe, 1"),
+        (
+            [1.0, 2.0, 3.0],
+            [1, 4, 9],
+            "by the highest stripe, 3: at most 20 % of the records",
+        ),
+        ([1.0, 2.0, 3.0], [30, 40, 44], "by the lowest stripe, 1"),
     ],
 )
 def test_an_extrapolated_median_is_told(x, k, told):

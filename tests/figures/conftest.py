@@ -13,7 +13,7 @@ DPI = 100
 def coarse_pictures():
     from hpcsweep.figures import view
 
-    with view.resolution(DPI):
+    with view.viewing(DPI):
         yield
 
 
@@ -75,7 +75,6 @@ def still_film():
         film = SimpleNamespace(
             study=job.study,
             structure=job.structure,
-            directions=job.study.directions,
             floors=[*range(n_floors)],
             measure=None,
             overlay=None,

@@ -160,13 +160,14 @@ def test_a_page_tells_the_modal_norms_of_the_lowest_modes(tmp_path):
     from hpcsweep.figures.explorer.page_data import gather
     from hpcsweep.job import parse_job
     from hpcsweep.parallel.mpi import Serial
+    from hpcsweep.store import Frames
 
     found = {}
     for n in (2, 8):
         path = tmp_path / f"{n}.h5"
         job = parse_job(f"[structure]\nn_floors = {n}\n{SWEEP}", "modes", "modes")
         assert campaign.run(job, path, Serial()) == 0
-        found[n] = [name for name in gather(path).runs if name.startswith("modal_norm")]
+        found[n] = [name for name in gather(Frames(path)).runs if name.startswith("modal_norm")]
     assert found[2] == ["modal_norm_1", "modal_norm_2"]
     assert found[8] == [f"modal_norm_{mode}" for mode in range(1, MAX_MODES + 1)]
 

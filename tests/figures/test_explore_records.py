@@ -114,7 +114,7 @@ def test_at_chooses_one_structure_and_options_of_maps_are_refused(folder):
     assert "12 records x 12 scales x 1 structure, drift" in done.stdout
     whole, one = (parts_of(folder / name)[1]["drift"] for name in ("pair.html", "one.html"))
     assert np.array_equal(whole.reshape(2, -1)[1], one)
-    for option in ("--points", "--bits", "--frame-step"):
+    for option in ("--points", "--frame-step"):
         done = hpcsweep(0, "explore", "pair.h5", option, "7", "-o", "none.html", cwd=folder)
         assert done.returncode == 2
         assert f"{option}: is for maps; pair.h5 holds responses" in done.stderr

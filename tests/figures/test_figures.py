@@ -1,6 +1,7 @@
 import inspect
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,29 +37,29 @@ def test_contact_regions_are_maximal_and_short_ones_are_absorbed():
     up = [0] * 5 + [4] * 6 + [6] + [4] * 5 + [6] * 8
     down = [0] * 5 + [4] * 12 + [6] * 4 + [7] * 4
     contact = np.array([up, down])
-    valid = np.ones_like(contact, bool)
-    assert contact_regions(contact, valid) == [
+    valid, never = np.ones_like(contact, bool), np.zeros(25, bool)
+    assert contact_regions(contact, valid, 3, never) == [
         Region(0, 4, (0,)),
         Region(5, 16, (4,)),
         Region(17, 20, (6,)),
         Region(21, 24, (6, 7)),
     ]
     valid[:, 21:] = False
-    assert contact_regions(contact, valid)[-1] == Region(17, 20, (6,))
+    assert contact_regions(contact, valid, 3, never)[-1] == Region(17, 20, (6,))
 
 
 def test_contacts_that_set_in_one_after_the_other_are_not_free_of_contact():
     sets = np.array([0] * 6 + [8] * 2 + [12] * 2 + [14] * 5)
     contact = np.array([sets, sets])
-    valid = np.ones_like(contact, bool)
-    assert contact_regions(contact, valid) == [
+    valid, never = np.ones_like(contact, bool), np.zeros(15, bool)
+    assert contact_regions(contact, valid, 3, never) == [
         Region(0, 5, (0,)),
         Region(6, 9, (8,)),
         Region(10, 14, (14,)),
     ]
     # lost again at once: a single run
     contact[:, 8:] = 0
-    assert contact_regions(contact, valid) == [Region(0, 14, (0,))]
+    assert contact_regions(contact, valid, 3, never) == [Region(0, 14, (0,))]
 
 
 def test_two_solutions_of_one_contact_set_are_a_region_if_they_last():
@@ -97,11 +98,16 @@ def test_coexistence_compares_orbits_not_their_order():
             "poincare": (("direction", "amplitude", "point", "state"), points),
             "n_points": (("direction", "amplitude"), np.where(period > 0, period, 4)),
             "orbit_period": (("direction", "amplitude"), period),
-        }
+        },
+        {"omega": 1.0, "amplitude": np.arange(7.0)},
     )
     expected = [False, True, True, True, True, False, False]
-    assert coexistence(frame, classes).tolist() == expected
-    assert not coexistence(frame.isel(direction=[0]), classes[:1]).any()
+
+    def units(omega, amplitude, place):
+        return np.ones(2)
+
+    assert coexistence(frame, classes, units).tolist() == expected
+    assert not coexistence(frame.isel(direction=[0]), classes[:1], units).any()
 
 
 def test_shares_are_never_rounded_to_nothing_or_all():
@@ -165,8 +171,8 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
     from PIL import Image
 
     path = tmp_path / "o.png"
-    with view.resolution(view.DPI):
-        view.save(orbit_diagram.orbit.draw(results, omega=0.7, color=color), path)
+    with view.viewing(view.DPI):
+        view.save(orbit_diagram.orbit.draw(results.isel(omega=[2]), color=color), path)
     with Image.open(path) as picture:
         assert picture.width > 1000
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
@@ -184,16 +190,16 @@ def test_what_is_not_in_the_file_cannot_be_drawn(results):
 
 
 KINDS = [
-    (orbit_diagram.orbit, {"omega": 0.7}),
-    (phase.phase, {"amplitudes": [0.05, 0.3], "omega": 0.7}),
+    (orbit_diagram.orbit, {}),
+    (phase.phase, {"amplitudes": [0.05, 0.3]}),
     (frames.frames, {}),
     (maps.motion_map, {}),
     (maps.motion_map, {"value": "lyapunov"}),
     *(
-        pytest.param(maps.motion_map, {"value": value, "direction": "down"}, marks=pytest.mark.slow)
+        pytest.param(maps.motion_map, {"value": value}, marks=pytest.mark.slow)
         for value in ("contact", "drift", "modal_norm")
     ),
-    (metrics.metrics, {"omega": 0.7}),
+    (metrics.metrics, {}),
     (metrics.benefit, {}),
 ]
 
@@ -214,7 +220,7 @@ def test_every_figure_names_its_axes_its_parameters_and_what_is_undecided(
 
 
 def test_map_shows_the_class_of_every_run(results, drawn_figure):
-    figure = drawn_figure(maps.motion_map, results, direction="down")
+    figure = drawn_figure(maps.motion_map, results.isel(direction=[1]))
     shown = figure.axes[0].collections[0].get_array().filled(-1).reshape(4, 11)
     classes = classes_of(results)[1]
     expected = motion_index(classes, results["orbit_period"].values[1])
@@ -278,7 +284,9 @@ def test_portraits_are_closed_and_pass_through_the_stored_points(results, drawn_
     touching = [i for i in range(2) if int(frame["contact"].values[tuple(run)]) >> i & 1]
     assert np.all(curves[:, :, touching].max(axis=(0, 1)) >= 1)
     amplitude = float(frame["amplitude"][run[1]])
-    figure = drawn_figure(phase.phase, results, omega=0.7, amplitudes=[amplitude], direction="down")
+    figure = drawn_figure(
+        phase.phase, results.isel(omega=[2]), amplitudes=[amplitude], direction="down"
+    )
     assert len(figure.axes) == 2
     for axis in figure.axes:
         assert axis.get_xlim()[1] > 1
@@ -308,7 +316,6 @@ def test_the_asked_period_is_found_in_the_middle_of_its_longest_stretch(results)
         (["--kind", "phase"], ("--amplitude or --period",)),
         (["--kind", "phase", "--amplitude", "7"], ("--amplitude 7", "0.02 to 0.3")),
         (["--kind", "phase", "--period", "63"], ("--period 63", "periods that occur: 1")),
-        (["--kind", "frames", "--frames", "5"], ("--frames 5", "1 to 4")),
         (["--kind", "frames", "--floor", "3"], ("--floor 3", "1 to 2")),
         (["--kind", "phase", "--period", "0"], ("--period", "at least 1")),
     ],
@@ -363,6 +370,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
     from hpcsweep.figures.options import figures
     from hpcsweep.job import parse_job
     from hpcsweep.parallel.mpi import Serial
+    from hpcsweep.store import Frames
     from hpcsweep.studies.points import START
 
     path = tmp_path / "points.h5"
@@ -382,7 +390,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
         extra = ["--period", "1"] if kind == "phase" else []
         assert main(["plot", str(path), "--kind", kind, "-o", str(output), *extra]) == 0
         assert output.stat().st_size > 10_000
-    page = build_page(gather(path))[0]
+    page = build_page(gather(Frames(path)))[0]
     assert DIRECTIONS[START] in page
     assert "each from the initial state" in page
     film = tmp_path / "film.gif"
@@ -422,11 +430,11 @@ def test_the_figures_are_loaded_only_for_plot():
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
-def test_a_map_needs_two_amplitudes_and_a_direction_that_is_there(results):
+def test_a_map_needs_two_amplitudes_and_the_variables_that_it_draws(results):
     with pytest.raises(style.PlotError, match="at least 2 amplitudes"):
         maps.motion_map.draw(results.isel(amplitude=[0]))
     with pytest.raises(style.PlotError, match="up only"):
-        metrics.benefit.draw(results.isel(direction=[0]), direction="down")
+        style.direction_index(results.isel(direction=[0]), "down")
     with pytest.raises(style.PlotError, match=r"output\.lyapunov"):
         metrics.benefit.draw(results.drop_vars(["lyapunov", "motion"]))
 
@@ -562,12 +570,11 @@ def test_a_frequency_far_from_every_frame_is_refused(file, tmp_path, capsys):
 
 
 def test_a_frequency_between_frames_is_drawn():
-    omegas = np.array([6.3, 12.6, 25.1])
-    style.check_omega(omegas, 9.0)
-    assert style.nearest_frame(omegas, 9.0) == 0
-    assert style.nearest_frame(omegas[:1], 9.0) == 0
-    with pytest.raises(style.PlotError, match=r"--omega 30: the results hold 6.3 to 25.1"):
-        style.nearest_frame(omegas, 30.0)
+    study = SimpleNamespace(frames=np.array([6.3, 12.6, 25.1]), run_dims=("omega", "amplitude"))
+    assert [style.frame_at(study, omega) for omega in (None, 9.0, 11.0, 26.0)] == [0, 0, 1, 2]
+    for omega in (30.0, np.nan, np.inf, -np.inf):
+        with pytest.raises(style.PlotError, match=rf"--omega {omega:g}: .* hold 6.3 to 25.1"):
+            style.frame_at(study, omega)
 
 
 def test_a_head_breaks_between_its_parts_where_it_is_too_wide():

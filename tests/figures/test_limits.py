@@ -11,7 +11,7 @@ from hpcsweep.model.structure import Structure
 
 
 def test_all_panels_have_the_limits_and_regions_beyond_have_no_words(results, drawn_figure):
-    with view.limits(x=(0.2, 0.28), y=(-1.5, 0.25)):
+    with view.viewing(x=(0.2, 0.28), y=(-1.5, 0.25)):
         figure = drawn_figure(orbit_diagram.orbit, results)
     assert [axis.get_xlim() for axis in figure.axes] == [(0.2, 0.28)] * 2
     assert [axis.get_ylim() for axis in figure.axes] == [(-1.5, 0.25)] * 2
@@ -26,7 +26,7 @@ def test_all_panels_have_the_limits_and_regions_beyond_have_no_words(results, dr
 def test_cells_in_the_limits_are_all_drawn_though_the_map_has_more_than_pixels():
     _, axes = style.new_grid(1, 1, (1.0, 1.0))
     places, values = np.arange(2000.0), np.arange(4000.0).reshape(2, 2000)
-    with view.limits(x=(500.2, 509.8)):
+    with view.viewing(x=(500.2, 509.8)):
         cells = mesh.Grid(places, np.array([1.0, 2.0])).draw(axes[0, 0], values)
     assert cells.get_array().tolist() == values[:, 500:511].tolist()
 
@@ -53,7 +53,7 @@ def test_limits_that_mean_nothing_are_one_line(file, tmp_path, capsys, extra, wo
 
 
 def test_panels_of_two_quantities_share_their_horizontal_axis(results, drawn_figure):
-    with view.limits(x=(0.05, 0.1)):
+    with view.viewing(x=(0.05, 0.1)):
         figure = drawn_figure(metrics.metrics, results)
     assert [axis.get_xlim() for axis in figure.axes] == [(0.05, 0.1)] * 2
 

@@ -19,6 +19,7 @@ from hpcsweep.figures.film.frames import Film, Request
 from hpcsweep.figures.style import PlotError, parameters
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
+from hpcsweep.store import Frames
 
 BUILDINGS = """
 [units]
@@ -124,7 +125,7 @@ def test_the_film_shows_a_measure(buildings, tmp_path):
 
 
 def test_the_explorer_shows_measures(buildings):
-    study = gather(buildings)
+    study = gather(Frames(buildings))
     results = open_results(buildings)
     assert list(study.labels) == [
         *(f"storey_drift_{k}" for k in (1, 2, 3)),

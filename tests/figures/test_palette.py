@@ -16,6 +16,7 @@ from hpcsweep.figures import palette, style
 from hpcsweep.figures.diagrams import frames, maps, metrics, orbit_diagram, phase
 from hpcsweep.figures.explorer.page import _pack
 from hpcsweep.figures.explorer.page_data import gather
+from hpcsweep.store import Frames
 
 EYES = {
     "normal": np.eye(3),
@@ -267,11 +268,10 @@ def legend_colours(figure) -> dict[str, str]:
 def test_a_motion_has_its_colour_in_every_figure(mixed, drawn_figure):
     expected = dict(palette.MOTIONS)
     seen = {}
-    omega = float(mixed["omega"][0])
     for module, options in (
-        (orbit_diagram.orbit, {"color": "period", "omega": omega}),
+        (orbit_diagram.orbit, {"color": "period"}),
         (frames.frames, {}),
-        (phase.phase, {"amplitudes": mixed["amplitude"].values[:4].tolist(), "omega": omega}),
+        (phase.phase, {"amplitudes": mixed["amplitude"].values[:4].tolist()}),
         (maps.motion_map, {}),
         (metrics.benefit, {}),
     ):
@@ -351,8 +351,8 @@ def test_the_film_has_the_same_colours(still_film):
 
 
 def test_the_explorer_has_the_same_colours(file):
-    study = gather(file)
-    meta = _pack(study, 12)[0]
+    study = gather(Frames(file))
+    meta = _pack(study)[0]
     legend = [(entry["name"], entry["colour"]) for entry in meta["motionLegend"]]
     assert legend == list(palette.MOTIONS)
     for kind, reported in zip(MotionClass, meta["motions"], strict=True):

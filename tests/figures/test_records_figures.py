@@ -234,7 +234,10 @@ def test_a_median_beyond_the_stripes_is_told_as_that(folder):
     assert told["median_interval"][1] is None or told["median_interval"][1] > told["median"]
     text = hpcsweep(0, "fragility", "job.h5", *threshold, cwd=folder).stdout
     assert "5 records never reach it up to 20" in text
-    assert "the median is an extrapolation, above the highest stripe, 20: at most 37.5 %" in text
+    assert (
+        "the median is an extrapolation, not bounded by the highest stripe, 20: at most 37.5 %"
+        in text
+    )
     # the figure goes on to the median, dashed beyond the stripes, and says what it does not know
     drawn = figures()["fragility"].draw(results, threshold=float(threshold[1]), units="g")
     (axis,) = drawn.axes

@@ -276,7 +276,7 @@ def test_stacked_shares_fill_the_panel_over_the_amplitudes(whole):
     """No start of this job is undecided, so that nothing but attractors is to be seen."""
     results = open_results(whole)
     assert not results["n_undecided"].values.any()
-    figure = shares.draw(results, omega=1.0)
+    figure = shares.draw(results.sel(omega=[1.0]))
     stacked = figure.axes[0]
     assert stacked.get_xlim() == (0.6, 0.7)
     assert stacked.get_ylim() == (0.0, 1.0)
@@ -288,14 +288,17 @@ def test_stacked_shares_fill_the_panel_over_the_amplitudes(whole):
 
 
 def test_the_explorer_shows_attractors_by_share(whole):
-    study, results = gather(whole, by_share=True), open_results(whole).isel(direction=0)
+    study, results = (
+        gather(Frames(whole, "attractors"), by_share=True),
+        open_results(whole).isel(direction=0),
+    )
     assert study.words[0] == "attractor 1 by share"
     shares = results["share"].values.transpose(0, 2, 1)[:, : len(study.directions)]
     np.testing.assert_array_equal(study.runs["share"], shares.astype(np.float32))
 
 
 def test_the_explorer_keeps_each_attractor_in_a_place_of_its_own(tmp_path, whole):
-    study, results = gather(whole), open_results(whole).isel(direction=0)
+    study, results = gather(Frames(whole, "attractors")), open_results(whole).isel(direction=0)
     assert study.each == "attractor"
     n = len(study.directions)
     assert int(results["n_attractors"].max()) <= n <= results.sizes["attractor"]

@@ -15,7 +15,7 @@ from hpcsweep.figures.diagrams.frames import frames
 from hpcsweep.figures.diagrams.metrics import measures
 from hpcsweep.figures.diagrams.orbit_diagram import orbit
 from hpcsweep.figures.explorer.page_data import gather
-from hpcsweep.figures.style import PlotError, classes_of
+from hpcsweep.figures.style import PlotError, classes_of, frame_at
 from hpcsweep.job import JobError, parse_job, part_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.store import Frames, StoreError
@@ -168,22 +168,20 @@ def test_it_is_validated_summarized_and_described(folder, name):
 @pytest.mark.slow
 def test_it_is_drawn_over_its_parameter(folder, tmp_path):
     along, gaps = (api.open_results(folder / f"{name}.h5") for name in ("omega", "gap"))
-    axes = orbit.draw(along, amplitudes=[0.21]).axes
+    axes = orbit.draw(along.isel(amplitude=[-1])).axes
     assert axes[1].get_xlabel().startswith(r"forcing frequency $\Omega$")
     assert axes[1].get_xlim() == pytest.approx((0.485 + 0.009, 0.815 - 0.009), abs=2e-2)
-    figure = orbit.draw(gaps, omega=0.6)
+    figure = orbit.draw(gaps)
     assert figure.axes[1].get_xlabel() == "gap"
     assert "$g$" not in figure.get_suptitle()
     assert "amplitude = 0.4 * omega**2 * sqrt(gap)" in figure.get_suptitle()
     stop = figure.axes[1].lines[0]  # it moves with the gap
     assert np.array_equal(stop.get_xdata(), stop.get_ydata())
-    assert [axis.get_title() for axis in frames.draw(along, frames=2).axes] == [
-        "$A$ = 0.05",
-        "$A$ = 0.3",
-    ]
+    titles = [axis.get_title() for axis in frames.draw(along).axes]
+    assert (titles[0], titles[along.sizes["amplitude"] - 1]) == ("$A$ = 0.05", "$A$ = 0.3")
     assert classes_of(gaps).shape == (2, 4, 11)
     with pytest.raises(PlotError, match=r"--omega 0.5: the sweep is along omega"):
-        orbit.draw(along, omega=0.5)
+        frame_at(parse_job(ALONG, "", "job").study, omega=0.5)
     with pytest.raises(PlotError, match="the file holds none of them"):
         measures.draw(along)
     for kind in (["map"], ["phase", "--along", "0.7"], ["metrics", "--amplitude", "0.2"]):
@@ -231,7 +229,7 @@ def test_attractors_along_a_path_are_drawn_and_compared_with_its_sweep(folder, t
         figure = attractors.draw(results)
         assert figure.axes[0].get_xlabel().startswith(label)
         assert shares.draw(results).axes[1].get_xlabel().startswith(label)
-        page = gather(tmp_path / f"{name}.h5")
+        page = gather(Frames(tmp_path / f"{name}.h5", "attractors"))
         assert page.dims == parse_job(ATTRACTORS[name], "", "job").study.run_dims[1:]
         assert (page.runs["motion"] > 0).any(axis=1).all()
     text = ATTRACTORS["omega"].replace('"0.09 + 0.01 * omega"', "[0.1, 0.11]")
@@ -349,17 +347,17 @@ def test_points_on_their_own_refuse_a_path_and_formulas(text, old, new, words):
 def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_path):
     from hpcsweep.figures.explorer.page import build_page
 
-    page = gather(folder / "gap.h5")
+    page = gather(Frames(folder / "gap.h5"))
     study = parse_job(GAPS, "", "job").study
     assert page.dims == ("omega", "gap")
     assert page.steps["amplitude"][2] == study.amplitudes_of(2).tolist()
     assert [one.gap for one in page.steps["structures"]] == study.along_of(0).tolist()
     assert '"key": "gap"' in build_page(page)[0]
-    page = gather(folder / "omega.h5", amplitude_step=2)
+    page = gather(Frames(folder / "omega.h5"), amplitude_step=2)
     assert page.steps["omega"][0] == page.amplitude.tolist()
     assert page.steps["structures"] == []
     with pytest.raises(PlotError, match="along omega or amplitude, not gap"):
-        gather(folder / "gap.h5", branches=tmp_path / "none.h5")
+        gather(Frames(folder / "gap.h5"), branches=tmp_path / "none.h5")
 
 
 @pytest.mark.slow
@@ -407,7 +405,7 @@ def test_branches_along_a_formula_go_through_all_motions_and_lie_beneath_them(tm
     for file in files:
         command = ("plot", file, "--branches", path, "-o", tmp_path / "b.png")
         assert hpcsweep(0, *command).returncode == 0
-        page = gather(file, branches=path)
+        page = gather(Frames(file, None), branches=path)
         assert sum(one.value.size for one in page.branches[0]) == told["points"]
         command = ("plot", path, "--sweep", file, "-o", tmp_path / "b.png")
         assert hpcsweep(0, *command).returncode == 0

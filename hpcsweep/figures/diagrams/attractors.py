@@ -26,13 +26,7 @@ TALL = 0.75
 
 
 @figure_of("attractors", "attractors", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, BRANCHES)
-def attractors(
-    results,
-    omega: float | None = None,
-    floors: Sequence[int | str] = (),
-    amplitudes: Sequence[float] = (),
-    branches: Path | None = None,
-):
+def attractors(results, floors: Sequence[int | str] = (), branches: Path | None = None, **_options):
     """Stroboscopic displacement of each floor on all attractors of one frame.
 
     Against the forcing amplitude, or what they are continued along.
@@ -40,12 +34,9 @@ def attractors(
     Parameters
     ----------
     results : xarray.Dataset
-    omega : float, optional
-        The frame nearest to this frequency; default the first.
+        The first frame is drawn.
     floors : sequence of int or str, optional
         Shown, see `labels.choose_floors`.
-    amplitudes : sequence of float, optional
-        One, in place of `omega` for attractors along that.
     branches : Path, optional
         Results file of branches along the same path, drawn beneath.
 
@@ -54,7 +45,7 @@ def attractors(
     PlotError
         If there is nothing to draw.
     """
-    frame, runs, index = opened(results, omega, amplitudes)
+    frame, runs, index = opened(results)
     figure, axes = sweep.floor_panels(frame.structure, floors, labels.along(frame.study))
     keys, size = sweep.lay_branches(axes, frame, branches), sweep.orbit_area(runs)
     for floor, axis in axes.items():
@@ -65,8 +56,8 @@ def attractors(
     return style.head(figure, frame.caption)
 
 
-def opened(results, omega: float | None, amplitudes: Sequence[float] = ()):
-    """Choose a frame of attractors, see `open_frame`.
+def opened(results):
+    """Take the first frame of attractors, see `open_frame`.
 
     Returns
     -------
@@ -76,7 +67,7 @@ def opened(results, omega: float | None, amplitudes: Sequence[float] = ()):
     index : ndarray of int, shape (n_along, n_attractors)
         In `palette.MOTIONS` of each attractor, -1 where there is none.
     """
-    frame: sweep.Frame = sweep.open_frame(results, omega, amplitudes=amplitudes)
+    frame: sweep.Frame = sweep.open_frame(results)
     runs = frame.runs.isel(direction=0)
     return frame, runs, palette.motion_index(frame.classes[0], runs["orbit_period"].values)
 
@@ -109,7 +100,7 @@ def legend(figure, runs, index: np.ndarray, title: str, columns: int, further=()
 
 
 @figure_of("shares", "attractors", sweep.load_frame, OMEGA, AMPLITUDES)
-def shares(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
+def shares(results, **_options):
     """Shares of the starts that go to each attractor, along the path of one frame.
 
     Stacked, and with their confidence intervals.
@@ -119,7 +110,7 @@ def shares(results, omega: float | None = None, amplitudes: Sequence[float] = ()
     PlotError
         If there is nothing to draw.
     """
-    frame, runs, index = opened(results, omega, amplitudes)
+    frame, runs, index = opened(results)
     study = style.study_of(results, AttractorGrid)
     figure, axes = style.new_figure(2, 6.6)
     edges = edges_of(frame.along)

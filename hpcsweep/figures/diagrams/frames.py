@@ -10,11 +10,10 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import COLUMNS, panels
 from hpcsweep.figures.fitting import dot
-from hpcsweep.figures.options import DIRECTION, FLOORS, Option, figure_of
+from hpcsweep.figures.options import DIRECTION, FLOORS, figure_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
 
-FRAMES = Option("--frames", "number of frames", type=int, metavar="N")
 MAX_FRAMES = 12
 ORBIT = 2.5
 """Area of the points of an orbit, in areas of those of a motion that does not repeat."""
@@ -24,27 +23,20 @@ MAX_COLUMNS = 7
 """Columns of the legend."""
 
 
-def load(reader, frames: int | None = None, **_options):
+def load(reader, **_options):
     """Read the frames to draw."""
-    return reader.gather([*reader], choose(reader.study.frames, frames).tolist())
+    return reader.gather([*reader], choose(reader.study.frames).tolist())
 
 
-@figure_of("frames", "motions", load, DIRECTION, FRAMES, FLOORS)
-def frames(
-    results,
-    direction: str | None = None,
-    frames: int | None = None,
-    floors: Sequence[int | str] = (),
-):
-    """Small orbit diagrams of several frames, of one floor (default: the top).
+@figure_of("frames", "motions", load, DIRECTION, FLOORS)
+def frames(results, direction: str | None = None, floors: Sequence[int | str] = ()):
+    """Small orbit diagrams of all frames, or of 12 of them, of one floor (default: the top).
 
     Parameters
     ----------
     results : xarray.Dataset
     direction : {"up", "down"}, optional
         Default the first.
-    frames : int, optional
-        Number of frames; default all, at most `MAX_FRAMES`.
     floors : sequence of int or str, optional
         The one floor whose displacement is drawn, from 1; default the top one.
 
@@ -60,7 +52,7 @@ def frames(
     if len(floors) > 1:
         raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
     floor = labels.choose_floors(structure.floor_names, floors)[-1] + 1
-    chosen = choose(results[name].values, frames)
+    chosen = choose(results[name].values)
     shown = {name: chosen, "direction": [style.direction_index(results, direction)]}
     results = results.isel(shown)
     classes = style.classes_of(results)
@@ -80,22 +72,12 @@ def frames(
     return style.head(figure, title, fontsize=8.5)
 
 
-def choose(omegas: np.ndarray, frames: int | None) -> np.ndarray:
-    """Return frames spread evenly over frequency, in order.
-
-    Raises
-    ------
-    PlotError
-        If there are fewer frames.
-    """
-    there = omegas.size
-    count = min(there, MAX_FRAMES) if frames is None else frames
-    if not 1 <= count <= there:
-        raise style.PlotError(
-            f"--frames {count}: must be from 1 to {there}, the frames of the results"
-        )
-    order = np.argsort(omegas, kind="stable")
-    return order[np.linspace(0, there - 1, count).round().astype(int)]
+def choose(omegas: np.ndarray) -> np.ndarray:
+    """Return frames spread evenly over frequency, in order, at most `MAX_FRAMES`."""
+    count = min(omegas.size, MAX_FRAMES)
+    return np.argsort(omegas, kind="stable")[
+        np.linspace(0, omegas.size - 1, count).round().astype(int)
+    ]
 
 
 def _panel(axis, frame, motions, floor: int) -> None:

@@ -11,14 +11,7 @@ from hpcsweep.figures.attractors import IDENTITY, dominant, identities, missed_a
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.attractors import starts_text
 from hpcsweep.figures.fitting import LEGEND
-from hpcsweep.figures.inferred import (
-    drawn_classes,
-    filled,
-    gather,
-    inferred,
-    is_by_period,
-    note_of,
-)
+from hpcsweep.figures.inferred import drawn_classes, filled, gather, inferred, is_by_period, note_of
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, SWEEP, Option, figure_of
 from hpcsweep.figures.overlay import with_specials
 from hpcsweep.solvers.outcome import Outcome
@@ -82,13 +75,7 @@ def load_map(
 
 
 @figure_of("map", "motions attractors", load_map, DIRECTION, VALUE, CELLS, BRANCHES)
-def motion_map(
-    results,
-    value: str = "period",
-    direction: str | None = None,
-    cells: bool | None = None,
-    **_options,
-):
+def motion_map(results, value: str = "period", cells: bool | None = None, **_options):
     """Motion classes over amplitude and frequency, or --value of each run.
 
     Of attractors it is that of the one with the largest share.
@@ -99,8 +86,6 @@ def motion_map(
     value : str
         Meaning of the colours, one of `VALUES`, or of attractors `OF_ATTRACTORS`; period: the
         motion classes.
-    direction : {"up", "down"}, optional
-        Default the first.
     cells : bool, optional
         Whether the cells of a refined map are outlined.
 
@@ -117,7 +102,7 @@ def motion_map(
         results = dominant(results)
     if value != "period":
         style.need(results, value)
-    results = mesh.by_frequency(results, direction)
+    results = mesh.by_frequency(results)
     panels = min(results.sizes["mode"], MAX_PANELS) if value == "modal_norm" else 1
     size = 7.2, mesh.map_height(results, 5.2)
     figure, axes = mesh.panels(panels, size, (3.6, 3.6), (0.0, 0.6))

@@ -72,19 +72,18 @@ def need_map(dims: Sequence[str], amplitudes: int) -> None:
         raise style.PlotError(f"a map needs at least 2 amplitudes, the results hold {amplitudes}")
 
 
-def by_frequency(results, direction: str | None = None):
-    """Choose a direction, default the first, sort the frames by frequency, and refuse no map.
+def by_frequency(results):
+    """Take the first direction, sort the frames by frequency, and refuse no map.
 
     Raises
     ------
     PlotError
-        If there are fewer than two amplitudes, or no such direction.
+        If there are fewer than two amplitudes.
     """
     need_map(results["outcome"].dims, amplitudes(results).size)
     results = results.transpose("direction", "omega", "amplitude", ...)
-    chosen = [style.direction_index(results, direction)]
     order = np.argsort(results["omega"].values, kind="stable")
-    return results.isel(omega=order, direction=chosen)
+    return results.isel(omega=order, direction=[0])
 
 
 def amplitudes(results) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Drifts, modal norms and measures of a sweep, and what impact changes of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -33,7 +33,7 @@ SHADES = (
 
 
 @figure_of("metrics", "motions", load_frame, OMEGA, AMPLITUDES)
-def metrics(results, omega: float | None = None, amplitudes: Sequence[float] = ()):
+def metrics(results, **_options):
     """Drift and mean modal norms along the path of one frame, with those without a stop.
 
     Raises
@@ -41,7 +41,7 @@ def metrics(results, omega: float | None = None, amplitudes: Sequence[float] = (
     PlotError
         If the file does not hold the variables to draw.
     """
-    frame = open_frame(results, omega, "drift", "modal_norm", amplitudes=amplitudes)
+    frame = open_frame(results, "drift", "modal_norm")
     runs, span = frame.runs, frame.along
     figure, axes = style.new_figure(2, 6.6)
     _drift(axes[0], frame, _along_path(frame, free_drift))
@@ -99,7 +99,7 @@ def _drift(axis, frame: Frame, free: np.ndarray) -> None:
             if chosen.any():
                 _plot(axis, frame.along[chosen], drift[chosen], marker, colour, direction, label)
     looks = {"color": "black", "linewidth": 1.1, "linestyle": DASHES[0]}
-    _free(axis, frame.along, free, label=_without(frame), **looks)
+    axis.plot(frame.along, free, label=_without(frame), **looks)
     axis.set_ylabel(labels.RUN_LABELS["drift"])
 
 
@@ -108,15 +108,6 @@ def _plot(axis, x, y, marker: str, colour: str, direction: str, label: str) -> N
     face = "none" if direction == DOWN else colour
     looks = {"color": colour, "markerfacecolor": face, "markersize": 2.4, "markeredgewidth": 0.5}
     axis.plot(x, y, marker, label=label, **looks)
-
-
-def _free(axis, along: np.ndarray, values: np.ndarray, **looks) -> None:
-    """Draw what is without stop, right across where it does not change along the path."""
-    constant = labels.common(values)
-    if constant is None:
-        axis.plot(along, values, **looks)
-    else:
-        axis.axhline(constant, **looks)
 
 
 def _norms(axis, frame: Frame, free: np.ndarray) -> None:
@@ -129,7 +120,7 @@ def _norms(axis, frame: Frame, free: np.ndarray) -> None:
             _plot(axis, frame.along, norm[:, mode], marker, colour, direction, label)
         looks = {"color": colour, "linewidth": 1.1, "linestyle": DASHES[mode % len(DASHES)]}
         label = f"mode {mode + 1}, {_without(frame)}"
-        _free(axis, frame.along, free[:, mode], label=label, **looks)
+        axis.plot(frame.along, free[:, mode], label=label, **looks)
     axis.set_ylabel(labels.RUN_LABELS["modal_norm"])
     if shown < runs.sizes["mode"]:
         title = f"the lowest {shown} of {runs.sizes['mode']} modes"
@@ -137,12 +128,7 @@ def _norms(axis, frame: Frame, free: np.ndarray) -> None:
 
 
 @figure_of("measures", "motions", load_frame, OMEGA, AMPLITUDES, DIRECTION)
-def measures(
-    results,
-    omega: float | None = None,
-    direction: str | None = None,
-    amplitudes: Sequence[float] = (),
-):
+def measures(results, direction: str | None = None, **_options):
     """Peak drift of each storey, displacement and acceleration of each floor over the amplitude.
 
     Also force and impacts of each contact; one frame.
@@ -157,7 +143,7 @@ def measures(
         asked = ", ".join(f"output.{name}" for name in MEASURES)
         raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
     swept = [style.direction_index(results, direction)]
-    frame = open_frame(results.isel(direction=swept), omega, amplitudes=amplitudes)
+    frame = open_frame(results.isel(direction=swept))
     structure, runs, done = frame.structure, frame.runs.isel(direction=0), frame.done[0]
     over_amplitude = frame.study.run_dims[-2:] == ("omega", "amplitude")
     graze = style.grazing_amplitude(structure, frame.omega) if over_amplitude else np.inf
@@ -179,7 +165,7 @@ def measures(
 
 
 @figure_of("benefit", "motions", mesh.open_map, DIRECTION)
-def benefit(results, direction: str | None = None):
+def benefit(results, **_options):
     """Where impact lowers and raises the drift, for chaos and for period 1.
 
     Raises
@@ -192,7 +178,7 @@ def benefit(results, direction: str | None = None):
     style.need(results, "drift", "contact")
     if not tells_chaos(results):
         style.need(results, "lyapunov")
-    results = mesh.by_frequency(results, direction)
+    results = mesh.by_frequency(results)
     classes = style.classes_of(results)
     ratio = drift_ratio(results)[0]
     period = results["orbit_period"].values[0]

@@ -49,11 +49,10 @@ class Group(NamedTuple):
 @figure_of("orbit", "motions", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, BRANCHES, COLOUR)
 def orbit(
     results,
-    omega: float | None = None,
     color: str = "direction",
     floors: Sequence[int | str] = (),
-    amplitudes: Sequence[float] = (),
     branches: Path | None = None,
+    **_options,
 ):
     """Stroboscopic displacement of each floor against the forcing amplitude, or another parameter.
 
@@ -62,15 +61,11 @@ def orbit(
     Parameters
     ----------
     results : xarray.Dataset
-        From `hpcsweep.open_results`.
-    omega : float, optional
-        The frame nearest to this frequency; default the first.
+        The first frame is drawn.
     color : {"direction", "contact", "period"}
         Meaning of the colours; period: the period of orbits, the class of other motions.
     floors : sequence of int or str, optional
         Shown, see `labels.choose_floors`.
-    amplitudes : sequence of float, optional
-        One, in place of `omega` for a sweep along that.
     branches : Path, optional
         Results file of branches along the same path, drawn beneath.
 
@@ -80,7 +75,7 @@ def orbit(
         If the file does not hold the variables to draw.
     """
     needed = ("poincare", *(("contact",) if color == "contact" else ()))
-    frame = sweep.open_frame(results, omega, *needed, amplitudes=amplitudes)
+    frame = sweep.open_frame(results, *needed)
     structure = frame.structure
     figure, axes = sweep.floor_panels(structure, floors, labels.along(frame.study))
     groups, keys = _groups(color, frame), sweep.lay_branches(axes, frame, branches)

@@ -30,25 +30,30 @@ class DrawnRun(NamedTuple):
     along: int
 
 
-@figure_of("phase", "motions", load_frame, OMEGA, AMPLITUDES, ALONG, PERIOD, DIRECTION, FLOORS)
+def load(frames, omega: float | None = None, amplitudes: Sequence[float] = (), **_options):
+    """Read a frame; amplitudes are those of its runs, or of sweeps along another parameter it."""
+    of_frame = () if frames.study.run_dims[-1] == "amplitude" else amplitudes
+    return load_frame(frames, omega, of_frame)
+
+
+@figure_of("phase", "motions", load, OMEGA, AMPLITUDES, ALONG, PERIOD, DIRECTION, FLOORS)
 def phase(
     results,
-    omega: float | None = None,
     amplitudes: Sequence[float] = (),
     periods: Sequence[int] = (),
     direction: str | None = None,
     floors: Sequence[int | str] = (),
     along: Sequence[float] = (),
+    **_options,
 ):
     """Phase portraits of the floors at --amplitude A, at --along X, or of an orbit of --period P.
 
     Parameters
     ----------
     results : xarray.Dataset
-    omega : float, optional
-        The frame nearest to this frequency; default the first.
+        The first frame is drawn.
     amplitudes : sequence of float
-        The nearest amplitudes of the sweep are drawn; of a sweep along omega one, of the frame.
+        The nearest amplitudes of the sweep are drawn.
     periods : sequence of int
         Orbit periods, for each of which a motion is drawn; see `find_period`.
     direction : {"up", "down"}, optional
@@ -69,8 +74,7 @@ def phase(
         raise style.PlotError(f"--kind phase needs --{flag} or --period")
     if of_amplitude and len(along):
         raise style.PlotError(f"--along {along[0]:g}: the sweep is along amplitude: --amplitude")
-    of_frame = () if of_amplitude else amplitudes
-    frame = open_frame(results, omega, "poincare", amplitudes=of_frame)
+    frame = open_frame(results, "poincare")
     runs, classes, structure = frame.runs, frame.classes, frame.structure
     index = palette.motion_index(classes, runs["orbit_period"].values)
     motions = [_at(frame, value, direction, flag) for value in chosen]

@@ -38,7 +38,7 @@ class Region:
 
 
 def contact_regions(
-    contact: np.ndarray, valid: np.ndarray, least: int = 3, coexisting: np.ndarray | None = None
+    contact: np.ndarray, valid: np.ndarray, least: int, coexisting: np.ndarray
 ) -> list[Region]:
     """Divide the amplitudes into regions of equal contact sets.
 
@@ -50,7 +50,7 @@ def contact_regions(
     least : int
         A shorter stretch (e.g. a single run in a chaotic band) belongs to the one before it, but
         successive first contacts do not belong to the stretch without contact.
-    coexisting : ndarray of bool, shape (n_amplitudes,), optional
+    coexisting : ndarray of bool, shape (n_amplitudes,)
         Where up and down are on different solutions; see `coexistence`.
 
     Returns
@@ -63,17 +63,13 @@ def contact_regions(
         tuple(dict.fromkeys(int(c) for c in contact[valid[:, index], index]))
         for index in range(n_amplitudes)
     ]
-    merged = _merge(seen, least)
-    if coexisting is not None:
-        longest = max(least, round(MIN_COEXISTENCE * n_amplitudes))
-        divided = []
-        for first, last, sets in merged:
-            inside = [sets * 2 if there else sets for there in coexisting[first : last + 1]]
-            whole = [(0, last - first, sets)]
-            parts = _merge(inside, longest, sets) if len(sets) == 1 else whole
-            divided += [(first + a, first + b, part) for a, b, part in parts]
-        merged = divided
-    return [Region(*group) for group in merged if group[2]]
+    longest = max(least, round(MIN_COEXISTENCE * n_amplitudes))
+    regions = []
+    for first, last, sets in _merge(seen, least):
+        inside = [sets * 2 if there else sets for there in coexisting[first : last + 1]]
+        parts = _merge(inside, longest, sets) if len(sets) == 1 else [(0, last - first, sets)]
+        regions += [Region(first + a, first + b, part) for a, b, part in parts if part]
+    return regions
 
 
 def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | None = None):
@@ -103,7 +99,7 @@ def _merge(seen: list[tuple[int, ...]], least: int, start: tuple[int, ...] | Non
     return merged
 
 
-def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) -> np.ndarray:
+def coexistence(frame, classes: np.ndarray, units_at: Callable) -> np.ndarray:
     """Return the amplitudes at which the sweeps up and down of a frame are on different solutions.
 
     Two periodic motions differ if their periods do or if a point of one is farther than `APART`
@@ -116,8 +112,8 @@ def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) ->
         One frame of a campaign, with ``poincare``.
     classes : ndarray of int, shape (n_directions, n_amplitudes)
         `MotionClass` of its runs.
-    units_at : callable (omega, amplitude, place), optional
-        Units of the states, as of `RunGrid`. Default: 1.
+    units_at : callable (omega, amplitude, place)
+        Units of the states, as of `RunGrid`.
 
     Returns
     -------
@@ -132,11 +128,9 @@ def coexistence(frame, classes: np.ndarray, units_at: Callable | None = None) ->
     points, counts = frame["poincare"].values, frame["n_points"].values
     period = frame["orbit_period"].values
     for index in np.flatnonzero(repeats.all(axis=0)).tolist():
-        units = np.ones(points.shape[-1])
-        if units_at is not None:
-            forcing = (frame[name].values for name in ("omega", "amplitude"))
-            omega, amplitude = (float(x[index] if x.ndim else x) for x in forcing)
-            units = units_at(omega, amplitude, index)
+        forcing = (frame[name].values for name in ("omega", "amplitude"))
+        omega, amplitude = (float(x[index] if x.ndim else x) for x in forcing)
+        units = units_at(omega, amplitude, index)
         up, down = (points[d, index, : counts[d, index]] / units for d in (0, 1))
         gaps = np.abs(up[:, None] - down[None]).max(axis=2)
         differ[index] = (

@@ -60,13 +60,8 @@ class Frame(NamedTuple):
     caption: str
 
 
-def open_frame(
-    results,
-    omega: float | None,
-    *needed: str,
-    amplitudes: Sequence[float] = (),
-) -> Frame:
-    """Choose the frame nearest to a frequency, along that to an amplitude, default the first.
+def open_frame(results, *needed: str) -> Frame:
+    """Take the first frame of results.
 
     Raises
     ------
@@ -78,11 +73,7 @@ def open_frame(
     study = style.study_of(results, RunGrid)
     style.need_amplitudes(study)
     frame, along = study.run_dims[-2:]
-    if len(amplitudes) and frame != "amplitude":
-        hint = "--kind orbit and measures draw all those of a frame, --kind phase single ones"
-        raise style.PlotError(f"--amplitude {amplitudes[0]:g}: no sweep along omega: {hint}")
-    asked = _asked(study, omega, amplitudes)
-    results = results.isel({frame: [style.nearest_frame(results[frame].values, asked, frame)]})
+    results = results.isel({frame: [0]})
     runs = results.isel({frame: 0})
     done = runs["outcome"].values == Outcome.COMPLETE
     if not done.any():
@@ -113,24 +104,10 @@ def load_frame(
 ):
     """Read the frame nearest to a frequency, along that to an amplitude, default the first."""
     study = as_kind(frames.study, RunGrid)
-    name, asked = study.run_dims[-2], _asked(study, omega, amplitudes)
-    if asked is not None:
-        style.check_omega(study.frames, asked, name)
-    return frames.gather([*frames], [style.nearest_frame(study.frames, asked, name)])
-
-
-def _asked(study: RunGrid, omega: float | None, amplitudes: Sequence[float] = ()) -> float | None:
-    """Return the frequency, or the amplitude along it, of the frame that is asked for.
-
-    Raises
-    ------
-    PlotError
-        If the frames have no frequencies.
-    """
-    name = study.run_dims[-2]
-    if omega is not None and name != "omega":
-        raise style.PlotError(f"--omega {omega:g}: the sweep is along {study.run_dims[-1]}")
-    return amplitudes[0] if name == "amplitude" and len(amplitudes) else omega
+    if len(amplitudes) and study.run_dims[-2] != "amplitude":
+        hint = "--kind orbit and measures draw all those of a frame, --kind phase single ones"
+        raise style.PlotError(f"--amplitude {amplitudes[0]:g}: no sweep along omega: {hint}")
+    return frames.gather([*frames], [style.frame_at(study, omega, amplitudes)])
 
 
 def floor_panels(structure, floors: Sequence[int | str], label: str = ""):

@@ -90,9 +90,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         raise PlotError(f"{count} panels are more than {MAX_PANELS}: choose {others} by --at")
     frame_dim, along = study.run_dims[-2:]
     over_amplitude = (frame_dim, along) == ("omega", "amplitude")
-    if omega is not None and frame_dim == "omega":
-        style.check_omega(study.omega, omega)
-    place = style.nearest_frame(study.frames, omega, frame_dim)
+    place = style.frame_at(study, omega)
     motion, grazing, titles, from_cells = [], [], [], []
     for _ in frames.parts():
         frame, study = frames.dataset(place), as_kind(frames.study, RunGrid)

@@ -20,9 +20,8 @@ from hpcsweep.model.modes import per_mass
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 
-DEFAULT_BITS = 12
-VALUE_BITS = {"drift": 16, "lyapunov": 16}
-NORM_BITS = 12
+BITS, VALUE_BITS = 12, {"drift": 16, "lyapunov": 16}
+"""Of quantised numbers, displacements and velocities, but for those of some values."""
 QUANTITIES = ("length", "velocity", "acceleration", "frequency", "rate")
 """Whose units the page names."""
 INFERRED_WORDS = "inferred from its cell"
@@ -42,14 +41,12 @@ SCRIPTS = {
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
 
 
-def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str, int]]:
+def build_page(study: PageData) -> tuple[str, dict[str, int]]:
     """Return the page of a study as text.
 
     Parameters
     ----------
     study : PageData
-    bits : int
-        Bits of the quantised displacements and velocities, 6 to 16.
 
     Returns
     -------
@@ -57,7 +54,7 @@ def build_page(study: PageData, bits: int = DEFAULT_BITS) -> tuple[str, dict[str
     sizes : dict of str to int
         Bytes of each part.
     """
-    return fill_page("motions", study.name, *_pack(study, bits))
+    return fill_page("motions", study.name, *_pack(study))
 
 
 def fill_page(
@@ -124,7 +121,7 @@ def check_size(sizes: dict[str, int], limit: float, advice: str) -> None:
         )
 
 
-def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
+def _pack(study: PageData) -> tuple[dict, dict[str, str]]:
     """Return the page's description of the study and the text of its arrays."""
     texts: dict[str, str] = {}
     arrays: dict[str, dict] = {}
@@ -140,7 +137,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         if values.dtype.kind in "iu" or name == "speed":
             continue
         low, high = _range(values)
-        value_bits = VALUE_BITS.get(name, NORM_BITS)
+        value_bits = VALUE_BITS.get(name, BITS)
         colour = _range(values, 1.0)
         codes = encode.quantise(values, low, high, value_bits)
         step = float(encode.resolution(low, high, value_bits))
@@ -149,7 +146,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
             label, place, unit_name = study.labels[name]
             notes["label"] = f"{label}, {place}{_plain(unit_name)}"
         add(name, codes, n_amplitudes, **notes)
-    worst = _add_points(study, bits, add)
+    worst = _add_points(study, add)
     each = study.steps.get("structures", [])
     grazing: list[float | None] = [None] * study.omega.size
     if not study.steps:
@@ -171,7 +168,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
         "each": study.each,
         "missing": "not computed" if study.each == "direction" else "no such attractor",
         "arrays": arrays,
-        "bits": bits,
+        "bits": BITS,
         "resolution": worst,
         "thinned": study.thinned,
         "motions": [
@@ -191,7 +188,7 @@ def _pack(study: PageData, bits: int) -> tuple[dict, dict[str, str]]:
     }, texts
 
 
-def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
+def _add_points(study: PageData, add) -> dict[str, float]:
     """Add the points, each frame and component on its own range; return the worst steps."""
     n_frames = study.omega.size
     sweeps = study.runs["counts"].reshape(-1, study.amplitude.size)
@@ -202,20 +199,20 @@ def _add_points(study: PageData, bits: int, add) -> dict[str, float]:
 
     def add_ranged(name: str, codes: np.ndarray, low, high, row: int = 0) -> None:
         add(name, codes, row, ranges=np.stack([low, high], axis=-1).tolist())
-        steps[name] = float(encode.resolution(low, high, bits).max())
+        steps[name] = float(encode.resolution(low, high, BITS).max())
 
-    low, high, codes = _quantise_frames(study.points, per_frame, bits)
+    low, high, codes = _quantise_frames(study.points, per_frame)
     add_ranged("points", encode.predict_points(codes, sweeps), low, high)
     speed = np.moveaxis(study.runs["speed"], -1, 0)
     with np.errstate(invalid="ignore"):
         low = np.nan_to_num(np.fmin.reduce(speed, axis=(2, 3)).T).astype(float)
         high = np.nan_to_num(np.fmax.reduce(speed, axis=(2, 3)).T).astype(float)
-    codes = encode.quantise(speed, low.T[:, :, None, None], high.T[:, :, None, None], bits)
+    codes = encode.quantise(speed, low.T[:, :, None, None], high.T[:, :, None, None], BITS)
     add_ranged("speed", codes, low, high, study.amplitude.size)
     return steps
 
 
-def _quantise_frames(points: np.ndarray, per_frame: np.ndarray, bits: int):
+def _quantise_frames(points: np.ndarray, per_frame: np.ndarray):
     """Quantise each frame's points on their own range.
 
     Returns
@@ -233,7 +230,7 @@ def _quantise_frames(points: np.ndarray, per_frame: np.ndarray, bits: int):
             shown = points[end - count : end].T
             low[frame], high[frame] = shown.min(axis=1), shown.max(axis=1)
             codes[:, end - count : end] = encode.quantise(
-                shown, low[frame, :, None], high[frame, :, None], bits
+                shown, low[frame, :, None], high[frame, :, None], BITS
             )
     return low, high, codes
 

@@ -1,8 +1,7 @@
 """Gather the data of the explorer from a results file, one frame at a time."""
 
 import contextlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.offers import PAGES
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store import Frames, Grid
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.path_grid import FORCING
 from hpcsweep.studies.study import as_kind
@@ -87,25 +87,23 @@ class PageData:
 
 
 def gather(
-    path: Path,
+    frames: Frames,
     most_points: int | None = None,
     frame_step: int = 1,
     amplitude_step: int = 1,
-    at: Mapping[str, float | str] | None = None,
     by_share: bool = False,
     branches: Path | None = None,
 ) -> PageData:
-    """Read a results file, one frame in memory at a time.
+    """Read a results file, one frame in memory at a time; of attractors the slots are its runs.
 
     Parameters
     ----------
-    path : Path
+    frames : Frames
+        Of motions or attractors.
     most_points : int, optional
         Points kept of a run; by default as many as `POINT_BUDGET` allows for the whole study.
     frame_step, amplitude_step : int
         Steps between the frames and amplitudes to keep.
-    at : mapping, optional
-        Of a job that varies keys, the part shown; see `hpcsweep.store.Frames`.
     by_share : bool
         Whether attractors are shown by falling share at each point.
     branches : Path, optional
@@ -114,12 +112,9 @@ def gather(
     Raises
     ------
     StoreError, PlotError
-        If the file is not a campaign file, or that of branches does not fit.
+        If its points are too many, or the file of branches does not fit.
     """
-    from hpcsweep.store import Frames, Grid
-
-    reader = Frames(path, ("motions", "attractors"), at)
-    study, grid = as_kind(reader.study, RunGrid), Grid(reader)
+    study, grid, path = as_kind(frames.study, RunGrid), Grid(frames), frames.path
     style.demand(PAGES, study.structure, f"{path}: explore", "orbit")
     rows = range(0, grid.rows.size, frame_step)
     if len(rows) * grid.along.size > MAX_CELLS:
@@ -148,29 +143,40 @@ def gather(
                 frame["counts"], points[place] = _fewer(frame["counts"], u, limit)
             held = sum(u.size for u in points)
         tell(done, len(rows))
-    reader.close()
-    gathered = PageData(
-        name=", ".join(filter(None, (reader.job.name, reader.part))),
+    stacked = {name: np.stack([frame[name] for frame in runs]) for name in runs[0]}
+    directions, spoken = study.directions, tuple(study.words[name] for name in study.directions)
+    if several:
+        stacked, directions = _taken(stacked)
+        spoken = tuple(f"attractor {name}{' by share' * by_share}" for name in directions)
+    return PageData(
+        name=", ".join(filter(None, (frames.job.name, frames.part))),
         structure=study.structure,
         omega=grid.rows[::frame_step],
         amplitude=grid.along[::amplitude_step],
         dims=(study.run_dims[-2], study.run_dims[-1]),
         quantity=[*study.grid.values()][-1].units,
         steps=_steps(study, frame_step, amplitude_step),
-        directions=study.directions,
-        words=tuple(study.words[name] for name in study.directions),
-        runs={name: np.stack([frame[name] for frame in runs]) for name in runs[0]},
+        directions=directions,
+        words=spoken,
+        each=DIMENSION if several else "direction",
+        runs=stacked,
         labels=words,
         points=np.concatenate(points),
         branches=_branches_of(branches, study, grid.rows[::frame_step]) if branches else [],
         thinned={
             "points": min(limit, stored),
-            "of_points": study.settings.sampling_cycles,
+            "of_points": min(limit, stored) if several else study.settings.sampling_cycles,
             "frame_step": frame_step,
             "amplitude_step": amplitude_step,
         },
     )
-    return as_study(gathered, by_share) if several else gathered
+
+
+def _taken(runs: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Return the runs of slots without the last ones, which are always empty; number the slots."""
+    used = np.flatnonzero((runs["motion"] != MotionClass.NOT_COMPUTED).any(axis=(0, 2)))
+    n = int(used.max(initial=0)) + 1
+    return {name: values[:, :n] for name, values in runs.items()}, tuple(map(str, range(1, n + 1)))
 
 
 def _steps(study: RunGrid, frame_step: int, step: int) -> dict[str, list]:
@@ -326,24 +332,3 @@ def slots(identity: np.ndarray) -> np.ndarray:
         taken[free] = [*new, *np.setdiff1d(np.arange(row.size), [*taken, *new])]
         before = row[taken]
     return order
-
-
-def as_study(study: PageData, by_share: bool = False):
-    """Name the slots of a gathered study, and drop empty ones.
-
-    Parameters
-    ----------
-    study : PageData
-    by_share : bool
-        See `as_runs`.
-    """
-    used = np.flatnonzero((study.runs["motion"] != MotionClass.NOT_COMPUTED).any(axis=(0, 2)))
-    n = int(used.max(initial=0)) + 1
-    return replace(
-        study,
-        directions=tuple(str(k + 1) for k in range(n)),
-        words=tuple(f"attractor {k + 1}{' by share' * by_share}" for k in range(n)),
-        runs={name: numbers[:, :n] for name, numbers in study.runs.items()},
-        thinned={**study.thinned, "of_points": study.thinned["points"]},
-        each=DIMENSION,
-    )

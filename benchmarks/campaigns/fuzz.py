@@ -51,7 +51,7 @@ from hpcsweep.store import (
     with_inputs,
 )
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.offsets import Offsets
+from hpcsweep.store.rows import Offsets
 from hpcsweep.studies.blocks import Block
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Study

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.parallel.schedule import computing_ranks
-from hpcsweep.store import read_history
-from hpcsweep.store.journal import BlockCost, CampaignHistory, PilotCost
+from hpcsweep.store.journal import BlockCost, CampaignHistory, PilotCost, read_history
 from hpcsweep.studies.study import Study, Work
 
 STRATA = 8

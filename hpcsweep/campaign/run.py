@@ -22,7 +22,7 @@ from hpcsweep.parallel.mpi import on_master
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store.commit import check_writable
 from hpcsweep.store.inputs import Inputs
-from hpcsweep.store.transport import check_transport
+from hpcsweep.store.rows import check_transport
 from hpcsweep.studies.study import Work
 
 COMPLETE, FAILED, REFUSED, STOPPED = 0, 1, 2, 75
@@ -235,7 +235,7 @@ def _check_same_job(layout: store.Layout, output: Path, inputs: Inputs) -> None:
             "another file with -o"
         )
     inputs.check(output, store.opening.check_file(output))
-    store.opening.refuse_problems(output, store.opening.layout_problems(output, layout))
+    store.opening.check_layout(output, layout)
     check_writable(output)
 
 

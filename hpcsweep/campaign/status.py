@@ -14,10 +14,10 @@ from hpcsweep.job import JobError
 from hpcsweep.job.paths import path_of
 from hpcsweep.parallel.schedule import computing_ranks
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
-from hpcsweep.store import Layout, StoreError, open_layout, read_history
+from hpcsweep.store import Layout, StoreError, open_layout
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, is_complete
-from hpcsweep.store.journal import CampaignHistory, Session, totals
+from hpcsweep.store.journal import CampaignHistory, Session, read_history, totals
 from hpcsweep.store.opening import check_file
 
 RECENT = 60.0

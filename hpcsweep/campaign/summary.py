@@ -8,8 +8,8 @@ from pathlib import Path
 from hpcsweep.dynamics.classify import tells_chaos
 from hpcsweep.job.paths import path_of
 from hpcsweep.model.description import contacts_named, one_line
-from hpcsweep.store import Frames, read_history
-from hpcsweep.store.journal import CampaignHistory, totals
+from hpcsweep.store import Frames
+from hpcsweep.store.journal import CampaignHistory, read_history, totals
 
 
 def summarize(path: str | Path) -> dict:

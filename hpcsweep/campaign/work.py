@@ -17,9 +17,9 @@ from hpcsweep.parallel import farm, memory
 from hpcsweep.parallel.mpi import on_master
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
-from hpcsweep.store import Campaign, Journal, StoreError
+from hpcsweep.store import Journal, StoreError
 from hpcsweep.store import reuse as reusing
-from hpcsweep.store.commit import Blocks
+from hpcsweep.store.commit import Blocks, Campaign
 from hpcsweep.store.inferred import is_complete
 from hpcsweep.store.journal import BlockCost, block_record, instant, load_record, spent
 from hpcsweep.studies.run_names import run_name

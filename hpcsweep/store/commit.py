@@ -20,8 +20,7 @@ import numpy as np
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.store.layout import Layout, StoreError
-from hpcsweep.store.offsets import ContiguousRows, RowReader, is_packed, open_rows
-from hpcsweep.store.transport import Transport, open_transport
+from hpcsweep.store.rows import ContiguousRows, Transport, is_packed, open_rows, open_transport
 from hpcsweep.studies.blocks import Block, Place, Rows
 
 CODES = {"outcome": (1, max(Outcome)), "skip_rule": (0, max(SkipRule))}
@@ -52,11 +51,11 @@ class Blocks:
     ----------
     path : Path
     layout : Layout
-    rows : ContiguousRows or PackedRows, optional
-        Reader of the file, where it is already open.
+    rows : Transport, optional
+        Where the file is already open.
     """
 
-    def __init__(self, path: Path, layout: Layout, rows: RowReader | None = None):
+    def __init__(self, path: Path, layout: Layout, rows: Transport | None = None):
         self.layout = layout
         self.study = layout.study
         self.variables = [variable.name for variable in layout.variables]
@@ -83,9 +82,9 @@ class Blocks:
 
         Empty if the file is packed.
         """
-        if self._rows.offsets is None:
+        if not isinstance(self._rows, ContiguousRows):
             return {}
-        extent = self._rows.offsets.extent
+        extent = self._rows.extent
         return {name: extent(name, block.first, block.n_runs)[:2] for name in self.variables}
 
     def committed(self, block: Block) -> int:
@@ -131,22 +130,22 @@ class Blocks:
             digest.update(np.ascontiguousarray(values).data)
         return int.from_bytes(digest.digest(), "little") | 1
 
-    def _holds(self, stored: int, block: Block, start: np.ndarray, rows: dict) -> bool:
-        """Return whether the checksum of a block holds and all its codes have a meaning."""
-        return stored == self.checksum(block, start, rows) and all(
-            least <= int(rows[name].min()) and int(rows[name].max()) <= most
-            for name, (least, most) in CODES.items()
-            if name in rows
-        )
-
     def believed(self, block: Block, start: np.ndarray | None = None) -> Rows | None:
-        """Read a block; None if its checksum does not hold for a start state, or the stored one."""
+        """Read a block; None if its checksum does not hold for a start state, or the stored one.
+
+        Nor if any of its codes has no meaning.
+        """
         stored = self.committed(block)
         if not stored:
             return None
         rows = self.read(block)
         start = self.start_of(block, block.begin) if start is None else start
-        return rows if self._holds(stored, block, start, rows) else None
+        holds = stored == self.checksum(block, start, rows) and all(
+            least <= int(rows[name].min()) and int(rows[name].max()) <= most
+            for name, (least, most) in CODES.items()
+            if name in rows
+        )
+        return rows if holds else None
 
     def end_of(self, block: Block, start: np.ndarray) -> np.ndarray | None:
         """Return the state at the end of a block that starts from a state; None if not valid."""
@@ -198,8 +197,7 @@ class Campaign:
     """Access of one rank to the file while a campaign runs."""
 
     def __init__(self, path: Path, layout: Layout, transport: Transport):
-        self._file = ContiguousRows(path)
-        self.blocks = Blocks(path, layout, self._file)
+        self.blocks = Blocks(path, layout, transport)
         self.transport = transport
         self.written_bytes = 0
         self.write_seconds = 0.0
@@ -242,7 +240,7 @@ class Campaign:
             that has reported lost data once may report success for the next flush.
         """
         pending, self._pending = self._pending, []
-        self._file.check_identity()
+        self.transport.check_identity()
         if pending:
             begun = time.perf_counter()
             self.transport.sync()
@@ -258,7 +256,6 @@ class Campaign:
         try:
             self.flush()
         finally:
-            self.transport.close()
             self.blocks.close()
 
 

@@ -1,17 +1,22 @@
-"""Contents of an open campaign file besides its results: their form, and their checksum.
+"""Contents of a campaign file besides its results: their creation, once, in one process, and check.
 
 The checksum tells whether anything differs from what was written; that each dataset has the type
 and the size which the job gives it makes it safe to compute.
 """
 
+import contextlib
 import hashlib
-from collections.abc import Iterator
+import math
+import os
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from hpcsweep.store.layout import Layout
+from hpcsweep.store.layout import Layout, StoreError, attributes_of, refusing
+from hpcsweep.studies.run_names import amount
 
 NOTES = ("units", "long_name")
 CHECKSUM = "metadata_checksum"
@@ -33,6 +38,107 @@ CHUNK_BYTES = 2**18
 """Size (bytes) of a chunk before compression: whole rows, then amplitudes, then frames."""
 COPY_BYTES = 2**25
 """Most bytes read or copied at once: some hundredths of a second."""
+LIBRARY = ("v108", "v108")
+"""Oldest version of HDF5 that can read a file."""
+METADATA = 2**17
+"""Upper bound (bytes) of the names, scales and attributes of a file, without a long job."""
+
+
+def create(path: Path, layout: Layout, provenance: dict[str, str | int]) -> None:
+    """Create the file under a temporary name, reserve its disk space and rename it into place.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist.
+    layout : Layout
+    provenance : dict of str to str
+        Stored as attributes.
+
+    Raises
+    ------
+    StoreError
+        If the folder cannot be written or has no space.
+    """
+    temporary = path.with_name(path.name + ".new")
+    with refusing(path, "created"), removed_at_last(temporary):
+        free = shutil.disk_usage(path.parent).free
+        need = layout.file_size() + 4 * len(layout.text)
+        if need > free:
+            raise StoreError(
+                f"{path}: the results need {amount(need)}, the file system has {amount(free)} free"
+            )
+        # HDF5 may crash if there is no space when it closes a file: find out before
+        reserve(temporary, 0, need + METADATA)
+        with h5py.File(temporary, "w", libver=LIBRARY) as file:
+            fill(file, layout, provenance)
+        reserve(temporary, 0, temporary.stat().st_size)
+        temporary.rename(path)
+
+
+@contextlib.contextmanager
+def removed_at_last(path: Path) -> Iterator[None]:
+    """Remove a temporary file after the ``with``, if it is still under this name."""
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+def reserve(path: Path, begin: int, size: int) -> None:
+    """Reserve disk space from a byte on, so that a night's run does not end with a full disk."""
+    with path.open("ab") as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), begin, size)
+        os.fsync(file)
+
+
+def fill(
+    file: h5py.File,
+    layout: Layout,
+    provenance: dict[str, str | int],
+    allocate: Callable[..., h5py.Dataset] | None = None,
+) -> None:
+    """Write names, coordinates and attributes, and allocate variables without committed blocks."""
+    for name, (values, units, long_name) in layout.coordinates.items():
+        if values.dtype == object:
+            scale = _texts(file, name, values)
+        else:
+            scale = _dataset(file, name, values.shape, values.dtype)
+            scale[...] = values
+        scale.make_scale(name)
+        scale.attrs["units"] = units
+        scale.attrs["long_name"] = long_name
+    for variable in layout.datasets:
+        if variable in layout.structures:
+            data = _texts(file, variable.name, layout.described)
+        else:
+            form = layout.shape(variable), variable.dtype
+            data = (allocate or _dataset)(file, variable.name, *form)
+        for axis, dim in enumerate(variable.dims):
+            data.dims[axis].attach_scale(file[dim])
+        data.attrs.update(attributes_of(variable, layout.study.structure))
+    for variable, values in layout.given:
+        file[variable.name][...] = values
+    for checksums in (layout.commit, *layout.derived[-1:]):
+        file[checksums.name][...] = 0
+    for key, value in {**layout.attributes, **provenance}.items():
+        file.attrs[key] = value
+    file.attrs[CHECKSUM] = metadata_checksum(file)
+
+
+def _texts(file: h5py.File, name: str, values: np.ndarray) -> h5py.Dataset:
+    """Create a dataset of texts."""
+    return file.create_dataset(name, data=values, dtype=h5py.string_dtype(), track_times=False)
+
+
+def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.Dataset:
+    """Create a contiguous dataset, allocated immediately and not filled."""
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    plist.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    return file.create_dataset(name, shape, dtype, dcpl=plist, track_times=False)
 
 
 def notes_of(data: h5py.Dataset) -> dict[str, object]:
@@ -99,22 +205,16 @@ def chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
     return tuple(reversed(chunks))
 
 
-def parts_of(data: h5py.Dataset) -> Iterator[tuple[slice, ...]]:
-    """Split a dataset into parts of about `COPY_BYTES`, of whole chunks if it is packed."""
-    axes = data.ndim
-    size = [*(data.chunks or chunk_shape(data.shape, data.dtype.itemsize))[:axes]]
-    room = COPY_BYTES // CHUNK_BYTES
-    for axis in reversed(range(axes)):
-        most = -(-data.shape[axis] // size[axis])
-        taken = max(min(room, most), 1)
-        size[axis] *= taken
-        room //= taken
-    counts = [-(-data.shape[axis] // size[axis]) for axis in range(axes)]
-    for place in np.ndindex(*counts):
-        yield tuple(
-            slice(i * step, min((i + 1) * step, data.shape[axis]))
-            for axis, (i, step) in enumerate(zip(place, size, strict=True))
-        )
+def parts_of(data: h5py.Dataset) -> Iterator[tuple[int | slice, ...]]:
+    """Split a dataset into parts of `COPY_BYTES` at most: an index on the first axes, a slice."""
+    row_bytes = [
+        math.prod(data.shape[axis + 1 :]) * data.dtype.itemsize for axis in range(data.ndim)
+    ]
+    axis = next(axis for axis, size in enumerate(row_bytes) if size <= COPY_BYTES)
+    step = COPY_BYTES // max(row_bytes[axis], 1)
+    for place in np.ndindex(data.shape[:axis]):
+        for first in range(0, data.shape[axis], step):
+            yield (*place, slice(first, first + step))
 
 
 def file_problems(file: h5py.File, layout: Layout) -> list[str]:

@@ -69,18 +69,16 @@ class Frames:
         self.given = tuple(at or ())
         try:
             self.choose(_place_of(self.path, self.whole.study.axes, at or {}))
-            self._check(content)
+            accepted = (content,) if isinstance(content, str) else content
+            if accepted is not None and self.study.content not in accepted:
+                held = f'{self.study.content} (study.kind = "{self.study.kind}")'
+                raise StoreError(
+                    f"{self.path}: holds {held} where {' or '.join(accepted)} are needed; "
+                    "hpcsweep plot FILE draws it"
+                )
         except BaseException:
             self.close()
             raise
-
-    def _check(self, content: str | tuple[str, ...] | None) -> None:
-        accepted = (content,) if isinstance(content, str) else content
-        if accepted is not None and self.study.content not in accepted:
-            raise StoreError(
-                f'{self.path}: holds {self.study.content} (study.kind = "{self.study.kind}") where '
-                f"{' or '.join(accepted)} are needed; hpcsweep plot FILE draws it"
-            )
 
     def choose(self, place: Place) -> None:
         """Select the part of the job at an index of the varied axes."""
@@ -202,40 +200,33 @@ class Frames:
         """Make a dataset of arrays of some frames and their coordinates."""
         import xarray
 
-        study = self.study
+        study, layout = self.study, self._own
         frame_dim, last = study.run_dims[-2:]
+        chosen: dict[str, Any] = {frame_dim: list(frames), "direction": directions}
         fixed = {
             variable.name: (
                 variable.dims,
-                values[list(frames)] if variable.dims[0] == frame_dim else values,
+                values[chosen.get(variable.dims[0], slice(None))],
                 attributes_of(variable, study.structure),
             )
-            for variable, values in self._own.given
+            for variable, values in layout.given
         }
         for name in arrays.keys() & self._variables.keys():
             arrays[name] = (*arrays[name], attributes_of(self._variables[name], study.structure))
-        along = self._own.coordinates[last].values
-        if last == "amplitude" and len(frames) == 1:
-            # the amplitudes of one frame are its own even where frames share none
-            along = as_kind(study, RunGrid).amplitudes_of(frames[0])
-        coordinates = self._own.coordinates
+        coordinates = {}
+        for name, (values, units, long_name) in layout.coordinates.items():
+            values = values[chosen.get(name, slice(None))]
+            if name == last == "amplitude" and len(frames) == 1:
+                # the amplitudes of one frame are its own even where frames share none
+                values = as_kind(study, RunGrid).amplitudes_of(frames[0])
+            values = values.astype(str) if values.dtype == object else values
+            coordinates[name] = name, values, {"units": units, "long_name": long_name}
+        del coordinates["block"]
         # frequency and amplitude of each run, where they are no dimension
         steps = {name: fixed.pop(name) for name in ("omega", "amplitude") if name in fixed}
-        values = {"direction": np.array(study.directions)[directions]} if self._axis else {}
-        values |= {frame_dim: coordinates[frame_dim].values[list(frames)], last: along}
-        held = {"block", "direction", *values}  # with values of the frames, or none
-        values |= {name: each.values for name, each in coordinates.items() if name not in held}
-        texts = {name: each.astype(str) for name, each in values.items() if each.dtype == object}
-        marks = {
-            name: {"units": coordinates[name].units, "long_name": coordinates[name].long_name}
-            for name in values
-        }
         return xarray.Dataset(
             {**fixed, **arrays},
-            coords={
-                **steps,
-                **{name: (name, each, marks[name]) for name, each in (values | texts).items()},
-            },
+            coords=steps | coordinates,
             attrs={"job": self.job.text, "name": self.job.name, "part": self.part},
         )
 
@@ -312,11 +303,9 @@ def _nearest(path: Path, axis: Axis, value: float | str) -> int:
         value = str(value).lower()
     if value in axis.values:
         return axis.values.index(value)
-    if isinstance(axis.values[0], str) or isinstance(value, str) or not math.isfinite(value):
-        there = ", ".join(map(str, axis.values[:MAX_TOLD]))
-        raise StoreError(f"{path}: {axis.name} = {value}: must be one of {there}")
-    place = int(np.argmin(np.abs(np.array(axis.values) - value)))
-    if not math.isclose(axis.values[place], value, rel_tol=NEAR_ENOUGH):
-        there = ", ".join(f"{number:.6g}" for number in axis.values[:MAX_TOLD])
-        raise StoreError(f"{path}: {axis.name} = {value:g}: must be one of {there}")
-    return place
+    if not isinstance(axis.values[0], str) and not isinstance(value, str):
+        nearest = min(axis.values, key=lambda number: abs(number - value))
+        if math.isclose(nearest, value, rel_tol=NEAR_ENOUGH):
+            return axis.values.index(nearest)
+    there = ", ".join(x if isinstance(x, str) else f"{x:.6g}" for x in axis.values[:MAX_TOLD])
+    raise StoreError(f"{path}: {axis.name} = {value}: must be one of {there}")

@@ -27,8 +27,7 @@ from typing import Any, NamedTuple
 
 from hpcsweep.job.paths import beside
 from hpcsweep.parallel.farm import Traffic
-from hpcsweep.store.create import reason
-from hpcsweep.store.layout import WriteError
+from hpcsweep.store.layout import WriteError, reason
 
 WRITE_INTERVAL = 1.0
 """Least time (s) between two writes of notes."""
@@ -85,10 +84,7 @@ class Journal:
             with self.path.open("ab", buffering=0) as file:
                 file.write(line.encode())
         except OSError as error:
-            raise WriteError(
-                f"{self.path}: cannot be written: {reason(error)}; what is committed is safe: "
-                "make room and run again to resume"
-            ) from None
+            raise WriteError.of(self.path, reason(error)) from None
 
     def read(self) -> list[dict]:
         """Read all records; skip invalid lines, such as one cut off by a crash.
@@ -239,76 +235,65 @@ def read_history(path: Path) -> CampaignHistory:
     for record in Journal(path).read():
         history.last = record["time"]
         with contextlib.suppress(KeyError, TypeError, ValueError):
-            _check(record)
-            _take(history, record)
+            if all(map(_is_sane, record.values())):
+                _take(history, record)
         if history.sessions:
             history.sessions[-1].last = record["time"]
     return history
 
 
-def _check(record: dict) -> None:
-    """Refuse a record with a value of the wrong kind.
-
-    Raises
-    ------
-    ValueError
-    """
-    for key, value in record.items():
-        if key not in _KINDS or (value is None and key in _MAYBE):
-            continue
-        values = value if key in _LISTS else [value]
-        if not isinstance(values, list) or not all(map(_KINDS[key], values)):
-            raise ValueError(f"{key} = {value!r:.40}")
+def _is_sane(value: object) -> bool:
+    """Return whether a journal has such values: short words, numbers from 0 on, lists of them."""
+    if isinstance(value, list):
+        return all(map(_is_sane, value))
+    if isinstance(value, str):
+        return len(value) < 1000
+    return value is None or (type(value) in (int, float) and 0 <= value < 2**62)  # type: ignore[operator]
 
 
-def _is_count(value: object) -> bool:
-    return type(value) is int and 0 <= value < 2**62
-
-
-def _is_time(value: object) -> bool:
-    return type(value) in (int, float) and 0 <= value < 1e15  # type: ignore[operator]
-
-
-def _is_word(value: object) -> bool:
-    return isinstance(value, str) and len(value) < 1000
-
-
-_ENDS = ("written_bytes", "write_seconds", "rank_seconds", "peak_memory")
+_ENDS = ("written_bytes", "write_seconds", "rank_seconds")
 _LOAD = ("messages", "message_seconds", "master_seconds", "recalls")
-_MAYBE = ("transport", "processor", *_ENDS)
-_LISTS = ("hosts", "peak_memory", "place")
-_COUNTS = "ranks rank place frame runs messages recalls written_bytes peak_memory"
-_TIMES = "along seconds processor message_seconds master_seconds write_seconds rank_seconds"
-_KINDS = {
-    **dict.fromkeys(_COUNTS.split(), _is_count),
-    **dict.fromkeys(_TIMES.split(), _is_time),
-    **dict.fromkeys(("hosts", "transport", "reason"), _is_word),
-}
-"""Checks of the values of records."""
 
 
 def _take(history: CampaignHistory, record: dict) -> None:
-    """Add a record; one of a kind that a later version writes changes nothing."""
+    """Add a record; one of a kind that a later version writes changes nothing.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If a value is missing, or of the wrong kind.
+    """
     kind, now = record["kind"], record["time"]
     session = history.sessions[-1] if history.sessions else None
     if kind == "start":
-        ranks, transport = max(record["ranks"], 1), record.get("transport")
-        history.sessions.append(Session(now, ranks, record["hosts"], transport, last=now))
+        ranks, hosts = max(int(record["ranks"]), 1), [*map(str, record["hosts"])]
+        history.sessions.append(Session(now, ranks, hosts, record.get("transport"), last=now))
     elif kind == "block":
-        if record["runs"] < 1:
+        place, runs = tuple(map(int, record["place"])), int(record["runs"])
+        if runs < 1:
             raise ValueError("a block without runs")
-        costs = record["runs"], record["seconds"], now, record.get("processor")
-        cost = BlockCost(tuple(record["place"]), *costs)
+        seconds, processor = float(record["seconds"]), _number(record, "processor")
+        cost = BlockCost(place, runs, seconds, now, processor)
         history.costs.append(cost)
         if session:
             session.costs.append(cost)
     elif kind == "pilot" and "along" in record:  # not in journals of early versions
-        history.samples.append(PilotCost(*(record[key] for key in PilotCost._fields)))
+        frame, along = int(record["frame"]), float(record["along"])
+        runs, seconds = int(record["runs"]), float(record["seconds"])
+        history.samples.append(PilotCost(frame, along, runs, seconds))
     elif kind in ("master", "end") and session:
         if "master_seconds" in record:
-            session.load = Traffic(*(record[key] for key in _LOAD))
+            messages, recalls = int(record["messages"]), int(record["recalls"])
+            on_messages, in_all = float(record["message_seconds"]), float(record["master_seconds"])
+            session.load = Traffic(messages, on_messages, in_all, recalls)
             session.load_time = now
         if kind == "end":
-            session.ended = record["reason"]
+            session.ended = str(record["reason"])
+            session.peak_memory = [*map(int, record.get("peak_memory") or ())] or None
             for name in _ENDS:
-                setattr(session, name, record.get(name))
+                setattr(session, name, _number(record, name))
+
+
+def _number(record: dict, name: str) -> float | None:
+    """Return a number of a record, None where there is none."""
+    return None if record.get(name) is None else float(record[name])

@@ -17,11 +17,13 @@ refused with one line that names both, and the program that wrote the file. A ch
 would misread gets a new number; where the same job comes to mean other results, so does
 `MEANING_VERSION` of `hpcsweep.job.job`.
 
-A file may be packed (`hpcsweep.store.packing`): the same datasets, chunked and compressed, with the
+A file may be packed (`hpcsweep.store.copying`): the same datasets, chunked and compressed, with the
 same values, attributes and checksums. It is read like any other, but no longer written.
 """
 
+import contextlib
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -33,6 +35,7 @@ from hpcsweep.job.resolved import resolved
 from hpcsweep.model import description
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
+from hpcsweep.parallel.one_line import on_one_line
 from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
@@ -59,8 +62,35 @@ class DamagedError(StoreError):
         return "{}: {}".format(*self.args)
 
 
+def reason(error: Exception) -> str:
+    """Return the message of the system, or of HDF5, on one line."""
+    return getattr(error, "strerror", None) or on_one_line(error)
+
+
+@contextlib.contextmanager
+def refusing(path: Path, what: str) -> Iterator[None]:
+    """Turn what goes wrong within the ``with`` into one line: the file cannot be `what`.
+
+    Raises
+    ------
+    StoreError
+    """
+    try:
+        yield
+    except StoreError:
+        raise
+    except (OSError, RuntimeError, ValueError) as error:
+        raise StoreError(f"{path}: cannot be {what}: {reason(error)}") from None
+
+
 class WriteError(RuntimeError):
     """Raised for a write that failed on one rank, e.g. on a full disk; one line for the user."""
+
+    @classmethod
+    def of(cls, path: Path, reason: str) -> "WriteError":
+        """Return the error of a file that takes no more."""
+        safe = "what is committed is safe: make room and run again to resume"
+        return cls(f"{path}: cannot be written: {reason}; {safe}")
 
 
 class Layout:
@@ -139,10 +169,13 @@ class Layout:
     def attributes(self) -> dict[str, object]:
         """Attributes that follow from the job."""
         study, settings = self.study, self.study.settings
-        structure = study.part((0,) * len(study.axes)).structure
+        first = (0,) * len(study.axes)
+        structure = study.part(first).structure
         forcing = description.RECORDED if study.content == "responses" else description.HARMONIC
         title = f"{self.name}: {study.kind.replace('_', ' ')}, {description.one_line(structure)}"
         starts = starting_range(study)
+        # where there are several parts, they are those of the first
+        part = f" ({study.describe_part(first)})" if first and study.n_parts > 1 else ""
         return {
             "Conventions": CONVENTIONS,
             "title": title,
@@ -158,7 +191,7 @@ class Layout:
             "structure": description.as_text(structure),
             "solver": settings.solver,
             "rtol": settings.rtol,
-            **({"starts": "; ".join(starts) + self._of_part()} if starts else {}),
+            **({"starts": "; ".join(starts) + part} if starts else {}),
         }
 
     @cached_property
@@ -168,12 +201,6 @@ class Layout:
         sizes = [len(axis.values) if axis.name in variable.dims else 1 for axis in study.axes]
         texts = [description.as_text(study.part(at).structure) for at in np.ndindex(*sizes)]
         return np.array(texts, object).reshape(self.shape(variable))
-
-    def _of_part(self) -> str:
-        """Name the part that an attribute is about, where there are several."""
-        study = self.study
-        several = study.axes and study.n_parts > 1
-        return f" ({study.describe_part((0,) * len(study.axes))})" if several else ""
 
     def file_size(self) -> int:
         """Return the bytes of the file, without its few kilobytes of metadata."""

@@ -15,15 +15,12 @@ import fcntl
 import json
 import os
 import socket
-import struct
-import sys
 import time
 from pathlib import Path
 
 from hpcsweep.job.paths import beside
-from hpcsweep.store.create import reason
-from hpcsweep.store.layout import StoreError
-from hpcsweep.store.offsets import open_above
+from hpcsweep.store.layout import StoreError, reason, refusing
+from hpcsweep.store.rows import open_above
 
 ORPHAN_WAIT = 20.0
 """Seconds to wait for orphaned ranks of a killed campaign to end."""
@@ -31,8 +28,6 @@ UNSUPPORTED = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
 MASTER_BYTE, RANKS_BYTE = 0, 1
 CLOSED = -1
 """Stands for a missing descriptor."""
-FLOCK = "hhqqi"
-"""Linux's struct flock on 64 bits: type, whence, start, length, process."""
 
 
 class Lock:
@@ -59,10 +54,8 @@ class Lock:
             If another process holds it; the message says which.
         """
         while True:
-            try:
+            with refusing(self._results, "written"):
                 existed = self._open()
-            except OSError as error:
-                raise StoreError(f"{self._results}: cannot be written: {reason(error)}") from None
             if not self._take(MASTER_BYTE, existed):
                 holder = self._holder()
                 self._forget()
@@ -91,12 +84,10 @@ class Lock:
         """Wait until no rank of the previous campaign holds its lock."""
         while not self._by_existence and not self._take(RANKS_BYTE, True):
             if time.monotonic() > deadline:
-                process = self._process_holding(RANKS_BYTE)
                 self._forget()
                 raise StoreError(
                     f"{self._results}: ranks of a killed campaign are still writing to it "
-                    f"({f'process {process}, of the campaign of ' if process else ''}{campaign}); "
-                    "end them and run again"
+                    f"({campaign}); end them and run again"
                 )
             time.sleep(0.05)
         if not self._by_existence:
@@ -104,14 +95,8 @@ class Lock:
 
     def _say_who(self, ranks: int) -> None:
         """Write the holder of the lock into the file."""
-        text = json.dumps(
-            {
-                "host": socket.gethostname(),
-                "pid": os.getpid(),
-                "ranks": ranks,
-                "since": time.strftime("%Y-%m-%d %H:%M:%S"),
-            }
-        )
+        holder = {"host": socket.gethostname(), "pid": os.getpid(), "ranks": ranks}
+        text = json.dumps(holder | {"since": time.strftime("%Y-%m-%d %H:%M:%S")})
         try:
             os.ftruncate(self._descriptor, 0)
             os.pwrite(self._descriptor, text.encode(), 0)
@@ -154,18 +139,6 @@ class Lock:
         if self._descriptor != CLOSED:
             os.close(self._descriptor)
             self._descriptor = CLOSED
-
-    def _process_holding(self, byte: int) -> int:
-        """Return the process on this node that holds the lock of a byte, 0 if unknown."""
-        if sys.platform != "linux" or struct.calcsize("l") != 8:
-            return 0
-        question = struct.pack(FLOCK, fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)
-        try:
-            answer = fcntl.fcntl(self._descriptor, fcntl.F_GETLK, question)
-        except OSError:
-            return 0
-        kind, *_, process = struct.unpack(FLOCK, answer)
-        return max(process, 0) if kind != fcntl.F_UNLCK else 0
 
     def _holder(self) -> str:
         try:

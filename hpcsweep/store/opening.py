@@ -17,9 +17,8 @@ from hpcsweep.job import JobError, parse_job
 from hpcsweep.job.paths import path_of
 from hpcsweep.parallel.one_line import on_one_line
 from hpcsweep.store.contents import CHECKSUM, file_problems, metadata_checksum
-from hpcsweep.store.create import reason
-from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError
-from hpcsweep.store.offsets import open_for_reading
+from hpcsweep.store.layout import FORMAT, LAYOUT_VERSION, DamagedError, Layout, StoreError, refusing
+from hpcsweep.store.rows import open_for_reading
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
@@ -61,7 +60,7 @@ def reading(path: Path) -> Iterator[h5py.File]:
 
 def _check_kind(path: Path) -> None:
     """Check that it is a readable file with the signature of HDF5."""
-    try:
+    with refusing(path, "read"):
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
             kind = "a folder" if path.is_dir() else "no regular file"
@@ -73,10 +72,6 @@ def _check_kind(path: Path) -> None:
                 begin += file.read(ENDS)
             file.seek(max(status.st_size - ENDS, 0))
             end = file.read(ENDS) if status.st_size > 2 * ENDS else b""
-    except (OSError, ValueError) as error:
-        if isinstance(error, StoreError):
-            raise
-        raise StoreError(f"{path}: cannot be read: {reason(error)}") from None
     if not begin.startswith(SIGNATURE):
         raise StoreError(f"{path}: not an HDF5 file, or damaged; it is left as it is")
     for part in (begin, end):
@@ -111,7 +106,7 @@ def check_place(path: Path) -> None:
     StoreError
         If its folder does not exist, its name is too long, or something else is there.
     """
-    try:
+    with refusing(path, "used"):
         if not path.parent.is_dir():
             raise StoreError(f"{path}: folder {path.parent} does not exist")
         if path.is_dir():
@@ -123,10 +118,13 @@ def check_place(path: Path) -> None:
             raise StoreError(f"{path}: is a link that leads nowhere")
         if path.exists() and not path.is_file():
             raise StoreError(f"{path}: is no regular file")
-    except (OSError, ValueError) as error:
-        if isinstance(error, StoreError):
-            raise
-        raise StoreError(f"{path}: cannot be used: {reason(error)}") from None
+
+
+def check_new(path: Path) -> None:
+    """Check that a file may be created at a path where there is none."""
+    check_place(path)
+    if path.exists():
+        raise StoreError(f"{path}: exists already; it is left as it is")
 
 
 def check_file(path: Path) -> dict:
@@ -141,21 +139,16 @@ def check_file(path: Path) -> dict:
     """
     with reading(path) as file:
         attributes = dict(file.attrs)
-    if not _equal(attributes.get("format"), FORMAT):
+    if str(attributes.get("format")) != FORMAT:
         raise StoreError(f"{path}: an HDF5 file, but no results of hpcsweep; it is left as it is")
     version = attributes.get("layout_version", -1)
-    if not _equal(version, LAYOUT_VERSION):
+    if str(version) != str(LAYOUT_VERSION):
         wrote = attributes.get("hpcsweep_version", "of unknown version")
         raise StoreError(
             f"{path}: has layout version {version}, which hpcsweep {wrote} reads; this one reads "
             f"version {LAYOUT_VERSION}"
         )
     return attributes
-
-
-def _equal(value: object, expected: object) -> bool:
-    """Compare an attribute, which may be an array, with a plain value."""
-    return getattr(value, "shape", ()) == () and bool(value == expected)
 
 
 def read_layout(path: str | Path) -> Layout:
@@ -206,12 +199,12 @@ def open_layout(path: str | Path) -> Layout:
     """
     path = path_of("path", path)
     layout = read_layout(path)
-    refuse_problems(path, layout_problems(path, layout))
+    check_layout(path, layout)
     return layout
 
 
-def refuse_problems(path: Path, problems: list[str]) -> None:
-    """Raise a `DamagedError` if there are any."""
-    if problems:
+def check_layout(path: Path, layout: Layout) -> None:
+    """Raise a `DamagedError` if anything but the results differs from the job or the checksum."""
+    if problems := layout_problems(path, layout):
         more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
         raise DamagedError(path, f"damaged ({problems[0]}{more}); {REMEDY}")

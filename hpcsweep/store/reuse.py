@@ -92,22 +92,19 @@ class Earlier:
         direction, frame, first = taken
         old = as_kind(self.layout.study.part(place), RunGrid)
         rows: list[dict[str, np.ndarray]] = []
-        at, end = first, first + inner.n_runs
-        while at < end:
+        for at in range(first, first + inner.n_runs):
             held = self._block_of(old, direction, frame, at)
             whole = self._believed(self._outer(place, held))
             if whole is None:
                 return NOT_COMMITTED
-            low, high = at - held.first[-1], min(end - held.first[-1], held.n_runs)
-            rows.append({name: values[low:high] for name, values in whole.items()})
-            at = held.first[-1] + high
+            rows.append({name: values[at - held.first[-1]] for name, values in whole.items()})
         begun = first + inner.begin
         held = self._outer(place, self._block_of(old, direction, frame, begun))
         before = self._blocks.start_of(held, begun - held.first[-1])
         if before.tobytes() != np.ascontiguousarray(start, "<f8").tobytes():
             return OTHER_STATE
         names = self._blocks.variables
-        return {name: np.concatenate([each[name] for each in rows]) for name in names}
+        return {name: np.array([row[name] for row in rows]) for name in names}
 
     def _find(self, place: Place, part: RunGrid, block: Block) -> tuple[int, int, int] | None:
         """Return the direction, the frame and the lowest amplitude of a block in the other grid."""

@@ -25,7 +25,7 @@ from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
-from hpcsweep.store import read_history
+from hpcsweep.store.journal import read_history
 
 MORE = 1.6
 """Looks of a session over those of the one before."""

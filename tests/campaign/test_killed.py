@@ -29,7 +29,7 @@ from tools import (
 
 from hpcsweep.campaign.status import status
 from hpcsweep.store import commit
-from hpcsweep.store.transport import Transport
+from hpcsweep.store.rows import Transport
 
 KILLS = int(os.environ.get("KILLS", "2"))
 """Of a campaign, unless it is complete before."""

@@ -12,7 +12,7 @@ from hpcsweep.campaign.status import overview, status
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
-from hpcsweep.store import read_history
+from hpcsweep.store.journal import read_history
 
 
 @pytest.fixture(scope="module")

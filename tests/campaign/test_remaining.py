@@ -111,7 +111,7 @@ def test_one_rank_is_told_the_time_too(tmp_path):
     from hpcsweep.campaign import run as campaign
     from hpcsweep.campaign.progress import Silent
     from hpcsweep.parallel.mpi import Serial
-    from hpcsweep.store import read_history
+    from hpcsweep.store.journal import read_history
 
     job = parse_job(STUDY.replace("2000", "4"), "study", "study")
     reported = []

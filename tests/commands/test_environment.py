@@ -16,7 +16,7 @@ from hpcsweep.commands import environment as environment_of_commands
 from hpcsweep.kernels import folders
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
-from hpcsweep.store.offsets import open_above
+from hpcsweep.store.rows import open_above
 
 
 def shell(redirection: str, *arguments: object) -> subprocess.CompletedProcess:

@@ -18,7 +18,7 @@ from hpcsweep.job.vary import Parts
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Layout, with_inputs
-from hpcsweep.store.create import create
+from hpcsweep.store.contents import create
 from hpcsweep.store.inputs import Inputs
 
 PAIR = """

@@ -98,8 +98,9 @@ def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
     flag.at_once = lambda reason: None
     from hpcsweep.campaign.work import scan
     from hpcsweep.parallel import memory
-    from hpcsweep.store import Layout, create
+    from hpcsweep.store import Layout
     from hpcsweep.store.commit import Blocks
+    from hpcsweep.store.contents import create
 
     create(path, Layout(job), {})
     with h5py.File(path, "r+") as file:
@@ -117,8 +118,9 @@ def test_a_scan_of_two_million_blocks_stops_and_takes_little_memory(tmp_path):
 
 def test_a_scan_verifies_only_tasks_of_which_the_file_holds_a_part(tmp_path, monkeypatch):
     from hpcsweep.campaign.work import scan
-    from hpcsweep.store import Layout, create
+    from hpcsweep.store import Layout
     from hpcsweep.store.commit import Blocks
+    from hpcsweep.store.contents import create
 
     points = MANY.replace("1000000", "500").replace("[sweep]", '[study]\nkind = "points"\n[sweep]')
     job = parse_job(points + "[vary]\nstructure.gap = [0.5, 1.0, 2.0]\n", "test", "test")

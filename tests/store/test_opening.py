@@ -19,7 +19,8 @@ from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import DamagedError, StoreError, pack, read_history
+from hpcsweep.store import DamagedError, StoreError, pack
+from hpcsweep.store.journal import read_history
 
 JOB = parse_job(SMALL.replace("count = 4", "count = 2"), "test", "test")
 READERS = (open_results, status, summarize, pack)

@@ -14,7 +14,7 @@ from hpcsweep.campaign.status import status
 from hpcsweep.checks.validate import validate
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import Lock, StoreError, contents, is_packed, pack, packing
+from hpcsweep.store import Lock, StoreError, contents, copying, is_packed, pack
 from hpcsweep.studies.run_names import amount
 
 
@@ -105,7 +105,7 @@ def test_what_cannot_be_packed_is_left_as_it_is(copy, tmp_path, monkeypatch):
     assert done.returncode == 2
     assert "another campaign is running on it" in done.stderr
     lock.release(remove=True)
-    honest = packing._copy
+    honest = copying._copy
 
     def careless(path, temporary, layout):
         honest(path, temporary, layout)
@@ -114,7 +114,7 @@ def test_what_cannot_be_packed_is_left_as_it_is(copy, tmp_path, monkeypatch):
             file.attrs["name"] = "x"
 
     with monkeypatch.context() as patch:
-        patch.setattr(packing, "_copy", careless)
+        patch.setattr(copying, "_copy", careless)
         with pytest.raises(StoreError, match="differs in the attributes, cycles; not packed"):
             pack(copy)
     assert copy.read_bytes() == before
@@ -136,15 +136,15 @@ def test_chunks_and_parts_cover_a_variable_once(tmp_path):
             seen = np.zeros(shape, int)
             for part in contents.parts_of(data):
                 seen[part] += 1
-                held = np.prod([piece.stop - piece.start for piece in part]) * 8
-                assert held <= 2 * contents.COPY_BYTES
+                assert seen[part].nbytes <= contents.COPY_BYTES
             assert seen.min() == seen.max() == 1
 
 
-@pytest.mark.parametrize("room", [2_000, 20_000])
-def test_where_the_copy_does_not_fit_the_sound_source_is_not_blamed(copy, tmp_path, room):
+@pytest.mark.parametrize("more", [-1, 0, 5_000])
+def test_where_the_copy_does_not_fit_the_sound_source_is_not_blamed(copy, tmp_path, more):
     """Nor does HDF5 end the process, as it may where it cannot write what it still has."""
     before, target = copy.read_bytes(), tmp_path / "packed.h5"
+    room = 2 * contents.COPY_BYTES + more
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, limit[1]))
     try:
@@ -155,24 +155,3 @@ def test_where_the_copy_does_not_fit_the_sound_source_is_not_blamed(copy, tmp_pa
     assert str(caught.value) == f"{target}: cannot be written: File too large"
     assert copy.read_bytes() == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["copy.h5", "copy.h5.journal"]
-
-
-def test_what_cannot_be_written_any_more_is_read_back_as_if_it_were(tmp_path):
-    """HDF5 reads parts that it has written, and a page of something else may end the process."""
-    rng, expected = np.random.default_rng(0), bytearray(10_000)
-    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3_000, limit[1]))
-    try:
-        with packing._Written(tmp_path / "file", "w+") as stream:
-            for written, read in rng.integers(0, 9_000, (200, 2)).tolist():
-                data, found = rng.bytes(int(rng.integers(1, 900))), bytearray(700)
-                stream.seek(written)
-                assert stream.write(data) == len(data)
-                expected[written : written + len(data)] = data
-                stream.seek(read)
-                assert stream.readinto(found) == len(found)
-                assert found == expected[read : read + len(found)]
-            with pytest.raises(OSError, match="File too large"):
-                stream.check()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limit)

@@ -12,18 +12,18 @@ from tools import SMALL, assert_same_datasets, hpcsweep, run_script
 from hpcsweep.job import parse_job
 from hpcsweep.store import Layout, Lock, StoreError, WriteError
 from hpcsweep.store.commit import Campaign
-from hpcsweep.store.create import create
-from hpcsweep.store.transport import Transport
+from hpcsweep.store.contents import create
+from hpcsweep.store.rows import Transport
 
 FULL = """
 import resource, sys
 from hpcsweep.campaign import run as campaign; from hpcsweep.commands import cli
-opened = campaign.open_campaign
+opened = campaign.store.open_campaign
 def on_a_full_disk(*arguments):
     # from here on, no byte can be written at or after this place in a file
     resource.setrlimit(resource.RLIMIT_FSIZE, (@, @))
     return opened(*arguments)
-campaign.open_campaign = on_a_full_disk
+campaign.store.open_campaign = on_a_full_disk
 if __name__ == "__main__":  # not in a process that compiles
     sys.exit(cli.main(sys.argv[1:]))
 """
@@ -111,12 +111,11 @@ def test_a_full_disk_takes_one_line_and_the_run_goes_on_when_there_is_room(
     assert_same_datasets(path, whole)
 
 
-class Forgetful:
+class Forgetful(Transport):
     """A transport whose first flush fails, as a disk's does, and whose second does not."""
 
-    name = "forgetful"
-
-    def __init__(self):
+    def __init__(self, path):
+        super().__init__(path)
         self.written: list[str] = []
         self.flushes = 0
 
@@ -128,15 +127,12 @@ class Forgetful:
         if self.flushes == 1:
             raise WriteError("lost")
 
-    def close(self) -> None:
-        self.written.append("closed")
-
 
 def test_checksums_of_a_failed_flush_are_never_written(tmp_path):
     layout = Layout(parse_job(SMALL, "test", "small"))
     path = tmp_path / "a.h5"
     create(path, layout, {})
-    transport: Transport = Forgetful()
+    transport = Forgetful(path)
     campaign = Campaign(path, layout, transport)
     (block, *_) = layout.study.path(0)
     campaign.write_block(block, layout.study.initial_state, campaign.blocks.read(block))
@@ -149,14 +145,12 @@ def test_checksums_of_a_failed_flush_are_never_written(tmp_path):
 
 
 def test_a_disk_with_no_room_for_the_whole_file_is_found_before_the_start(tmp_path, monkeypatch):
-    from hpcsweep.store import create as module
-
     class Usage:
         free = 1000
 
     monkeypatch.setattr("shutil.disk_usage", lambda folder: Usage)
     with pytest.raises(StoreError, match=r"the results need .* kB, the file system has 1 kB free"):
-        module(tmp_path / "a.h5", Layout(parse_job(SMALL, "test", "small")), {})
+        create(tmp_path / "a.h5", Layout(parse_job(SMALL, "test", "small")), {})
     assert list(tmp_path.iterdir()) == []
 
 

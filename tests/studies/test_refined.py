@@ -135,7 +135,8 @@ def test_a_damaged_byte_of_what_is_inferred_is_seen_and_mended(refined, tmp_path
 
 def test_inferred_values_that_do_not_follow_are_seen(refined, tmp_path):
     """All checksums hold, but a label is not that of the computed points around it."""
-    from hpcsweep.store import Layout, open_campaign
+    from hpcsweep.store import Layout
+    from hpcsweep.store.commit import open_campaign
     from hpcsweep.store.inferred import write_inferred
 
     path = tmp_path / "map.h5"

@@ -17,8 +17,8 @@ from tools import ROOT, SMALL, environment, mpirun
 
 from hpcsweep.store import Layout
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.offsets import Offsets
 from hpcsweep.store.reader import job_of
+from hpcsweep.store.rows import Offsets
 
 HERE = Path(__file__).resolve().parent
 JOB = (

@@ -56,6 +56,8 @@ CLAUSE = _pattern(
     r"in(?!\s*(?:[/*.^-]|per))|for|the|acc\w*|data|samples?|values|time|series|histor\w+)\b|[=:]))*"
     r"\s*(?P<rest>[^\d\s:=].*)"
 )
+UNIT = _pattern(r"\bunit\s+(?P<rest>\S.*)")
+"""As in *unit g, acceleration*; not in *unit 2*."""
 IN = _pattern(
     r"\b(?P<what>acc\w*|veloc\w*|displ\w*|data|samples|values|amplitudes?|times?|t)\b\.?(?:\s+(?:time|series|histor(?:y|ies)|data|values|records?|trace|samples))*"
     r"\s+(?:(?:is|are)\s+)?in\s+(?!units?\b|the\b)(?=(?P<rest>[^;,]*))"
@@ -193,7 +195,11 @@ def _named(line: str, is_last: bool) -> Iterator[Said]:
     line = ", ".join(parts)
     if other := KINDS.search(line):
         raise ValueError(f"must hold accelerations, is of {other['type'] or other['what']}")
-    if clause := CLAUSE.search(line):
+    clause = CLAUSE.search(line)
+    if not clause and (clause := UNIT.search(line)):
+        is_of_samples = ACCELERATION.search(line) and leading_unit(clause["rest"])
+        clause = clause if is_of_samples else None
+    if clause:
         yield from _of_clause(clause["rest"])
         line = line[: clause.start()]
         parts = line.split(", ")

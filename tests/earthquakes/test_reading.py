@@ -107,6 +107,7 @@ def test_metres_a_second_squared_are_as_they_are_with_the_standard_gravity(read)
         ("\ufefft\ta\r\n0\t.01\r\n.01\t-.02\r\n.02\t.003\r\n.03\t.4\r\n.04\t-.5\r\n", {"dt": 0.01}),
         (".01\n-.02\n.003\n.4\n-.5\n\n", {"dt": 0.01}),
         ("Station 9\nin units of g\n.01\n-.02\n.003\n.4\n-.5", {"dt": 0.01}),
+        ("unit 9\nunit g, acceleration\n.01\n-.02\n.003\n.4\n-.5", {"dt": 0.01}),
     ],
 )
 def test_columns_are_read_with_and_without_a_header(read, text, given):
@@ -326,6 +327,7 @@ def _says_unit_step_and_count(path, text, unit):
         ("t (s);v (cm/s)" + TIMED, {}, "must hold accelerations, has the unit cm/s, of velocity"),
         ("Displacement in cm" + TIMED, {}, "the unit cm, of displacement"),
         ("UNITS: cm/s" + TIMED, {}, "the unit cm/s, of velocity"),
+        ("unit cm/s, acceleration of sensor 2" + TIMED, {}, "the unit cm/s, of velocity"),
         ("DATA_TYPE: VELOCITY" + TIMED, {}, "must hold accelerations, is of VELOCITY"),
         ("velocity time series" + TIMED, {}, "must hold accelerations, is of velocity"),
         ("t;velocity" + TIMED, {}, "must hold accelerations, has a column velocity"),

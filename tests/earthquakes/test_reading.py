@@ -327,7 +327,7 @@ def _says_unit_step_and_count(path, text, unit):
         ("t (s);v (cm/s)" + TIMED, {}, "must hold accelerations, has the unit cm/s, of velocity"),
         ("Displacement in cm" + TIMED, {}, "the unit cm, of displacement"),
         ("UNITS: cm/s" + TIMED, {}, "the unit cm/s, of velocity"),
-        ("unit cm/s, acceleration of sensor 2" + TIMED, {}, "the unit cm/s, of velocity"),
+        ("unit cm/s, acceleration" + TIMED, {}, "the unit cm/s, of velocity"),
         ("DATA_TYPE: VELOCITY" + TIMED, {}, "must hold accelerations, is of VELOCITY"),
         ("velocity time series" + TIMED, {}, "must hold accelerations, is of velocity"),
         ("t;velocity" + TIMED, {}, "must hold accelerations, has a column velocity"),

@@ -2,7 +2,7 @@
 
 Write a job to start from: every key with its meaning, unit, range and default. The job
 is complete and runs in seconds. A file that exists is not touched. --kind chooses what is
-computed: records are ground motions.
+computed, and whose keys are listed: records are ground motions.
 
 example:
   hpcsweep new study.toml

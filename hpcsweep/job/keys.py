@@ -33,13 +33,9 @@ OF_LEVELS = (
 STRUCTURE: Tables = {
     "structure": (
         Key("n_floors", "storeys n on a fixed base", 3, (1, MAX_FLOORS)),
-        Key("mass", "mass of each floor" + OF_STOREYS, told="1", units="mass", alone=True),
+        Key("mass", "mass of each floor" + OF_STOREYS, told="1", units="mass"),
         Key(
-            "storey_stiffness",
-            "stiffness of each storey" + OF_STOREYS,
-            told="1",
-            units="stiffness",
-            alone=True,
+            "storey_stiffness", "stiffness of each storey" + OF_STOREYS, told="1", units="stiffness"
         ),
         Key("gap", SIDES.format("right"), 1.0, units="length"),
         Key("gap_left", SIDES.format("left"), math.inf, units="length"),
@@ -48,7 +44,6 @@ STRUCTURE: Tables = {
             "beta, stiffness of a stop over that of a storey, at least 0; 0: no stop; a number, or "
             "a list of n",
             1000.0,
-            alone=True,
         ),
         Key(
             "sharpness",
@@ -62,7 +57,6 @@ STRUCTURE: Tables = {
             "zeta of all modes of the free structure, at least 0, or a list with one per mode, "
             "lowest frequency first",
             0.05,
-            alone=True,
         ),
         Key(
             "rayleigh",
@@ -75,7 +69,6 @@ STRUCTURE: Tables = {
             "c of a dashpot in each storey, besides, at least 0: a number, or a list of n",
             0.0,
             units="damping",
-            limiting=True,
         ),
         Key(
             "restitution",
@@ -91,14 +84,8 @@ STRUCTURE: Tables = {
             "([how](yielding.md)); a number, or a list of n",
             told="none yields",
             units="length",
-            alone=True,
         ),
-        Key(
-            "yield_force",
-            "force at which it yields, in place of `yield_drift`",
-            units="force",
-            alone=True,
-        ),
+        Key("yield_force", "force at which it yields, in place of `yield_drift`", units="force"),
         Key(
             "hardening",
             "stiffness of a storey that yields over that before, from -0.1 to below 1",
@@ -109,7 +96,6 @@ STRUCTURE: Tables = {
             "whether the weight above each storey over its height is taken from its stiffness "
             "([how](yielding.md#p-delta-and-collapse))",
             False,
-            limiting=True,
         ),
         Key(
             "weight",
@@ -129,19 +115,16 @@ STRUCTURE: Tables = {
             "for none; goes with storeys that yield, or sliders",
             told="none",
             units="length",
-            limiting=True,
         ),
         Key(
             "matrices",
             "table of matrices in place of a building ([how](structures.md#matrices)): `mass`, "
             "`stiffness`, and if wanted `damping`, `forcing`, `drift`",
-            limiting=True,
         ),
         Key(
             "model",
             "table of a finite element model in place of a building ([how](models.md)): `file`, "
             "and if wanted `names`, `influence`, `fixed`, `outputs`, `reduce` and `damping_ratio`",
-            limiting=True,
         ),
         Key(
             "contact",
@@ -185,29 +168,29 @@ STRUCTURE: Tables = {
         for name, unit in zip(UnitNames._fields, ("m", "kg", "s"), strict=True)
     ),
     "pounding": (
-        Key("gap", f"distance at rest {OF_LEVELS}", units="length", alone=True),
-        Key("stiffness", f"stiffness {OF_LEVELS}", units="stiffness", alone=True),
+        Key("gap", f"distance at rest {OF_LEVELS}", units="length"),
+        Key("stiffness", f"stiffness {OF_LEVELS}", units="stiffness"),
         Key("sharpness", "rho of these contacts", told="inf"),
         Key(
             "restitution",
             "coefficient of restitution of two floors that collide, above 0 and at most 1: a "
             "number, or a list with one per level",
             told="no dashpot",
-            alone=True,
         ),
         Key(
             "damping",
             "in its place c of the dashpots themselves",
             told="no dashpot",
             units="damping",
-            alone=True,
         ),
         Key("tension", "whether the dashpots may pull", told="false"),
     ),
 }
 KEYS: Tables = {
     "": (
-        Key("name", "name of the results, without folder", told="that of the file"),
+        Key(
+            "name", "name of the results without folder", told="that of the file", example='"other"'
+        ),
         Key(
             "part",
             "`[k, n]`: part k of n of a job, every n-th frequency, listed point, line or record "
@@ -315,25 +298,12 @@ KEYS: Tables = {
 """Keys of every study; each adds its own (`keys` of its class)."""
 
 
-OF_BEARINGS = {
+UNITS = {
+    **{key.name: key.units for table in ("pounding", "structure") for key in STRUCTURE[table]},
     **{"period": "time", "slab_mass": "mass", "stiffness": "stiffness", "radius": "length"},
-    **{"strength": "force", "friction": "1"},
+    **{"strength": "force", "initial_stiffness": "stiffness", "wall_stiffness": "stiffness"},
 }
-BUILDING = (
-    *STRUCTURE["structure"],
-    *(Key(name, "", units=units, alone=True) for name, units in OF_BEARINGS.items()),
-    Key("initial_stiffness", "", units="stiffness", limiting=True),
-    Key("wall_stiffness", "", units="stiffness"),
-    Key("column", "", limiting=True),
-)
-"""Keys of a building and of its bearings, and the strength of a slider."""
-UNITS = {key.name: key.units for key in (*STRUCTURE["pounding"], *BUILDING)}
 """Quantity of a key of a structure, a building, a contact, a slider or bearings, by its name."""
-ALONE = {
-    table: {key.name for key in keys if key.alone}
-    for table, keys in {**STRUCTURE, "building": BUILDING}.items()
-}
-"""Names of keys whose limits, for numbers above 0, depend on no other key, by their tables."""
 
 
 def bare(key: str) -> str:
@@ -347,12 +317,6 @@ def declared(study) -> Tables:
         table: (*study.keys.get(table, ()), *(() if table in study.without else keys))
         for table, keys in KEYS.items()
     }
-
-
-def limiting(study) -> set[str]:
-    """Return the names of keys of one kind of study that the limits of other keys depend on."""
-    tables = (*declared(study).values(), BUILDING)
-    return {key.name for table in tables for key in table if key.limiting}
 
 
 def keys_of(study) -> dict[str, tuple[str, ...]]:

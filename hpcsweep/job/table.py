@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.job.keys import ALONE, bare, limiting
+from hpcsweep.job.keys import bare
 from hpcsweep.job.structures import MAX_DAMPING
 from hpcsweep.model.isolation import Isolation, springs
 from hpcsweep.model.modes import chain_periods
@@ -26,6 +26,18 @@ from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Axis, as_kind
 from hpcsweep.studies.variable import Variable
 
+OF_STOREYS = {"mass", "storey_stiffness", "stiffness_ratio", "damping_ratio"}
+OF_STOREYS |= {"yield_drift", "yield_force"}
+OF_BEARINGS = {"period", "slab_mass", "stiffness", "radius", "strength", "friction"}
+ALONE = {
+    "structure": OF_STOREYS,
+    "building": OF_STOREYS | OF_BEARINGS,
+    "pounding": {"gap", "stiffness", "restitution", "damping"},
+}
+"""Names of keys whose limits, for numbers above 0, depend on no other key, by their tables."""
+LIMITING = {"storey_damping", "p_delta", "collapse_drift", "matrices", "model"}
+LIMITING |= {"initial_stiffness", "column", "along", "points"}
+"""Names of keys that the limits of others depend on."""
 OTHERS = {"column", "model", "matrices"}
 """Keys of structures that are not storeys alone, on the ground or on bearings."""
 TABLES = ("study", "structure", "building", "pounding", "sweep")
@@ -70,7 +82,7 @@ class Table:
         columns = {key: values for axis in self._numbers for key, values in axis.items()}
         keys = [column.key for column in columns_of(self.axes)]
         is_separate = all(key in columns and _is_alone(key) for key in keys)
-        if base.kind not in KINDS or not is_separate or limiting(base) & self._names:
+        if base.kind not in KINDS or not is_separate or LIMITING & self._names:
             return []
         if not _keeps_far(base, columns):
             return []

@@ -4,8 +4,9 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 
+from hpcsweep.job.job import ABOUT
 from hpcsweep.job.keys import declared
-from hpcsweep.studies.keys import OMEGA, Key, Tables
+from hpcsweep.studies.keys import OMEGA, Key
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 
 HEAD = """\
@@ -19,16 +20,6 @@ HEAD = """\
 {}
 # Another job, whose path is relative to this file: what is given here replaces what is there.
 #extends = "other.toml"
-
-# Name of the results, without folder; default: the name of this file.
-#name = "other"
-
-# hpcsweep split FILE.toml -n 4 writes jobs of a part of it each.
-
-# What the file of the results tells of them; default: a title of name, study and structure.
-#title = "Two floors beside a stop"
-#institution = "University"
-#license = "CC-BY-4.0"
 """
 IN_GAPS = """\
 # Lengths are in gaps, from a floor at rest to the stop, so that the stop is at 1. Time is in
@@ -72,6 +63,7 @@ VARY = """\
 #[vary]
 #structure.gap = {from = 0.5, to = 2.0, count = 16}
 """
+OF_FILE = ("name", "part", *ABOUT)
 TABLES = ("study", "structure", "forcing", "sweep", "solver", "output")
 OF_SWEEP = {"sweep.omega": "0.445", "sweep.amplitude": OMEGA[2].example}
 SLICE = "{from = -1.0, to = 1.0, count = 40}"
@@ -98,10 +90,11 @@ POINTERS = (
 
 
 def template(kind: str = DEFAULT_KIND) -> str:
-    """Write a job for a kind of study; the default one lists the keys of others too."""
+    """Write a job for a kind of study, with all its keys."""
     every, shaken = declared(KINDS[kind]), kind == "records"
     completing = GIVEN[kind] if kind == DEFAULT_KIND else {"study.kind": f'"{kind}"', **GIVEN[kind]}
     parts = [HEAD.format(SEEDS * (kind == "branches") + (IN_OWN if shaken else IN_GAPS))]
+    parts += _given("", (key for key in every[""] if key.name in OF_FILE), {})
     for table in (*TABLES, "records", "branches"):
         if not every[table]:
             continue
@@ -111,35 +104,13 @@ def template(kind: str = DEFAULT_KIND) -> str:
         parts.append(f"[{table}]")
         if table == "study":
             parts += [_comment(f'"{other}": {study.summary}') for other, study in KINDS.items()]
+            parts.append("# Keys that a kind alone has: hpcsweep new OTHER.toml --kind KIND\n")
         parts += [*_given(table, every[table], completing), ""]
     parts.append("# Tables of other structures, see docs/structures.md:")
     for table in ("building", "pounding", "units"):
         keys = every.get(table) or [key for key in every[""] if key.name == table]
-        parts += [f"#[{table}]", *(_mentioned("", key) for key in keys)]
-    if kind == DEFAULT_KIND:
-        parts += _of_others(every)
+        parts += [f"#[{table}]", *(_mentioned(key) for key in keys)]
     return "\n".join([*parts, "", VARY.replace("#structure", "#pounding") if shaken else VARY])
-
-
-def _of_others(every: Tables) -> list[str]:
-    """Write the keys of other studies."""
-    parts: list[str] = []
-    mentioned = {(table, key.name) for table, keys in every.items() for key in keys}
-    for kind, study in KINDS.items():
-        further = {
-            table: [key for key in keys if key not in every[table]]
-            for table, keys in declared(study).items()
-        }
-        names = [f"{table}.{key.name}" for table, keys in further.items() for key in keys]
-        if names:
-            parts.append("\n" + _comment(f'Keys of study.kind = "{kind}": {", ".join(names)}'))
-        for table, keys in further.items():
-            new = [key for key in keys if (table, key.name) not in mentioned]
-            mentioned |= {(table, key.name) for key in new}
-            if new and table not in TABLES:
-                parts.append(f"#[{table}]")
-            parts += [_mentioned(f"{table}." * (table in TABLES), key) for key in new]
-    return parts
 
 
 def _given(table: str, keys: Iterable[Key], completing: Mapping[str, str]) -> Iterator[str]:
@@ -152,14 +123,14 @@ def _given(table: str, keys: Iterable[Key], completing: Mapping[str, str]) -> It
             default = f"; default: {key.told}" * bool(key.told)
             yield f"{_comment(key.description + default)}\n{mark}{key.name} = {value}\n"
         else:
-            yield _mentioned("", key) + "\n"
+            yield _mentioned(key) + "\n"
 
 
-def _mentioned(prefix: str, key: Key) -> str:
+def _mentioned(key: Key) -> str:
     """Write a key of other jobs and its meaning as a comment."""
     default = key.shown or key.told
     return _comment(
-        f"{prefix}{key.name}: {key.description}" + f"; default: {default}" * bool(default), "#     "
+        f"{key.name}: {key.description}" + f"; default: {default}" * bool(default), "#     "
     )
 
 

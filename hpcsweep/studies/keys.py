@@ -33,10 +33,6 @@ class Key:
         Value in the commented job where there is no default, in TOML.
     units : str
         Quantity of a number, as `hpcsweep.model.unit_names` has it.
-    alone : bool
-        Whether the limits of its numbers above 0 depend on no other key.
-    limiting : bool
-        Whether limits of other keys depend on it.
     """
 
     name: str
@@ -46,8 +42,6 @@ class Key:
     told: str = ""
     example: str = ""
     units: str = "1"
-    alone: bool = False
-    limiting: bool = False
 
     @property
     def shown(self) -> str:

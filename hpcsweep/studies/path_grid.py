@@ -32,7 +32,6 @@ ALONG = Key(
     "key of structure, pounding or `building[0]` whose values `[vary]` has "
     "([how](studies.md#sweeps-along-other-parameters))",
     "amplitude",
-    limiting=True,
 )
 
 

@@ -24,7 +24,6 @@ POINTS = Key(
     "points",
     "list of pairs [A, Omega], in place of `sweep.omega` and `sweep.amplitude`; of branches along "
     "a number of the structure",
-    limiting=True,
 )
 
 
@@ -44,7 +43,7 @@ def read_points(values) -> tuple[np.ndarray, np.ndarray]:
     if wrong.any():
         first = pairs[int(np.argmax(wrong))]
         raise values.error("study.points", first, "must have A of at least 0, Omega above 0")
-    values.check_range("study.points", omega, amplitude)
+    values.check_range("study.points", omega=omega, amplitude=amplitude)
     if np.unique(np.stack((amplitude, omega)), axis=1).shape[1] < len(pairs):
         raise values.error("study.points", pairs, "must not hold a point twice")
     return omega.copy(), amplitude.copy()

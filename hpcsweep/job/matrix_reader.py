@@ -1,6 +1,6 @@
 """Read matrices with libraries that a damaged file may crash: a script, run as its own process.
 
-It is run by `hpcsweep.job.matrix_files`, and writes what it has found, or what is wrong,
+It is run by `hpcsweep.job.model_files`, and writes what it has found, or what is wrong,
 to its standard output. It imports nothing of the package, so that it starts quickly.
 """
 

@@ -33,9 +33,9 @@ KNOWN = (
 MATRIX = re.compile(r"\s*\*MATRIX\s*,\s*TYPE\s*=\s*([^,\n]+)", re.IGNORECASE)
 COMMENTS = ("%", "#", "!", "//", "**")
 NUMERIC = set("0123456789+-.eEdD")
-CARD, INDICES = 5, {3: 2, 5: 4}
-"""Numbers of a line of global matrices of Abaqus; by that number how many of them are whole."""
 INSTEAD = f"which is not read: write MatrixMarket ({FORM}), as scipy.io.mmwrite does"
+LISTED = {3: "row, column, entry", 5: "node, number, twice, entry, of Abaqus"}
+"""Numbers of a line of a list of entries that is taken for a matrix."""
 FOREIGN = (
     (re.compile(r"\s*DMIG\b", re.I), "DMIG of Nastran, which is not read: write it by OUTPUT4"),
     (re.compile(r"(?:.*\n){2}\s*[RCPI][SUHZR][AE]\s+\d", re.I), f"Harwell-Boeing, {INSTEAD}"),
@@ -101,7 +101,6 @@ def _market(said: list[str], lines: Lines) -> Any:
         raise ValueError(f"its first line must be like {FORM} ({limit}), says {shown(said)}")
     _, form, _, symmetry = said
     width = 3 if form == "coordinate" else 2
-    is_symmetric = symmetry == "symmetric"
     sizes, n_sizes = _numbers(lines[:1])
     if n_sizes.tolist() != [width] or np.any(sizes != np.floor(sizes)) or sizes.min() < 0:
         words = "rows, columns and entries" if width == 3 else "rows and columns"
@@ -109,62 +108,41 @@ def _market(said: list[str], lines: Lines) -> Any:
         raise ValueError(f"below its first line must be its {words}, {at}")
     n, m, n_entries = (*map(int, sizes), 0)[:3]
     check_size(n, m)
-    if is_symmetric and n != m:
+    lower = symmetry == "symmetric"  # one triangle stands for both
+    if lower and n != m:
         raise ValueError(f"says that it is symmetric, and has {n} rows and {m} columns")
     entries, widths = _numbers(lines[1:])
     if form == "array":
-        full = n * (n + 1) // 2 if is_symmetric else n * m
-        if entries.size != full:
-            raise ValueError(
-                f"must have {full} entries, as line {lines[0][0]} says: {entries.size}"
-            )
-        if not is_symmetric:
+        n_entries, n_there = n * (n + 1) // 2 if lower else n * m, entries.size
+    else:
+        n_there = len(widths)
+    if n_there != n_entries:
+        limit = f"must have {n_entries} entries, as line {lines[0][0]} says"
+        raise ValueError(f"{limit}, has {n_there}")
+    if form == "array":
+        if not lower:
             return entries.reshape(m, n).T
         made = np.zeros((n, n))
-        made.T[np.triu_indices(n)] = entries  # the lower triangle, column by column
-        return made + np.tril(made, -1).T
-    if np.any(widths != width):
-        i, n_numbers = next((lines[1 + k][0], w) for k, w in enumerate(widths) if w != width)
-        raise ValueError(
-            f"every line must have row, column and entry, line {i} has {n_numbers} numbers"
-        )
-    if len(widths) != n_entries:
-        raise ValueError(
-            f"must have {n_entries} entries, as line {lines[0][0]} says, has {len(widths)}"
-        )
-    return _placed(entries.reshape(-1, width), (n, m), is_symmetric, lines[1:])
-
-
-def _placed(
-    entries: np.ndarray, shape: tuple[int, int], is_symmetric: bool, lines: Lines
-) -> sparse.csr_array:
-    """Return the matrix of entries: row and column, from 1, and value of each."""
-    i, j, values = entries.T
-    outside = np.array((i < 1) | (i > shape[0]) | (j < 1) | (j > shape[1]))
-    outside |= (i != np.floor(i)) | (j != np.floor(j))
+        made.T[np.triu_indices(n)] = entries  # column by column
+        return made
+    if np.any(widths != 3):
+        k = int((widths != 3).argmax())
+        limit = f"row, column and entry, line {lines[1 + k][0]} has {widths[k]} numbers"
+        raise ValueError(f"every line must have {limit}")
+    i, j, values = entries.reshape(-1, 3).T
+    outside = (i < 1) | (i > n) | (j < 1) | (j > m) | (i != np.floor(i)) | (j != np.floor(j))
     if outside.any():
         k = int(outside.argmax())
-        limit = f"from 1 to {shape[0]} and {shape[1]}"
-        at = f"line {lines[k][0]} has ({i[k]:.10g}, {j[k]:.10g})"
-        raise ValueError(f"places of entries are counted {limit}, {at}")
+        at = f"line {lines[1 + k][0]} has ({i[k]:.10g}, {j[k]:.10g})"
+        raise ValueError(f"places of entries are counted from 1 to {n} and {m}, {at}")
+    if lower and (i > j).any() and (i < j).any():
+        raise ValueError("says that it is symmetric, and has entries on both sides of the diagonal")
     row, column = i.astype(int) - 1, j.astype(int) - 1
-    order = np.lexsort((column, row))
-    twice = (np.diff(row[order]) == 0) & (np.diff(column[order]) == 0)
-    if twice.any():
-        k = order[int(twice.argmax())]
-        raise ValueError(f"entry ({row[k] + 1}, {column[k] + 1}) is given twice")
-    below = row > column
-    if is_symmetric and below.any() and (row < column).any():
-        k = int((row < column).argmax())
-        limit = "entries on one side of the diagonal stand for both"
-        raise ValueError(
-            f"says that it is symmetric, where {limit}, and has ({row[k] + 1}, {column[k] + 1}) "
-            "and others below the diagonal"
-        )
-    matrix = sparse.csr_array((values, (row, column)), shape=shape)
-    if is_symmetric:
-        matrix = sparse.csr_array(matrix + matrix.T - sparse.diags_array(matrix.diagonal()))
-    return matrix
+    places, many = np.unique(row * m + column, return_counts=True)
+    if np.any(many > 1):
+        at = divmod(places[many.argmax()], m)
+        raise ValueError(f"entry ({at[0] + 1}, {at[1] + 1}) is given twice")
+    return sparse.csr_array((values, (row, column)), shape=(n, m))
 
 
 def check_size(n: int, m: int) -> None:
@@ -221,21 +199,7 @@ def _rows(lines: Lines) -> np.ndarray:
         raise ValueError(f"all lines must have as many numbers as it has lines: {said}")
     matrix = entries.reshape(len(lines), -1)
     check_size(*matrix.shape)
-    _refuse_list(matrix)
+    n, width = matrix.shape
+    if width in LISTED and n not in (1, width):
+        raise ValueError(f"looks like a list of entries ({LISTED[width]}), {INSTEAD}")
     return matrix
-
-
-def _refuse_list(matrix: np.ndarray) -> None:
-    """Refuse a list of rows, columns and entries that is taken for a matrix."""
-    places = matrix[:, : INDICES.get(matrix.shape[1], 0)]
-    if not places.size or len(matrix) == 1 or np.any((places < 0) | (places != np.floor(places))):
-        return
-    if matrix.shape[0] == matrix.shape[1]:
-        triangles = (matrix, np.tril(matrix), np.triu(matrix))
-        if np.array_equal(matrix, matrix.T) or any(
-            map(np.array_equal, triangles[:1] * 2, triangles[1:])
-        ):
-            return
-    what = "row, column, entry" if matrix.shape[1] < CARD else "node, number, twice, entry"
-    more = ", as a global matrix of Abaqus" * (matrix.shape[1] == CARD)
-    raise ValueError(f"looks like a list of entries ({what}){more}, {INSTEAD}")

@@ -2,17 +2,34 @@
 
 Which matrix is which says its name in the file, or the end of the name of a file that holds one:
 M or mass, K or stiffness, C or damping. What has another name is not used, and told.
+
+Files of every format are read by their content. Arrays of numpy and sparse matrices of scipy are
+read after what their headers say has been compared with their sizes. Libraries that a damaged file
+can crash, and those of the extra ``fem``, read in a process of their own
+(`hpcsweep.job.matrix_reader`), with a limit to its memory.
 """
 
+import pickle
 import re
+import signal
+import subprocess
+import sys
 import warnings
+import zipfile
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from hpcsweep.job.matrix_files import ENDINGS, NAMES, TEXTS, Found, read_file
-from hpcsweep.model.arguments import InputError, file_name
+import numpy as np
+
+from hpcsweep.earthquakes.text_files import decoded, read_bytes
+from hpcsweep.job import matrix_reader
+from hpcsweep.job.matrix_reader import NAMES
+from hpcsweep.job.matrix_texts import Found, check_size, read_text
+from hpcsweep.model.arguments import InputError, file_name, shown
 from hpcsweep.model.finite_elements import FiniteElements
+from hpcsweep.parallel.one_line import on_one_line
 
 ROLES = {
     "mass": re.compile(r"m|m(aa|gg|xx|ll|ff|hh)|mass(_?matrix)?", re.IGNORECASE),
@@ -22,6 +39,13 @@ ROLES = {
     ),
 }
 """Names of matrices."""
+MAX_BYTES = 2**30
+"""Of a file, and of an array in it."""
+TEXTS = (".txt", ".out", ".dat", ".csv")
+ENDINGS = (".npz", ".npy", *matrix_reader.READERS, ".mtx", ".mm", *TEXTS)
+"""Of files with matrices; those of other endings are read by their content, too."""
+ZIP = b"PK\x03\x04"
+DAMAGED = "is cut off or damaged"
 
 
 def read_model(path: Any, names: Sequence[str] | None = None) -> FiniteElements:
@@ -143,3 +167,76 @@ def _word(path: Path) -> str:
 
 def _role(name: str) -> str:
     return next((role for role, word in ROLES.items() if word.fullmatch(name)), "")
+
+
+def read_file(path: Path) -> Found:
+    """Return the matrices in a file by their names, '' where there is none, and `NAMES`.
+
+    Raises
+    ------
+    ValueError
+        If it is of no format that is read, is damaged or too large; one line says why.
+    OSError
+        If it cannot be read.
+    """
+    try:
+        content = read_bytes(path, MAX_BYTES)
+    except FileNotFoundError:
+        raise FileNotFoundError(2, "there is no such file", str(path)) from None
+    kind = path.suffix.lower()
+    if content.startswith((ZIP, b"\x93NUMPY")):
+        return _numpy(content)
+    if content.startswith((b"MATLAB 7.3", b"\x89HDF")):
+        raise ValueError("is a MATLAB file of version 7.3, which is not read: save(..., '-v7')")
+    kind = ".mat" if content.startswith(b"MATLAB 5.0") else kind
+    if kind in matrix_reader.READERS:
+        return _read_apart(path, kind)
+    if kind in (".npz", ".npy"):
+        raise ValueError(f"is no {kind} file of numpy, or {DAMAGED.removeprefix('is ')}")
+    return read_text(decoded(content))
+
+
+def _numpy(content: bytes) -> Found:
+    """Read what numpy or scipy has written: an array, several, or a sparse matrix."""
+    try:
+        if content.startswith(ZIP):
+            with zipfile.ZipFile(BytesIO(content)) as archive:
+                n_bytes = sum(entry.file_size for entry in archive.infolist())
+            if n_bytes > MAX_BYTES:
+                raise MemoryError
+        read = np.load(BytesIO(content))  # no objects of Python, and only what is there
+        matrices = {"": read} if isinstance(read, np.ndarray) else dict(read)
+    except MemoryError:
+        raise ValueError(f"must have arrays of {MAX_BYTES / 2**30:g} GB at most") from None
+    except Exception:  # whatever a header is taken for
+        objects = "or holds objects of Python: scipy.sparse.save_npz writes a sparse matrix"
+        raise ValueError(f"{DAMAGED}, {objects}") from None
+    if {"format", "shape"} <= set(matrices):
+        return {"": _sparse(content, matrices)}
+    return {name: matrix for name, matrix in matrices.items() if isinstance(matrix, np.ndarray)}
+
+
+def _sparse(content: bytes, arrays: Found) -> Any:
+    from scipy.sparse import load_npz
+
+    shape = np.ravel(arrays["shape"])
+    if shape.size != 2 or shape.dtype.kind not in "iu" or shape.min() < 0:
+        raise ValueError(f"its shape must be rows and columns, is {shown(shape.tolist())}")
+    check_size(*shape.tolist())
+    try:
+        return load_npz(BytesIO(content))
+    except Exception:  # whatever its parts are taken for
+        raise ValueError(f"{DAMAGED}: its parts are not those of a sparse matrix") from None
+
+
+def _read_apart(path: Path, kind: str) -> Found:
+    """Read a file in a process of its own, which may crash."""
+    command = [sys.executable, "-P", matrix_reader.__file__, kind, str(path)]
+    done = subprocess.run(command, capture_output=True, check=False, stdin=subprocess.DEVNULL)
+    if done.returncode < 0 or not done.stdout:
+        why = signal.Signals(-done.returncode).name if done.returncode < 0 else "without output"
+        raise ValueError(f"{DAMAGED}: the reader of {kind} files ended by {why}")
+    said, matrices = pickle.loads(done.stdout)  # of our own process
+    if said:
+        raise ValueError(on_one_line(said))
+    return matrices

@@ -137,7 +137,7 @@ def parse_job(
     whole, file = with_rows(Values(source, tree), tree, folder)
     structure, reduced = whole.get("structure"), None
     if isinstance(structure, Mapping) and "model" in structure:
-        from hpcsweep.job.models import with_model
+        from hpcsweep.job.models import with_model, with_record_error
 
         whole, reduced = with_model(Values(source, whole), whole, folder)
     if "records" in tree:
@@ -145,8 +145,6 @@ def parse_job(
 
         whole = with_found(Values(source, whole), whole, folder, file)
     if reduced is not None:
-        from hpcsweep.job.record_error import with_record_error
-
         whole = with_record_error(Values(source, whole), whole, reduced, read_study)
     if whole is not tree:
         tree, text = whole, write(whole, every_key())
@@ -211,18 +209,13 @@ def _portion(values: Values, study):
         return study
     if not study.cut(slice(None)):
         raise values.error("part", part, "is not allowed: this study cannot be split")
-    if not is_part(part):
+    is_pair = isinstance(part, list) and len(part) == 2 and all(type(x) is int for x in part)
+    if not is_pair or not 1 <= part[0] <= part[1]:
         raise values.error("part", part, "must be [k, n], part k of n, from 1 to n")
     if part[1] > study.n_frames:
         frames = count(study.n_frames, study.run_dims[-2])
         raise values.error("part", part, f"n must not exceed the {frames}")
     return replace(study, **study.cut(slice(part[0] - 1, None, part[1])))
-
-
-def is_part(value: Any) -> bool:
-    """Return whether a value is [k, n] with k from 1 to n."""
-    whole = isinstance(value, list) and len(value) == 2 and all(type(x) is int for x in value)
-    return whole and 1 <= value[0] <= value[1]
 
 
 def part_of(job: Job, place: Place) -> Job:
@@ -326,12 +319,9 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
     default = SweepSettings()
     sampling = values.read("sweep", SAMPLING)
     longest = max(min(sampling // 2, MAX_PERIOD), 1)
-    tolerance = values.number(
-        "sweep.period_tolerance", values.get("sweep.period_tolerance", default.period_tolerance)
-    )
-    if not MIN_TOLERANCE <= tolerance < 1:
-        limit = f"must lie between 0 and 1, at least {MIN_TOLERANCE:g}"
-        raise values.error("sweep.period_tolerance", tolerance, limit)
+    key = "sweep.period_tolerance"
+    tolerance = values.get(key, default.period_tolerance)
+    tolerance = values.within(key, tolerance, MIN_TOLERANCE, math.nextafter(1.0, 0.0))
     method = values.choice("solver.method", values.get("solver.method", default.solver), SOLVERS)
     rtol = values.within(
         "solver.rtol", values.get("solver.rtol", SOLVERS[method].rtol), 1e-13, 1e-2

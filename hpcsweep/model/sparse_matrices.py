@@ -85,9 +85,8 @@ def symmetric(name: str, value: Any) -> Any:
     if max(shape, default=0) > MAX_COORDINATES:
         limit = f"must have {MAX_COORDINATES} rows at most, has {max(shape)}"
         raise wrong(name, f"{limit}: leave out, or condense, what does not move")
-    if len(shape) in (1, 2) and 0 not in shape and math.prod(shape) == max(shape):
-        if name != "mass" and max(shape) > 1:
-            raise wrong(name, f"must be a square matrix, is a row of {max(shape)} numbers")
+    is_row = len(shape) in (1, 2) and 0 not in shape and math.prod(shape) == max(shape)
+    if is_row and (name == "mass" or max(shape) == 1):
         dense = matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
         matrix = sparse.diags_array(dense.ravel().astype(float))
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:

@@ -80,19 +80,19 @@ WRONG = [
     (
         "K.mtx",
         MARKET.replace("2 2 3", "2 2 4") + "1 2 -1000.\n",
-        r"says that it is symmetric, .* and has \(1, 2\)",
+        "says that it is symmetric, and has entries on both sides",
     ),
     ("K.mtx", BILLION, "must have 300000 rows and columns at most, is 1000000000 x 1000000000"),
     ("K.mtx", market("array real symmetric", "2 2\n1\n2\n"), "must have 3 entries, as line 2 says"),
-    ("K.mtx", "1,1, 1,1, 2.0\n2,1, 1,1, -1.0\n2,1, 2,1, 1.0\n", "global matrix of Abaqus"),
-    ("K.txt", "1 1 3000\n2 1 -1000\n2 2 1000\n", "looks like a list of entries .* MatrixMarket"),
+    ("K.mtx", "1,1, 1,1, 2.0\n2,1, 1,1, -1.0\n2,1, 2,1, 1.0\n", "entry, of Abaqus"),
+    ("K.txt", "1 1 3\n2 1 -1\n2 2 1\n3 3 1\n", "looks like a list of entries .* MatrixMarket"),
     ("K.rb", "Title\n 4 1 1 2\nRUA  2 2 4 0\n(40I2)\n 1 3 5\n", "is Harwell-Boeing, which is not"),
     ("K.pch", "DMIG    KAAX           0       6\n", "is DMIG of Nastran, which is not read"),
     ("K.csv", "u1,u2\n3000,-1000\n-1000,1000\n", "line 1 has 'u1'"),
     ("K.csv", ",0,1\n0,3000,-1000\n1,-1000,1000\n", "line 1 has 2 numbers, line 2 has 3"),
     ("K.csv", "200.000;-100.000\n-100.000;100.000\n", "200.000 may be 200000 or a decimal"),
     ("K.txt", "1 2\n3\n", "line 1 has 2 numbers, line 2 has 1"),
-    ("K.txt", "1 2 3 4\n", "stiffness must be a square matrix, is a row of 4 numbers"),
+    ("K.txt", "1 2 3 4\n", "stiffness must be a square matrix, is 1 x 4"),
     ("K.txt", "", "is empty"),
     ("K.npz", b"PK\x03\x04 and no more", "is cut off or damaged"),
     ("K.npz", b"hello", "is no .npz file of numpy"),
@@ -122,8 +122,8 @@ def test_damaged_arrays_are_refused_before_they_are_read(folder):
     sparse.save_npz("coo_K.npz", sparse.coo_array(([1.0], ([0], [0])), shape=(10**9, 10**9)))
     assert Path("coo_K.npz").stat().st_size < 2000
     for name, said in (
-        ("objects.npz", "K holds objects of Python, which are not read: scipy.sparse.save_npz"),
-        ("K.npy", "must have 1 GB at most, has 9999999999 x 2 entries"),
+        ("objects.npz", "is cut off or damaged, or holds objects of Python: scipy.sparse.save_npz"),
+        ("K.npy", "is cut off or damaged|must have arrays of 1 GB at most"),
         ("down_K.npz", "stiffness must be a matrix of real numbers|is cut off or damaged"),
         ("wide_K.npz", "stiffness must be a matrix of real numbers|is cut off or damaged"),
         ("many_K.npz", "must have 300000 rows and columns at most, is 1000000000 x 1000000000"),
@@ -165,7 +165,7 @@ def test_what_is_not_used_is_told(folder):
     for name, matrix in {"K": K, "M": M, "E": 0.01 * K, "C": [[0.0, 1.0]]}.items():
         io.mmwrite(f"own/beam_{name}.mtx", sparse.coo_array(matrix))
     (folder / "own/README.txt").write_text("a beam\n")
-    with pytest.raises(ValueError, match=r"beam_C.mtx: damping must be a square matrix, is a row"):
+    with pytest.raises(ValueError, match=r"beam_C.mtx: damping must be a square matrix, is 1 x 2"):
         read_model("own")
     Path("own/beam_C.mtx").unlink()
     with pytest.warns(UserWarning, match=r"^own: E of beam_E.mtx is not used"):

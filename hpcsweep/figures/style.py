@@ -27,7 +27,7 @@ FEW, FEW_ROOM = 25, 0.02
 """Amplitudes whose outer points get room within the frame, and that room, in spans."""
 CAPTION_ROOM = 92
 """Letters of a line of a caption."""
-SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "zeta_i": r"\zeta_i", "g_L": "g_L"}
+SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "g_L": "g_L"}
 
 
 class PlotError(ValueError):

@@ -5,13 +5,7 @@ import math
 import numpy as np
 
 from hpcsweep.job.values import Values
-from hpcsweep.model.forcing import (
-    MAX_HARMONICS,
-    MEAN_PHASE,
-    ONE_HARMONIC,
-    Series,
-    fourier_series,
-)
+from hpcsweep.model.forcing import MAX_HARMONICS, MEAN_PHASE, ONE_HARMONIC, Series, fourier_series
 
 Harmonics = tuple[tuple[int, float, float], ...]
 HARMONIC = ("order", "amplitude", "phase")

@@ -23,9 +23,9 @@ MEANING_VERSION = 4
 """Part of the fingerprint; raised when the same job text comes to mean other results."""
 
 
-EXCLUDED_FIELDS = (*("structure", "settings", "damping_ratio"), *("source", "gravity"))
-"""Fields of the parts, one that `Structure` also holds with a value for each mode, and where the
-samples of records come from, which their checksums identify."""
+EXCLUDED_FIELDS = ("structure", "settings", "source", "gravity")
+"""Fields of the parts, and where the samples of records come from, which their checksums
+identify."""
 
 
 def fingerprint(study: Study) -> str:
@@ -65,7 +65,13 @@ def _entries(study: Study, without: tuple[str, ...] = ()) -> Iterator[tuple[str,
 def _fields_of(kind: str, part, without: tuple[str, ...]) -> Iterator[tuple[str, str, object]]:
     for entry in fields(part):
         value = getattr(part, entry.name)
-        if entry.compare and entry.name not in without and not _is_default(entry, value):
+        if entry.name == "damping_ratio" and isinstance(part, Structure):
+            yield (
+                kind,
+                "_ratios",
+                _canonical(part.given_ratios.tolist()),
+            )  # as files have it, of each mode
+        elif entry.compare and entry.name not in without and not _is_default(entry, value):
             yield kind, entry.name, _canonical(value)
 
 

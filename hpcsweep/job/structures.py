@@ -16,7 +16,6 @@ import numpy as np
 
 from hpcsweep.job.forcing import read_forcing
 from hpcsweep.job.job import JobError
-from hpcsweep.job.keys import UNITS, bare
 from hpcsweep.job.values import Values
 from hpcsweep.model.arguments import InputError
 from hpcsweep.model.buildings import Building, Column, adjacent
@@ -44,12 +43,8 @@ WITH_MATRICES = (
 MODEL = ("file", "names", "influence", "fixed", "outputs", "reduce", "damping_ratio")
 """Of the table of a model; `hpcsweep.job.models` writes `found` besides."""
 MAX_STIFFNESS = 1e12
-MAX_SHARPNESS = 1e300
-"""Of the contact, where it is finite."""
 MAX_DAMPING = 1e6
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
-SIZED = ("samples", "direction", "amplitude", "friction")
-"""Keys whose values, where they are not 0, are of such a size, besides those with a unit."""
 OF_ANY_SIZE = re.compile(r"structure\.matrices\.damping|building\[\d+\]\.period")
 """Keys with limits of their own."""
 
@@ -289,36 +284,27 @@ def _check_sizes(values: Values) -> None:
     """Refuse values that no structure can be made of."""
     for name in ("structure", "forcing", "building", "pounding"):
         for key, value in _numbers(name, values.top(name, {})):
-            last = bare(key)
-            is_size = last in SIZED or UNITS.get(last, "1") != "1"
-            if not is_size or OF_ANY_SIZE.fullmatch(key) or not 0 < abs(value) < math.inf:
-                continue
-            if not MIN_SIZE <= abs(value) <= MAX_SIZE:
+            is_size = 0 < abs(value) < math.inf and not OF_ANY_SIZE.fullmatch(key)
+            if is_size and not MIN_SIZE <= abs(value) <= MAX_SIZE:
                 limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
                 raise values.error(key, value, limit)
 
 
 def _check_limits(values: Values, structure: Structure) -> None:
     """Refuse values that no solver can start from."""
-    table = "structure" if values.top("building", None) is None else "pounding"
-
-    def at_most(largest: float, key: str, value: float) -> None:
+    ratio: Any = structure.stiffness_ratio
+    if values.top("building", None) is not None:
+        damping = "building.damping_ratio or rayleigh"
+    else:
+        of_matrix = structure.matrices is not None and structure.matrices.damping is not None
+        by = "damping_ratio" if structure.rayleigh is None else "rayleigh"
+        damping = "structure.matrices.damping" if of_matrix else f"structure.{by}"
+    for key, value, largest in (
+        ("structure.stiffness_ratio", float(np.max(ratio)), MAX_STIFFNESS),
+        (damping, float(structure.damping_ratios.max()), MAX_DAMPING),
+    ):
         if largest < value < math.inf:
             raise values.error(key, value, f"must be at most {largest:g}")
-
-    ratio: Any = structure.stiffness_ratio
-    at_most(MAX_STIFFNESS, "structure.stiffness_ratio", float(np.max(ratio)))
-    at_most(MAX_SHARPNESS, f"{table}.sharpness", structure.sharpness)
-    at_most(MAX_DAMPING, _damping(structure, table), float(structure.damping_ratios.max()))
-
-
-def _damping(structure: Structure, table: str) -> str:
-    """Return the key that gives the damping."""
-    if table == "pounding":
-        return "building.damping_ratio or rayleigh"
-    if structure.matrices is not None and structure.matrices.damping is not None:
-        return "structure.matrices.damping"
-    return f"structure.{'damping_ratio' if structure.rayleigh is None else 'rayleigh'}"
 
 
 def _numbers(key: str, table: Any) -> Iterator[tuple[str, Any]]:

@@ -11,12 +11,12 @@ import difflib
 import functools
 import json
 import re
-import stat
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hpcsweep.earthquakes.text_files import read_bytes
 from hpcsweep.job.job import JobError
 
 EXTENDS = "extends"
@@ -190,17 +190,10 @@ def write(tree: Mapping, order: Order) -> str:
 def _read(path: Path) -> tuple[str, dict]:
     """Read the text and the tree of a file."""
     try:
-        if path.exists() and not stat.S_ISREG(path.stat().st_mode):
-            # a folder, a pipe without a writer, an endless device
-            raise JobError(f"{path}: cannot be read: it is no regular file")
-        with path.open("rb") as file:
-            raw = file.read(MAX_TEXT + 1)
-        text = raw.decode("utf-8")
+        text = read_bytes(path, MAX_TEXT).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise JobError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
     except (OSError, ValueError) as error:
-        if isinstance(error, JobError):
-            raise
-        if isinstance(error, UnicodeDecodeError):
-            raise JobError(f"{path}: not a text file in UTF-8 (byte {error.start})") from None
         said = getattr(error, "strerror", None) or error
         raise JobError(f"{path}: cannot be read: {said}") from None
     return text, parse_toml(text, str(path))

@@ -19,7 +19,10 @@ MAX_VALUES = 10_000_000
 """Frames or amplitudes of one job."""
 
 
-RANGES = {"Omega": (MIN_OMEGA, MAX_OMEGA, ""), "A": (1e-250, 1e250, "0, or ")}
+RANGES = {
+    "omega": ("Omega", "", MIN_OMEGA, MAX_OMEGA),
+    "amplitude": ("A", "0, or ", 1e-250, 1e250),
+}
 """Beyond these limits a run leaves double precision, or one forcing period takes over a minute; an
 amplitude may be 0."""
 MAX_END = 1e200
@@ -255,55 +258,35 @@ class Values:
         return spans
 
     def forcing(self, name: str) -> np.ndarray:
-        """Read the frequencies ``omega`` or the amplitudes ``amplitude`` of a sweep."""
-        return self._frequencies() if name == "omega" else self._amplitudes()
+        """Read the frequencies ``omega`` or the amplitudes ``amplitude``, ascending, of a sweep.
 
-    def _frequencies(self) -> np.ndarray:
-        """Read forcing frequencies Omega, or in their place ``frequency`` in cycles per time."""
-        key, cycles = "sweep.omega", "sweep.frequency"
-        if self.has(cycles):
+        In place of frequencies Omega ``frequency`` is in cycles per unit of time.
+        """
+        key, cycles, unit = f"sweep.{name}", "sweep.frequency", 1.0
+        if name == "omega" and self.has(cycles):
             if self.has(key):
                 limit = f'does not go with {key}: remove one (= "unset" where it is inherited)'
                 raise self.error(cycles, self.get(cycles), limit)
-            key = cycles
-        frequencies = self.numbers(key, self._no_formula(key), ascending=False)
-        if np.any(frequencies <= 0):
-            raise self.error(key, frequencies[frequencies <= 0][0], "must be greater than 0")
-        if key != cycles:
-            self.check_range(key, omega=frequencies)
-            return frequencies
-        omega = 2 * math.pi * frequencies
-        wrong = (omega < MIN_OMEGA) | (omega > MAX_OMEGA)
-        if wrong.any():
-            limits = f"from {MIN_OMEGA / (2 * math.pi):.4g} to {MAX_OMEGA / (2 * math.pi):.4g}"
-            raise self.error(key, frequencies[wrong][0], f"must be {limits}")
-        return omega
-
-    def check_range(self, key: str, omega=(), amplitude=()) -> None:
-        """Refuse frequencies and amplitudes that no solver can start from."""
-        for name, numbers in (("Omega", np.asarray(omega)), ("A", np.asarray(amplitude))):
-            least, most, zero = RANGES[name]
-            wrong = ~((least <= numbers) & (numbers <= most)) & ~((numbers == 0) & bool(zero))
-            if wrong.any():
-                limit = f"{name} must be {zero}from {least:g} to {most:g}"
-                raise self.error(key, numbers[wrong][0], limit)
-
-    def _amplitudes(self) -> np.ndarray:
-        """Read forcing amplitudes, ascending."""
-        key = "sweep.amplitude"
-        amplitude = self.numbers(key, self._no_formula(key), ascending=True)
-        if amplitude[0] < 0:
-            raise self.error(key, amplitude[0], "must be at least 0")
-        self.check_range(key, amplitude=amplitude)
-        return amplitude
-
-    def _no_formula(self, key: str) -> object:
-        """Return the value of a key; a formula, which only paths have, is refused."""
-        value = self.get(key)
-        if isinstance(value, str):
+            key, unit = cycles, 2.0 * math.pi
+        content = self.get(key)
+        if isinstance(content, str):
             limit = "must be numbers: formulas are of paths (sweeps, attractors), no single points"
-            raise self.error(key, value, limit)
-        return value
+            raise self.error(key, content, limit)
+        numbers = self.numbers(key, content, ascending=name == "amplitude")
+        self.check_range(key, unit, **{name: numbers})
+        return unit * numbers
+
+    def check_range(self, key: str, unit: float = 1.0, **forcing: Any) -> None:
+        """Refuse frequencies ``omega``, in a unit, and amplitudes that no solver can start from."""
+        for name, numbers in forcing.items():
+            symbol, zero, least, most = RANGES[name]
+            values = np.asarray(numbers)
+            inside = (least <= unit * values) & (unit * values <= most)
+            wrong = values[~(inside | ((values == 0) & bool(zero)))]
+            if wrong.size:
+                symbol += " / 2 pi" * (unit != 1.0)
+                limit = f"{symbol} must be {zero}from {least / unit:.4g} to {most / unit:.4g}"
+                raise self.error(key, wrong[0], limit)
 
     def tie(self, key: str, text: str, names: Collection[str]) -> Tie:
         """Read a formula that gives Omega or A from named parameters."""
@@ -316,7 +299,7 @@ class Values:
     def tied(self, key: str, text: str, parameters: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return Omega or A by a formula at each value of its parameters."""
         value = self.tie(key, text, parameters).of
-        least, most, zero = RANGES["Omega" if key == "sweep.omega" else "A"]
+        _, zero, least, most = RANGES[key.removeprefix("sweep.")]
         tied = np.empty(np.shape(next(iter(parameters.values()))))
         for place in np.ndindex(tied.shape):
             at = {name: float(numbers[place]) for name, numbers in parameters.items()}
@@ -329,33 +312,21 @@ class Values:
         return tied
 
     def _range(self, key: str, table: Mapping, most: int) -> np.ndarray:
-        self.check_keys(key, table, RANGE_KEYS)
-        ends = []
-        for end in ("from", "to"):
-            if end not in table:
-                raise self.missing(f"{key}.{end}")
-            value = self.number(f"{key}.{end}", table[end])
-            if not math.isfinite(value):
-                raise self.error(f"{key}.{end}", value, "must be finite")
-            ends.append(value)
-        low, high = ends
+        self.check_table(key, table, RANGE_KEYS, ("from", "to"))
+        low, high = (
+            self.within(f"{key}.{end}", table[end], -1e300, 1e300) for end in ("from", "to")
+        )
         if not low < high:
             raise self.error(f"{key}.from", low, f"must be less than to = {high!r}")
         if ("count" in table) == ("step" in table):
             raise JobError("needs either count or step beside from and to", key, self.source)
         if "count" in table:
             count = self.whole(f"{key}.count", table["count"], 2, most)
-            if not math.isfinite(high - low):
-                raise self.error(f"{key}.to", high, "must be nearer to from")
             return _grid(low, (Fraction(repr(high)) - Fraction(repr(low))) / (count - 1), count)
         step = self.number(f"{key}.step", table["step"])
         if not (0 < step <= high - low and (high - low) / step < most):
-            raise self.error(
-                f"{key}.step",
-                step,
-                f"must be greater than 0, at most to - from = {high - low:g}, and give at most "
-                f"{most} values",
-            )
+            limit = f"above 0, at most to - from = {high - low:g}, and give at most {most} values"
+            raise self.error(f"{key}.step", step, f"must be {limit}")
         n_steps = math.floor((high - low) / step * (1 + 1e-12) + 1e-9)
         return _grid(low, Fraction(repr(step)), n_steps + 1)
 

@@ -105,12 +105,3 @@ def damping_of_restitution(
 ) -> float:
     """Return c = 2 xi sqrt(kappa m) of a contact that feels the mass m = `felt`."""
     return 2.0 * ratio_of_restitution(restitution, tension) * math.sqrt(stiffness * felt)
-
-
-def dashpots_of_floors(restitutions, stiffnesses, masses, tension) -> list[tuple[float, bool]]:
-    """Return the dashpot of each floor's stops: c, and whether it may pull."""
-    coefficients = [
-        damping_of_restitution(e, kappa, mass, tension)
-        for e, kappa, mass in zip(restitutions, stiffnesses, masses, strict=True)
-    ]
-    return [(c, tension and c > 0) for c in coefficients]

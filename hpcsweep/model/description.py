@@ -138,9 +138,8 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
         words.append(("", "Rayleigh damping " + few(structure.rayleigh_factors)))
     else:
         ratios = structure.damping_ratios[: modes_kept(structure)].tolist()
-        same = all(value == ratios[0] for value in ratios)
         if max(ratios) <= SPRINGLESS:
-            words.append(("zeta" if same else "zeta_i", _listed(ratios[:1] if same else ratios)))
+            words.append(("zeta", few([float(f"{ratio:.4g}") for ratio in ratios])))
     if structure.storey_dashpots.any():
         words.append(("", "dashpots of storeys"))
     if structure.harmonics != ONE_HARMONIC:
@@ -166,11 +165,6 @@ def few(value: float | Sequence[float]) -> str:
     finite = [x for x in numbers if math.isfinite(x)]
     ends = f"{min(finite):g} to {max(finite):g}" if min(finite) < max(finite) else f"{finite[0]:g}"
     return ends + (" or inf" if len(finite) < len(numbers) else "")
-
-
-def _listed(ratios: Sequence[float]) -> str:
-    more = ", ..." if len(ratios) > MAX_LISTED else ""
-    return ", ".join(f"{ratio:.4g}" for ratio in ratios[:MAX_LISTED]) + more
 
 
 def modes_kept(structure: Structure) -> int:

@@ -2,13 +2,12 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from hpcsweep.model.arguments import refused, wrong
-from hpcsweep.model.matrices import MAX_ROWS, Slider, is_named, shares_of, vector
+from hpcsweep.model.matrices import MAX_ROWS, is_named, shares_of, vector
 from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.reduction import (
     MORE,
@@ -189,17 +188,15 @@ class FiniteElements:
     def _influence(self, influence: Any) -> np.ndarray:
         """Return r: 1 of all coordinates, of those whose names end with a component, or numbers."""
         ends = np.array([name.rpartition(".")[2] if "." in name else "" for name in self.names])
-        if isinstance(influence, str):
-            if not np.any(ends == influence):
-                components = ", ".join(sorted(set(ends) - {""})) or "none"
-                limit = f"the end of names of coordinates after a dot (here {components})"
-                raise wrong("influence", f"must be {limit}, or numbers, is {influence!r}")
-            return (ends == influence).astype(float)
-        if influence is not None:
+        if influence is not None and not isinstance(influence, str):
             return self.row("influence", influence)
-        if len(set(ends)) > 1:
-            components = ", ".join(sorted(set(ends)))
-            raise wrong("influence", f"is missing: the direction of the base, one of {components}")
+        components = set(ends)
+        if influence in components - {""}:
+            return (ends == influence).astype(float)
+        if influence is not None or len(components) > 1:
+            here = ", ".join(sorted(components - {""})) or "none here"
+            limit = f"the direction of the base, an end of names after a dot ({here}), or numbers"
+            raise refused("influence", limit, influence)
         return np.ones(len(self.names))
 
     def structure(
@@ -247,14 +244,13 @@ class FiniteElements:
         ValueError
             If an argument is wrong; one line names it.
         """
-        hits, slides = ([_table(element) for element in listed] for listed in (contacts, sliders))
-        reduced = self.reduced(hits, slides, influence, outputs, reduce, fixed)
-        return reduced.structure(hits, slides, damping_ratio, **others)
+        reduced = self.reduced(contacts, sliders, influence, outputs, reduce, fixed)
+        return reduced.structure(contacts, sliders, damping_ratio, **others)
 
     def reduced(
         self, contacts, sliders, influence=None, outputs=(), reduce=None, fixed=(), more=False
     ) -> Reduced:
-        """Return the reduced model, from tables of contacts and sliders.
+        """Return the reduced model, from contacts and sliders, or their tables.
 
         With `more` it has all modes that the error is estimated from.
         """
@@ -309,7 +305,8 @@ class FiniteElements:
             names = [
                 self.label(rows[j]) if j >= 0 else modal_name(-1 - j, k, size) for j in x.names
             ]
-            x = x._replace(stiffness=x.stiffness - _springs(x.pushed[len(hits) :], sliders))
+            slid, springs = x.pushed[len(hits) :], np.array([s.stiffness for s in sliders])
+            x = x._replace(stiffness=x.stiffness - slid.T @ (springs[:, None] * slid))
         labels = [self.label(row) for row in hits], [self.label(row) for row in drifts]
         facts = {
             "modes": k,
@@ -322,18 +319,16 @@ class FiniteElements:
             "memory": modes.memory,
             "told": [*self._told(grounded, lonely)],
         }
+        kept = ("mass", "stiffness", "influence", "drift")
         return Reduced(
-            names,
-            x.mass.tolist(),
-            x.stiffness.tolist(),
-            x.influence.tolist(),
-            x.pushed[: len(hits)].tolist(),
-            x.pushed[len(hits) :].tolist(),
-            x.drift.tolist(),
-            labels[0] if len(set(labels[0])) == len(labels[0]) else [],
-            labels[1],
-            facts,
-            None if x.damping is None else x.damping.tolist(),
+            names=names,
+            contacts=x.pushed[: len(hits)].tolist(),
+            sliders=x.pushed[len(hits) :].tolist(),
+            contact_names=labels[0] if len(set(labels[0])) == len(labels[0]) else [],
+            drift_names=labels[1],
+            facts=facts,
+            damping=None if x.damping is None else x.damping.tolist(),
+            **{name: getattr(x, name).tolist() for name in kept},
         )
 
     def _outputs(self, outputs: Sequence[Any], used: np.ndarray) -> list[np.ndarray]:
@@ -383,15 +378,5 @@ def _array(rows: Sequence[np.ndarray], used: np.ndarray) -> np.ndarray:
     return np.array(rows, float).reshape(-1, used.size)[:, used]
 
 
-def _springs(directions: np.ndarray, sliders: Sequence[Slider]) -> np.ndarray:
-    stiffness = np.array([slider.stiffness for slider in sliders])
-    return directions.T @ (stiffness[:, None] * directions)
-
-
 def _part(matrix: Any, used: np.ndarray) -> Any:
     return matrix[used][:, used]
-
-
-def _table(element: Any) -> dict:
-    """Return the values of a contact or slider."""
-    return dict(element) if isinstance(element, Mapping) else asdict(element)

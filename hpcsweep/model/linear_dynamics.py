@@ -129,11 +129,12 @@ class LinearDynamics(System):
         if self.rayleigh is not None:
             alpha, beta = self.rayleigh_factors
             return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
-        return self._given_ratios
+        return self.given_ratios
 
     @property
-    def _given_ratios(self) -> np.ndarray:
-        return np.array(self._ratios)
+    def given_ratios(self) -> np.ndarray:
+        """Damping ratio of every mode as given, shape (n,)."""
+        return np.array(self._floors(self.damping_ratio))
 
     @property
     def rayleigh_factors(self) -> tuple[float, float]:
@@ -323,7 +324,7 @@ class LinearDynamics(System):
             damping = alpha * self.mass_matrix + beta * self.stiffness_matrix
         else:
             back = self.modal_transform.T
-            damping = back @ np.diag(2 * self._given_ratios * self.frequencies) @ back.T
+            damping = back @ np.diag(2 * self.given_ratios * self.frequencies) @ back.T
         return frozen(damping + self.storey_dashpots if self.storey_dashpots.any() else damping)
 
     def linear_steady_state(self, omega: float, order: int = 1) -> np.ndarray:

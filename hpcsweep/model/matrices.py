@@ -347,14 +347,7 @@ class Matrices:
 
 
 def read_matrices(
-    mass: Any,
-    stiffness: Any,
-    contacts: Any,
-    damping: Any,
-    forcing: Any,
-    drift: Any,
-    sliders: Any,
-    influence: Any = None,
+    mass, stiffness, contacts, damping, forcing, drift, sliders, influence
 ) -> Matrices:
     """Validate matrices; see `Structure.from_matrices`."""
     # a vector of masses stands for a diagonal matrix

@@ -1,27 +1,27 @@
 """A reduced model in plain values, as a job stores it, and its structure."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, fields, replace
+from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
-from hpcsweep.model.arguments import InputError, wrong
-from hpcsweep.model.matrices import Contact, Slider
+from hpcsweep.model.arguments import InputError, refused
+from hpcsweep.model.matrices import Contact, Slider, each
 from hpcsweep.model.reduction import Reduction
 from hpcsweep.model.structure import Structure
 
 
-def elements_of(name: str, tables: Iterable[Mapping[str, Any]]) -> list:
-    """Make each "contact", or "slider", of a table; errors name it with its place, from 0."""
+def elements_of(name: str, tables: Iterable[Any]) -> list:
+    """Make each "contact", or "slider", that is a table; errors name it with its place, from 0."""
     kind: Any = {"contact": Contact, "slider": Slider}[name]
-    defaults = {parameter.name: parameter.default for parameter in fields(kind)}
+    keys = [parameter.name for parameter in fields(kind)]
     made = []
     for k, table in enumerate(tables):
+        if isinstance(table, kind):
+            made.append(table)
+            continue
         place = f"{name}[{k}]"
-        if unknown := [key for key in table if key not in defaults]:
-            raise wrong(f"{place}.{unknown[0]}", f"is unknown, known are {', '.join(defaults)}")
-        for key, default in defaults.items():
-            if default is MISSING and key not in table:
-                raise wrong(f"{place}.{key}", "is missing")
+        if not set(keys[:3]) <= set(table) <= set(keys):
+            raise refused(place, f"of {', '.join(keys)}, the first three at least", dict(table))
         try:
             made.append(kind(**table))
         except InputError as error:
@@ -48,30 +48,28 @@ class Reduced(NamedTuple):
 
     def structure(
         self,
-        contacts: Sequence[Mapping[str, Any]],
-        sliders: Sequence[Mapping[str, Any]],
+        contacts: Sequence[Any],
+        sliders: Sequence[Any],
         damping_ratio: Any = None,
         origin: str = "",
         **others: Any,
     ) -> Structure:
-        """Return the structure, from tables of its contacts and sliders."""
+        """Return the structure, from its contacts and sliders, or their tables."""
         if hasattr(damping_ratio, "__len__"):
-            n, ratios = self.facts["modes"], tuple(damping_ratio)
-            if len(ratios) != n:
-                limit = f"one number or one per mode: {n} are needed, {len(ratios)} are given"
-                raise wrong("damping_ratio", f"must be {limit}")
+            n = self.facts["modes"]
+            ratios = each("damping_ratio", damping_ratio, n, "mode")
             damping_ratio = ratios + ratios[-1:] * (len(self.names) - n)
         is_given = damping_ratio is not None or others.get("rayleigh") is not None
 
-        def elements(name: str, tables: Sequence[Mapping[str, Any]], rows: list) -> list:
-            pairs = zip(tables, rows, strict=True)
-            return elements_of(name, [{**table, "direction": row} for table, row in pairs])
-
+        hits = elements_of("contact", contacts)
+        slides = elements_of("slider", sliders)
         made = Structure.from_matrices(
             self.mass,
             self.stiffness,
-            elements("contact", contacts, self.contacts),
-            sliders=elements("slider", sliders, self.sliders),
+            [replace(hit, direction=row) for hit, row in zip(hits, self.contacts, strict=True)],
+            sliders=[
+                replace(s, direction=row) for s, row in zip(slides, self.sliders, strict=True)
+            ],
             damping_ratio=damping_ratio,
             damping=None if is_given else self.damping,
             influence=self.influence,

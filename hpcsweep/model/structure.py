@@ -11,8 +11,7 @@ Rigid Stop".
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, fields, replace
-from numbers import Real
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from hpcsweep.model.arguments import (
     instance,
     items,
     number,
-    plain,
     refused,
     wrong,
 )
@@ -51,13 +49,15 @@ ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
 ANY = "a number", -math.inf, math.inf
 YIELDS = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
 LIMITS = {
-    **dict.fromkeys(("stiffness_ratio", "storey_damping"), AT_LEAST_0),
+    **dict.fromkeys(("damping_ratio", "stiffness_ratio", "storey_damping"), AT_LEAST_0),
     **dict.fromkeys(("mass", "storey_stiffness", "weight", "storey_height"), ABOVE_0),
     **dict.fromkeys(("gap", "gap_left", "restitution"), ANY),
     **dict.fromkeys(("yield_force", "yield_drift"), YIELDS),
     "hardening": ("from -0.1 to below 1", -0.1, math.nextafter(1.0, 0.0)),
 }
 """Words, least and most of the parameters with one value or one per floor."""
+NOT_OF_FLOORS = {"damping_ratio": "mode", "yield_force": "storey", "yield_drift": "storey"}
+"""What such a parameter has a value for, besides."""
 COLLAPSE = "above 0 (inf: none)", math.ulp(0.0), math.inf
 
 
@@ -150,13 +150,10 @@ class Structure(MeasuredDynamics):
         self._set(
             "sharpness", number("sharpness", self.sharpness, "at least 0 (inf is allowed)", 0.0)
         )
-        self._set("_ratios", self._validated_damping())
-        if not isinstance(self.damping_ratio, Real):
-            self._set("damping_ratio", self._ratios)
         for name, limits in LIMITS.items():
             value = getattr(self, name)
             if value is not None or getattr(type(self), name) is not None:
-                what = "storey" if limits is YIELDS else "floor"
+                what = NOT_OF_FLOORS.get(name, "floor")
                 self._set(name, one_or_each(name, value, n, what, limits))
         for name in ("gap", "gap_left"):
             if -math.inf in self._floors(getattr(self, name)):
@@ -300,38 +297,11 @@ class Structure(MeasuredDynamics):
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
-    def _validated_damping(self) -> tuple[float, ...]:
-        ratio: Any = plain(self.damping_ratio)
-        listed = [ratio] * self.n_floors if isinstance(ratio, Real) else ratio
-        if isinstance(listed, str | bytes) or not isinstance(listed, Sequence | np.ndarray):
-            raise refused("damping_ratio", "a number or one per mode", ratio)
-        if len(listed) != self.n_floors:
-            limit = (
-                f"one number or one per mode: {self.n_floors} are needed, {len(listed)} are given"
-            )
-            raise wrong("damping_ratio", f"must be {limit}")
-        return tuple(number("damping_ratio", value, *AT_LEAST_0) for value in listed)
-
     def __repr__(self) -> str:
-        """Show the differences from the paper's building, and the sizes of matrices."""
-        hidden = {f.name for f in fields(self) if not (f.init and f.repr)} | {"n_floors"}
-        shown = [f"n_floors={self.n_floors}"]
-        if self.matrices is not None:
-            shown.append(f"matrices, {len(self.matrices.contacts)} contacts")
-            shown += [f"{len(self.sliders)} sliders"] if self.sliders else []
-            hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
-            if self.matrices.damping is not None:
-                low, high = self.damping_ratios.min(), self.damping_ratios.max()
-                shown.append(f"damping matrix, ratios {low:.3g} to {high:.3g}")
-                hidden.add("damping_ratio")
-        if self.rayleigh is not None:
-            hidden.add("damping_ratio")
-        shown += [
-            f"{f.name}={value!r}"
-            for f in fields(self)
-            if f.name not in hidden and (value := getattr(self, f.name)) != f.default
-        ]
-        return f"Structure({', '.join(shown)})"
+        """Show the parameters, by their symbols."""
+        from hpcsweep.model.description import one_line  # which describes structures
+
+        return f"Structure({one_line(self)})"
 
     def named(self, *names: Sequence[Any]) -> "Structure":
         """Return the same structure with the fields of `Names`, in order."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.dashpot import dashpots_of_floors
+from hpcsweep.model.dashpot import damping_of_restitution
 from hpcsweep.model.forcing import ONE_HARMONIC
 from hpcsweep.model.matrices import Contact, Matrices, Slider
 from hpcsweep.model.rayleigh import Rayleigh
@@ -48,7 +48,6 @@ class System:
     stiffness_ratio: PerFloor | Sequence[float] = 1000.0
     sharpness: float = 1e4
     damping_ratio: float | Sequence[float] = 0.05
-    _ratios: tuple[float, ...] = field(init=False, repr=False, compare=True, default=())
     mass: PerFloor | Sequence[float] | None = None
     storey_stiffness: PerFloor | Sequence[float] | None = None
     gap: PerFloor | Sequence[float] = 1.0
@@ -74,7 +73,7 @@ class System:
     unreached: tuple[int, ...] = field(default=(), repr=False)
 
     def _floors(self, value: Any) -> tuple[float, ...]:
-        """Return a value for each floor; 1 where there is none."""
+        """Return a value for each floor, storey or mode; 1 where there is none."""
         if value is None:
             return (1.0,) * self.n_floors
         return value if isinstance(value, tuple) else (value,) * self.n_floors
@@ -163,14 +162,15 @@ class System:
             return dict(enumerate(self.matrices.contacts, 1))
         n, storeys = self.n_floors, self._floors(self.storey_stiffness)
         kappa = np.multiply(self._floors(self.stiffness_ratio), storeys).tolist()
-        stops = self._floors(self.restitution), kappa, self._floors(self.mass), self.tension
-        dashpots = dashpots_of_floors(*stops)
+        stops = self._floors(self.restitution), kappa, self._floors(self.mass)
+        damping = [damping_of_restitution(*stop, self.tension) for stop in zip(*stops, strict=True)]
         contacts = {}
         for k, gap in enumerate((*self._floors(self.gap), *self._floors(self.gap_left))):
             if gap < math.inf:
                 sign, floor = (1.0, k) if k < n else (-1.0, k - n)
                 direction = tuple(sign if i == floor else 0.0 for i in range(n))
-                contacts[k + 1] = Contact(direction, gap, kappa[floor], *dashpots[floor])
+                c = damping[floor]
+                contacts[k + 1] = Contact(direction, gap, kappa[floor], c, self.tension and c > 0)
         return contacts
 
     @cached_property

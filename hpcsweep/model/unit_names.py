@@ -7,21 +7,22 @@ of the user, who may name them.
 
 from typing import NamedTuple
 
-GAPS = {
-    "length": "gaps",
-    "velocity": "gaps omega_0",
-    "acceleration": "gaps omega_0^2",
-    "frequency": "omega_0",
-    "rate": "omega_0",
-    "time": "1/omega_0",
-    "force": "k gaps",
-    "impulse": "k gaps/omega_0",
-    "energy": "k gaps^2",
-    "mass": "masses",
-    "stiffness": "k",
-    "damping": "k/omega_0",
+QUANTITIES = {
+    "length": ("gaps", "{length}"),
+    "velocity": ("gaps omega_0", "{length}/{time}"),
+    "acceleration": ("gaps omega_0^2", "{length}/{time}^2"),
+    "frequency": ("omega_0", "rad/{time}"),
+    "rate": ("omega_0", "1/{time}"),
+    "time": ("1/omega_0", "{time}"),
+    "force": ("k gaps", "{force}"),
+    "impulse": ("k gaps/omega_0", "{force} {time}"),
+    "energy": ("k gaps^2", "{force} {length}"),
+    "mass": ("masses", "{mass}"),
+    "stiffness": ("k", "{stiffness}"),
+    "damping": ("k/omega_0", "{damping}"),
 }
-"""Units of the paper's building."""
+"""Units of the paper's building, and of any other one by the names of its own."""
+GAPS = {quantity: unit for quantity, (unit, _) in QUANTITIES.items()}
 NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
 """Names of forces, by length, mass and time."""
 
@@ -47,23 +48,15 @@ class UnitNames(NamedTuple):
     def of(self, quantity: str) -> str:
         """Return the unit of a quantity, in the user's units."""
         length, mass, time = self.length or "length", self.mass or "mass", self.time or "time"
+        if quantity == "cycles":
+            return "Hz" if time == "s" else f"1/{time}"
         newton = NEWTONS.get((length, mass, time))
-        force = newton or f"{mass} {length}/{time}^2"
-        return {
-            "length": length,
-            "velocity": f"{length}/{time}",
-            "acceleration": f"{length}/{time}^2",
-            "frequency": f"rad/{time}",
-            "cycles": "Hz" if time == "s" else f"1/{time}",
-            "rate": f"1/{time}",
-            "time": time,
-            "force": force,
-            "impulse": f"{force} {time}",
-            "energy": f"{force} {length}",
-            "mass": mass,
+        names = {
+            "force": newton or f"{mass} {length}/{time}^2",
             "stiffness": f"{newton}/{length}" if newton else f"{mass}/{time}^2",
             "damping": f"{newton} {time}/{length}" if newton else f"{mass}/{time}",
-        }[quantity]
+        }
+        return QUANTITIES[quantity][1].format(length=length, mass=mass, time=time, **names)
 
 
 def unit_of(structure, quantity: str) -> str:

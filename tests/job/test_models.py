@@ -270,7 +270,7 @@ WRONG = [
     ('"beam.npz"', "3", "structure.model.file = 3: must be names of files"),
     ('file = "beam.npz"\n', "", "structure.model.file is missing"),
     ('influence = "UY"', 'influense = "UY"', "did you mean 'influence'?"),
-    ('influence = "UY"', 'influence = "UX"', "structure.model.influence must be the end of names"),
+    ('influence = "UY"', 'influence = "UX"', "structure.model.influence must be the direction"),
     ('["15.UY"]', '["99.UY"]', "structure.model.outputs must be one of the 60 coordinates"),
     ('["15.UY"]', '"15.UY"', "structure.model.outputs = '15.UY': must be a list"),
     ("modes = 6", "modes = 99", "structure.model.reduce.modes must be a whole number from 1 to 60"),

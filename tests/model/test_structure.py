@@ -112,8 +112,8 @@ def test_matrices_cannot_be_changed():
         ("sharpness", None, "sharpness must be a number, is None"),
         ("damping_ratio", -0.1, "damping_ratio must be finite and at least 0, is -0.1"),
         ("damping_ratio", math.inf, "damping_ratio must be finite and at least 0, is inf"),
-        ("damping_ratio", "no", "damping_ratio must be a number or one per mode, is 'no'"),
-        ("damping_ratio", [0.1, 0.1], "one per mode: 3 are needed, 2 are given"),
+        ("damping_ratio", "no", "damping_ratio must be a number, is 'no'"),
+        ("damping_ratio", [0.1, 0.1], "must have 3 numbers, one per mode, has 2"),
         ("damping_ratio", [0.1, 0.1, -1], "damping_ratio must be finite and at least 0, is -1.0"),
         ("damping_ratio", [0.1, 0.1, "x"], "damping_ratio must be a number, is 'x'"),
     ],
@@ -154,7 +154,7 @@ def test_the_kernels_know_the_structure_and_cannot_change_it():
     assert model.contacts.solo.tolist() == [0, 1, 2]
     assert model.contacts.others.size == 0
     assert model.layer == layer_half_width(500.0, 2e3) == structure.layer_half_width
-    for field in (*model, *model.contacts, *model.energy):
+    for field in (*model, *model.contacts, *model.eigen):
         if isinstance(field, np.ndarray):
             assert field.flags.c_contiguous
             assert not np.shares_memory(field, structure.stiffness_matrix)

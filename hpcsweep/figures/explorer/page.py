@@ -38,7 +38,7 @@ SCRIPTS = {
     ),
 }
 """Parts of the program of each kind of page, in their order."""
-GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ", "zeta_i": "ζ"}
+GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ"}
 
 
 def build_page(study: PageData) -> tuple[str, dict[str, int]]:

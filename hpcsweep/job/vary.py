@@ -173,9 +173,8 @@ def parts_of(
     if n_parts > MAX_PARTS:
         raise JobError(f"{values.source}: vary: gives {n_parts} parts, the most are {MAX_PARTS}")
     keys = [column.key for column in columns_of(axes)]
-    for key in keys:
-        if keys.count(key) > 1:
-            raise JobError(f"{values.source}: vary.{key}: is in vary.{ROWS}, too")
+    if twice := [key for key in keys if keys.count(key) > 1]:
+        raise JobError(f"{values.source}: vary.{twice[0]}: is in vary.{ROWS}, too")
     return Parts(values.source, rest, axes, read, file)
 
 
@@ -276,8 +275,7 @@ def read_followed(
     if not isinstance(key, str) or not key.startswith(("structure.", "pounding.", "building[")):
         limit = f"must be {', '.join(FORCING)} or a key of structure, pounding or building[0]"
         raise values.error("sweep.along", key, limit)
-    content = values.table("vary").get(key)
-    if content is None:
+    if (content := values.table("vary").get(key)) is None:
         limit = f'needs its values: [vary] "{key}" = {{from = ..., to = ..., count = ...}}'
         raise values.error("sweep.along", key, limit)
     steps = values.numbers(f"vary.{key}", content, ascending=True, most=MAX_PARTS)
@@ -368,13 +366,12 @@ def _axis(values: Values, key: str, content: object, together: bool = False) -> 
         if f"{key}.".startswith(beginning):
             raise values.error(f"vary.{key}", content, limit)
     if not (table in TABLES or is_building) or not name or "." in name:
-        limit = f"must be a key of {', '.join(TABLES)} or building[0], such as structure.gap"
-        raise JobError(f"{values.source}: vary: {key!r}: {limit}")
+        limit = f"{key!r}: must be a key of {', '.join(TABLES)} or building[0], as structure.gap"
+        raise JobError(f"{values.source}: vary: {limit}")
     listed, labels = _listed(values, key, content, together)
     if len(set(labels)) < len(labels) and not together:
         raise values.error(f"vary.{key}", content, "must not hold a value twice")
-    quantities = UNITS if table in STRUCTURAL or is_building else {}
-    units = quantities.get(bare(key), "1")
+    units = UNITS.get(bare(key), "1") if table in STRUCTURAL or is_building else "1"
     return Axis(name, key, labels, units, listed)
 
 

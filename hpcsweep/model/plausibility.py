@@ -1,7 +1,8 @@
 """Is this building plausible? Bounds beyond which a number is likely to be in another unit.
 
-Nothing here is refused: a warning tells the value and the bounds. A mass or a stiffness that is
-mistaken by the factor c changes periods by sqrt(c).
+Nothing here is refused: a warning tells the value, the bounds, and with which unit it would lie
+within them, if there is one. A mass or a stiffness that is mistaken by the factor c changes periods
+by sqrt(c).
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,16 +18,37 @@ PERIOD = 0.02, 0.5
 """Longest period of a building on a fixed base over its number of storeys, in seconds."""
 OSCILLATOR = 8
 """Storeys of the building that one of a single storey may stand for, as oscillators do."""
-ISOLATED = 12.0
-"""Most of the longest period while bearings slide, in seconds."""
+ISOLATED = 0.5, 12.0
+"""Longest period while bearings slide, in seconds; only the upper bound is warned of."""
 YIELDS = 0.05, 5.0
 """Drift at which a storey yields, in percent of its height."""
 HEIGHTS = 10.0
 """Largest storey height over the smallest."""
+ROOT = 1e3**0.5
+Mistakes = tuple[tuple[float, str], ...]
+IN_KILOGRAMS: Mistakes = (
+    *((ROOT, "masses are in t"), (1.0 / ROOT, "stiffnesses are in kN/m")),
+    (1e-3, "stiffnesses are in kN/mm, or periods in ms"),
+)
+IN_TONNES: Mistakes = (ROOT, "stiffnesses are in N/m"), (1.0 / ROOT, "masses are in kg")
+OF_PERIODS = {"": IN_KILOGRAMS, "kg": IN_KILOGRAMS, "t": IN_TONNES}
+"""What a period is multiplied by, and why, by the unit of mass of the job."""
+OF_RADII = (1.0 / ROOT, "the radius is in mm, or the stiffness in kN/m"), (0.1, "it is in cm")
+IN_METRES: Mistakes = (
+    *((1e-3, "yield drifts are in mm"), (1e-2, "yield drifts are in cm")),
+    (1e3, "yield forces are in kN"),
+)
+OF_DRIFTS = {"": IN_METRES, "m": IN_METRES, "mm": ((1e3, "yield drifts are in m"),)}
+"""Likewise of yield drifts, by the unit of length."""
+RATIOS: Mistakes = (0.01, "it is a percentage of the height"), (1.0, "it is a share of it")
+"""What a share is multiplied by beside the height, and why."""
 GAPS = 3e-3, 100.0
 """Distance of two floors, or of a floor and a stop, in percent of the height of a storey."""
+GAPS_IN_METRES: Mistakes = (1e-3, "gaps are in mm"), (1e-2, "gaps are in cm")
+OF_GAPS = {"": GAPS_IN_METRES, "m": GAPS_IN_METRES, "mm": ((1e3, "gaps are in m"),)}
 STOREY = {"m": 3.0, "mm": 3e3}
 """Height of a storey, by the unit of length, where it is not known."""
+OF_HEIGHTS = (1e3, "mm"), (1e2, "cm")
 
 
 def implausible(structure: Structure, second: float | Fraction | None) -> Iterator[str]:
@@ -55,11 +77,13 @@ def heights_apart(heights: Sequence[float] | np.ndarray) -> str:
     low, high = min(heights, default=1.0), max(heights, default=1.0)
     if high <= HEIGHTS * low:
         return ""
-    return f"storey heights of {low:g} and {high:g} are given together: in one unit?"
+    units = (f": {name} beside m?" for size, name in OF_HEIGHTS if high > size * low / HEIGHTS)
+    return f"storey heights of {low:g} and {high:g} are given together{next(units, '')}"
 
 
 def _periods(structure: Structure, second: float) -> Iterator[str]:
     """Judge the period of each building on a fixed base, and that of bearings that slide."""
+    mistakes = OF_PERIODS.get(structure.unit_names.mass, ())
     fixed = np.array([not name.endswith(SLAB) for name in structure.floor_names])
     for number, name in enumerate(structure.building_names):
         floors = (structure.buildings == number) & fixed
@@ -77,11 +101,12 @@ def _periods(structure: Structure, second: float) -> Iterator[str]:
             building = "the building" if name == "building" else f"building {name}"
             yield (
                 f"{building} has a period of {period:.3g} s on a fixed base, {n} storeys have "
-                f"{low:g} to {high:g} s: are masses and stiffnesses in one system of units?"
+                f"{low:g} to {high:g} s" + _were(period, low, high, mistakes, " s")
             )
     sliding = (isolated_period(structure) or 0.0) * second
-    if sliding > ISOLATED:
-        yield f"bearings that slide have a period of {sliding:.3g} s, above {ISOLATED:g} s"
+    if sliding > ISOLATED[1]:
+        text = f"bearings that slide have a period of {sliding:.3g} s, above {ISOLATED[1]:g} s"
+        yield text + _were(sliding, *ISOLATED, OF_RADII, " s")
 
 
 def _yield_drifts(structure: Structure) -> Iterator[str]:
@@ -90,7 +115,9 @@ def _yield_drifts(structure: Structure) -> Iterator[str]:
     rows = map(tuple, structure.drift_rows.tolist())
     storeys = zip(structure.storey_names, rows, structure.names.storey_heights, strict=False)
     drifts = [(name, limits[row], height) for name, row, height in storeys if row in limits]
-    yield from _shares(drifts, "storey {} yields at a drift of {:.4g}, {:.3g} % of its", YIELDS)
+    mistakes = OF_DRIFTS.get(structure.unit_names.length, ())
+    words = "storey {} yields at a drift of {:.4g}, {} of its"
+    yield from _shares(drifts, words, YIELDS, mistakes, RATIOS)
 
 
 def _gaps(structure: Structure) -> Iterator[str]:
@@ -100,16 +127,35 @@ def _gaps(structure: Structure) -> Iterator[str]:
     stops = zip(structure.contact_numbers, structure.contacts, strict=True)
     names = structure.contact_names
     gaps = [(names[k], abs(stop.gap), height) for k, stop in stops if stop.gap and height]
-    yield from _shares(gaps, "contact {} has a gap of {:.4g}, {:.3g} % of the storey", GAPS)
+    mistakes = OF_GAPS.get(length, ())
+    yield from _shares(gaps, "contact {} has a gap of {:.4g}, {} of the storey", GAPS, mistakes)
 
 
 def _shares(
-    lengths: Sequence[tuple[str, float, float]], words: str, bounds: tuple[float, float]
+    lengths: Sequence[tuple[str, float, float]],
+    words: str,
+    bounds: tuple[float, float],
+    mistakes: Mistakes,
+    of_height: Mistakes = (),
 ) -> Iterator[str]:
     """Yield one line for all lengths (name, length, height) that are implausible."""
     outside = [each for each in lengths if not bounds[0] <= 100.0 * each[1] / each[2] <= bounds[1]]
-    if outside:
-        name, length, height = outside[0]
-        more = f" and {len(outside) - 1} more" * (len(outside) > 1)
-        what = words.format(name + more, length, 100.0 * length / height)
-        yield f"{what} height {height:g}, outside {bounds[0]:g} to {bounds[1]:g} %: in which unit?"
+    if not outside:
+        return
+    name, length, height = outside[0]
+    share, more = 100.0 * length / height, f" and {len(outside) - 1} more" * (len(outside) > 1)
+    mistakes = (*mistakes, *((height * factor, text) for factor, text in of_height))
+    yield (
+        f"{words.format(name + more, length, f'{share:.3g} %')} height {height:g}, outside "
+        f"{bounds[0]:g} to {bounds[1]:g} %{_were(share, *bounds, mistakes, ' %')}"
+    )
+
+
+def _were(value: float, low: float, high: float, mistakes: Mistakes, unit: str) -> str:
+    """Write which mistakes would bring a value within its bounds."""
+    explanations = [
+        f"{factor * value:.3g}{unit} if {words}"
+        for factor, words in mistakes
+        if low <= factor * value <= high
+    ]
+    return "".join(f": {text}" if not k else f", {text}" for k, text in enumerate(explanations))

@@ -731,6 +731,8 @@ synthetic = {count = 2, seed = 3, dt = 0.02, duration = 10.0}
 scale = {by = "pga", values = [1.0]}
 """
 PID = [f"1-PID-{k}-1" for k in (1, 2, 3)]
+OWN = 2 * np.pi / np.sqrt(1200.0) / 0.4450418679
+"""Period of three equal storeys, k / m = 1,200."""
 BEARINGS = """[building.isolation]
 slab_mass = 2.5e5
 friction = 0.05
@@ -754,20 +756,26 @@ BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
         ({}, []),
         (
             {"2.5e5": "250.0"},
-            ["a period of 0.0129 s on a fixed base, 3 storeys have 0.06 to 1.5 s: are masses"],
+            [f"0.0129 s on a fixed base, 3 storeys .*: {OWN:.3g} s if masses are in t"],
         ),
-        ({"3e8": "3e5"}, ["the building has a period of 12.9 s .* 1.5 s: are masses"]),
+        ({"3e8": "3e5"}, [f"a period of 12.9 s .* 1.5 s: {OWN:.3g} s if stiffnesses are in kN/m$"]),
+        ({"3e8": "300.0"}, [f"a period of 408 s .*: {OWN:.3g} s if stiffnesses are in kN/mm, or"]),
+        (
+            {"3e8": "3e5", "[records]": '[units]\nmass = "t"\n[records]'},
+            [f"the building has a period of 12.9 s .*: {OWN:.3g} s if masses are in kg$"],
+        ),
         (
             {"3.2": "3.2\nyield_drift = 0.5"},
             [
                 "storey 1 and 2 more yields at a drift of 0.5, 15.6 % of its height 3.2, outside "
-                "0.05 to 5 %: in which unit"
+                "0.05 to 5 %: 0.156 % if yield drifts are in cm, 0.5 % if it is a percentage"
             ],
         ),
-        ({"3.2": "3.2\nyield_drift = 16.0"}, ["500 % .* 0.05 to 5 %: in which unit"]),
-        ({"3.2": "3.2\nyield_force = 4.8e3"}, ["0.0005 % .* 0.05 to 5 %: in which unit"]),
+        ({"3.2": "3.2\nyield_drift = 16.0"}, ["500 % .*: 0.5 % if yield drifts are in mm, 5 % if"]),
+        ({"3.2": "3.2\nyield_force = 4.8e3"}, ["0.0005 % .*: 0.5 % if yield forces are in kN"]),
         ({"3.2": "3.2\nyield_drift = 0.016"}, []),
-        ({"3.2": "[3.2, 3.2, 3200.0]"}, ["storey heights of 3.2 and 3200 are given together"]),
+        ({"3.2": "[3.2, 3.2, 3200.0]"}, ["storey heights of 3.2 and 3200 are .*: mm beside m?"]),
+        ({"3.2": "[3.2, 320.0, 3.2]"}, ["storey heights of 3.2 and 320 are .*: cm beside m?"]),
         (
             BY_PERIOD | {"[records]": BEARINGS.format(2.24)},
             [r"by Sa at T1 = 0\.\d+, the period of stuck .* is 3.022: .*period = 3.022?"],
@@ -778,20 +786,20 @@ BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
         ),
         (
             {"[records]": BEARINGS.format(2240.0)},
-            ["bearings that slide have a period of 95 s, above 12 s$"],
+            ["bearings that slide have a period of 95 s, above 12 s: 3 s if the radius is in mm"],
         ),
         (
             {"[records]": BESIDE.format(20)},
             [
                 "contact A1-B1 has a gap of 20, 625 % of the storey height 3.2, outside 0.003 to "
-                "100 %: in which unit"
+                "100 %: 0.625 % if gaps are in mm, 6.25 % if gaps are in cm$"
             ],
         ),
         ({"[records]": BESIDE.format(0.02)}, []),
         ({"[records]": BESIDE.format(0.0)}, []),
     ],
 )
-def test_numbers_that_look_as_if_in_another_unit_are_told(new, said):
+def test_units_that_are_mistaken_are_told_with_the_one_that_would_be_right(new, said):
     text = FRAME
     for old, own in new.items():
         text = text.replace(old, own)
@@ -805,7 +813,7 @@ def test_numbers_that_look_as_if_in_another_unit_are_told(new, said):
 
 def test_heights_in_two_units_are_told_in_place_of_a_column():
     with pytest.raises(
-        JobError, match=r"faces a column of A: storey heights of 3.2 and 3200 are given"
+        JobError, match=r"faces a column of A: storey heights of 3.2 and 3200 .* mm"
     ):
         parse_job(RECORDS.replace("height = 3.2", "height = 3200.0", 1), "job", "job")
 

@@ -70,7 +70,7 @@ def test_a_part_is_chosen_by_the_values_of_its_keys(tmp_path):
     frames.close()
     for at, words in (
         ({"gap": 0.7}, "gap = 0.7: must be one of 0.5, 1, 1.5"),
-        ({"gap": "wide"}, "gap = wide: must be one of 0.5, 1.0, 1.5"),
+        ({"gap": "wide"}, "gap = wide: must be one of 0.5, 1, 1.5"),
         ({"mass": 1.0}, "mass = 1.0: it varies stiffness_ratio, gap"),
     ):
         with pytest.raises(StoreError, match=words):

@@ -200,6 +200,14 @@ def _rows(lines: Lines) -> np.ndarray:
     matrix = entries.reshape(len(lines), -1)
     check_size(*matrix.shape)
     n, width = matrix.shape
-    if width in LISTED and n not in (1, width):
+    if width in LISTED and n > 1 and (n != width or _are_entries(matrix)):
         raise ValueError(f"looks like a list of entries ({LISTED[width]}), {INSTEAD}")
     return matrix
+
+
+def _are_entries(matrix: np.ndarray) -> bool:
+    """Return whether rows of a square that no stored triangle is begin with whole numbers alone."""
+    places, stored = matrix[:, :-1], (matrix.T, np.tril(matrix), np.triu(matrix))
+    if any(np.array_equal(matrix, each) for each in stored):
+        return False
+    return bool(np.all((places >= 0) & (places == np.floor(places))))

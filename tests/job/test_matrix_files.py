@@ -86,6 +86,7 @@ WRONG = [
     ("K.mtx", market("array real symmetric", "2 2\n1\n2\n"), "must have 3 entries, as line 2 says"),
     ("K.mtx", "1,1, 1,1, 2.0\n2,1, 1,1, -1.0\n2,1, 2,1, 1.0\n", "entry, of Abaqus"),
     ("K.txt", "1 1 3\n2 1 -1\n2 2 1\n3 3 1\n", "looks like a list of entries .* MatrixMarket"),
+    ("K.txt", "1 1 2000.5\n2 1 -1000.25\n2 2 1000.75\n", "a list of entries .* MatrixMarket"),
     ("K.rb", "Title\n 4 1 1 2\nRUA  2 2 4 0\n(40I2)\n 1 3 5\n", "is Harwell-Boeing, which is not"),
     ("K.pch", "DMIG    KAAX           0       6\n", "is DMIG of Nastran, which is not read"),
     ("K.csv", "u1,u2\n3000,-1000\n-1000,1000\n", "line 1 has 'u1'"),

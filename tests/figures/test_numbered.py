@@ -1,4 +1,4 @@
-"""Numbers of special points: near ones share a label, which lies within the panel."""
+"""Numbers of special points: near ones share a label, which keeps clear of lines."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ def test_near_points_share_a_label_with_their_numbers():
     assert groups == [[0, 1, 3], [2, 4]]
 
 
-def test_labels_lie_within_the_panel():
+def test_labels_keep_clear_of_lines_and_within_the_panel():
     figure, axes = style.new_grid(1, 1, (4.0, 3.0))
     axis = axes[0, 0]
     axis.plot([0.0, 1.0], [0.0, 1.0])
@@ -28,6 +28,8 @@ def test_labels_lie_within_the_panel():
         corners = axis.transData.inverted().transform(box.corners())
         assert corners.min() >= -0.005
         assert corners.max() <= 1.005
+        below = corners[:, 1] < corners[:, 0]
+        assert below.all() or not below.any()
 
 
 def test_the_list_widens_the_figure_by_its_columns():

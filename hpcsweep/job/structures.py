@@ -16,6 +16,7 @@ import numpy as np
 
 from hpcsweep.job.forcing import read_forcing
 from hpcsweep.job.job import JobError
+from hpcsweep.job.keys import UNITS, bare
 from hpcsweep.job.values import Values
 from hpcsweep.model.arguments import InputError
 from hpcsweep.model.buildings import Building, Column, adjacent
@@ -44,7 +45,11 @@ MODEL = ("file", "names", "influence", "fixed", "outputs", "reduce", "damping_ra
 """Of the table of a model; `hpcsweep.job.models` writes `found` besides."""
 MAX_STIFFNESS = 1e12
 MAX_DAMPING = 1e6
+MAX_SHARPNESS = 1e300
+"""Where it is finite."""
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
+SIZED = ("samples", "direction", "amplitude", "friction")
+"""Keys whose values, where they are not 0, are of such a size, besides those with a unit."""
 OF_ANY_SIZE = re.compile(r"structure\.matrices\.damping|building\[\d+\]\.period")
 """Keys with limits of their own."""
 
@@ -284,8 +289,11 @@ def _check_sizes(values: Values) -> None:
     """Refuse values that no structure can be made of."""
     for name in ("structure", "forcing", "building", "pounding"):
         for key, value in _numbers(name, values.top(name, {})):
-            is_size = 0 < abs(value) < math.inf and not OF_ANY_SIZE.fullmatch(key)
-            if is_size and not MIN_SIZE <= abs(value) <= MAX_SIZE:
+            last = bare(key)
+            is_size = last in SIZED or UNITS.get(last, "1") != "1"
+            if not is_size or OF_ANY_SIZE.fullmatch(key) or not 0 < abs(value) < math.inf:
+                continue
+            if not MIN_SIZE <= abs(value) <= MAX_SIZE:
                 limit = f"must be 0 or of a size from {MIN_SIZE:g} to {MAX_SIZE:g}"
                 raise values.error(key, value, limit)
 
@@ -293,14 +301,16 @@ def _check_sizes(values: Values) -> None:
 def _check_limits(values: Values, structure: Structure) -> None:
     """Refuse values that no solver can start from."""
     ratio: Any = structure.stiffness_ratio
+    sharpness = "structure.sharpness"
     if values.top("building", None) is not None:
-        damping = "building.damping_ratio or rayleigh"
+        damping, sharpness = "building.damping_ratio or rayleigh", "pounding.sharpness"
     else:
         of_matrix = structure.matrices is not None and structure.matrices.damping is not None
         by = "damping_ratio" if structure.rayleigh is None else "rayleigh"
         damping = "structure.matrices.damping" if of_matrix else f"structure.{by}"
     for key, value, largest in (
         ("structure.stiffness_ratio", float(np.max(ratio)), MAX_STIFFNESS),
+        (sharpness, structure.sharpness, MAX_SHARPNESS),
         (damping, float(structure.damping_ratios.max()), MAX_DAMPING),
     ):
         if largest < value < math.inf:

@@ -11,7 +11,7 @@ Rigid Stop".
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -298,10 +298,25 @@ class Structure(MeasuredDynamics):
         object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
-        """Show the parameters, by their symbols."""
-        from hpcsweep.model.description import one_line  # which describes structures
-
-        return f"Structure({one_line(self)})"
+        """Show the differences from the paper's building, and the sizes of matrices."""
+        hidden = {f.name for f in fields(self) if not (f.init and f.repr)} | {"n_floors"}
+        shown = [f"n_floors={self.n_floors}"]
+        if self.matrices is not None:
+            shown.append(f"matrices, {len(self.matrices.contacts)} contacts")
+            shown += [f"{len(self.sliders)} sliders"] if self.sliders else []
+            hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
+            if self.matrices.damping is not None:
+                low, high = self.damping_ratios.min(), self.damping_ratios.max()
+                shown.append(f"damping matrix, ratios {low:.3g} to {high:.3g}")
+                hidden.add("damping_ratio")
+        if self.rayleigh is not None:
+            hidden.add("damping_ratio")
+        shown += [
+            f"{f.name}={value!r}"
+            for f in fields(self)
+            if f.name not in hidden and (value := getattr(self, f.name)) != f.default
+        ]
+        return f"Structure({', '.join(shown)})"
 
     def named(self, *names: Sequence[Any]) -> "Structure":
         """Return the same structure with the fields of `Names`, in order."""

@@ -15,6 +15,8 @@ import fcntl
 import json
 import os
 import socket
+import struct
+import sys
 import time
 from pathlib import Path
 
@@ -25,6 +27,8 @@ from hpcsweep.store.rows import open_above
 ORPHAN_WAIT = 20.0
 """Seconds to wait for orphaned ranks of a killed campaign to end."""
 UNSUPPORTED = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
+FLOCK = "hhqqi"
+"""Linux's struct flock on 64 bits: type, whence, start, length, process."""
 MASTER_BYTE, RANKS_BYTE = 0, 1
 CLOSED = -1
 """Stands for a missing descriptor."""
@@ -84,14 +88,28 @@ class Lock:
         """Wait until no rank of the previous campaign holds its lock."""
         while not self._by_existence and not self._take(RANKS_BYTE, True):
             if time.monotonic() > deadline:
+                process = self._process_holding(RANKS_BYTE)
                 self._forget()
                 raise StoreError(
                     f"{self._results}: ranks of a killed campaign are still writing to it "
-                    f"({campaign}); end them and run again"
+                    f"({f'process {process}, of the campaign of ' if process else ''}{campaign}); "
+                    "end them and run again"
                 )
             time.sleep(0.05)
         if not self._by_existence:
             fcntl.lockf(self._descriptor, fcntl.LOCK_UN, 1, RANKS_BYTE)
+
+    def _process_holding(self, byte: int) -> int:
+        """Return the process on this node that holds the lock of a byte, 0 if unknown."""
+        if sys.platform != "linux" or struct.calcsize("l") != 8:
+            return 0
+        question = struct.pack(FLOCK, fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)
+        try:
+            answer = fcntl.fcntl(self._descriptor, fcntl.F_GETLK, question)
+        except OSError:
+            return 0
+        kind, *_, process = struct.unpack(FLOCK, answer)
+        return max(process, 0) if kind != fcntl.F_UNLCK else 0
 
     def _say_who(self, ranks: int) -> None:
         """Write the holder of the lock into the file."""

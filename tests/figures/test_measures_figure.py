@@ -19,7 +19,7 @@ from hpcsweep.figures.film.frames import Film, Request
 from hpcsweep.figures.style import PlotError, parameters
 from hpcsweep.job import parse_job
 from hpcsweep.parallel.mpi import Serial
-from hpcsweep.store import Frames
+from hpcsweep.store import Frames, StoreError
 
 BUILDINGS = """
 [units]
@@ -120,7 +120,7 @@ def test_the_film_shows_a_measure(buildings, tmp_path):
     assert film.make(request, Serial()) == 2
     assert (tmp_path / "a.gif").stat().st_size > 5_000
     for name, words in (("impulse", "holds no impulse"), ("drift", "must be one of storey_drift")):
-        with pytest.raises(PlotError, match=words):
+        with pytest.raises((PlotError, StoreError), match=words):
             check(Request(buildings, tmp_path / "b.gif", show=name))
 
 

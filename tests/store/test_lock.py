@@ -30,7 +30,7 @@ def hold(path: Path, byte: int) -> subprocess.Popen:
     return process
 
 
-def test_an_orphaned_rank_is_waited_for_and_its_campaign_named(tmp_path):
+def test_an_orphaned_rank_is_waited_for_and_named(tmp_path):
     path = tmp_path / "a.h5"
     first = Lock(path)
     first.acquire(4)
@@ -39,7 +39,9 @@ def test_an_orphaned_rank_is_waited_for_and_its_campaign_named(tmp_path):
     try:
         with pytest.raises(StoreError) as refused:
             Lock(path).acquire(2, wait=0.1)
-        assert f"still writing to it (process {os.getpid()} on " in str(refused.value)
+        assert f"process {orphan.pid}, of the campaign of process {os.getpid()}" in str(
+            refused.value
+        )
         assert "4 ranks" in str(refused.value)
     finally:
         orphan.kill()

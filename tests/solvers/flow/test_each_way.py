@@ -178,7 +178,7 @@ WAYS = {
         ),
     ),
     "records in layers": Way(
-        "elements.visit_layers acceleration._acceleration_at",
+        "elements.visit_layers accelerations._acceleration_at",
         lambda: response(of(STOPS, sliders=BRACES, sharpness=20.0), noise(10, 0.2, 8.0)),
         IN_LAYER,
     ),

@@ -14,7 +14,7 @@ import time
 from tools import JOBS, PAPER
 
 from hpcsweep.job import load_job
-from hpcsweep.model.observed import IMPACT, PEAK_FLAGS
+from hpcsweep.model.observed import IMPACT, PEAKS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.specialised import FOR_ANY
@@ -25,7 +25,7 @@ from hpcsweep.studies.settings import SweepSettings
 FLAGS = dict(
     zip(
         ("storey_drift", "displacement", "floor_acceleration", "contact_force", "impacts"),
-        (*PEAK_FLAGS, IMPACT),
+        (*(quantity.flag for quantity in PEAKS), IMPACT),
         strict=True,
     )
 )

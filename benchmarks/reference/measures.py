@@ -24,11 +24,11 @@ from reference import ORDER, horner, reference_steps, system
 from scipy.special import expit
 
 from hpcsweep.model.observed import (
+    ANY_PEAK,
     CLOSINGS,
     FORCE,
     IMPACT,
     MOTIONS,
-    PEAK_FLAGS,
     SPEED,
     TIME,
     Measures,
@@ -211,7 +211,7 @@ def compare(case):
     structure, z = case.structure, np.array(case.state)
     expected = reference_measures(case)
     flow = FlowMap(structure, case.omega)
-    seen = flow.observe(z, case.amplitude, 1, measures=sum(PEAK_FLAGS) + IMPACT)
+    seen = flow.observe(z, case.amplitude, 1, measures=ANY_PEAK + IMPACT)
     if seen.outcome is not Outcome.COMPLETE:
         return None
     scale = scales(structure, expected)

@@ -8,7 +8,7 @@ from hpcsweep.dynamics.continuation.borders import catalogue_of, check_hardening
 from hpcsweep.dynamics.continuation.branch import Arc, Limits
 from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import Solution
-from hpcsweep.dynamics.continuation.forced import ForcedMap, check_parameter
+from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.periodic import find
 from hpcsweep.model.arguments import count, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
@@ -88,7 +88,6 @@ def branch(
     ('grazing', 0.1)
     """
     check_hardening(instance("structure", structure, Structure))
-    check_parameter(structure, parameter)
     forced, nearby = find(structure, amplitude, omega, state, period, parameter)
     value = forced.value
     low, high = span_of(span, parameter, value)

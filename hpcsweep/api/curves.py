@@ -13,13 +13,12 @@ from hpcsweep.dynamics.continuation.events import Kind, locate
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.locus import Locus
 from hpcsweep.dynamics.continuation.plane import KINDS, SMALLEST, step_of_locus
+from hpcsweep.model import observed
 from hpcsweep.model.arguments import choice, count, finite, items, positive, refused
-from hpcsweep.model.observed import PEAK_FLAGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import CURVES
 from hpcsweep.solvers.records import normalised_drift
 from hpcsweep.store import meanings
-from hpcsweep.studies.quantities import FLAGS
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variables import RUN_VARIABLES, empty_results, store_measures
 
@@ -183,7 +182,7 @@ def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[flo
     return first, second
 
 
-PEAKS = ("drift", *(name for name, flag in FLAGS.items() if flag in PEAK_FLAGS))
+MEASURED = ("drift", *(quantity.name for quantity in observed.PEAKS))
 """Measures of which an orbit has one largest value."""
 
 
@@ -195,7 +194,7 @@ def measure_of(forced: ForcedMap, name: str) -> Callable[[np.ndarray, Any], floa
     ValueError
         If there is no measure of that name.
     """
-    settings = SweepSettings(metrics=frozenset({choice("measure", name, PEAKS)}))
+    settings = SweepSettings(metrics=frozenset({choice("measure", name, MEASURED)}))
     wanted = [variable for variable in RUN_VARIABLES if variable.name == name]
 
     def measure(points: np.ndarray, value: Any) -> float:

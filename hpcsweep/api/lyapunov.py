@@ -80,10 +80,8 @@ def lyapunov_spectrum(
     """
     TANGENTS.demand(structure)
     z = arguments.finite_vector("state", state, structure.state_units.size)
-    amplitude, omega = (
-        arguments.finite("amplitude", amplitude),
-        arguments.forcing_frequency("omega", omega),
-    )
+    amplitude = arguments.finite("amplitude", amplitude)
+    omega = arguments.forcing_frequency("omega", omega)
     error, name = arguments.positive("error", error), arguments.choice("solver", solver, SOLVERS)
     max_cycles = arguments.count("max_cycles", max_cycles, SPECTRUM_CYCLES.limits[0], MAX_CYCLES)
     classify_cycles = arguments.count("classify_cycles", classify_cycles, 0, MAX_CYCLES)

@@ -66,11 +66,8 @@ def _fields_of(kind: str, part, without: tuple[str, ...]) -> Iterator[tuple[str,
     for entry in fields(part):
         value = getattr(part, entry.name)
         if entry.name == "damping_ratio" and isinstance(part, Structure):
-            yield (
-                kind,
-                "_ratios",
-                _canonical(part.given_ratios.tolist()),
-            )  # as files have it, of each mode
+            # one for each mode, under the name that files have it by
+            yield kind, "_ratios", _canonical(part.given_ratios.tolist())
         elif entry.compare and entry.name not in without and not _is_default(entry, value):
             yield kind, entry.name, _canonical(value)
 

@@ -129,9 +129,10 @@ MOTIONS = tuple(quantity for quantity in TABLE if quantity.flag)
 """Those of motions, which jobs request."""
 PEAKS = tuple(quantity for quantity in MOTIONS if quantity.flag != IMPACT)
 """Those that are the peak of a row, in the order of `Model.watched`."""
-PEAK_FLAGS = tuple(quantity.flag for quantity in PEAKS)
+ANY_PEAK = sum(quantity.flag for quantity in PEAKS)
 WITHIN_PASSAGES = sum(quantity.flag for quantity in PEAKS if quantity.order > 1)
-"""Flags of those that may be larger while a smooth contact closes than before and after."""
+"""Flags of all of them, and of those that may be larger while a smooth contact closes than before
+and after."""
 
 
 @dataclass(frozen=True, eq=False)

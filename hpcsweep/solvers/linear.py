@@ -115,19 +115,14 @@ class LinearOrbit:
     @cached_property
     def _peaks(self) -> dict[str, np.ndarray]:
         """Peaks of storeys and floors at A = 1, by quantity."""
-        rows = {"storey": self._structure.drift_rows, "floor": np.eye(self._structure.n_floors)}
-        return {
-            each.name: np.maximum(
-                *(
-                    trigonometric_maxima(
-                        self._orders, self._derivative(each.order), sign * rows[each.dim]
-                    )
-                    for sign in (1.0, -1.0)
-                )
-            )
-            for each in PEAKS
-            if each.dim in rows
-        }
+        along = {"storey": self._structure.drift_rows, "floor": np.eye(self._structure.n_floors)}
+        peaks = {}
+        for quantity in PEAKS:
+            if quantity.dim in along:
+                harmonics, rows = self._derivative(quantity.order), along[quantity.dim]
+                both = [trigonometric_maxima(self._orders, harmonics, way) for way in (rows, -rows)]
+                peaks[quantity.name] = np.maximum(*both)
+        return peaks
 
     def _derivative(self, order: int) -> np.ndarray:
         """Return the harmonics of a derivative of u at A = 1, absolute from u'' on, (H, n)."""

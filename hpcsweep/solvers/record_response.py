@@ -7,14 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.model.kernel_model import Model
-from hpcsweep.model.observed import (
-    CLOSINGS,
-    DISSIPATED,
-    FORCE,
-    SPEED,
-    TIME,
-    Measures,
-)
+from hpcsweep.model.observed import CLOSINGS, DISSIPATED, FORCE, SPEED, TIME, Measures
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import along_rows, of_structure, peaks_of
 from hpcsweep.solvers.outcome import Outcome

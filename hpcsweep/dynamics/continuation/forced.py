@@ -89,7 +89,7 @@ class ForcedMap:
         ties: Mapping[str, Callable[..., float]] = MappingProxyType({}),
     ):
         self._ties = ties
-        self.parameters = (parameter,) if isinstance(parameter, str) else tuple(parameter)
+        self.parameters = parameter if isinstance(parameter, tuple) else (parameter,)
         for name in self.parameters:
             check_parameter(structure, name)
         self.structure, self.amplitude, self.omega = structure, amplitude, omega

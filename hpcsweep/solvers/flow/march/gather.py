@@ -17,7 +17,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, local_vector
-from hpcsweep.model.observed import ACCELERATION, DRIFT, ENERGY, IMPACT, WITHIN_PASSAGES
+from hpcsweep.model.observed import ACCELERATION, ANY_PEAK, DRIFT, ENERGY, IMPACT, WITHIN_PASSAGES
 from hpcsweep.solvers.flow.guard.elements import drifts_stay
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
 from hpcsweep.solvers.flow.layer.passage.passage import Arrival, passage_at_end
@@ -30,7 +30,7 @@ from hpcsweep.solvers.flow.observe.impacts import (
 )
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import drift_on_segment, peaks_on_segment
-from hpcsweep.solvers.flow.state.shared import NO_TALLY, PEAKS, wants_norms
+from hpcsweep.solvers.flow.state.shared import NO_TALLY, wants_norms
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, distance
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.step import state_at, step_tangent
@@ -150,7 +150,7 @@ def gather(segment, past, span, whole, amplitude, wanted, elements, measures, sh
     if measures is None or wanted & DRIFT == 0:  # see `observe.peaks.largest_of_storeys`
         drift_on_segment(segment, span, model, tables, tally, step)
     if measures is not None:
-        peaks = wanted & PEAKS
+        peaks = wanted & ANY_PEAK
         if elements is not None and drifts_stay(
             whole, model.elements, tally.peaks, work.proof.ends
         ):

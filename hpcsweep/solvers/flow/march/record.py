@@ -22,7 +22,7 @@ from hpcsweep.kernels.compile.entry_points import (
 )
 from hpcsweep.kernels.simd.vectors import local_vector
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
-from hpcsweep.model.observed import ACCELERATION, CONTACT, ENERGY, IMPACT
+from hpcsweep.model.observed import ACCELERATION, ANY_PEAK, CONTACT, ENERGY, IMPACT
 from hpcsweep.solvers.flow.guard.contacts import accelerations as field_accelerations
 from hpcsweep.solvers.flow.guard.contacts import by_elements, pushing
 from hpcsweep.solvers.flow.guard.elements import sets_of, write_loads
@@ -32,7 +32,7 @@ from hpcsweep.solvers.flow.layer.scheme import write_sliders
 from hpcsweep.solvers.flow.layer.visit import inside_layer
 from hpcsweep.solvers.flow.march.interval import UNKNOWN, march_interval
 from hpcsweep.solvers.flow.observe.peaks import DISPLACEMENTS
-from hpcsweep.solvers.flow.state.shared import NO_TALLY, PEAKS, read_shared
+from hpcsweep.solvers.flow.state.shared import NO_TALLY, read_shared
 from hpcsweep.solvers.flow.state.state import (
     accelerations,
     add_sliders,
@@ -108,7 +108,7 @@ def _march(packed, shared, z, samples, amplitude, intervals, wanted, points, ele
 @inlined
 def _gathered(wanted):
     """Return the flags of what is gathered of intervals that are not coasted."""
-    flags = PEAKS | IMPACT if wanted >= ALL_PEAKS else NO_TALLY
+    flags = ANY_PEAK | IMPACT if wanted >= ALL_PEAKS else NO_TALLY
     return flags | (ENERGY if wanted == WITH_ENERGY else NO_TALLY)
 
 

@@ -17,13 +17,12 @@ from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, INT, entry_point, type_of
 from hpcsweep.kernels.compile.places import allocate, zeros
-from hpcsweep.model.observed import IMPACT
+from hpcsweep.model.observed import ANY_PEAK, IMPACT
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.march.march import march
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
 from hpcsweep.solvers.flow.state.shared import (
     MAXIMA,
-    PEAKS,
     Tally,
     clear,
     read_shared,
@@ -261,7 +260,7 @@ def _finish(tally, run, rows):
     rows.multiplier[k] = run.multiplier[0]
     rows.contact[k] = tally.contact[0]
     rows.peak_drift[k] = tally.peak_drift[0]
-    if run.wanted & PEAKS:
+    if run.wanted & ANY_PEAK:
         copy_state(tally.peaks, rows.peaks[k])
     if run.wanted & IMPACT:
         copy_matrix(tally.impacts, rows.impacts[k])

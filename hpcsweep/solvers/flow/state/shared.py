@@ -21,7 +21,7 @@ from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.places import Pattern, Words, allocate, part, zeros
 from hpcsweep.model.kernel_model import Model, kernel_model, model_at_frequency
-from hpcsweep.model.observed import IMPACT, N_IMPACTS, PEAK_FLAGS
+from hpcsweep.model.observed import ANY_PEAK, IMPACT, N_IMPACTS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.state.tables import (
     Outputs,
@@ -33,8 +33,7 @@ from hpcsweep.solvers.flow.state.tables import (
 from hpcsweep.solvers.flow.state.workspace import Volterra, Workspace
 
 NO_TALLY, MAXIMA, NORMS = range(3)
-PEAKS = sum(PEAK_FLAGS)
-ANY_MEASURE = PEAKS | IMPACT
+ANY_MEASURE = ANY_PEAK | IMPACT
 """What to gather: nothing; contact set and drift; these and the modal norms. To the latter two
 flags of `hpcsweep.model.observed` may be added, `ENERGY` of motions of elements under a record."""
 

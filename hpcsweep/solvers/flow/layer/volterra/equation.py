@@ -126,22 +126,40 @@ def _judged(change, previous, iteration, square):
 
 
 @inlined
-def _error_of_rule(h, low, high, first, last, most):
-    """Estimate the error of the integral of a force over a step by its nodes; see the module.
+def _size_of(x):
+    """Return the largest distance or speed, at least 1 (gap)."""
+    size = 1.0
+    for k in range(x.shape[1]):
+        size = max(size, abs(x[0, k]), abs(x[1, k]))
+    return size
+
+
+@inlined
+def _error_of_rule(h, r, to_end, x, contacts, rho, own):
+    """Estimate the error of a distance by the rule, from the forces at an end; see the module.
 
     Parameters
     ----------
     h : float
-    low, high : Lanes
-        The force at the nodes, `first` and `last` that at the ends.
-    most : float
-        Largest scale to which the error of extrapolation is compared.
+    r : int
+    to_end : ndarray, shape (N_NODES,)
+        `AT_START` or `AT_END`: extrapolates the force from the nodes.
+    x : ndarray, shape (2, m)
+        The distances at that end.
+    contacts : Contacts
+    rho : float
+    own : Volterra
+        With the forces at the nodes.
     """
-    early = total(fma(load(AT_START, 0), low, load(AT_START, LANES) * high))
-    late = total(fma(load(AT_END, 0), low, load(AT_END, LANES) * high))
-    extrapolated = max(abs(early - first), abs(late - last))
-    scale = max(min(_largest_of(low, high), most), TINY)
-    return MEASURED * h * extrapolated * min(extrapolated / scale, 1.0)
+    worst = 0.0
+    for i in range(r):
+        k, at = own.which[i], i * N_NODES
+        low, high = load(own.forces, at), load(own.forces, at + LANES)
+        extrapolated = total(fma(load(to_end, 0), low, load(to_end, LANES) * high))
+        miss = abs(extrapolated - contact_force(x[0, k], contacts.beta[k], rho))
+        scale = max(min(_largest_of(low, high), contacts.beta[k] / rho), TINY)
+        worst = max(worst, contacts.gain[k] * miss * min(miss / scale, 1.0))
+    return MEASURED * h * worst
 
 
 @inlined
@@ -210,11 +228,18 @@ def _write_forces(r, beta, rho, own):
 
 
 @kernel
-def _solve(level, r, square, beta, rho, free, own):
-    """Solve for distances and forces at the nodes; return whether the iteration converged."""
-    x, previous = own.x, math.inf
+def _solve(level, h, r, square, allowed, model, free, own):
+    """Solve for distances and forces at the nodes; return whether they are found and good enough.
+
+    The forces of the second iteration tell already what the rule misses at the start.
+    """
+    x, previous, beta, rho = own.x, math.inf, model.contacts.beta, model.rho
     for iteration in range(MAX_ITERATIONS):
         _write_forces(r, beta, rho, own)
+        if iteration == 1 and allowed < _error_of_rule(
+            h, r, AT_START, own.distances, model.contacts, rho, own
+        ):
+            return False
         change = 0.0
         for i in range(r):
             low, high = _respond(i, level, r, free, own.forces, own)
@@ -234,8 +259,8 @@ def _solve(level, r, square, beta, rho, free, own):
 
 @kernel
 def write_distances(modes, model, spectrum, out):
-    """Write the distances of all contacts, and their speeds, by modes; return the largest size."""
-    contacts, width, size = model.contacts, spectrum.squares.shape[0], 1.0
+    """Write the distances of all contacts, and their speeds, by modes."""
+    contacts, width = model.contacts, spectrum.squares.shape[0]
     eight = local_matrix(2, LANES)
     stops, n, m = spectrum.stops, spectrum.stops.shape[0], contacts.row.shape[0]
     for first in range(0, stops.shape[1], LANES):
@@ -245,8 +270,6 @@ def write_distances(modes, model, spectrum, out):
         for k in range(first, min(first + LANES, m)):
             out[0, k] = contacts.sign[k] * eight[0, k - first] - contacts.gap[k]
             out[1, k] = contacts.sign[k] * eight[1, k - first]
-            size = max(size, max(abs(out[0, k]), abs(out[1, k])))
-    return size
 
 
 @kernel
@@ -302,19 +325,13 @@ def take_step(level, h, r, stiffness, shared, moved):
             free = load(motion, at) - contacts.gap[k]
             store(motion, at, free)
             store(own.x, at, fma(t * t, -0.5 * fma(t, change, force), free))
-    if not _solve(level, r, h * h * stiffness, contacts.beta, rho, motion, own):
+    allowed = shared.tolerance * _size_of(x)
+    if not _solve(level, h, r, h * h * stiffness, allowed, model, motion, own):
         return False
     _end_of_step(level, r, own.modes, units, own.forces, spectrum, own, own.after)
-    size = write_distances(own.after, model, spectrum, moved)
-    worst = 0.0
-    for i in range(r):
-        k = own.which[i]
-        first = contact_force(x[0, k], contacts.beta[k], rho)
-        last = contact_force(moved[0, k], contacts.beta[k], rho)
-        low, high = load(own.forces, i * N_NODES), load(own.forces, i * N_NODES + LANES)
-        error = _error_of_rule(h, low, high, first, last, contacts.beta[k] / rho)
-        worst = max(worst, error * contacts.gain[k])
-    return worst <= shared.tolerance * size
+    write_distances(own.after, model, spectrum, moved)
+    allowed = shared.tolerance * _size_of(moved)
+    return _error_of_rule(h, r, AT_END, moved, contacts, rho, own) <= allowed
 
 
 @kernel

@@ -4,7 +4,7 @@ At a distance x past a stop the force beta S(rho x) x pushes back, S the sigmoid
 every form: for numbers, for `Lanes` of kernels, and with its derivative.
 `reference` has a form of its own, to be independent.
 
-The force depends on the position alone (`Contacts.is_elastic`). Passages in closed form, by their
+The force depends on the position alone. Passages in closed form, by their
 energy (`flow.layer.passage.passage.pass_layer`), and steps with a few contacts in their layers
 (`flow.layer.volterra`) rely on that. Collocation evaluates the force at a state, whatever it
 depends on.

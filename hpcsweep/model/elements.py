@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.kernel_contacts import DASHPOT, LETS_GO, wide
+from hpcsweep.model.kernel_contacts import DASHPOT, DRAG, LETS_GO, wide
 from hpcsweep.model.kernel_contacts import SPRING as LAW
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.structure import Structure
@@ -138,7 +138,7 @@ def kernel_elements(
         Whether elastic contacts, or without any a row on which nothing acts, are elements, too.
     """
     table, sliders = _Table(), structure.sliders
-    if always or sliders or not contacts.is_elastic:
+    if always or sliders or contacts.edges[:, DRAG].any():
         for k in range(len(contacts.row)):
             table.add((int(contacts.row[k]), -1), *_contact(k, contacts))
     length, rate = structure.length_unit, structure.frequency_unit

@@ -48,11 +48,8 @@ class Contacts(NamedTuple):
     gain: np.ndarray
     """(m,): bound of the effect of a unit of x on a coordinate, for the errors of passages."""
     oblique: np.ndarray
-    """(m, m): d_k . e_l for k != l, 0 where contact l does not push contact k."""
-    is_oblique: bool
-    """Whether one of them is not 0."""
-    is_elastic: bool
-    """Whether their forces depend on the position alone; see `hpcsweep.model.contact`."""
+    """(m, m): d_k . e_l for k != l, 0 where contact l does not push contact k; no rows if none
+    pushes another."""
 
 
 def kernel_contacts(
@@ -106,9 +103,7 @@ def kernel_contacts(
         damped=wide(damped, extra),
         bent=wide(_bent(stiffness, damping, kick, damped), extra),
         gain=np.sqrt(np.maximum(flexibility.max() / softness, 1.0)),
-        oblique=oblique,
-        is_oblique=bool(oblique.any()),
-        is_elastic=not drag.any(),
+        oblique=oblique if oblique.any() else oblique[:0],
     )
 
 

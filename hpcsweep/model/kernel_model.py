@@ -22,6 +22,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import eigh
 
 from hpcsweep.kernels.simd import LANES
 from hpcsweep.model.elements import Elements, kernel_elements
@@ -29,18 +30,6 @@ from hpcsweep.model.kernel_contacts import Contacts, kernel_contacts, wide
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.observed import PEAKS
 from hpcsweep.model.structure import Structure
-
-
-class EigenBound(NamedTuple):
-    """What bounds eigenvalues, M = L L^T."""
-
-    reach: np.ndarray
-    """(m, n): L^-1 d_k."""
-    kappa: np.ndarray
-    """(m,)"""
-    drag: float
-    """Largest eigenvalue of M^-1 C; the largest rate at which a motion grows whose sliders slip if
-    that is greater."""
 
 
 class Model(NamedTuple):
@@ -75,7 +64,9 @@ class Model(NamedTuple):
     """(n, R): Phi^-1, row j gives modal coordinate j."""
     balance: np.ndarray
     """(n,): 1 / sqrt of the masses, up to a factor: units in which M^-1 K is nearly symmetric."""
-    eigen: EigenBound
+    drag: float
+    """Largest eigenvalue of M^-1 C; the largest rate at which a motion grows whose sliders slip if
+    that is greater."""
     stiffness_bound: float
     """Of the eigenvalues of M^-1 K."""
     hardest: float
@@ -121,11 +112,11 @@ def _at_any_frequency(structure: Structure, bases: bool = False, always: bool = 
     drift_rows = np.array(drifts, np.int64)
     extra = np.vstack((own, np.array(rows.extra).reshape(-1, n)))
     layer = float(structure.layer_half_width / length)
-    bound = _eigen_bound(structure)
+    drag = float(eigh(structure.damping_matrix, mass, eigvals_only=True)[-1] / rate)
     masses = np.diag(mass)
     forcing = wide(per_mass(mass, structure.forcing_vector), extra)
     contacts = kernel_contacts(structure, places, extra, (stiffness, damping), layer, len(own))
-    growth = _growth(structure, bound.drag)
+    growth = _growth(structure, drag)
     model = Model(
         stiffness=_extended(stiffness, extra),
         damping=_extended(damping, extra),
@@ -140,9 +131,9 @@ def _at_any_frequency(structure: Structure, bases: bool = False, always: bool = 
         watched=_watched(drift_rows.reshape(-1, 2), n + len(own), places),
         modal_transform=np.hstack((structure.modal_transform, np.zeros((n, len(extra))))),
         balance=np.sqrt(masses.max() / masses),
-        eigen=bound._replace(drag=max(bound.drag, growth)),
+        drag=max(drag, growth),
         stiffness_bound=max(float(structure.stiffness_bound / rate**2), growth**2),
-        hardest=_hardest(bound),
+        hardest=_hardest(structure),
         bandwidth=_bandwidth(stiffness) if not len(extra) else n + len(extra) - 1,
         damping_bandwidth=_bandwidth(damping) if not len(extra) else n + len(extra) - 1,
         rho=float(structure.sharpness * length),
@@ -247,17 +238,6 @@ def _bandwidth(matrix: np.ndarray) -> int:
     return int(np.abs(i - j).max(initial=0))
 
 
-def _eigen_bound(structure: Structure) -> EigenBound:
-    scale = structure.frequency_unit
-    root = np.linalg.cholesky(structure.mass_matrix)
-    drag = np.linalg.solve(root, np.linalg.solve(root, structure.damping_matrix).T) / scale
-    return EigenBound(
-        reach=np.ascontiguousarray(np.linalg.solve(root, structure.directions.T).T),
-        kappa=structure.contact_stiffness / scale**2,
-        drag=float(np.linalg.eigvalsh(drag)[-1]),
-    )
-
-
 def _growth(structure: Structure, drag: float) -> float:
     """Bound the rate at which a motion grows whose sliders slip: 0 if their stiffness is definite.
 
@@ -272,9 +252,8 @@ def _growth(structure: Structure, drag: float) -> float:
     return 0.5 * (drag + float(np.sqrt(drag**2 - 4.0 * least))) if least < 0.0 else 0.0
 
 
-def _hardest(bound: EigenBound) -> float:
+def _hardest(structure: Structure) -> float:
     """Return the largest eigenvalue of the contribution of all contacts to M^-1 K."""
-    if not bound.kappa.size:
-        return 0.0
-    together = np.einsum("k,ki,kj->ij", bound.kappa, bound.reach, bound.reach)
-    return float(np.linalg.eigvalsh(together)[-1])
+    reach = np.sqrt(structure.contact_stiffness)[:, None] * structure.directions
+    together = reach @ per_mass(structure.mass_matrix, reach.T) / structure.frequency_unit**2
+    return float(np.linalg.eigvalsh(together)[-1]) if len(reach) else 0.0

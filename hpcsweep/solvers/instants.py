@@ -171,7 +171,7 @@ class InstantMap(RecordMap):
 
     def _interval(self, z, places, part, wanted=0, points=None) -> tuple[int, int]:
         """Advance z over intervals, or a part of one; return how many, and the outcome."""
-        points = self._shared.no_points if points is None else points
+        points = np.empty((0, z.size)) if points is None else points
         intervals = (*places, part * self._shared.model.period)
         return march_record(
             self._packed, z, self._samples, self._amplitude, intervals, wanted, points

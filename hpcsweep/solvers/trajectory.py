@@ -114,7 +114,7 @@ class PeriodMap:
 
     def _over(self, z, first: int, last: int, share: float, points=None) -> int:
         """Advance z over parts of a period, or a share of one; return the outcome."""
-        points = self._shared.no_points if points is None else points
+        points = np.empty((0, z.size)) if points is None else points
         parts = first, last, share * self._shared.model.period
         return march_record(self._packed, z, self._phases, self._amplitude, parts, 0, points)[1]
 

@@ -254,7 +254,7 @@ class YieldingMap(FlowMap):
     def _march(self, z, amplitude, n_periods, poll=None, points=None, wanted=NO_TALLY, *_):
         """Integrate like `FlowMap`, z the state of the kernels and p behind; add to the paths."""
         shared, sliders, size = self._shared, self._sliders, self._units.size
-        nothing = shared.no_points, wanted, shared.no_tangent, shared.no_growth
+        nothing = np.empty((0, size)), wanted, np.empty((size, 0)), np.empty(0)
         for first, last in self._polling.cut(n_periods, poll):
             for number in range(first, last):
                 sliders.place(z[:size], z[size:], shared.modes)

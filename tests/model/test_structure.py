@@ -154,7 +154,7 @@ def test_the_kernels_know_the_structure_and_cannot_change_it():
     assert model.contacts.solo.tolist() == [0, 1, 2]
     assert model.contacts.others.size == 0
     assert model.layer == layer_half_width(500.0, 2e3) == structure.layer_half_width
-    for field in (*model, *model.contacts, *model.eigen):
+    for field in (*model, *model.contacts):
         if isinstance(field, np.ndarray):
             assert field.flags.c_contiguous
             assert not np.shares_memory(field, structure.stiffness_matrix)

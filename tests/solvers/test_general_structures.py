@@ -153,9 +153,9 @@ def test_one_mass_follows_its_closed_solution(gap, gap_left, beta):
     assert n_changes > 15
     start = np.array(state)
     for point in exact:
-        # period by period: what 8 add up is amplified by the motion
+        # period by period: what 8 add up is amplified by the motion, that of one by up to 1e4
         found, _ = solver.points(start, amplitude, 1)
-        assert np.abs(found - point).max() < 1e-12
+        assert np.abs(found - point).max() < 5e-12
         start = np.array(point)
 
 

@@ -368,14 +368,14 @@ class FlowMap:
         growth=None,
     ) -> tuple[int, Outcome]:
         """Integrate `n_periods`, z in place; return how many were done, and the outcome."""
-        shared, done, outcome = self._shared, 0, int(Outcome.COMPLETE)
+        done, outcome = 0, int(Outcome.COMPLETE)
         for first, last in self._polling.cut(n_periods, poll):
             more, outcome = self._kernels.march(
                 *(self._packed, z, amplitude, last - first),
-                shared.no_points if points is None else points[first:last],
+                np.empty((0, z.size)) if points is None else points[first:last],
                 wanted,
-                shared.no_tangent if tangent is None else tangent,
-                shared.no_growth if growth is None else growth[first:last],
+                np.empty((z.size, 0)) if tangent is None else tangent,
+                np.empty(0) if growth is None else growth[first:last],
             )
             done += more
             if outcome != Outcome.COMPLETE:

@@ -158,5 +158,5 @@ class RecordMap:
         return time / self.structure.frequency_unit, Outcome.COMPLETE, True
 
     def _march(self, z, samples, amplitude, part, wanted):
-        points = self._shared.no_points
+        points = np.empty((0, z.size))
         return march_record(self._packed, z, samples, amplitude, part, wanted, points)

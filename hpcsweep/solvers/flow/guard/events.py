@@ -7,7 +7,7 @@ layer are those of the motion at hand.
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, load, local_vector
+from hpcsweep.kernels.simd.vectors import LANES, load, local_matrix, local_vector
 from hpcsweep.solvers.flow.guard.search import (
     UNDECIDED,
     Bracket,
@@ -27,7 +27,7 @@ from hpcsweep.solvers.flow.state.state import (
     copy_state,
     distance,
 )
-from hpcsweep.solvers.flow.step.forcing import forcing_at, total_forcing, turn_forcing
+from hpcsweep.solvers.flow.step.forcing import forcing_at, n_pairs, total_forcing, turn_forcing
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.propagators import product, product_of_moduli
 from hpcsweep.solvers.flow.step.spectral import (
@@ -41,7 +41,7 @@ from hpcsweep.solvers.flow.step.spectral import (
     write_rows,
 )
 from hpcsweep.solvers.flow.step.step import expand, in_modes, state_at
-from hpcsweep.solvers.flow.step.strides import accept, have_strides, look, stride
+from hpcsweep.solvers.flow.step.strides import have_strides, look, stride
 
 SAME_END = 1e-13
 """Rounding of the end of an interval that is reached by steps of equal length."""
@@ -178,24 +178,33 @@ def _stride_on(segment, steps_left, model, tables, step):
     """
     index, h, tau, end = segment.index, segment.h, segment.tau, segment.end
     modal, spectrum, strides = step.spectral, tables.spectrum, tables.strides
-    first, width = step.z_end.shape[0], strides.edges.shape[1]
-    starts, ends = local_vector(2 * width), local_vector(3 * width)
+    first, width = step.z_end.shape[0], spectrum.stops.shape[1]
+    starts, ends, edges = local_vector(2 * width), local_vector(3 * width), local_matrix(2, width)
+    after, bounds = local_vector(modal.end.shape[0]), local_vector(modal.end.shape[0] // 2)
+    turned = local_vector(n_pairs(model))
     n_steps, level = 0, 0
     if not (tau + h < end and steps_left > 0):
         return tau, n_steps
     if not continues(index, tau, modal):
         modes_of(step.x, first // 2, spectrum, modal.end)
-    look(modal.end, modal.bounds, spectrum, strides.edges, ends)
+    edges[0], edges[1] = 0.0, -1.0
+    for k in range(model.contacts.row.shape[0]):
+        edges[0, k] = model.contacts.edges[k, 0]
+        edges[1, k] = -model.contacts.edges[k, 0] * model.contacts.edges[k, 1]
+    bounds[:] = 0.0
+    look(modal.end, bounds, spectrum, edges, ends)
     copy_state(ends[: 2 * width], starts)
     while tau + h < end and n_steps < steps_left:
         span, taken = h * 2.0**level, 1 << level
         if level > 0 and (tau + span >= end or n_steps + taken > steps_left):
             level -= 1
             continue
-        stride(level, span, step.x[first:], model, spectrum, strides, modal)
-        look(modal.start, modal.bounds, spectrum, strides.edges, ends)
+        pairs = step.x[first:]
+        stride(level, span, modal.end, pairs, model, spectrum, strides, after, turned, bounds)
+        look(after, bounds, spectrum, edges, ends)
         if _all_are_clear(span, starts, ends):
-            accept(modal, step.x, first)
+            copy_state(after, modal.end)
+            copy_state(turned, step.x[first:])
             copy_state(ends[: 2 * width], starts)
             tau, n_steps = tau + span, n_steps + taken
             level = min(level + 1, strides.steps.shape[0] - 1)

@@ -20,6 +20,7 @@ from hpcsweep.solvers.flow.rules.tableau import (
     N_STAGES,
     NODES,
 )
+from hpcsweep.solvers.flow.state.state import is_oblique
 
 CONVERGED = 1e-13
 """Last change of the stage accelerations, or the next one, relative."""
@@ -52,7 +53,7 @@ def layer_tangent(h, model, work, tangent):
             stiffest = maximum(stiff)
         else:
             store(spring, k * N_STAGES, stiffest)
-        hardest = hardest + max(stiffest, 0.0) if contacts.is_oblique else max(hardest, stiffest)
+        hardest = hardest + max(stiffest, 0.0) if is_oblique(contacts) else max(hardest, stiffest)
     unchecked, least_ratio = iterations_needed(h * h * (model.stiffness_bound + hardest))
     for column in range(tangent.shape[1]):
         for i in range(n):

@@ -56,6 +56,7 @@ from hpcsweep.solvers.flow.state.state import (
     approach_speed,
     copy_state,
     distance,
+    is_oblique,
     is_ordinary,
 )
 from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, total_forcing
@@ -145,7 +146,7 @@ def step_limit(z, a, model, most):
         stiff = stiffness_up_to(nearest, contacts.beta[k], model.rho)
         # a contact that is switched on softens at first, which must not hide the stiffness of
         # others
-        hardest = hardest + max(stiff, 0.0) if contacts.is_oblique else max(hardest, stiff)
+        hardest = hardest + max(stiff, 0.0) if is_oblique(contacts) else max(hardest, stiff)
     return min(h, CONTRACTION / math.sqrt(stiffness + hardest)), stiffness + hardest
 
 

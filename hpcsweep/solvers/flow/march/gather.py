@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
-from hpcsweep.kernels.simd.vectors import LANES, local_vector
+from hpcsweep.kernels.simd.vectors import LANES, local_matrix, local_vector
 from hpcsweep.model.observed import ACCELERATION, ANY_PEAK, DRIFT, ENERGY, IMPACT, WITHIN_PASSAGES
 from hpcsweep.solvers.flow.guard.elements import drifts_stay
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
@@ -91,6 +91,7 @@ def _integrate_again(segment, ending, amplitude, wanted, packed, shared):
     """Integrate a passage through its layer, on a copy of the state, and observe it."""
     model, work, k = shared.model, shared.work, ending.contact
     z, pairs = local_vector(work.step.z_end.shape[0]), local_vector(work.forcing.shape[0])
+    nothing = local_matrix(z.shape[0], 0)
     time, _ = _time_in_layer(segment, ending, model, work.step.rows)
     copy_state(work.forcing, pairs)
     s = ending.span
@@ -105,7 +106,7 @@ def _integrate_again(segment, ending, amplitude, wanted, packed, shared):
         if not tau < end:
             break
         interval = Interval(tau, end, STEPS)
-        tau, outcome, _ = visit_layer(packed, interval, z, amplitude, wanted, shared.no_tangent)
+        tau, outcome, _ = visit_layer(packed, interval, z, amplitude, wanted, nothing)
         if outcome != COMPLETE:
             break
     copy_state(pairs, work.forcing)

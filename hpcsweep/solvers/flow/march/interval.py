@@ -22,6 +22,7 @@ smooth contact within its layer is past its stop and does not push: a motion wit
 import numpy as np
 
 from hpcsweep.kernels.compile import inlined
+from hpcsweep.kernels.simd.vectors import local_matrix
 from hpcsweep.model.elements import ENDS
 from hpcsweep.solvers.flow.guard.contacts import (
     change_tangent,
@@ -130,7 +131,7 @@ def _visit(packed, interval, z, amplitude, wanted, elements, tangent, shared):
     """Integrate while contacts are within their layers; return time, outcome and steps."""
     shared.counts[VISITS] += 1
     if elements is None:
-        moved = shared.no_tangent if tangent is None else tangent
+        moved = local_matrix(z.shape[0], 0) if tangent is None else tangent
         tau, outcome, used = visit_layer(packed, interval, z, amplitude, wanted, moved)
     else:
         tau, outcome, used = visit_layers(packed, interval, z, amplitude, wanted)

@@ -3,7 +3,7 @@
 from hpcsweep.kernels.arena import as_long_as
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, MATRIX, VECTOR, entry_point
-from hpcsweep.kernels.simd.vectors import local_vector
+from hpcsweep.kernels.simd.vectors import local_matrix, local_vector
 from hpcsweep.model.observed import DRIFT
 from hpcsweep.solvers.flow.guard.contacts import by_elements
 from hpcsweep.solvers.flow.march.interval import UNKNOWN, march_interval
@@ -78,7 +78,8 @@ def _march(packed, z, amplitude, n_periods, points, wanted, tangent, growth, ele
 
 
 @kernel
-def advance(shared, common, z, amplitude, n_periods, tangent):
-    """Advance z, and `tangent`, like `march`, and gather nothing; `common` is `shared`, read."""
-    no_points, no_growth = common.no_points, common.no_growth
-    return march(shared, z, amplitude, n_periods, no_points, NO_TALLY, tangent, no_growth)
+def advance(shared, z, amplitude, n_periods, tangent):
+    """Advance z, and `tangent` if it is not None, like `march`, and gather nothing."""
+    nothing = local_matrix(z.shape[0], 0)
+    moved = nothing if tangent is None else tangent
+    return march(shared, z, amplitude, n_periods, nothing[:0], NO_TALLY, moved, nothing[0])

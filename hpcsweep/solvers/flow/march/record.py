@@ -92,7 +92,7 @@ def _march(packed, shared, z, samples, amplitude, intervals, wanted, points, ele
         _begin_interval(j, samples, model)
         if model.rows.shape[0] > 0:
             # at every one, so that nothing depends on where a call begins
-            renew_rows(z, shared.no_tangent, model)
+            renew_rows(z, None, model)
         outcome, sets = march_interval(
             packed, shared, length, sets, z, amplitude, flags, elements, None, True
         )

@@ -56,8 +56,10 @@ TO_POWERS = np.ascontiguousarray(np.linalg.inv(np.vander(SAMPLES, increasing=Tru
 @inlined
 def accelerations_on_segment(segment, span, amplitude, model, tables, outputs, tally, step):
     """Raise the peaks of absolute accelerations; arguments of `peaks.peaks_on_segment`."""
-    ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step)
-    start, end, bounds = outputs.start, outputs.end, outputs.bounds
+    end = outputs.end
+    start, bounds = local_vector(end.shape[0]), local_vector(end.shape[0] // 2)
+    start[:], bounds[:] = 0.0, 0.0
+    ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step, start, bounds)
     quarter, sixth = 0.25 * span, span * (1.0 / 6.0)
     fourth = HERMITE_MIDDLE * (span * span) * (span * span)
     for p in range(0, bounds.shape[0], LANES):
@@ -76,18 +78,18 @@ def accelerations_on_segment(segment, span, amplitude, model, tables, outputs, t
         if higher != 0:
             for lane in range(LANES):
                 if higher >> lane & 1:
+                    at = 2 * p + lane
+                    ends = (start[at], start[at + LANES], end[at], end[at + LANES])
+                    bound = bounds[p + lane]
                     _raise_acceleration(
-                        p + lane, segment, span, model, tables, outputs, tally, step
+                        p + lane, segment, span, ends, bound, model, tables, outputs, tally, step
                     )
 
 
 @inlined
-def _raise_acceleration(p, segment, span, model, tables, outputs, tally, step):
+def _raise_acceleration(p, segment, span, ends, bound4, model, tables, outputs, tally, step):
     """Raise the peak of floor p by its extrema on a step."""
-    peaks, w, at = tally.peaks, outputs.first + p, p + p // LANES * LANES
-    start, end = outputs.start, outputs.end
-    ends = (start[at], start[at + LANES], end[at], end[at + LANES])
-    bound4, time = outputs.bounds[p], time_of(segment.tau, model)
+    peaks, w, time = tally.peaks, outputs.first + p, time_of(segment.tau, model)
     peak = Peak(peaks, w, tally.times[w] - time)
     reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):

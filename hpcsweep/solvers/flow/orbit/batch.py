@@ -17,6 +17,7 @@ from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import kernel
 from hpcsweep.kernels.compile.entry_points import BYTES, INT, entry_point, type_of
 from hpcsweep.kernels.compile.places import allocate, zeros
+from hpcsweep.kernels.simd.vectors import local_matrix
 from hpcsweep.model.observed import ANY_PEAK, IMPACT
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.march.march import march
@@ -167,7 +168,7 @@ def follow_orbits(shared, watch, free, packed, n_periods, rows):
                 n_free += 1
                 _end_free(run, rows)
                 continue
-            _begin(run, watch, common.tally, common.model, common.no_tangent)
+            _begin(run, watch, common.tally, common.model)
         amplitude /= run.amplitude_unit
         if run.period[0] == 0:
             closing = (rules.max_period, rules.settled, rules.same, run.near[0])
@@ -208,7 +209,7 @@ def _end_free(run, rows):
 
 
 @kernel
-def _begin(run, watch, tally, model, no_tangent):
+def _begin(run, watch, tally, model):
     """Begin the transient of a run."""
     n = run.state.shape[0] // 2
     half = run.z.shape[0] // 2
@@ -216,7 +217,7 @@ def _begin(run, watch, tally, model, no_tangent):
         run.z[i] = run.state[i] / run.units[i]
         run.z[half + i] = run.state[n + i] / run.units[n + i]
     if half > n:
-        renew_rows(run.z, no_tangent, model)
+        renew_rows(run.z, None, model)
     read_watch(watch).since[0] = 0
     run.begun[0] = 1
     run.transient[0] = run.newton[0] = run.period[0] = run.turned[0] = 0
@@ -227,14 +228,12 @@ def _begin(run, watch, tally, model, no_tangent):
 @kernel
 def _go_round(shared, amplitude, n_periods, run, rows):
     """Continue round the orbit; return whether the solver succeeded."""
-    common, units = read_shared(shared), run.units
+    units = run.units
     n = units.shape[0] // 2
     half = run.z.shape[0] // 2
-    no_points, no_tangent, no_growth = common.no_points, common.no_tangent, common.no_growth
+    empty = local_matrix(run.z.shape[0], 0)
     for _ in range(n_periods):
-        _, outcome = march(
-            shared, run.z, amplitude, 1, no_points, run.wanted, no_tangent, no_growth
-        )
+        _, outcome = march(shared, run.z, amplitude, 1, empty[:0], run.wanted, empty, empty[0])
         if outcome != COMPLETE:
             return False
         point = rows.points[run.number[0], run.turned[0]]

@@ -44,11 +44,11 @@ def advance_chain(shared, states, amplitude, tangent, matrices):
     for k in range(states.shape[0]):
         z = as_long_as(states[k], common.work.step.z_end)
         if matrices.shape[0] == 0:
-            _, outcome = advance(shared, common, z, amplitude, 1, common.no_tangent)
+            _, outcome = advance(shared, z, amplitude, 1, None)
         else:
             for i in range(size):
                 copy_state(matrices[k * size + i], tangent[i])
-            _, outcome = advance(shared, common, z, amplitude, 1, tangent)
+            _, outcome = advance(shared, z, amplitude, 1, tangent)
             for i in range(size):
                 copy_state(tangent[i], matrices[k * size + i])
         if outcome != COMPLETE:

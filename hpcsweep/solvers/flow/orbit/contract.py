@@ -78,10 +78,11 @@ def take_round(shared, rows, inverse, matrices, scale, unit, rules):
     common = read_shared(shared)
     end, size = y.shape[0] - 1, matrices.shape[1]
     n_done, largest = 0, math.inf
-    columns = local_matrix(common.work.step.z_end.shape[0], size)
+    rows_of_state = common.work.step.z_end.shape[0]
+    columns, nothing = local_matrix(rows_of_state, size), local_matrix(rows_of_state, 0)
     for _ in range(most):
         n_done += end // size
-        outcome = _advance(shared, y, y[end] * scale, unit, misses, common.no_tangent, matrices)
+        outcome = _advance(shared, y, y[end] * scale, unit, misses, nothing, matrices)
         if outcome != COMPLETE:
             return outcome, least, largest, n_done
         largest = _find_move(rows, inverse, size)
@@ -100,7 +101,7 @@ def take_round(shared, rows, inverse, matrices, scale, unit, rules):
     n_done += 2 * (end // size)
     outcome = _advance(shared, y, value, unit, misses, columns, matrices)
     if outcome == COMPLETE:
-        outcome = _advance(shared, y, high, unit, ahead, common.no_tangent, matrices)
+        outcome = _advance(shared, y, high, unit, ahead, nothing, matrices)
     if outcome != COMPLETE:
         return outcome, least, largest, n_done
     inverse[:] = 0.0
@@ -128,7 +129,7 @@ def _advance(shared, y, value, unit, images, columns, matrices):
             z[half + i] = y[first + n + i] * unit
             if columns.shape[1] > 0:
                 columns[i, i] = columns[half + i, n + i] = 1.0
-        _, outcome = advance(shared, common, z, value, 1, columns)
+        _, outcome = advance(shared, z, value, 1, columns)
         if outcome != COMPLETE:
             return outcome
         for i in range(n):

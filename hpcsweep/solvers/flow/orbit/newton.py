@@ -69,11 +69,11 @@ def _find_orbit(shared, common, watch, period, amplitude, image):
     for step in range(NEWTON_STEPS):
         copy_state(point, left)
         if step > 0 and _largest_difference(point, taken) <= NEWTON_SAME:
-            done, outcome = advance(shared, common, point, amplitude, period, common.no_tangent)
+            done, outcome = advance(shared, point, amplitude, period, None)
         else:
             copy_state(point, taken)
             make_unit(matrix)
-            done, outcome = advance(shared, common, point, amplitude, period, matrix)
+            done, outcome = advance(shared, point, amplitude, period, matrix)
         n_periods += done
         if outcome != COMPLETE:
             return False, n_periods

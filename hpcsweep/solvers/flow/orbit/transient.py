@@ -109,7 +109,7 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
             close[p] = 0
             falling[p] = 0
     for period in range(first + 1, first + n_periods + 1):
-        _, outcome = advance(shared, common, z, amplitude, 1, common.no_tangent)
+        _, outcome = advance(shared, z, amplitude, 1, None)
         if outcome != COMPLETE:
             return period - 1 - first, 0, outcome
         watch.since[0] = period

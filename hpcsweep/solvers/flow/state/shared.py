@@ -120,9 +120,6 @@ class Shared(NamedTuple):
     volterra: Volterra = part(Volterra)
     counts: np.ndarray = zeros(5, dtype=int)
     """Linear steps, fast passages, layer steps, layer visits and tables built so far."""
-    no_points: np.ndarray = zeros(0, "2R")
-    no_tangent: np.ndarray = zeros("2R", 0)
-    no_growth: np.ndarray = zeros(0)
 
 
 class Watch(NamedTuple):

@@ -58,7 +58,7 @@ def start(x, z, pairs):
 
 @kernel
 def renew_rows(z, tangent, model):
-    """Recompute the rows beyond n from the first n, in z and in the columns of `tangent`."""
+    """Recompute the rows beyond n from the first n, in z and in columns of `tangent`, if any."""
     n = model.modal_transform.shape[0]
     half = z.shape[0] // 2
     for start in range(0, 2 * half, half):
@@ -67,11 +67,18 @@ def renew_rows(z, tangent, model):
             for j in range(n):
                 value += model.rows[extra, j] * z[start + j]
             z[start + n + extra] = value
-            for column in range(tangent.shape[1]):
-                value = 0.0
-                for j in range(n):
-                    value += model.rows[extra, j] * tangent[start + j, column]
-                tangent[start + n + extra, column] = value
+            if tangent is not None:
+                for column in range(tangent.shape[1]):
+                    value = 0.0
+                    for j in range(n):
+                        value += model.rows[extra, j] * tangent[start + j, column]
+                    tangent[start + n + extra, column] = value
+
+
+@inlined
+def is_oblique(contacts):
+    """Return whether a contact pushes another."""
+    return contacts.oblique.shape[0] > 0
 
 
 @kernel

@@ -169,11 +169,6 @@ class Strides(NamedTuple):
     """A number of the pairs at the end by both of its pair at the start."""
     bends: np.ndarray = zeros(2, "2+2H", "modes")
     """Fourth derivatives, and fifth over the frequency, by the same."""
-    driven: np.ndarray = zeros("modes")
-    """|g| / sqrt(Lambda)"""
-    edges: np.ndarray = zeros(2, "stops")
-    """Of contacts in free flight: the sign of the way to the edge of the layer, and what the
-    distance past it is for a row at 0; -1 beyond the last contact."""
     reached: np.ndarray = zeros("strided N")
     modes: np.ndarray = zeros("2 modes")
     time: np.ndarray = zeros(1)
@@ -303,8 +298,6 @@ class Outputs(NamedTuple):
     """... and of the contacts."""
     place: np.ndarray
     """Table and time of `end`."""
-    ground: np.ndarray
-    """(padded F,): `Model.ground`."""
     key: np.ndarray
     """(T,) unsigned: contact set of each table, `UNFILLED` of one that is none."""
     pair: np.ndarray = zeros("T", "tabled N", "2 padded F")
@@ -313,12 +306,8 @@ class Outputs(NamedTuple):
     """Polynomials on a step per x_k."""
     bound4: np.ndarray = zeros("T", "tabled N", "padded F")
     """Column k bounds |q''''| per |x_k|."""
-    start: np.ndarray = zeros("2 padded F")
-    """Values and slopes at the start of a step ..."""
     end: np.ndarray = zeros("2 padded F")
-    """... and at its end."""
-    bounds: np.ndarray = zeros("padded F")
-    """Bounds of the fourth derivatives on it."""
+    """Values and slopes at the end of a step."""
 
 
 def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:
@@ -334,5 +323,4 @@ def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:
         first_contact=first_contact,
         place=np.full(2, -1.0),
         key=np.full(sizes["T"], UNFILLED),
-        ground=np.pad(model.ground, (0, sizes["padded F"] - sizes["F"])),
     )

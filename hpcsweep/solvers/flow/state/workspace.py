@@ -59,16 +59,10 @@ class SpectralWorkspace(NamedTuple):
     """Terms of modal coordinates, then of their speeds, of a step, and of a tangent vector."""
     count: np.ndarray = zeros(2, dtype=int)  # type: ignore[assignment]
     """How many there are, and 1 where the bounds of all rows are those of this step."""
-    start: np.ndarray = zeros("2 modes")
-    """The modes of a state, ..."""
-    pairs: np.ndarray = zeros("2H")
-    """... and the pairs of the forcing at the end of a stride, or a term of them."""
     end: np.ndarray = zeros("2 modes")
     """The modes at the end of the present step ..."""
     chain: np.ndarray = zeros(2)
     """... and when that is, and its table."""
-    bounds: np.ndarray = zeros("modes")
-    """Of the fourth derivatives of the modes."""
 
 
 class Step(NamedTuple):
@@ -148,10 +142,8 @@ class Volterra(NamedTuple):
     """Row k: the distance at all nodes by a unit force at node k."""
     modes: np.ndarray = zeros("2 modes+2H")
     """Modal coordinates and speeds at the start of a step, and the pairs of the forcing ..."""
-    after: np.ndarray = zeros("2 modes+2H")
-    """... and at its end."""
     before: np.ndarray = zeros("2 modes+2H")
-    """Those at the start of the last step."""
+    """... and those at the start of the last step."""
     distances: np.ndarray = zeros(3, "m")
     """Distances of all contacts past their stops, their speeds and accelerations; ..."""
     which: np.ndarray = zeros(MOST, dtype=int)

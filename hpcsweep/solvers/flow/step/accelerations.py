@@ -49,19 +49,19 @@ FIFTH_OF_TERMS = np.array([math.perm(k, 5) for k in range(N_TERMS)], float)
 
 
 @inlined
-def ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step):
+def ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step, start, bounds):
     """Write accelerations and slopes at both ends of the first `span` of a step, and bounds."""
     if segment.kind == TABLE:
-        _ends_by_tables(segment, span, amplitude, model, tables, outputs, step)
+        _ends_by_tables(segment, span, amplitude, model, tables, outputs, step, start, bounds)
         return
     outputs.place[0] = -1.0
     if segment.kind == MODES:
-        _ends_in_modes(segment, span, amplitude, model, tables, outputs, step)
+        _ends_in_modes(segment, span, amplitude, model, tables, outputs, step, start, bounds)
     elif in_modes(tables):
         for p in range(model.ground.shape[0]):
-            _ends_of_polynomial(p, segment, span, model, tables, outputs, step)
+            _ends_of_polynomial(p, segment, span, model, tables, outputs, step, start, bounds)
     else:
-        _ends_in_series(segment, span, model, outputs, step)
+        _ends_in_series(segment, span, model, outputs, step, start, bounds)
 
 
 @inlined
@@ -75,14 +75,14 @@ def expand_acceleration(p, segment, model, tables, outputs, step, out):
 
 
 @inlined
-def _ends_by_tables(segment, span, amplitude, model, tables, outputs, step):
+def _ends_by_tables(segment, span, amplitude, model, tables, outputs, step, start, bounds):
     """Write accelerations and slopes at both ends of a step of a table, and their bounds."""
     index, size = segment.index, step.z_end.shape[0]
     fill_outputs(index, model, tables, outputs)
     if outputs.place[0] == index and outputs.place[1] == segment.tau:
-        copy_state(outputs.end, outputs.start)
+        copy_state(outputs.end, start)
     else:
-        product(outputs.pair, index, step.x, outputs.start)
+        product(outputs.pair, index, step.x, start)
     x_end, pairs = local_vector(step.x.shape[0]), local_vector(n_pairs(model))
     copy_state(step.x, x_end)
     for row in range(size):
@@ -95,55 +95,58 @@ def _ends_by_tables(segment, span, amplitude, model, tables, outputs, step):
             x_end[size + k] = pairs[k]
     product(outputs.pair, index, x_end, outputs.end)
     outputs.place[0], outputs.place[1] = index, segment.tau + span
-    product_of_moduli(outputs.bound4, index, step.x, outputs.bounds)
+    product_of_moduli(outputs.bound4, index, step.x, bounds)
 
 
 @kernel
-def _ends_in_series(segment, span, model, outputs, step):
+def _ends_in_series(segment, span, model, outputs, step, start, bounds):
     """Write the same of a step that is a series, by its terms."""
     x, terms, size, rate = step.x, step.series.terms, step.z_end.shape[0], 1.0 / segment.h
     flat, half, ratio = terms.shape[1], size // 2, span * rate
     ground, slope = total_forcing(x, size, model), forcing_rate(x, size, model)
-    for p in range(0, outputs.bounds.shape[0], LANES):
-        share, first = load(outputs.ground, p), half + p
+    shares = local_vector(bounds.shape[0])
+    shares[:] = 0.0
+    copy_state(model.ground, shares)
+    for p in range(0, bounds.shape[0], LANES):
+        share, first = load(shares, p), half + p
         value = bend = bound = load(ZERO, 0)
         for k in range(step.series.count[0] - 1, 0, -1):
             term = load(terms, k * flat + first)
             bend = fma(bend, ratio, value)
             value = fma(value, ratio, term * (1.0 * k))
             bound = fma(modulus(term), FIFTH_OF_TERMS[k], bound)
-        store(outputs.start, 2 * p, fma(share, ground, load(terms, flat + first) * rate))
+        store(start, 2 * p, fma(share, ground, load(terms, flat + first) * rate))
         early = load(terms, 2 * flat + first) * (2.0 * rate * rate)
-        store(outputs.start, 2 * p + LANES, fma(share, slope, early))
+        store(start, 2 * p + LANES, fma(share, slope, early))
         store(outputs.end, 2 * p, fma(share, fma(slope, span, ground), value * rate))
         store(outputs.end, 2 * p + LANES, fma(share, slope, bend * (rate * rate)))
-        store(outputs.bounds, p, bound * (rate * rate * rate * rate * rate))
-    for p in range(model.ground.shape[0], outputs.bounds.shape[0]):
+        store(bounds, p, bound * (rate * rate * rate * rate * rate))
+    for p in range(model.ground.shape[0], bounds.shape[0]):
         # behind the floors the terms go on with other rows, whose accelerations are nobody's
         at = p + p // LANES * LANES
-        outputs.start[at] = outputs.start[at + LANES] = 0.0
-        outputs.end[at] = outputs.end[at + LANES] = outputs.bounds[p] = 0.0
+        start[at] = start[at + LANES] = 0.0
+        outputs.end[at] = outputs.end[at + LANES] = bounds[p] = 0.0
 
 
 @inlined
-def _ends_of_polynomial(p, segment, span, model, tables, outputs, step):
+def _ends_of_polynomial(p, segment, span, model, tables, outputs, step, start, bounds):
     """Write the same of one acceleration by its polynomial."""
     h, at, rows = segment.h, p + p // LANES * LANES, local_matrix(1, N_COEFFICIENTS)
     _write_acceleration(p, segment, model, tables, rows[0], step)
-    outputs.start[at], outputs.start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
+    start[at], start[at + LANES] = value_and_slope(rows, 0, h, 0.0)
     outputs.end[at], outputs.end[at + LANES] = value_and_slope(rows, 0, h, span)
-    outputs.bounds[p] = fourth_derivative(rows, h)
+    bounds[p] = fourth_derivative(rows, h)
 
 
 @kernel
-def _ends_in_modes(segment, span, amplitude, model, tables, outputs, step):
+def _ends_in_modes(segment, span, amplitude, model, tables, outputs, step, start, bounds):
     """Write the same of a step in modes; polynomials of bases alone, beside closed contacts."""
     x, spectrum, modal = step.x, tables.spectrum, step.spectral
     h, size, count = segment.h, step.z_end.shape[0], model.ground.shape[0]
     pairs = local_vector(n_pairs(model))
-    write_accelerations(0.0, h, count, spectrum, modal, outputs.start)
+    write_accelerations(0.0, h, count, spectrum, modal, start)
     write_accelerations(span, h, count, spectrum, modal, outputs.end)
-    bound_by_terms(5, h, count, spectrum, modal, outputs.bounds)
+    bound_by_terms(5, h, count, spectrum, modal, bounds)
     forcing_after(span, segment.tau + span, amplitude, x, size, model, pairs)
     bend = 0.0
     for k in range(model.harmonics.shape[0]):
@@ -151,13 +154,13 @@ def _ends_in_modes(segment, span, amplitude, model, tables, outputs, step):
         bend += (model.harmonics[k, 0] * model.omega) ** 4 * most
     for p in range(count):
         at, share = p + p // LANES * LANES, model.ground[p]
-        outputs.start[at] += share * total_forcing(x, size, model)
-        outputs.start[at + LANES] += share * forcing_rate(x, size, model)
+        start[at] += share * total_forcing(x, size, model)
+        start[at + LANES] += share * forcing_rate(x, size, model)
         outputs.end[at] += share * total_forcing(pairs, 0, model)
         outputs.end[at + LANES] += share * forcing_rate(pairs, 0, model)
-        outputs.bounds[p] += abs(share) * bend
+        bounds[p] += abs(share) * bend
         if p >= model.modal_transform.shape[0] and segment.key != np.uint64(0):
-            _ends_of_polynomial(p, segment, span, model, tables, outputs, step)
+            _ends_of_polynomial(p, segment, span, model, tables, outputs, step, start, bounds)
 
 
 @kernel

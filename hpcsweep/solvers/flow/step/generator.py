@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.kernel_contacts import DRAG
-from hpcsweep.solvers.flow.state.state import contact_bit
+from hpcsweep.solvers.flow.state.state import contact_bit, is_oblique
 
 
 @kernel
@@ -82,27 +82,23 @@ def bound_of_set(key, model):
     For an eigenvector with displacements q, q* M q = 1, lambda^2 + d lambda + k = 0 with d = q* C q
     and k = q* (K + contacts) q, dashpots in C. If the roots are complex |lambda|^2 = k, if not
     |lambda| <= d. Of K and C k and d are at most the largest eigenvalues, of contacts the largest
-    sum of a row of sqrt(kappa_k kappa_l) |d_k M^-1 d_l|.
+    sum of a row of sqrt(kappa_k kappa_l) |d_k M^-1 d_l| = sqrt(beta_k beta_l) share_kl, where
+    share_kl^2 = (d_k . e_l) (d_l . e_k), 1 for k = l.
     """
-    kappa, reach, contacts = model.eigen.kappa, model.eigen.reach, model.contacts
+    contacts, m = model.contacts, model.contacts.row.shape[0]
     hardest = strongest = 0.0
-    for k in range(kappa.shape[0]):
+    for k in range(m):
         if key & contact_bit(k) == np.uint64(0):
             continue
         stiff = drag = 0.0
-        for i in range(kappa.shape[0]):
-            if key & contact_bit(i) != np.uint64(0):
-                along, first, second = 0.0, 0.0, 0.0
-                for j in range(reach.shape[1]):
-                    along += reach[k, j] * reach[i, j]
-                    first += reach[k, j] ** 2
-                    second += reach[i, j] ** 2
-                stiff += math.sqrt(kappa[k] * kappa[i]) * abs(along)
-                both = contacts.edges[k, DRAG] * contacts.edges[i, DRAG] / (first * second)
-                drag += math.sqrt(both) * abs(along)
+        for i in range(m):
+            if key & contact_bit(i) != np.uint64(0) and (i == k or is_oblique(contacts)):
+                share = 1.0 if i == k else contacts.oblique[k, i] * contacts.oblique[i, k]
+                stiff += math.sqrt(share * contacts.beta[k] * contacts.beta[i])
+                drag += math.sqrt(share * contacts.edges[k, DRAG] * contacts.edges[i, DRAG])
         hardest, strongest = max(hardest, stiff), max(strongest, drag)
     fastest = model.omega
     for h in range(model.harmonics.shape[0]):
         fastest = max(fastest, model.harmonics[h, 0] * model.omega)
     stiffest = math.sqrt(model.stiffness_bound + hardest)
-    return max(stiffest, max(model.eigen.drag + strongest, fastest))
+    return max(stiffest, max(model.drag + strongest, fastest))

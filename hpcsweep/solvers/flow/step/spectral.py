@@ -147,7 +147,7 @@ def _add_pushes(key, at, constant, model, spectrum, modal, x):
 def _write_terms(key, place, h, forced, model, spectrum, modal, x):
     """Write the terms that follow those of the start, with or without what acts from outside."""
     width = spectrum.squares.shape[0]
-    pairs, terms, half = modal.pairs, modal.terms, 2 * model.stiffness.shape[0]
+    pairs, terms, half = local_vector(n_pairs(model)), modal.terms, 2 * model.stiffness.shape[0]
     for k in range(pairs.shape[0]):
         pairs[k] = x[half + k] if forced else 0.0
     for term in range(modal.count[0] - 1):
@@ -206,35 +206,36 @@ def write_modes(modal, rows):
 def write_accelerations(s, h, count, spectrum, modal, out):
     """Write y'' of the first `count` rows at time s, and its rate, `LANES` of each in turns."""
     width, ratio, rate = spectrum.squares.shape[0], s / h, 1.0 / h
+    bends = local_vector(2 * width)
     for p in range(0, width, LANES):
         rise, bend = load(ZERO, 0), load(ZERO, 0)
         for k in range(modal.count[0] - 1, 0, -1):
             term = load(modal.terms, (2 * k + 1) * width + p) * (k * rate)
             bend = fma(bend, ratio, rise)
             rise = fma(rise, ratio, term)
-        store(modal.start, p, rise)
-        store(modal.start, width + p, bend * rate)
+        store(bends, p, rise)
+        store(bends, width + p, bend * rate)
     for i in range(count):
         at = i + i // LANES * LANES
-        out[at] = _dot(spectrum.shapes, i * width, modal.start, 0, width)
-        out[at + LANES] = _dot(spectrum.shapes, i * width, modal.start, width, width)
+        out[at] = _dot(spectrum.shapes, i * width, bends, 0, width)
+        out[at + LANES] = _dot(spectrum.shapes, i * width, bends, width, width)
 
 
 @kernel
 def bound_by_terms(order, h, count, spectrum, modal, out):
     """Bound |d^4/ds^4| of y, `order` 4, or of y'', 5, of the first `count` rows on the step."""
     width = spectrum.squares.shape[0]
-    first = (order - 4) * width
+    first, bounds = (order - 4) * width, local_vector(width)
     for p in range(0, width, LANES):
         value = load(ZERO, 0)
         for k in range(order, modal.count[0]):
             term = modulus(load(modal.terms, 2 * k * width + first + p))
             value = fma(term, FALLING[order - 4, k], value)
-        store(modal.bounds, p, value * h**-order)
+        store(bounds, p, value * h**-order)
     for i in range(count):
         value = load(ZERO, 0)
         for p in range(0, width, LANES):
-            value = fma(modulus(load(spectrum.shapes, i * width + p)), load(modal.bounds, p), value)
+            value = fma(modulus(load(spectrum.shapes, i * width + p)), load(bounds, p), value)
         out[i] = total(value)
 
 
@@ -337,11 +338,12 @@ def continues(index, tau, modal):
     return tau > 0.0 and modal.chain[0] == tau and modal.chain[1] == index
 
 
-@inlined
+@kernel
 def modal_state(s, h, spectrum, modal, out):
     """Write the state at time s of the present step, of length h."""
-    _evaluate(STATE, s / h, modal, modal.start)
-    write_rows(modal.start, spectrum, out)
+    modes = local_vector(2 * spectrum.squares.shape[0])
+    _evaluate(STATE, s / h, modal, modes)
+    write_rows(modes, spectrum, out)
 
 
 @kernel
@@ -351,7 +353,7 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, modal):
     key, h = tables.keys[index], tables.h[index]
     exact = key == np.uint64(0) and spectrum.damping.shape[0] == 0
     width = spectrum.squares.shape[0]
-    vector, e = local_vector(2 * half), local_matrix(4, width)
+    vector, e, moved = local_vector(2 * half), local_matrix(4, width), local_vector(2 * width)
     if exact:
         _write_exponential(s * n_steps, spectrum, e)
     kept = modal.count[0]
@@ -364,16 +366,16 @@ def spectral_tangent(index, s, n_steps, tangent, model, tables, modal):
             for p in range(0, width, LANES):
                 first = modal.terms.shape[1] * 2 * width + p
                 q, v = load(modal.terms, first), load(modal.terms, first + width)
-                store(modal.start, p, fma(load(e, p), q, load(e, width + p) * v))
+                store(moved, p, fma(load(e, p), q, load(e, width + p) * v))
                 more = load(e, 3 * width + p) * v
-                store(modal.start, width + p, fma(load(e, 2 * width + p), q, more))
-            write_rows(modal.start, spectrum, vector)
+                store(moved, width + p, fma(load(e, 2 * width + p), q, more))
+            write_rows(moved, spectrum, vector)
         else:
             for _ in range(n_steps):
                 modes_of(vector, half, spectrum, modal.terms[TANGENT, 0])
                 _write_terms(key, TANGENT, h, False, model, spectrum, modal, vector)
-                _evaluate(TANGENT, s / h, modal, modal.start)
-                write_rows(modal.start, spectrum, vector)
+                _evaluate(TANGENT, s / h, modal, moved)
+                write_rows(moved, spectrum, vector)
         for i in range(2 * half):
             tangent[i, column] = vector[i]
     modal.count[0] = kept

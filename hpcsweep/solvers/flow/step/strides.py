@@ -29,10 +29,10 @@ import math
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, modulus, root, store
-from hpcsweep.solvers.flow.state.state import copy_state
 from hpcsweep.solvers.flow.state.tables import ZERO
 from hpcsweep.solvers.flow.step.spectral import N_FREE
 
+TINY = 1e-300
 NONE = -1
 """In place of the number of lengths of a structure whose modes are not all bounded so."""
 
@@ -124,16 +124,11 @@ def have_strides(h, model, spectrum, strides):
     for level in range(strides.steps.shape[0]):
         _write_turns(h * 2.0**level, model, strides.turns[level])
     for j in range(n):
-        strides.driven[j] = abs(spectrum.forcing[j]) / math.sqrt(spectrum.squares[j])
         for unit in range(units):
             _write_step(j, unit, h, model, spectrum, strides.steps[0])
             _write_bends(j, unit, model, spectrum, strides.bends)
         for level in range(1, strides.steps.shape[0]):
             _double(j, strides.steps[level - 1], strides.turns[level - 1], strides.steps[level])
-    strides.edges[0], strides.edges[1] = 0.0, -1.0
-    for k in range(model.contacts.row.shape[0]):
-        strides.edges[0, k] = model.contacts.edges[k, 0]
-        strides.edges[1, k] = -model.contacts.edges[k, 0] * model.contacts.edges[k, 1]
     return strides.count[0]
 
 
@@ -141,7 +136,9 @@ def have_strides(h, model, spectrum, strides):
 def look(modes, bounds, spectrum, edges, out):
     """Write distances past the edges, then speeds, of contacts in free flight; bounds behind them.
 
-    The bounds are those of the rows by `bounds`, those of the modes.
+    The bounds are those of the rows by `bounds`, those of the modes. Rows of `edges`: the sign of
+    the way to the edge of the layer, and what the distance past it is for a row at 0; -1 beyond the
+    last contact.
     """
     n, width, stops = spectrum.to_modes.shape[0], spectrum.stops.shape[1], spectrum.stops
     half = spectrum.squares.shape[0]
@@ -159,13 +156,11 @@ def look(modes, bounds, spectrum, edges, out):
 
 
 @kernel
-def stride(level, h, pairs, model, spectrum, strides, modal):
-    """Take a stride of that length from ``modal.end`` and `pairs`.
+def stride(level, h, modes, pairs, model, spectrum, strides, after, turned, bounds):
+    """Take a stride of that length from `modes` and `pairs` to `after` and `turned`.
 
-    The modes at its end are written into ``modal.start``, the pairs into ``modal.pairs``, and
-    bounds of the fourth derivatives of the modes into ``modal.bounds``.
+    Bounds of the fourth derivatives of the modes are written into `bounds`.
     """
-    modes = modal.end
     half, units = spectrum.squares.shape[0], strides.bends.shape[1]
     flat, steps, bends = units * half, strides.steps, strides.bends
     to, size = 2 * level * flat, 0.0
@@ -175,7 +170,7 @@ def stride(level, h, pairs, model, spectrum, strides, modal):
         size += (rise * fall) ** 2 * (abs(s) + abs(c))
         for i in range(number, number + 2):
             turn = strides.turns[level, i]
-            modal.pairs[i] = fma(turn[0], s, turn[1] * c)
+            turned[i] = fma(turn[0], s, turn[1] * c)
     for p in range(0, half, LANES):
         q, v = load(modes, p), load(modes, half + p)
         moved = fma(load(steps, to + p), q, load(steps, to + half + p) * v)
@@ -188,15 +183,8 @@ def stride(level, h, pairs, model, spectrum, strides, modal):
             pushed = fma(load(steps, to + flat + at), pairs[i], pushed)
             bend = fma(load(bends, at), pairs[i], bend)
             rise = fma(load(bends, flat + at), pairs[i], rise)
-        store(modal.start, p, q + moved)
-        store(modal.start, half + p, v + pushed)
-        grown = load(strides.driven, p) * (size * h)
-        store(modal.bounds, p, root(fma(bend, bend, rise * rise)) + grown)
-
-
-@inlined
-def accept(modal, pairs, first):
-    """Make the end of a stride the state ``modal.end``, and the pairs in pairs[first:]."""
-    copy_state(modal.start, modal.end)
-    for i in range(modal.pairs.shape[0]):
-        pairs[first + i] = modal.pairs[i]
+        store(after, p, q + moved)
+        store(after, half + p, v + pushed)
+        driven = modulus(load(spectrum.forcing, p)) / (root(load(spectrum.squares, p)) + TINY)
+        grown = driven * (size * h)
+        store(bounds, p, root(fma(bend, bend, rise * rise)) + grown)

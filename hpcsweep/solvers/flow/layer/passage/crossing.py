@@ -44,6 +44,7 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, root, total
 from hpcsweep.model.contact import FULL_POTENTIAL
 from hpcsweep.solvers.flow.rules.tableau import recurrence, rule
+from hpcsweep.solvers.flow.state.state import is_oblique
 
 N_NODES = LANES
 FAST = 0.9
@@ -106,7 +107,7 @@ def passage_is_fast(v, a, j, contact, model):
         return False
     time = inverse * width
     impulse = potential * inverse * model.contacts.gain[contact]
-    stiffness = model.stiffness_bound + (model.hardest if model.contacts.is_oblique else beta)
+    stiffness = model.stiffness_bound + (model.hardest if is_oblique(model.contacts) else beta)
     phase = stiffness * time * time
     fourth = 24.0 * impulse * phase * time * time
     fifth = impulse * phase * phase * (8.0 * time + 9.0 * phase)
@@ -303,7 +304,7 @@ def add_kick(m, contact, key, model, z):
         z[n + i] += e * (impulse - 0.5 * beta * second_contact)
         z[n + i] -= e * (inner * stiff)
         z[n + i] += e * (beta * beta * fourth_contact / 24.0)
-    if contacts.is_oblique:
+    if is_oblique(contacts):
         for k in range(contacts.row.shape[0]):
             oblique = contacts.oblique[k, contact]
             if k == contact or oblique == 0.0 or not (key >> np.uint64(k)) & np.uint64(1):

@@ -70,6 +70,7 @@ from hpcsweep.solvers.flow.state.state import (
     approach_speed,
     contact_bit,
     distance,
+    is_oblique,
 )
 from hpcsweep.solvers.flow.step.forcing import forcing_rate, steepest_forcing, total_forcing
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope, value_slope_bend
@@ -101,7 +102,7 @@ def _coupling(k, model, span):
     for other in range(contacts.row.shape[0]):
         if other == k:
             continue
-        if contacts.is_oblique and contacts.oblique[k, other] != 0.0:
+        if is_oblique(contacts) and contacts.oblique[k, other] != 0.0:
             return math.inf
         stiff = 0.0
         for p in range(contacts.first[other], contacts.first[other + 1]):
@@ -230,7 +231,7 @@ def jerk_at_stop(arrival, z, a, model):
     jerk = model.forcing[row] * forcing_rate(arrival.forcing, 0, model)
     for j in range(n):
         jerk -= stiffness[row, j] * z[n + j] + damping[row, j] * a[j]
-    if contacts.is_oblique:
+    if is_oblique(contacts):
         for k in range(contacts.row.shape[0]):
             if k != contact and arrival.key & contact_bit(k):
                 pull = contacts.beta[k] * contacts.sign[k] * z[n + contacts.row[k]]
@@ -275,13 +276,11 @@ def pass_layer(contact, before, tau, z, promised, amplitude, packed):
     row, sign = contacts.row[contact], contacts.sign[contact]
     z[row] = sign * contacts.gap[contact]
     if rho == math.inf:
-        passes = contacts.is_elastic and z[a.shape[0] + row] != 0.0
-        return passes, 0.0, promised
+        return z[a.shape[0] + row] != 0.0, 0.0, promised
     accelerations(total_forcing(work.forcing, 0, model), z, model, a)
     jerk = jerk_at_stop(arrival, z, a, model)
     v, pushed, bend = sign * z[a.shape[0] + row], sign * a[row], sign * jerk
-    fast = strategies.USED.fast and contacts.is_elastic
-    if not (fast and passage_is_fast(v, pushed, bend, contact, model)):
+    if not (strategies.USED.fast and passage_is_fast(v, pushed, bend, contact, model)):
         return False, jerk, promised
     if promised & contact_bit(contact) == np.uint64(0):
         apart, more = passes_apart(arrival, z, a, amplitude, model)

@@ -38,7 +38,7 @@ from hpcsweep.solvers.flow.layer.passage.crossing import (
     sums,
 )
 from hpcsweep.solvers.flow.state.shared import LINEAR_STEPS
-from hpcsweep.solvers.flow.state.state import Segment
+from hpcsweep.solvers.flow.state.state import Segment, is_oblique
 from hpcsweep.solvers.flow.step.step import step_tangent
 
 
@@ -203,7 +203,7 @@ def _pushed(contact, key, column, tangent, model):
     for j in range(n):
         pushed -= stiffness[row, j] * tangent[j, column]
         pushed -= damping[row, j] * tangent[n + j, column]
-    if contacts.is_oblique:
+    if is_oblique(contacts):
         for k in range(contacts.row.shape[0]):
             if k != contact and (key >> np.uint64(k)) & np.uint64(1):
                 stretched = contacts.sign[k] * tangent[contacts.row[k], column]

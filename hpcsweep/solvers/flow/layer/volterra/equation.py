@@ -296,8 +296,8 @@ def write_accelerations(ground, modes, model, spectrum, x):
 
 
 @kernel
-def take_step(level, h, r, stiffness, shared, moved):
-    """Take a step of that length with the r contacts of ``own.which``, to ``own.after``.
+def take_step(level, h, r, stiffness, shared, moved, after):
+    """Take a step of that length with the r contacts of ``own.which``.
 
     Parameters
     ----------
@@ -305,6 +305,8 @@ def take_step(level, h, r, stiffness, shared, moved):
         Largest |df/dx| expected, or the sum of all.
     moved : ndarray, shape (2, m)
         Receives distances and speeds of all contacts at the end.
+    after : ndarray
+        Receives the modes there.
 
     Returns
     -------
@@ -328,8 +330,8 @@ def take_step(level, h, r, stiffness, shared, moved):
     allowed = shared.tolerance * _size_of(x)
     if not _solve(level, h, r, h * h * stiffness, allowed, model, motion, own):
         return False
-    _end_of_step(level, r, own.modes, units, own.forces, spectrum, own, own.after)
-    write_distances(own.after, model, spectrum, moved)
+    _end_of_step(level, r, own.modes, units, own.forces, spectrum, own, after)
+    write_distances(after, model, spectrum, moved)
     allowed = shared.tolerance * _size_of(moved)
     return _error_of_rule(h, r, AT_END, moved, contacts, rho, own) <= allowed
 
@@ -338,11 +340,8 @@ def take_step(level, h, r, stiffness, shared, moved):
 def step_tangent(level, r, model, spectrum, own, tangent):
     """Multiply `tangent`, of columns in modes, by the tangent map of the step taken, in place."""
     (n, width), half, contacts = spectrum.to_modes.shape, tangent.shape[0] // 2, model.contacts
-    vector, free, x = (
-        local_vector(2 * width),
-        local_matrix(MOST, N_NODES),
-        local_matrix(MOST, N_NODES),
-    )
+    vector, after = local_vector(2 * width), local_vector(2 * width)
+    free, x = local_matrix(MOST, N_NODES), local_matrix(MOST, N_NODES)
     slopes, pushes = local_matrix(MOST, N_NODES), local_matrix(MOST, N_NODES)
     for p in range(2 * width):
         vector[p] = 0.0
@@ -371,9 +370,9 @@ def step_tangent(level, r, model, spectrum, own, tangent):
                 break
         for at in range(0, r * N_NODES, LANES):
             store(pushes, at, load(slopes, at) * load(x, at))
-        _end_of_step(level, r, vector, 2, pushes, spectrum, own, own.after)
+        _end_of_step(level, r, vector, 2, pushes, spectrum, own, after)
         for j in range(n):
-            tangent[j, column], tangent[half + j, column] = own.after[j], own.after[width + j]
+            tangent[j, column], tangent[half + j, column] = after[j], after[width + j]
 
 
 @kernel

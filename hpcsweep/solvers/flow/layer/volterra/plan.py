@@ -16,6 +16,7 @@ import math
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.contact import MAX_STIFFNESS
 from hpcsweep.solvers.flow.layer.scheme import reach, stiffness_up_to
+from hpcsweep.solvers.flow.state.state import is_oblique
 from hpcsweep.solvers.flow.state.tables import LEVELS
 from hpcsweep.solvers.flow.state.workspace import MOST
 
@@ -96,7 +97,7 @@ def plan_step(most, model, own):
                     turn = min(h, speed / -pushed) if speed > 0.0 > pushed else h
                     nearest = place + max(0.0, speed + 0.5 * pushed * turn) * turn
                     stiff = abs(stiffness_up_to(nearest, beta, rho))
-            stiffness = stiffness + stiff if contacts.is_oblique else max(stiffness, stiff)
+            stiffness = stiffness + stiff if is_oblique(contacts) else max(stiffness, stiff)
             if h * h * stiffness > CONTRACTION * CONTRACTION:
                 h = CONTRACTION / math.sqrt(stiffness)
     return r, h, stiffness

@@ -83,10 +83,10 @@ def _tangent_to_rows(spectrum, tangent):
 
 
 @inlined
-def _step(left, longest, shared, moved):
-    """Take a step from ``own.modes`` to ``own.after``; return its length, 0 if none.
+def _step(left, longest, shared, moved, after):
+    """Take a step from ``own.modes``; return its length, 0 if none.
 
-    `moved`, (2, m), receives distances and speeds at its end.
+    `moved`, (2, m), receives distances and speeds at its end, `after` the modes.
     """
     model, own = shared.model, shared.volterra
     r, h, stiffness = plan_step(longest, model, own)
@@ -95,7 +95,7 @@ def _step(left, longest, shared, moved):
         return 0.0
     level, h = level_of(min(h, left), longest)
     while level < LEVELS:
-        allowed = take_step(level, h, r, stiffness, shared, moved)
+        allowed = take_step(level, h, r, stiffness, shared, moved, after)
         if allowed and _others_stay_away(r, moved, model, own):
             own.last[CONTACTS], own.last[LEVEL], own.last[GOING] = r, level, 1
             return h
@@ -164,20 +164,20 @@ def volterra_steps(packed, tau, end, most, z, amplitude, wanted, tangent):
         modes_of(z, z.shape[0] // 2, spectrum, modes)
         write_distances(modes, model, spectrum, own.distances)
     copy_state(pairs[: modes.shape[0] - first], modes[first:])
-    moved = local_matrix(2, model.contacts.row.shape[0])
+    moved, after = local_matrix(2, model.contacts.row.shape[0]), local_vector(modes.shape[0])
     last, steps, longest = 0.0, 0, longest_step(model, spectrum)
     while steps < most:
         write_accelerations(
             total_forcing(modes, first, model), modes, model, spectrum, own.distances
         )
-        h = _step(end - tau, longest, shared, moved)
+        h = _step(end - tau, longest, shared, moved, after)
         if not h > 0.0:
             break
         last, steps = h, steps + 1
         tau = end if h >= end - tau else tau + h
-        forcing_after(h, tau, amplitude, modes, first, model, own.after[first:])
+        forcing_after(h, tau, amplitude, modes, first, model, after[first:])
         copy_state(modes, own.before)
-        copy_state(own.after, modes)
+        copy_state(after, modes)
         copy_matrix(moved, own.distances)
         if tangent.shape[1] > 0:
             if steps == 1:

@@ -38,6 +38,7 @@ from hpcsweep.dynamics.orbit import returns_near
 from hpcsweep.dynamics.stability import MeanInterval, aligned, growth_interval
 from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Poll
 from hpcsweep.solvers.records import Approach, Observation
 
 FIRST_GROUP, MAX_GROUP = 4, 256
@@ -101,7 +102,7 @@ class AttractorSearch:
         self.cycles = self.n_transient = self._n_tested = 0
         self.transient = Survival()
 
-    def fork(self, poll: Callable[[], None] | None = None) -> "AttractorSearch":
+    def fork(self, poll: Poll = None) -> "AttractorSearch":
         """Return a copy of the search, independent of this one."""
         other = copy(self)
         other._poll, other._rng = poll, np.random.default_rng(0)

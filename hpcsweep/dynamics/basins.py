@@ -7,7 +7,6 @@ only on the attractors and its group, so that groups can be classified in any or
 of processes.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from hpcsweep.dynamics.attractor import ELSEWHERE, UNDECIDED, Attractor, Portrai
 from hpcsweep.dynamics.attractors import MAX_GROUP, AttractorSearch
 from hpcsweep.dynamics.shares import share_interval
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Poll
 
 CONFIDENCE = 0.95
 """Confidence of the tests of lifetimes."""
@@ -51,9 +51,7 @@ class StateBasins:
         self._listed = np.full(len(attractors), ELSEWHERE)
         self._listed[order] = np.arange(order.size)
 
-    def labels(
-        self, states: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> tuple[np.ndarray, int]:
+    def labels(self, states: np.ndarray, poll: Poll = None) -> tuple[np.ndarray, int]:
         """Classify a group of states.
 
         Parameters
@@ -72,9 +70,7 @@ class StateBasins:
         search = self._search.fork(poll)
         return self._of_list(search.labels(states, MAX_GROUP)), search.cycles
 
-    def alone(
-        self, states: np.ndarray, poll: Callable[[], None] | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def alone(self, states: np.ndarray, poll: Poll = None) -> tuple[np.ndarray, np.ndarray]:
         """Classify states, each as a group of its own; see `labels`.
 
         Returns

@@ -24,7 +24,6 @@ At the border of its family (`families`) an orbit of sliders is replaced by one 
 that across families.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -40,6 +39,7 @@ from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count
 from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Poll
 from hpcsweep.solvers.records import Growth, Observation
 from hpcsweep.solvers.skip_rule import LINEAR_DEFECT
 
@@ -96,7 +96,7 @@ def classify_motion(
     amplitude: float,
     settings,
     max_cycles: int,
-    poll: Callable[[], None] | None = None,
+    poll: Poll = None,
     window: Observation | None = None,
     outlived: int = CONFIRMED,
 ) -> Motion:

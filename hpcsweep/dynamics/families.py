@@ -24,7 +24,7 @@ strength and turns, and which has no tangent map. It is replaced by a member `IN
 strength from there.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import Shakedown
 from hpcsweep.dynamics.verification import verify_orbit
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.polling import Poll
 
 STRAIGHT, NEAR, FAR, DEPTH = 0.01, 1e-3, 0.4, 12
 """Distance of the middle orbit from the middle of a chord, over its length or in units of the
@@ -79,7 +80,7 @@ def are_joined(
     orbit: np.ndarray,
     other: np.ndarray,
     families: int,
-    poll: Callable[[], None] | None = None,
+    poll: Poll = None,
     depth: int = DEPTH,
 ) -> bool:
     """Return whether two orbits that attract are members of one family.

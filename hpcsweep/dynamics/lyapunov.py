@@ -15,13 +15,13 @@ time the set has one dimension more.
 """
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from hpcsweep.dynamics.stability import MeanInterval, TangentMaps, aligned, growth_interval
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Poll
 
 FIRST, GROWTH = 200, 1.5
 """Forcing periods after which the error is first judged, and the factor between judgements."""
@@ -100,12 +100,7 @@ def spectrum_of_orbit(solver, points: np.ndarray, amplitude: float) -> LyapunovS
 
 
 def spectrum_of_motion(
-    solver,
-    state: np.ndarray,
-    amplitude: float,
-    error: float,
-    max_cycles: int,
-    poll: Callable[[], None] | None = None,
+    solver, state: np.ndarray, amplitude: float, error: float, max_cycles: int, poll: Poll = None
 ) -> LyapunovSpectrum:
     """Average over a motion until no exponent has a larger error, or a limit is reached.
 

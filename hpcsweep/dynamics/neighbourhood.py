@@ -12,7 +12,6 @@ points of each surface, at the level c and at `INNER` c, from a large level down
 passes. States within `MARGIN` c are taken to go to the orbit.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from hpcsweep.dynamics.attractor import FAILED, UNDECIDED
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Poll
 
 DIRECTIONS = 12
 """Pairs of points tested on an ellipsoid, in a space of any dimension: at least twice as many as
@@ -161,7 +161,7 @@ def approach(
     starts: np.ndarray,
     neighbourhoods: list[Neighbourhood | None],
     longest: int,
-    poll: Callable[[], None] | None = None,
+    poll: Poll = None,
 ) -> Approached:
     """Integrate each start until it is in a neighbourhood, for some `longest` forcing periods.
 

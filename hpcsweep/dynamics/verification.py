@@ -42,6 +42,7 @@ from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers, without_families
 from hpcsweep.solvers.offers import ISOLATED
+from hpcsweep.solvers.polling import Poll
 
 STEPS = 40
 NEAR, PATIENCE = 1e-3, 6
@@ -94,11 +95,6 @@ class VerifiedOrbit(NamedTuple):
         return len(self.points)
 
     @property
-    def multipliers(self) -> np.ndarray:
-        """Floquet multipliers over p forcing periods, largest modulus first, shape (2n,)."""
-        return self.maps.multipliers
-
-    @property
     def families(self) -> int:
         """Number of multipliers that are 1 along the family of the orbit."""
         return 0 if self.transverse is None else self.points.shape[1] - len(self.transverse)
@@ -137,7 +133,7 @@ def verify_orbit(
     amplitude: float,
     period: int,
     reach: float = REACH,
-    poll: Callable[[], None] | None = None,
+    poll: Poll = None,
 ) -> Verdict:
     """Find the orbit on which a state nearly closes, to rounding, or find that there is none.
 

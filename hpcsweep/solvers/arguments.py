@@ -14,21 +14,6 @@ AT_STRENGTH = 1e-9
 """Part by which a slider may start beyond its strength: rounding of a state put there."""
 
 
-def without_sliders(structure: Structure) -> None:
-    """Refuse what is no structure, and one that yields, where motions of these are not followed.
-
-    Raises
-    ------
-    ValueError
-    """
-    instance("structure", structure, Structure)
-    if structure.sliders:
-        raise ValueError(
-            "a structure with sliders moves under ground-motion records, and under a harmonic "
-            "forcing in jobs and in hpcsweep.stroboscopic_points, trajectory, orbit and branch"
-        )
-
-
 def solver_arguments(
     structure, omega, rtol, *, yields: bool = False
 ) -> tuple[Structure, float, float]:
@@ -39,10 +24,12 @@ def solver_arguments(
     ValueError
         One line that names the argument.
     """
-    if yields:
-        instance("structure", structure, Structure)
-    else:
-        without_sliders(structure)
+    instance("structure", structure, Structure)
+    if structure.sliders and not yields:
+        raise ValueError(
+            "a structure with sliders moves under ground-motion records, and under a harmonic "
+            "forcing in jobs and in hpcsweep.stroboscopic_points, trajectory, orbit and branch"
+        )
     omega = positive("omega", omega)
     rtol = number("rtol", rtol)
     if not 0 < rtol < 1:

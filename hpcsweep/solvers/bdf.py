@@ -23,6 +23,7 @@ from hpcsweep.solvers.arguments import motion, points_array, solver_arguments, t
 from hpcsweep.solvers.bdf_steps import BdfSteps
 from hpcsweep.solvers.offers import BDF
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Poll
 from hpcsweep.solvers.records import Advance, Approach, Growth, Observation, window_growth
 from hpcsweep.solvers.step_tally import StepTally
 
@@ -52,11 +53,7 @@ class BdfMap:
         self._units = Units(structure, self._model)
 
     def advance(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        poll: Callable[[], None] | None = None,
+        self, state: np.ndarray, amplitude: float, n_periods: int, poll: Poll = None
     ) -> Advance:
         """Integrate `n_periods` forcing periods; see `hpcsweep.solvers.flow.FlowMap.advance`."""
         z, amplitude, n_periods = motion(self, state, amplitude, n_periods)
@@ -76,7 +73,7 @@ class BdfMap:
         settled: float,
         same: float,
         near: float = 0.0,
-        poll: Callable[[], None] | None = None,
+        poll: Poll = None,
     ) -> Approach:
         """Integrate the whole transient: the error of a period hides whether an orbit has closed.
 
@@ -87,11 +84,7 @@ class BdfMap:
         return Approach(done.state, done.n_periods, 0, 0, math.nan, done.outcome)
 
     def points(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        poll: Callable[[], None] | None = None,
+        self, state: np.ndarray, amplitude: float, n_periods: int, poll: Poll = None
     ) -> tuple[np.ndarray, Outcome]:
         """Return the stroboscopic points z(T), z(2T), ..., shape (n_periods, 2n)."""
         return self._collect(state, amplitude, n_periods, poll, None)
@@ -103,7 +96,7 @@ class BdfMap:
         n_periods: int,
         modal_norm: bool = False,
         growth: bool = False,
-        poll: Callable[[], None] | None = None,
+        poll: Poll = None,
         measures: int = 0,
     ) -> Observation:
         """Integrate `n_periods` and gather points, contact set, drift, modal norms and measures.
@@ -132,7 +125,7 @@ class BdfMap:
         state: np.ndarray,
         amplitude: float,
         n_periods: int,
-        poll: Callable[[], None] | None = None,
+        poll: Poll = None,
         direction: np.ndarray | None = None,
     ) -> Growth:
         """Integrate `n_periods`, and again with a tangent vector."""
@@ -181,11 +174,7 @@ class BdfMap:
         return self._units.out_of(z[:size]), self._units.tangent_out_of(matrix)
 
     def images(
-        self,
-        states: np.ndarray,
-        amplitude: float,
-        tangents: bool = True,
-        poll: Callable[[], None] | None = None,
+        self, states: np.ndarray, amplitude: float, tangents: bool = True, poll: Poll = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Integrate states over one forcing period each; see `flow.FlowMap.images`.
 

@@ -19,6 +19,7 @@ from scipy.integrate import BDF
 from hpcsweep.model.equations import MODEL, derivative, jacobian_matrix
 from hpcsweep.model.kernel_model import Model
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Poll
 
 MAX_STEPS = 200_000
 """Most steps in one forcing period."""
@@ -59,7 +60,7 @@ class BdfSteps:
         z: np.ndarray,
         amplitude: float,
         length: float,
-        poll: Callable[[], None] | None = None,
+        poll: Poll = None,
         on_step: Callable | None = None,
         columns: int = 0,
     ) -> tuple[np.ndarray, Outcome]:

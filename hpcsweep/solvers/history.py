@@ -1,7 +1,6 @@
 """The motion of a structure under a ground-motion record, at instants a step apart."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from hpcsweep.model.arguments import callback, finite, number, positive
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.polling import Poll
 from hpcsweep.solvers.response import arguments
 
 WHOLE = "must be a whole multiple or a whole part of {:g}, the time between samples"
@@ -48,7 +48,7 @@ def history(
     start: float = 0.0,
     end: float | None = None,
     rtol: float = 1e-9,
-    poll: Callable[[], None] | None = None,
+    poll: Poll = None,
 ) -> History:
     """Return the motion of a structure under a record from rest, at instants a step apart.
 

@@ -16,7 +16,6 @@ what is missed are of that order. Each state is one of the kernels, after a marc
 the interval. So the pieces close in on the times at which the motion has kinks.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +28,7 @@ from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.record_map import RecordMap
 from hpcsweep.solvers.flow.state.shared import PASSAGES, TABLES
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, Outcome
+from hpcsweep.solvers.polling import Poll
 from hpcsweep.solvers.record_response import Energy, energy_at
 
 MOST = 64
@@ -55,12 +55,7 @@ class InstantMap(RecordMap):
     """Follow motions from rest through all instants; see `RecordMap`."""
 
     def follow(
-        self,
-        samples: np.ndarray,
-        scale: float,
-        count: int,
-        poll: Callable[[], None] | None = None,
-        missed: float = 0.0,
+        self, samples: np.ndarray, scale: float, count: int, poll: Poll = None, missed: float = 0.0
     ) -> Motion:
         """Follow a motion over `count` intervals.
 

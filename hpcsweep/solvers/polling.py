@@ -8,6 +8,8 @@ of one call, to the last bit. The time of one piece determines the number of per
 import time
 from collections.abc import Callable, Iterator
 
+Poll = Callable[[], None] | None
+"""Called now and then within long work; may raise to leave it."""
 PIECE_SECONDS = 0.05
 """Intended time of a piece: if the next periods are ten times as slow, Ctrl-C is heard after half a
 second."""
@@ -25,9 +27,7 @@ class Polling:
         self._size = 1
         self._begun = 0.0
 
-    def cut(
-        self, n_periods: int, poll: Callable[[], None] | None = None
-    ) -> Iterator[tuple[int, int]]:
+    def cut(self, n_periods: int, poll: Poll = None) -> Iterator[tuple[int, int]]:
         """Cut `n_periods` into pieces (first, last), and call `poll` before each."""
         if poll is not None and n_periods == 0:
             poll()
@@ -40,7 +40,7 @@ class Polling:
             yield first, last
             self._learn(last - first, time.perf_counter() - begun)
 
-    def begin(self, poll: Callable[[], None] | None = None) -> int:
+    def begin(self, poll: Poll = None) -> int:
         """Begin a piece that counts its own periods; return its most periods."""
         if poll is not None:
             poll()

@@ -1,14 +1,17 @@
 """Both solvers behind one interface, and a function for stroboscopic points.
 
-A solver belongs to one structure and one frequency and has the methods of `Solver`. All of them
-start at phase tau = 0 of the forcing and advance whole forcing periods T = 2 pi / Omega.
+A solver belongs to one structure and one frequency and has the methods of `BdfMap`: `advance`,
+`settle`, `points`, `observe`, `grow`, `monodromy` and `images`; what they return is in
+`hpcsweep.solvers.records`. All of them start at phase tau = 0 of the forcing and advance whole
+forcing periods T = 2 pi / Omega. One that cannot tell when an orbit has closed integrates all of
+them in `settle`, and returns period 0.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import Protocol, cast
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +19,6 @@ from hpcsweep.model.arguments import choice, finite, finite_vector, forcing_freq
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import BATCHES, BDF, ISOLATED
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Advance, Approach, Growth, Observation
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class SolverKind:
         """Return whether it computes batches of runs of a structure."""
         return self.follows_orbits and BATCHES.of(structure)
 
-    def load(self) -> Callable[[Structure, float, float], "Solver"]:
+    def load(self) -> Callable[[Structure, float, float], Any]:
         """Import the solver, which takes longer than most commands that compute nothing."""
         return getattr(import_module(f"hpcsweep.solvers.{self.module}"), self.made)
 
@@ -80,100 +82,9 @@ def witness_of(name: str, structure: Structure) -> str:
     return "bdf" if name == "flow" and BDF.of(structure) else "flow"
 
 
-class Solver(Protocol):
-    """Interface of a solver; shapes and units in `hpcsweep.solvers.records`."""
-
-    structure: Structure
-    omega: float
-
-    def advance(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        poll: Callable[[], None] | None = None,
-    ) -> Advance:
-        """Integrate, keeping only the last state; see `FlowMap.advance`."""
-        ...
-
-    def settle(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        max_period: int,
-        settled: float,
-        same: float,
-        near: float = 0.0,
-        poll: Callable[[], None] | None = None,
-    ) -> Approach:
-        """Integrate until the orbit is known, for at most `n_periods`; see `FlowMap.settle`.
-
-        A solver that cannot detect orbits integrates all of them and returns period 0.
-        """
-        ...
-
-    def points(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        poll: Callable[[], None] | None = None,
-    ) -> tuple[np.ndarray, Outcome]:
-        """Integrate, keeping every stroboscopic point."""
-        ...
-
-    def observe(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        modal_norm: bool = False,
-        growth: bool = False,
-        poll: Callable[[], None] | None = None,
-        measures: int = 0,
-    ) -> Observation:
-        """Integrate, keeping points and the rest of an `Observation`, as far as requested."""
-        ...
-
-    def grow(
-        self,
-        state: np.ndarray,
-        amplitude: float,
-        n_periods: int,
-        poll: Callable[[], None] | None = None,
-        direction: np.ndarray | None = None,
-    ) -> Growth:
-        """Integrate, keeping points and growth of a tangent vector.
-
-        The vector is initially `direction`, of a `Growth` that ended in `state`; default (1, ...,
-        1).
-        """
-        ...
-
-    def monodromy(
-        self, state: np.ndarray, amplitude: float, n_periods: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Integrate with the tangent map: final state and d z(n T) / d z(0), shape (2n, 2n)."""
-        ...
-
-    def images(
-        self,
-        states: np.ndarray,
-        amplitude: float,
-        tangents: bool = False,
-        poll: Callable[[], None] | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Integrate several states over one forcing period each; see `FlowMap.images`.
-
-        Returns the states, shape (p, 2n), and with `tangents` the tangent maps, (p, 2n, 2n).
-        """
-        ...
-
-
 def make_solver(
     name: str, structure: Structure, omega: float, rtol: float, yields: bool = False
-) -> Solver:
+) -> Any:
     """Return the solver `name` for one structure and frequency.
 
     With `yields` one that knows sliders, but no tangent, where there are some.
@@ -187,7 +98,7 @@ def make_solver(
     if yields and kind.follows_orbits and not ISOLATED.of(structure):
         from hpcsweep.solvers.yielding_map import YieldingMap
 
-        return cast("Solver", YieldingMap(structure, omega, rtol))
+        return YieldingMap(structure, omega, rtol)
     solver = kind.load()(structure, omega, rtol)
     if name == "flow" and not getattr(solver, "is_specialised", True):
         _load_march()

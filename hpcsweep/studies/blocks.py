@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hpcsweep.solvers.polling import Poll as Poll
+
 Place = tuple[int, ...]
 """An index, an entry for each axis."""
 Amplitudes = Sequence[float] | np.ndarray
@@ -15,8 +17,6 @@ Timed = tuple[tuple[int, float], int, float]
 """Frame and position along the last axis of the runs, from 0 to 1; runs; seconds."""
 Say = Callable[[str], None] | None
 """Shows a line to the user."""
-Poll = Callable[[], None] | None
-"""Called within long work; may raise to leave."""
 
 
 def joined(parts: list[Rows]) -> Rows:

@@ -1,5 +1,6 @@
 """The battery both solvers pass: closed forms, conservation laws and the Taylor references."""
 
+import inspect
 import math
 
 import numpy as np
@@ -15,8 +16,11 @@ from scipy.linalg import expm
 from together import together
 
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers.bdf import BdfMap
+from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver, stroboscopic_points
+from hpcsweep.solvers.yielding_map import YieldingMap
 
 RTOL = {"flow": 1e-9, "bdf": 1e-8}
 FACTOR = {"flow": 1.0, "bdf": 1e3}
@@ -55,6 +59,16 @@ def assert_near_reference(name, structure, amplitude, omega, state, n_periods, a
 def harmonic_state(structure, amplitude, omega):
     response = amplitude * structure.linear_steady_state(omega)
     return np.concatenate((response.imag, omega * response.real))
+
+
+@together("solver", [FlowMap, YieldingMap])
+def test_solvers_have_the_same_methods_with_the_same_arguments(solver):
+    methods = inspect.getmembers(BdfMap, inspect.isfunction)
+    names = [name for name, _ in methods if not name.startswith("_")]
+    assert len(names) == 7
+    for name in names:
+        arguments, others = (inspect.signature(getattr(x, name)) for x in (BdfMap, solver))
+        assert [*arguments.parameters] == [*others.parameters], name
 
 
 @each_solver("n", (1,), (2,), (5,), (3,))

@@ -27,6 +27,7 @@ from hpcsweep.model.observed import IMPACT
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import BATCHES
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.solvers.polling import Poll
 from hpcsweep.solvers.records import Observation
 from hpcsweep.solvers.solver import make_solver
 
@@ -85,7 +86,7 @@ class ForcedMap:
         omega: float,
         parameter: str | tuple[str, ...] = "amplitude",
         rtol: float = 1e-9,
-        poll: Callable[[], None] | None = None,
+        poll: Poll = None,
         ties: Mapping[str, Callable[..., float]] = MappingProxyType({}),
     ):
         self._ties = ties

@@ -125,7 +125,7 @@ def orbit(structure: Structure, amplitude: float, omega: float, state: Any, peri
         for turn, z in enumerate(verified.points)
         for crossing in crossings(structure, amplitude, omega, z)
     ]
-    return Orbit(verified.points, verified.multipliers, verified.residual, tuple(signature))
+    return Orbit(verified.points, verified.maps.multipliers, verified.residual, tuple(signature))
 
 
 def find(

@@ -29,7 +29,6 @@ last one that was reached. After a collapse the path goes on from rest.
 import math
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Any, cast
 
 import numpy as np
 
@@ -42,7 +41,7 @@ from hpcsweep.solvers.offers import BATCHES, ISOLATED, TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.solvers.solver import SOLVERS, Solver, make_solver
+from hpcsweep.solvers.solver import SOLVERS, make_solver
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows, joined
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.classification import (
@@ -80,7 +79,7 @@ class FrameRuns:
         self._given = solver is not None
         self._measured: dict[float, FrameRuns] = {}
         made = settings.solver, structure, omega, settings.rtol
-        self.solver: Solver = solver or make_solver(*made, yields=True)
+        self.solver = solver or make_solver(*made, yields=True)
         self._free = None
         if "linear" in settings.skip:
             # imported here: reading results needs no kernels
@@ -97,7 +96,7 @@ class FrameRuns:
         if "converged" in settings.skip and SOLVERS[settings.solver].batches(structure):
             from hpcsweep.studies.sweep.batch import Batch
 
-            self._batch = Batch(cast(Any, self.solver), settings, self._free)
+            self._batch = Batch(self.solver, settings, self._free)
 
     def follow(self, amplitudes: Amplitudes, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute runs at consecutive amplitudes, each from the end of the previous one.

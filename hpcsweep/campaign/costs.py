@@ -13,6 +13,7 @@ study on 4 ranks; nothing (1.36 and 1.37) for the same with the damping as descr
 the remaining time known from the start.
 """
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -100,12 +101,11 @@ class TaskCosts:
 
     def measured(self, cost: BlockCost) -> None:
         """Update from a measured block; one that the study does not have is ignored."""
-        if not is_place(cost.place, self._sizes):
-            return
-        cell = self._cell[np.ravel_multi_index(cost.place, self._sizes)]
-        self._runs.flat[cell] += cost.runs
-        self._seconds.flat[cell] += cost.seconds
-        self._left = None
+        with contextlib.suppress(ValueError):  # no such place
+            cell = self._cell[np.ravel_multi_index(cost.place, self._sizes)]
+            self._runs.flat[cell] += cost.runs
+            self._seconds.flat[cell] += cost.seconds
+            self._left = None
 
     def done(self, places: Any) -> None:
         """Record which blocks are done, shape (n, n_axes) or (n_axes,)."""
@@ -195,13 +195,6 @@ def _fill(runs: np.ndarray, seconds: np.ndarray) -> np.ndarray:
         values = np.maximum(seconds[stratum, at] / runs[stratum, at], 1e-12)
         row[:] = np.interp(np.arange(n_frames), at, values)
     return np.array([np.interp(np.arange(n_strata), sampled, column) for column in filled.T]).T
-
-
-def is_place(place: tuple[int, ...], sizes: Sequence[int]) -> bool:
-    """Return whether a study of these sizes has a block at a place read from a journal."""
-    return len(place) == len(sizes) and all(
-        0 <= at < size for at, size in zip(place, sizes, strict=True)
-    )
 
 
 def n_samples(study: Work) -> int:

@@ -20,7 +20,6 @@ from hpcsweep.job import Job
 from hpcsweep.job.paths import followed
 from hpcsweep.parallel.mpi import on_master
 from hpcsweep.parallel.stopping import StopFlag
-from hpcsweep.store.commit import check_writable
 from hpcsweep.store.inputs import Inputs
 from hpcsweep.store.rows import check_transport
 from hpcsweep.studies.study import Work
@@ -236,7 +235,11 @@ def _check_same_job(layout: store.Layout, output: Path, inputs: Inputs) -> None:
         )
     inputs.check(output, store.opening.check_file(output))
     store.opening.check_layout(output, layout)
-    check_writable(output)
+    if store.is_packed(output):
+        raise store.StoreError(
+            f"{output}: is packed, and a packed file cannot be resumed; give another file with "
+            "-o (hpcsweep status tells what is in this one)"
+        )
 
 
 def _compile(comm, studies: Sequence[Work], flag: StopFlag, say: Callable[[str], None]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpcsweep.campaign.costs import TaskCosts, is_place
+from hpcsweep.campaign.costs import TaskCosts
 from hpcsweep.job import JobError
 from hpcsweep.job.paths import path_of
 from hpcsweep.parallel.schedule import computing_ranks
@@ -20,14 +20,14 @@ from hpcsweep.store.inferred import Inferred, is_complete
 from hpcsweep.store.journal import CampaignHistory, Session, read_history, totals
 from hpcsweep.store.opening import check_file
 
-RECENT = 60.0
-"""Seconds over which the recent rate is measured."""
 LISTED_FAILURES = 20
 FRAMES = {"omega": "frame"}
 """Nouns for the frames of a study, where they are not the name of their dimension."""
 OUTCOMES = {int(outcome): outcome.name for outcome in Outcome}
 SILENT = 120.0
 """Seconds without a record after which a session may not run any more: one comes every 30."""
+OF_SESSIONS = ("started", "ranks", "hosts", "transport", "ended")
+"""What is told of a session."""
 OF_ROWS = (
     *("file", "name", "runs_total", "n_failed", "core_seconds", "core_seconds_remaining"),
     "last_heard",
@@ -46,16 +46,14 @@ def status(path: str | Path) -> dict:
 
         run_noun, frame_noun : str
             What people call a run and a frame of this study: point and frame, row and row, ...
-        runs_per_second, runs_per_second_recent : float or None
-            Runs per second by the wall clock in the last session, and in its last minute.
+        runs_per_second : float or None
+            Runs per second by the wall clock in the last session.
         seconds_remaining : float or None
             Wall time left on that session's ranks; None if nothing was timed or all is complete.
         core_seconds, clock_seconds : float
             Processor time of the ranks in blocks, and the same by the clock.
         last_heard : float or None
             Seconds since the journal's last record.
-        frame_seconds : dict or None
-            Cost of the frames that were timed whole: number, costliest, median, cheapest.
         runs_inferred, audit : int, dict or None
             Only of a refined map: its inferred points, and the last `Look` of their audit.
         remedies : dict of str to dict
@@ -76,7 +74,6 @@ def status(path: str | Path) -> dict:
         runs = {name: blocks.whole(name) for name in there}
         inferred = Inferred(blocks) if layout.derived else None
         state = {**_runs(layout, committed, runs, inferred), "complete": is_complete(blocks)}
-    now = session.last if session and session.ended else time.time()
     work, remaining = None, None
     if history.costs and not state["complete"] and not layout.derived:
         costs = TaskCosts(layout.study)
@@ -88,13 +85,14 @@ def status(path: str | Path) -> dict:
         "version": str(check_file(path).get("hpcsweep_version", "")),
         **state,
         **_costs(history, work, state["complete"]),
-        **_rates(session, now),
+        "runs_per_second": _rate(session) if session and session.costs else None,
         "seconds_remaining": remaining,
         "last_heard": None if history.last is None else time.time() - history.last,
-        "frame_seconds": _frame_seconds(layout, history),
         "master": _master(session),
         "peak_memory": session.peak_memory if session else None,
-        "sessions": [_session(each) for each in history.sessions],
+        "sessions": [
+            {name: getattr(each, name) for name in OF_SESSIONS} for each in history.sessions
+        ],
     }
 
 
@@ -114,7 +112,8 @@ def _runs(
         mask = inferred.mask()
         audit = inferred.summary(mask)
         is_known = done if mask is None else done | mask
-    frames = is_known.all(axis=_axes(study.run_dims, "direction", study.run_dims[-1]))
+    within = "direction", study.run_dims[-1]
+    frames = is_known.all(axis=tuple(k for k, dim in enumerate(study.run_dims) if dim in within))
     return {
         "name": layout.name,
         "study": study.kind,
@@ -158,44 +157,10 @@ def _costs(history: CampaignHistory, work: float | None, complete: bool) -> dict
     }
 
 
-def _rates(session: Session | None, now: float) -> dict:
-    """Count runs per second of wall time."""
-    if session is None or not session.costs:
-        return {"runs_per_second": None, "runs_per_second_recent": None}
-    recent = max(session.started, now - RECENT)
-    total = sum(cost.runs for cost in session.costs)
-    late = sum(cost.runs for cost in session.costs if cost.time >= recent)
-    return {
-        "runs_per_second": total / max(now - session.started, 1e-9),
-        "runs_per_second_recent": late / max(now - recent, 1e-9),
-    }
-
-
-def _frame_seconds(layout: Layout, history: CampaignHistory) -> dict | None:
-    """Return the cost of the frames whose blocks were all timed."""
-    study, dims = layout.study, layout.commit.dims
-    seconds = np.full(layout.shape(layout.commit), np.nan)
-    for place, cost in history.latest.items():
-        if is_place(place, seconds.shape):
-            seconds[place] = cost.seconds
-    whole = seconds.sum(axis=_axes(dims, "direction", "block"), keepdims=True)
-    timed = np.argwhere(np.isfinite(whole))
-    if not timed.size:
-        return None
-    order = np.argsort(whole[tuple(timed.T)], kind="stable")
-    costs: dict = {"frames": len(timed), "median": float(np.median(whole[tuple(timed.T)]))}
-    for name, which in (("costliest", order[-1]), ("cheapest", order[0])):
-        place = tuple(timed[which].tolist())
-        run = study.describe(study.block(place).first)
-        run = {key: value for key, value in run.items() if key != study.run_dims[-1]}
-        run.pop("direction", None)
-        costs |= {name: float(whole[place]), f"{name}_at": run}
-    return costs
-
-
-def _axes(dims: tuple[str, ...], *names: str) -> tuple[int, ...]:
-    """Return the axes of dimensions."""
-    return tuple(dims.index(name) for name in names if name in dims)
+def _rate(session: Session) -> float:
+    """Return the runs per second of wall time in a session."""
+    end = session.last if session.ended else time.time()
+    return sum(cost.runs for cost in session.costs) / max(end - session.started, 1e-9)
 
 
 def _master(session: Session | None) -> dict | None:
@@ -207,21 +172,8 @@ def _master(session: Session | None) -> dict | None:
     return {
         "messages": load.messages,
         "messages_per_second": load.messages / elapsed,
-        "messages_per_second_possible": load.capacity,
         "busy": load.seconds / elapsed,
         "tasks_moved": load.recalls,
-    }
-
-
-def _session(session: Session) -> dict:
-    """Return one session as a dict."""
-    names = ("started", "ranks", "hosts", "transport", "ended")
-    written, seconds, whole = session.written_bytes, session.write_seconds, session.rank_seconds
-    share = seconds / whole if written and whole and seconds is not None else None
-    return {name: getattr(session, name) for name in names} | {
-        "written_bytes": None if share is None else written,
-        "write_bytes_per_second": written / seconds if share and written and seconds else None,
-        "write_share": share,
     }
 
 

@@ -244,8 +244,7 @@ class RankWork:
 
     def end(self, reason: str, seconds: float, traffic: farm.Traffic, display: Silent) -> None:
         """Write the last record and report failures (collective)."""
-        campaign = self._campaign
-        used = self._comm.gather((campaign.written_bytes, campaign.write_seconds, memory.peak()))
+        peaks = self._comm.gather(memory.peak())
         reused = self._comm.gather(self._reuse.runs)
         if self._comm.rank != 0:
             return
@@ -256,10 +255,8 @@ class RankWork:
         self.journal.append(
             "end",
             reason=reason,
-            written_bytes=sum(rank[0] for rank in used),
-            write_seconds=round(sum(rank[1] for rank in used), 6),
             rank_seconds=round(self._comm.size * seconds, 6),
-            peak_memory=[used[0][2], max(rank[2] for rank in used)],
+            peak_memory=[peaks[0], max(peaks)],
             **load_record(traffic),
         )
         self._failures.show(display)

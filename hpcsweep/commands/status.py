@@ -11,7 +11,7 @@ import time
 from hpcsweep.commands import USER_ERROR, CommandError, Rows, listing
 from hpcsweep.commands.rows import by_clock, inferred_text, rows_of
 from hpcsweep.figures.options import file_name
-from hpcsweep.studies.run_names import amount, count, run_name
+from hpcsweep.studies.run_names import count, run_name
 
 
 def configure(parser) -> None:
@@ -61,14 +61,10 @@ solver | {solver}
 inferred | {inferred}
 cost | {core_seconds:.3g} core seconds, {runs_per_core_second:.3g} {run_noun}s per core second\
  | ; {by_clock:.3g} s by the clock | , about {core_seconds_remaining:.3g} core seconds left
-rate | {runs_per_second:.3g} {run_noun}s/s by the clock, {runs_per_second_recent:.3g} in the last \
-minute of the last session | ; about {seconds_remaining:.3g} s left on its ranks
-{frame_noun}s | costliest {frame_seconds[costliest]:.3g} s ({frame_seconds[costliest_at]:run}), \
-median {frame_seconds[median]:.3g} s, cheapest {frame_seconds[cheapest]:.3g} s \
-({frame_seconds[cheapest_at]:run}), of {frame_seconds[frames]} timed whole
-master | {master[messages]} messages, {master[messages_per_second]:.3g}/s of \
-{master[messages_per_second_possible]:.3g}/s possible; {master[tasks_moved]} tasks moved between \
-ranks
+rate | {runs_per_second:.3g} {run_noun}s/s by the clock in the last session\
+ | ; about {seconds_remaining:.3g} s left on its ranks
+master | {master[messages]} messages, {master[messages_per_second]:.3g}/s; \
+{master[busy]:percent} of its time; {master[tasks_moved]} tasks moved between ranks
 memory | rank 0 {memory[0]:.0f} MB, largest rank {memory[1]:.0f} MB
 last heard of | {silent:.0f} s ago
 periods | {periods_per_run:.3g} integrated a run, of {periods_per_run_window}; runs spared: {spared}
@@ -113,10 +109,3 @@ def _rows(state: dict) -> Rows:
             f"{started}, {count(session['ranks'], 'rank')} on {' '.join(session['hosts'])}, "
             f"{session['transport']}: {session['ended'] or 'running or killed'}",
         )
-        if session["write_bytes_per_second"]:
-            yield (
-                "  wrote",
-                f"{amount(session['written_bytes'])} at "
-                f"{amount(session['write_bytes_per_second'])}/s, "
-                f"{100 * session['write_share']:.2g} % of the ranks' time",
-            )

@@ -29,17 +29,10 @@ class Traffic:
     """Work that the master has done."""
 
     messages: int = 0
-    message_seconds: float = 0.0
-    """Time spent on messages (s)."""
     seconds: float = 0.0
     """Time spent on messages and on choosing tasks to recall (s)."""
     recalls: int = 0
     """Tasks that moved from one rank to another."""
-
-    @property
-    def capacity(self) -> float | None:
-        """Return the messages per second that the master could handle."""
-        return self.messages / self.message_seconds if self.message_seconds else None
 
 
 def run(
@@ -207,8 +200,6 @@ class _Master:
             self._busy.add(rank)
             self._comm.send(("task", self._take(rank)), rank)
         self._traffic.messages += handled
-        if handled:
-            self._traffic.message_seconds += time.perf_counter() - begun
         balanced = self._comm.size > 1 and begun >= self._next_balance
         if balanced:
             recalls = self._schedule.recalls(time.monotonic())

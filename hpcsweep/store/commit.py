@@ -19,29 +19,14 @@ import numpy as np
 
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.store.layout import Layout, StoreError
-from hpcsweep.store.rows import ContiguousRows, Transport, is_packed, open_rows, open_transport
+from hpcsweep.store.layout import Layout
+from hpcsweep.store.rows import ContiguousRows, PackedRows, Transport, is_packed, open_transport
 from hpcsweep.studies.blocks import Block, Place, Rows
 
 CODES = {"outcome": (1, max(Outcome)), "skip_rule": (0, max(SkipRule))}
 """Least and largest value of results that are codes."""
 SYNC_INTERVAL = 2.0
 """Seconds between flushes to disk."""
-
-
-def check_writable(path: Path) -> None:
-    """Check that a campaign file can be resumed.
-
-    Raises
-    ------
-    StoreError
-        If it is packed.
-    """
-    if is_packed(path):
-        raise StoreError(
-            f"{path}: is packed, and a packed file cannot be resumed; give another file with "
-            "-o (hpcsweep status tells what is in this one)"
-        )
 
 
 class Blocks:
@@ -60,7 +45,9 @@ class Blocks:
         self.study = layout.study
         self.variables = [variable.name for variable in layout.variables]
         self._seed = bytes.fromhex(layout.fingerprint)
-        self._rows = open_rows(path) if rows is None else rows
+        self._rows: ContiguousRows | PackedRows = rows or (
+            PackedRows(path) if is_packed(path) else ContiguousRows(path)
+        )
         self.read_rows = self._rows.read
 
     def __enter__(self) -> "Blocks":
@@ -199,8 +186,6 @@ class Campaign:
     def __init__(self, path: Path, layout: Layout, transport: Transport):
         self.blocks = Blocks(path, layout, transport)
         self.transport = transport
-        self.written_bytes = 0
-        self.write_seconds = 0.0
         self._pending: list[tuple[tuple[int, ...], int]] = []
         self._last_sync = time.monotonic()
 
@@ -219,12 +204,8 @@ class Campaign:
         ndarray, shape (2n,)
             State that the next block starts from.
         """
-        begun = time.perf_counter()
         for name in self.blocks.variables:
-            values = np.ascontiguousarray(rows[name])
-            self.transport.write(name, block.first, values)
-            self.written_bytes += values.nbytes
-        self.write_seconds += time.perf_counter() - begun
+            self.transport.write(name, block.first, rows[name])
         self._pending.append((block.place, self.blocks.checksum(block, start, rows)))
         if time.monotonic() - self._last_sync >= SYNC_INTERVAL:
             self.flush()
@@ -242,13 +223,10 @@ class Campaign:
         pending, self._pending = self._pending, []
         self.transport.check_identity()
         if pending:
-            begun = time.perf_counter()
             self.transport.sync()
             for place, checksum in pending:
                 self.transport.write("commit", place, np.array([checksum], "<u8"))
-                self.written_bytes += 8
             self.transport.sync()
-            self.write_seconds += time.perf_counter() - begun
         self._last_sync = time.monotonic()
 
     def close(self) -> None:

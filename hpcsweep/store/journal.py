@@ -10,8 +10,8 @@ kind       values
 start      ranks, hosts, transport: a session begins
 pilot      frame, along, runs, seconds: runs that were timed at a place of a frame
 block      rank, place, runs, seconds, processor: the block at a place of ``commit`` was computed
-master     messages, message_seconds, master_seconds, recalls: load of rank 0 so far
-end        reason, written_bytes, write_seconds, rank_seconds, peak_memory, and as master
+master     messages, master_seconds, recalls: load of rank 0 so far
+end        reason, rank_seconds, peak_memory, and as master
 =========  ======================================================================================
 """
 
@@ -114,13 +114,12 @@ def _is_record(record: object) -> bool:
 
 
 class BlockCost(NamedTuple):
-    """Cost of a block: its index in ``commit``, its runs, seconds, and the time of the record."""
+    """Cost of a block: its index in ``commit``, its runs, seconds."""
 
     place: tuple[int, ...]
     runs: int
     seconds: float
     """By the clock."""
-    time: float = 0.0
     processor: float | None = None
     """Seconds of processor time; None if they are not known."""
 
@@ -133,24 +132,14 @@ def instant() -> tuple[float, float]:
 def spent(place: tuple[int, ...], runs: int, begun: tuple[float, float]) -> BlockCost:
     """Return the cost of a block that began at an `instant`."""
     clock, processor = (round(b - a, 6) for a, b in zip(begun, instant(), strict=True))
-    return BlockCost(place, runs, clock, processor=processor)
+    return BlockCost(place, runs, clock, processor)
 
 
-class Totals(NamedTuple):
-    """Sums over blocks."""
-
-    runs: int
-    clock: float
-    """Seconds by the clock ..."""
-    core: float
-    """... and of processor time, or by the clock where it is not known."""
-
-
-def totals(costs: Iterable[BlockCost]) -> Totals:
-    """Sum the costs of blocks."""
+def totals(costs: Iterable[BlockCost]) -> tuple[int, float, float]:
+    """Sum runs of blocks, seconds, and those of processor time, by the clock if not known."""
     every = list(costs)
     core = (cost.seconds if cost.processor is None else cost.processor for cost in every)
-    return Totals(sum(cost.runs for cost in every), sum(cost.seconds for cost in every), sum(core))
+    return sum(cost.runs for cost in every), sum(cost.seconds for cost in every), sum(core)
 
 
 class PilotCost(NamedTuple):
@@ -183,9 +172,6 @@ class Session:
     transport: str | None
     last: float
     ended: str | None = None
-    written_bytes: int | None = None
-    write_seconds: float | None = None
-    rank_seconds: float | None = None
     peak_memory: list[int] | None = None
     costs: list[BlockCost] = field(default_factory=list)
     load: Traffic | None = None
@@ -225,8 +211,8 @@ def block_record(cost: BlockCost) -> dict:
 
 def load_record(load: Traffic) -> dict:
     """Return the values of a record of the master's load."""
-    seconds = round(load.message_seconds, 6), round(load.seconds, 6)
-    return dict(zip(_LOAD, (load.messages, *seconds, load.recalls), strict=True))
+    seconds = round(load.seconds, 6)
+    return {"messages": load.messages, "master_seconds": seconds, "recalls": load.recalls}
 
 
 def read_history(path: Path) -> CampaignHistory:
@@ -251,10 +237,6 @@ def _is_sane(value: object) -> bool:
     return value is None or (type(value) in (int, float) and 0 <= value < 2**62)  # type: ignore[operator]
 
 
-_ENDS = ("written_bytes", "write_seconds", "rank_seconds")
-_LOAD = ("messages", "message_seconds", "master_seconds", "recalls")
-
-
 def _take(history: CampaignHistory, record: dict) -> None:
     """Add a record; one of a kind that a later version writes changes nothing.
 
@@ -272,28 +254,21 @@ def _take(history: CampaignHistory, record: dict) -> None:
         place, runs = tuple(map(int, record["place"])), int(record["runs"])
         if runs < 1:
             raise ValueError("a block without runs")
-        seconds, processor = float(record["seconds"]), _number(record, "processor")
-        cost = BlockCost(place, runs, seconds, now, processor)
+        seconds, processor = float(record["seconds"]), record.get("processor")
+        processor = None if processor is None else float(processor)
+        cost = BlockCost(place, runs, seconds, processor)
         history.costs.append(cost)
         if session:
             session.costs.append(cost)
-    elif kind == "pilot" and "along" in record:  # not in journals of early versions
+    elif kind == "pilot":
         frame, along = int(record["frame"]), float(record["along"])
         runs, seconds = int(record["runs"]), float(record["seconds"])
         history.samples.append(PilotCost(frame, along, runs, seconds))
     elif kind in ("master", "end") and session:
         if "master_seconds" in record:
-            messages, recalls = int(record["messages"]), int(record["recalls"])
-            on_messages, in_all = float(record["message_seconds"]), float(record["master_seconds"])
-            session.load = Traffic(messages, on_messages, in_all, recalls)
+            seconds, recalls = float(record["master_seconds"]), int(record["recalls"])
+            session.load = Traffic(int(record["messages"]), seconds, recalls)
             session.load_time = now
         if kind == "end":
             session.ended = str(record["reason"])
             session.peak_memory = [*map(int, record.get("peak_memory") or ())] or None
-            for name in _ENDS:
-                setattr(session, name, _number(record, name))
-
-
-def _number(record: dict, name: str) -> float | None:
-    """Return a number of a record, None where there is none."""
-    return None if record.get(name) is None else float(record[name])

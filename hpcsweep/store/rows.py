@@ -178,11 +178,6 @@ def is_packed(path: Path) -> bool:
         return file["commit"].chunks is not None
 
 
-def open_rows(path: Path) -> ContiguousRows | PackedRows:
-    """Open a plain or packed campaign file for reading rows."""
-    return PackedRows(path) if is_packed(path) else ContiguousRows(path)
-
-
 def _reason(error: Exception) -> str:
     """Return the system's reason of a failed write; MPI hides it in an error stack."""
     text = on_one_line(error)

@@ -378,7 +378,7 @@ def test_every_failure_has_a_remedy():
     assert set(REMEDIES) == set(Outcome) - {Outcome.NOT_COMPUTED, Outcome.COMPLETE}
 
 
-def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
+def test_status_tells_rate_and_rest_of_an_unfinished_file(tmp_path):
     from hpcsweep.campaign import run as campaign
     from hpcsweep.campaign.status import status
     from hpcsweep.parallel import mpi
@@ -397,15 +397,10 @@ def test_status_tells_rate_rest_and_frames_of_an_unfinished_file(tmp_path):
     path = tmp_path / "part.h5"
     assert campaign.run(of_study(job, UntilThe15th), path, mpi.Serial()) == 75
     state = status(path)
-    seconds = [block["seconds"] for block in journal(path, "block")]
+    seconds = sum(block["seconds"] for block in journal(path, "block"))
     assert not state["complete"]
-    assert 0 < state["seconds_remaining"] < 20 * sum(seconds)
+    assert 0 < state["seconds_remaining"] < 20 * seconds
     assert state["runs_per_second"] > 0
-    assert state["frame_seconds"]["frames"] == 2
-    assert state["frame_seconds"]["costliest"] == state["frame_seconds"]["costliest"]
-    assert state["frame_seconds"]["costliest"] == pytest.approx(
-        max(sum(seconds[:6]), sum(seconds[6:12]))
-    )
     assert campaign.run(job, path, mpi.Serial()) == 0
     assert status(path)["seconds_remaining"] is None
 

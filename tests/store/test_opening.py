@@ -159,7 +159,6 @@ def test_a_journal_is_believed_where_it_is_one(copy):
     assert [cost.place for cost in history.costs] == [(0, 1, 2), (0, 10**9, 2)]
     state = status(copy)
     assert state["core_seconds"] == 1.0
-    assert state["frame_seconds"] is None
     assert summarize(copy)["cost"]["core_seconds"] == 1.0
     assert campaign.run(JOB, copy, Serial()) == 0
 

@@ -73,7 +73,7 @@ MAX_BYTES = 2**30
 """Of memory that a case may add."""
 SHARE_RUN = 0.25
 """Of damaged files that are run again too."""
-READERS = ("hpcsweep.store.reader", "hpcsweep.store.frames", "hpcsweep.campaign.status")
+READERS = ("hpcsweep.store.opening", "hpcsweep.store.frames", "hpcsweep.campaign.status")
 """Commands that call `open_layout`; `validate` and `run` check for themselves."""
 WEIGHTS = {
     "metadata": 4,
@@ -108,7 +108,7 @@ class Unexpected(AssertionError):
 
 def forge(path: Path, name: str, value: int) -> None:
     """Write a value into the last run of a file under a checksum that holds."""
-    from hpcsweep.store.reader import job_of
+    from hpcsweep.store.opening import job_of
 
     layout = Layout(job_of(path))
     offsets = Offsets(path)

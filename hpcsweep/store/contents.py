@@ -22,18 +22,11 @@ NOTES = ("units", "long_name")
 CHECKSUM = "metadata_checksum"
 """Attribute: the checksum of everything but results; blocks have checksums of their own
 (`hpcsweep.store.commit`)."""
-PROVENANCE = (
-    *("hpcsweep_version", "git_commit", "libraries", "mpi", "hosts", "ranks", "created"),
-    "history",
-)
-"""Attributes of provenance."""
 STRING = np.dtype([("length", "<u4"), ("heap", "<u8"), ("index", "<u4")])
 """HDF5's form of a variable-length string in a dataset."""
 LONGEST_NAME = 4096
 CURVES = "curves_checksum"
 """Attribute of a refined map whose cells known curves cut (`hpcsweep.store.inputs`)."""
-OPTIONAL = ("command", "processor", CHECKSUM, CURVES)
-"""Optional attributes."""
 CHUNK_BYTES = 2**18
 """Size (bytes) of a chunk before compression: whole rows, then amplitudes, then frames."""
 COPY_BYTES = 2**25
@@ -139,11 +132,6 @@ def _dataset(file: h5py.File, name: str, shape: tuple[int, ...], dtype) -> h5py.
     plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     plist.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
     return file.create_dataset(name, shape, dtype, dcpl=plist, track_times=False)
-
-
-def notes_of(data: h5py.Dataset) -> dict[str, object]:
-    """Return the attributes ``units`` and ``long_name``, where present."""
-    return {name: data.attrs[name] for name in NOTES if name in data.attrs}
 
 
 def place_of(data: h5py.Dataset) -> int | None:

@@ -8,6 +8,7 @@ import math
 import os
 import shutil
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -58,7 +59,9 @@ def merge(paths: Sequence[Path], output: Path) -> int:
             for i, part in zip(order, parts, strict=True):
                 if not part.have_checksum().all():
                     raise StoreError(f"{paths[i]}: is not complete; run its job again")
-            contents.create(output, whole, _provenance([check_file(paths[i]) for i in order]))
+            contents.create(
+                output, whole, _provenance([check_file(paths[i]) for i in order], whole)
+            )
             campaign = open_campaign(output, whole, Serial())
             stack.callback(campaign.close)
             for task in range(study.n_tasks):
@@ -81,32 +84,24 @@ def merge(paths: Sequence[Path], output: Path) -> int:
 
 def _order(paths: Sequence[Path], wholes: Sequence[Whole]) -> list[int]:
     """Return the places of the parts in their order."""
-    first, place = wholes[0], dict[int, int]()
-    for i, (path, whole) in enumerate(zip(paths, wholes, strict=True)):
-        if whole.job.fingerprint != first.job.fingerprint:
-            raise StoreError(f"{path}: is of another job than {paths[0]}")
-        if whole.n != first.n:
-            raise StoreError(f"{path}: is one of {whole.n} parts, {paths[0]} one of {first.n}")
-        if whole.k in place:
-            raise StoreError(
-                f"{path}: is part {whole.k} of {whole.n}, as {paths[place[whole.k]]} is"
-            )
-        place[whole.k] = i
-    missing = [str(k) for k in range(1, first.n + 1) if k not in place]
-    if missing:
-        parts = f"part{'s' * (len(missing) > 1)} {', '.join(missing)} of {first.n}"
-        raise StoreError(f"{paths[0]}: {parts} {'are' if len(missing) > 1 else 'is'} not given")
-    return [place[k] for k in range(1, first.n + 1)]
+    first, counts = wholes[0], Counter(whole.k for whole in wholes)
+    for path, whole in zip(paths, wholes, strict=True):
+        if (whole.job.fingerprint, whole.n) != (first.job.fingerprint, first.n):
+            raise StoreError(f"{path}: is of another job, or number of parts, than {paths[0]}")
+    for k in range(1, first.n + 1):
+        if counts[k] != 1:
+            said = f"part {k} of {first.n} is given {counts[k]} times, must be given once"
+            raise StoreError(f"{paths[0]}: {said}")
+    return sorted(range(first.n), key=lambda i: wholes[i].k)
 
 
-def _provenance(parts: Sequence[Mapping]) -> dict[str, str | int]:
+def _provenance(parts: Sequence[Mapping], whole: Layout) -> dict[str, str | int]:
     """Return where the results come from: what differs between parts, a line each."""
     merged: dict[str, str | int] = {}
-    for name in (*contents.PROVENANCE, *contents.OPTIONAL):
+    for name in parts[0].keys() - whole.attributes.keys() - {contents.CHECKSUM}:
         values = list(dict.fromkeys(part[name] for part in parts if name in part))
-        if values and name != contents.CHECKSUM:
-            numbers = isinstance(values[0], int | np.integer)
-            merged[name] = int(max(values)) if numbers else "\n".join(map(str, values))
+        numbers = isinstance(values[0], int | np.integer)
+        merged[name] = int(max(values)) if numbers else "\n".join(map(str, values))
     now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
     merged["history"] = f"{merged['history']}\n{now}: merged of {len(parts)} parts"
     return merged

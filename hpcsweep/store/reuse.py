@@ -86,29 +86,28 @@ class Earlier:
         place = self._place_of(block.place[: len(block.place) - len(inner.place)])
         if place is None:
             return NOT_THE_SAME
-        taken = self._find(place, part, inner)
+        old = as_kind(self.layout.study.part(place), RunGrid)
+        taken = self._find(old, part, inner)
         if taken is None:
             return NOT_IN_GRID
         direction, frame, first = taken
-        old = as_kind(self.layout.study.part(place), RunGrid)
         rows: list[dict[str, np.ndarray]] = []
         for at in range(first, first + inner.n_runs):
-            held = self._block_of(old, direction, frame, at)
-            whole = self._believed(self._outer(place, held))
+            held = self._block_of(place, old, direction, frame, at)
+            whole = self._believed(held)
             if whole is None:
                 return NOT_COMMITTED
             rows.append({name: values[at - held.first[-1]] for name, values in whole.items()})
         begun = first + inner.begin
-        held = self._outer(place, self._block_of(old, direction, frame, begun))
+        held = self._block_of(place, old, direction, frame, begun)
         before = self._blocks.start_of(held, begun - held.first[-1])
         if before.tobytes() != np.ascontiguousarray(start, "<f8").tobytes():
             return OTHER_STATE
         names = self._blocks.variables
         return {name: np.array([row[name] for row in rows]) for name in names}
 
-    def _find(self, place: Place, part: RunGrid, block: Block) -> tuple[int, int, int] | None:
+    def _find(self, old: RunGrid, part: RunGrid, block: Block) -> tuple[int, int, int] | None:
         """Return the direction, the frame and the lowest amplitude of a block in the other grid."""
-        old = as_kind(self.layout.study.part(place), RunGrid)
         direction, frame, low = block.first
         name = part.directions[direction]
         if name not in old.directions or old.run_dims != part.run_dims:
@@ -125,13 +124,10 @@ class Earlier:
                 return old.directions.index(name), there, first
         return None
 
-    def _block_of(self, old: RunGrid, direction: int, frame: int, at: int) -> Block:
-        """Return the block of a part of the other file that holds an amplitude."""
+    def _block_of(self, place: Place, old: RunGrid, direction: int, frame: int, at: int) -> Block:
+        """Return the block of the other file, in one of its parts, that holds an amplitude."""
         along = old.n_along - 1 - at if old.descends(direction) else at
-        return old.block((direction, frame, along // old.block_size))
-
-    def _outer(self, place: Place, block: Block) -> Block:
-        return self.layout.study.block((*place, *block.place))
+        return self.layout.study.block((*place, direction, frame, along // old.block_size))
 
 
 class Reuse:

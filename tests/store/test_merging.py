@@ -134,10 +134,10 @@ def test_what_is_no_whole_is_refused_in_one_line_and_nothing_is_written(tmp_path
     _, (third, *_) = parts_of(SMALL, 3, tmp_path, "third")
     whole, output = computed(path), tmp_path / "merged.h5"
     for files, said in (
-        ([first], "part 2 of 2 is not given"),
-        ([first, second, first], f"{first}: is part 1 of 2, as {first} is"),
-        ([first, other], f"{other}: is of another job than {first}"),
-        ([first, third], f"{third}: is one of 3 parts, {first} one of 2"),
+        ([first], "part 2 of 2 is given 0 times, must be given once"),
+        ([first, second, first], f"{first}: part 1 of 2 is given 2 times"),
+        ([first, other], f"{other}: is of another job, or number of parts, than {first}"),
+        ([first, third], f"{third}: is of another job, or number of parts, than {first}"),
         ([first, whole], f"{whole}: is of a whole job"),
         ([first, tmp_path / "none.h5"], "cannot be read"),
     ):

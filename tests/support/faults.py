@@ -17,7 +17,7 @@ from tools import ROOT, SMALL, environment, mpirun
 
 from hpcsweep.store import Layout
 from hpcsweep.store.commit import Blocks
-from hpcsweep.store.reader import job_of
+from hpcsweep.store.opening import job_of
 from hpcsweep.store.rows import Offsets
 
 HERE = Path(__file__).resolve().parent

@@ -102,10 +102,11 @@ def _model(structure) -> Lines:
     """Yield what became of the coordinates of a finite element model, and effective masses."""
     if (reduction := structure.reduction) is None:
         return
+    took = f"; its modes took {reduction.memory / 1e9:.2g} GB" * (reduction.memory > LARGE)
     yield (
         "model",
         f"{reduction.coordinates} coordinates, {reduction.empty} of them fixed or empty, "
-        f"{reduction.massless} without mass condensed{_memory(reduction.memory)}",
+        f"{reduction.massless} without mass condensed{took}",
     )
     highest = reduction.frequencies[-1]
     where = "in a motion with contact"
@@ -120,11 +121,6 @@ def _model(structure) -> Lines:
     more = ", ..." if reduction.modes > MAX_MODES else ""
     total = sum(reduction.shares)
     yield "mass", f"effective shares of the modes {shares}{more}, together {total:.4g}"
-
-
-def _memory(n_bytes: float) -> str:
-    """Tell memory where it is much."""
-    return f"; its modes took {n_bytes / 1e9:.2g} GB" if n_bytes > LARGE else ""
 
 
 def _modes(structure) -> Lines:

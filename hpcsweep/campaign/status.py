@@ -168,7 +168,7 @@ def _master(session: Session | None) -> dict | None:
     if session is None or session.load is None:
         return None
     load = session.load
-    elapsed = max(session.load_time - session.started, 1e-9)
+    elapsed = max(session.last - session.started, 1e-9)
     return {
         "messages": load.messages,
         "messages_per_second": load.messages / elapsed,

@@ -96,8 +96,8 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Findings:
     report = Findings(str(path))
     try:
         layout = read_layout(path)
-        layout.study = with_inputs(layout.job).study
-        report.solver = layout.study.settings.solver
+        layout.study = study = with_inputs(layout.job).study
+        report.solver = study.settings.solver
         for problem in layout_problems(path, layout):
             report.add(problem)
         if not report.sound:
@@ -111,17 +111,15 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Findings:
         valid = _Checker(blocks, report).check()
         report.complete = is_complete(blocks)
         for frame, problem in inferred_problems(blocks) if layout.derived else ():
-            report.add(f"{_place(layout.study, layout.study.block((*frame, 0)))}: {problem}")
-        tell = counted("computing again run")
+            report.add(f"{_place(study, study.block((*frame, 0)))}: {problem}")
         chosen = _choose(blocks, valid, samples, np.random.default_rng(seed))
-        for done, (block, row, rows) in enumerate(chosen):
-            tell(done, samples)
+        for block, row, rows in counted(chosen, samples, "computing again run"):
             run = {name: values[row] for name, values in rows.items()}
-            again = layout.study.run_again(block, row, run, blocks.start_of(block, row))
+            again = study.run_again(block, row, run, blocks.start_of(block, row))
             report.sample.append(again)
             if again.problem:
-                report.add(f"{_row(layout.study, block, row)}: {again.problem}")
-        tell(samples, samples)
+                where = f"{_place(study, block)}, {_along(study, block, row)}"
+                report.add(f"{where}: {again.problem}")
     return report
 
 
@@ -142,10 +140,6 @@ def _along(study: Study, block: Block, row: int) -> str:
     """Return a row of a block in words, along the last axis of the runs."""
     last = study.run_dims[-1]
     return run_name({last: study.describe(block.run(row))[last]})
-
-
-def _row(study: Study, block: Block, row: int) -> str:
-    return f"{_place(study, block)}, {_along(study, block, row)}"
 
 
 class _Checker:

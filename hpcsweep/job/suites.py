@@ -66,8 +66,7 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
             raise values.error("records.scale.period", keys.OWN_PERIOD, limit)
     suite: dict[str, Facts] = {}
     measures: dict[str, list[float]] = {}
-    tell = counted("reading record")
-    for i in range(n_records):
+    for i in counted(range(n_records), n_records, "reading record"):
         try:
             record = source.record(i)
         except (ValueError, OSError) as error:
@@ -88,7 +87,6 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
             shown = f"{values.source}: records: the {measure} of {record.name}"
             raise JobError(f"{shown} is {facts.measure:g}, must be above 0")
         suite[record.name] = facts
-        tell(len(suite), n_records)
     if "found" in table:
         _compare(values, suite)
     facts_found: Any = [facts._asdict() for facts in suite.values()]

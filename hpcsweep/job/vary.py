@@ -98,9 +98,8 @@ class Parts:
         """
         wrong: dict[str, JobError] = {}
         shape = [len(axis.values) for axis in self.axes]
-        each = places or np.ndindex(*shape)
-        tell, total = counted("reading structure"), len(places) or math.prod(shape)
-        for done, place in enumerate(each, 1):
+        each, total = places or np.ndindex(*shape), len(places) or math.prod(shape)
+        for place in counted(each, total, "reading structure"):
             try:
                 function(place)
             except JobError as error:
@@ -109,7 +108,6 @@ class Parts:
                     self.visit(function)
                 if not error.line or len(wrong) == MAX_WRONG:
                     break
-            tell(done, total)
         if wrong:
             first, *more = wrong
             wrong[first].limit += f" (and {', '.join(more)})" * bool(more)

@@ -2,22 +2,21 @@
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
+from typing import TypeVar
 
+Item = TypeVar("Item")
 SILENCE = 0.5
 """Seconds between two messages, and before the first: what is quick says nothing."""
 
 
-def counted(doing: str) -> Callable[[int, int], None]:
-    """Return what tells the number done and their total, in one line that the last one erases."""
+def counted(items: Iterable[Item], total: int, doing: str) -> Iterator[Item]:
+    """Go through items; tell the number done, of a total, in one line that the end erases."""
     last, is_terminal, shown = time.monotonic(), sys.stderr.isatty(), ""
-
-    def tell(done: int, total: int) -> None:
-        nonlocal last, shown
-        if done == total and shown:
-            print(" " * len(shown), end="\r", file=sys.stderr, flush=True)
-        elif is_terminal and done < total and time.monotonic() - last >= SILENCE:
+    for done, item in enumerate(items):
+        if is_terminal and time.monotonic() - last >= SILENCE:
             last, shown = time.monotonic(), f"{doing} {done} of {total}"
             print(shown, end="\r", file=sys.stderr, flush=True)
-
-    return tell
+        yield item
+    if shown:
+        print(" " * len(shown), end="\r", file=sys.stderr, flush=True)

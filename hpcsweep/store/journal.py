@@ -163,7 +163,7 @@ class Session:
         Why it ended; None if it is running or was killed.
     costs : list of BlockCost
     load : Traffic or None
-        As of its last record, written at `load_time`.
+        As of its last record of it.
     """
 
     started: float
@@ -175,7 +175,6 @@ class Session:
     peak_memory: list[int] | None = None
     costs: list[BlockCost] = field(default_factory=list)
     load: Traffic | None = None
-    load_time: float = 0.0
 
 
 @dataclass
@@ -268,7 +267,6 @@ def _take(history: CampaignHistory, record: dict) -> None:
         if "master_seconds" in record:
             seconds, recalls = float(record["master_seconds"]), int(record["recalls"])
             session.load = Traffic(int(record["messages"]), seconds, recalls)
-            session.load_time = now
         if kind == "end":
             session.ended = str(record["reason"])
             session.peak_memory = [*map(int, record.get("peak_memory") or ())] or None

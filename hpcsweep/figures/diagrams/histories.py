@@ -116,13 +116,12 @@ def of_floors(results, scale: float | None = None, place: str | None = None):
         periods, ratio = periods_of(structure, samples[0].dt), DAMPING_RATIO
 
         def spectra(of) -> np.ndarray:
-            made, tell = [], counted("floor spectrum" + " without contacts" * (of is not structure))
-            for i, sample in enumerate(samples):
+            made, doing = [], "floor spectrum" + " without contacts" * (of is not structure)
+            for i, sample in counted(enumerate(samples), n, doing):
                 factor = float(study.factor[i, at])
                 motion = of, sample, periods, ratio, factor, study.tail
                 of_one = floor_spectra(*motion, places=[place])
                 made.append(of_one.acceleration[0])
-                tell(i + 1, n)
             return np.array(made)
 
         acceleration = spectra(structure)

@@ -97,14 +97,13 @@ def load_portfolio(frames, response="drift", place=None, scale=None, against=Non
     if not varied:
         raise style.PlotError("--kind portfolio shows structures that a job varies")
     names = [RESPONSES[response].name, "outcome", "collapsed"]
-    bands, keys, tell = [], [], counted("reading structure")
-    for at in frames.parts():
+    bands, keys = [], []
+    for at in counted(frames.parts(), frames.whole.study.n_parts, "reading structure"):
         results, study = frames.gather(names), as_kind(frames.study, Records)
         stripes = stripes_of(results, study, response, place)
         number = responses.scale_index(results, scale)
         bands.append(median_band(stripes.values[:, number]))
         keys.append({PERIOD: longest_period(study.structure), **at})
-        tell(len(bands), frames.whole.study.n_parts)
     if np.isnan(bands).all():
         raise style.PlotError("no run is complete yet")
     columns = {name: np.array([key.get(name, "") for key in keys]) for name in (PERIOD, *varied)}

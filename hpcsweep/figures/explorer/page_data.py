@@ -127,8 +127,7 @@ def gather(
     stored = study.settings.stored_points
     limit, held = stored if most_points is None else most_points, 0
     runs, points = [], []
-    tell = counted("reading frame")
-    for done, row in enumerate(rows, 1):
+    for row in counted(rows, len(rows), "reading frame"):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
         if several:
             chosen = as_runs(chosen, by_share)
@@ -142,7 +141,6 @@ def gather(
             for place, (frame, u) in enumerate(zip(runs, points, strict=True)):
                 frame["counts"], points[place] = _fewer(frame["counts"], u, limit)
             held = sum(u.size for u in points)
-        tell(done, len(rows))
     stacked = {name: np.stack([frame[name] for frame in runs]) for name in runs[0]}
     directions, spoken = study.directions, tuple(study.words[name] for name in study.directions)
     if several:

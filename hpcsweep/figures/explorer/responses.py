@@ -63,10 +63,9 @@ def gather_responses(frames):
         dims = *frames.study.run_dims, "time", "floor"
         moves = total * math.prod(frames.study.dimensions[dim] for dim in dims) <= MAX_INSTANTS
     parts: list[dict] = []
-    tell = counted("reading structure")
     described: dict[str, dict] = {}
     arrays: dict[str, list[np.ndarray]] = {}
-    for done, keys in enumerate(frames.parts(), 1):
+    for keys in counted(frames.parts(), total, "reading structure"):
         study = as_kind(frames.study, Records)
         results, structure = frames.gather([*names, *[HISTORY] * moves]), study.structure
         parts.append(
@@ -80,7 +79,6 @@ def gather_responses(frames):
         )
         for name, values in _arrays(results, study, described).items():
             arrays.setdefault(name, []).append(values)
-        tell(done, total)
     for name, entry in described.items():
         if entry["unit"] != "%":
             held = np.array(arrays[name])

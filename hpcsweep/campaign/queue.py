@@ -20,7 +20,6 @@ from hpcsweep.campaign.work import RankWork
 from hpcsweep.parallel import farm
 from hpcsweep.parallel.stopping import LauncherLostError, Stop, StopFlag
 from hpcsweep.store import StoreError, WriteError
-from hpcsweep.store.journal import load_record
 
 MASTER_NOTES = 30.0
 """Seconds between two records of the master's load in the journal."""
@@ -195,7 +194,7 @@ class Queue:
             return
         self._due = time.monotonic() + MASTER_NOTES
         for k, work in enumerate(self._works):
-            self._guarded(k, partial(work.journal.note, "master", **load_record(self._traffic)))
+            self._guarded(k, partial(work.journal.note, "master", **vars(self._traffic)))
 
     def _flush(self) -> None:
         for k, work in enumerate(self._works):

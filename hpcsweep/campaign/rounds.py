@@ -145,5 +145,5 @@ class RoundsWork(RankWork):
         self._rounds.labels.store(runs, labels)
         self.costs.block_done(BlockCost((), len(runs), cost.seconds if cost else 0.0))
         if cost:
-            self._note_cost(rank, cost)
+            self.journal.note("block", rank=rank, **cost._asdict())
         return len(runs)

@@ -172,7 +172,7 @@ def _master(session: Session | None) -> dict | None:
     return {
         "messages": load.messages,
         "messages_per_second": load.messages / elapsed,
-        "busy": load.seconds / elapsed,
+        "busy": load.master_seconds / elapsed,
         "tasks_moved": load.recalls,
     }
 

@@ -21,7 +21,7 @@ from hpcsweep.store import Journal, StoreError
 from hpcsweep.store import reuse as reusing
 from hpcsweep.store.commit import Blocks, Campaign
 from hpcsweep.store.inferred import is_complete
-from hpcsweep.store.journal import BlockCost, block_record, instant, load_record, spent
+from hpcsweep.store.journal import instant, spent
 from hpcsweep.studies.run_names import run_name
 
 LISTED_FAILURES = 10
@@ -187,11 +187,8 @@ class RankWork:
                 self.costs.tasks.done(cost.place)
         else:
             self.costs.block_done(cost)
-            self._note_cost(rank, cost)
+            self.journal.note("block", rank=rank, **cost._asdict())
         return cost.runs
-
-    def _note_cost(self, rank: int, cost: BlockCost) -> None:
-        self.journal.note("block", rank=rank, **block_record(cost))
 
     def compute(self, task: int, poll, report, rest=None) -> tuple | None:
         """Compute the blocks of one task that the file lacks, along its path.
@@ -257,7 +254,7 @@ class RankWork:
             reason=reason,
             rank_seconds=round(self._comm.size * seconds, 6),
             peak_memory=[peaks[0], max(peaks)],
-            **load_record(traffic),
+            **vars(traffic),
         )
         self._failures.show(display)
 

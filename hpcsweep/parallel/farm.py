@@ -29,7 +29,7 @@ class Traffic:
     """Work that the master has done."""
 
     messages: int = 0
-    seconds: float = 0.0
+    master_seconds: float = 0.0
     """Time spent on messages and on choosing tasks to recall (s)."""
     recalls: int = 0
     """Tasks that moved from one rank to another."""
@@ -208,7 +208,7 @@ class _Master:
                     self._comm.send(("recall", task), rank)
         if handled or balanced:
             spent = time.perf_counter() - begun
-            self._traffic.seconds += spent
+            self._traffic.master_seconds += spent
             if balanced:
                 self._next_balance = begun + max(BALANCE_SECONDS, spent / BALANCE_SHARE)
         return handled > 0

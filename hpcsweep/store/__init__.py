@@ -16,7 +16,6 @@ from hpcsweep.store.frames import Frames as Frames
 from hpcsweep.store.frames import Grid as Grid
 from hpcsweep.store.inputs import with_inputs as with_inputs
 from hpcsweep.store.journal import Journal as Journal
-from hpcsweep.store.journal import read_history as read_history
 from hpcsweep.store.layout import DamagedError as DamagedError
 from hpcsweep.store.layout import Layout as Layout
 from hpcsweep.store.layout import StoreError as StoreError

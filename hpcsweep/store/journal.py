@@ -132,7 +132,7 @@ def instant() -> tuple[float, float]:
 def spent(place: tuple[int, ...], runs: int, begun: tuple[float, float]) -> BlockCost:
     """Return the cost of a block that began at an `instant`."""
     clock, processor = (round(b - a, 6) for a, b in zip(begun, instant(), strict=True))
-    return BlockCost(place, runs, clock, processor)
+    return BlockCost(tuple(map(int, place)), runs, clock, processor)
 
 
 def totals(costs: Iterable[BlockCost]) -> tuple[int, float, float]:
@@ -163,7 +163,7 @@ class Session:
         Why it ended; None if it is running or was killed.
     costs : list of BlockCost
     load : Traffic or None
-        As of its last record of it.
+        As last recorded.
     """
 
     started: float
@@ -200,18 +200,6 @@ class CampaignHistory:
     def latest(self) -> dict[tuple[int, ...], BlockCost]:
         """Latest cost of each block."""
         return {cost.place: cost for cost in self.costs}
-
-
-def block_record(cost: BlockCost) -> dict:
-    """Return the values of a block's record."""
-    spent = {"seconds": cost.seconds, "processor": cost.processor}
-    return {"place": list(map(int, cost.place)), "runs": cost.runs, **spent}
-
-
-def load_record(load: Traffic) -> dict:
-    """Return the values of a record of the master's load."""
-    seconds = round(load.seconds, 6)
-    return {"messages": load.messages, "master_seconds": seconds, "recalls": load.recalls}
 
 
 def read_history(path: Path) -> CampaignHistory:
@@ -264,9 +252,8 @@ def _take(history: CampaignHistory, record: dict) -> None:
         runs, seconds = int(record["runs"]), float(record["seconds"])
         history.samples.append(PilotCost(frame, along, runs, seconds))
     elif kind in ("master", "end") and session:
-        if "master_seconds" in record:
-            seconds, recalls = float(record["master_seconds"]), int(record["recalls"])
-            session.load = Traffic(int(record["messages"]), seconds, recalls)
         if kind == "end":
             session.ended = str(record["reason"])
             session.peak_memory = [*map(int, record.get("peak_memory") or ())] or None
+        seconds, recalls = float(record["master_seconds"]), int(record["recalls"])
+        session.load = Traffic(int(record["messages"]), seconds, recalls)

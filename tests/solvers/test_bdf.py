@@ -9,7 +9,7 @@ from reference import OMEGA, reference_points, reference_window
 from hpcsweep.model.kernel_model import kernel_model
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.stopping import Stop
-from hpcsweep.solvers import bdf_steps
+from hpcsweep.solvers import bdf
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.step_tally import StepTally
@@ -37,7 +37,7 @@ def test_a_thin_layer_is_not_stepped_over():
 
 
 def steps_of(rho, rtol):
-    return bdf_steps.BdfSteps(kernel_model(Structure(1, 1000.0, rho, 0.0), 1.0), rtol)
+    return bdf.BdfSteps(kernel_model(Structure(1, 1000.0, rho, 0.0), 1.0), rtol)
 
 
 def test_steps_inside_a_layer_have_its_length_scale():
@@ -94,11 +94,11 @@ def test_modal_norms_converge():
 
 
 def test_gives_up_as_an_outcome(monkeypatch):
-    class Stuck(bdf_steps.BDF):
+    class Stuck(bdf.BDF):
         def _step_impl(self):
             return False, self.TOO_SMALL_STEP
 
-    monkeypatch.setattr(bdf_steps, "BDF", Stuck)
+    monkeypatch.setattr(bdf, "BDF", Stuck)
     done = BdfMap(IMPACTING, OMEGA, 1e-6).advance(np.zeros(6), 0.06, 2)
     assert done.outcome is Outcome.SOLVER_FAILED
     assert done.n_periods == 0
@@ -106,7 +106,7 @@ def test_gives_up_as_an_outcome(monkeypatch):
 
 def test_tolerances_scipy_refuses_are_raised():
     solver = BdfMap(Structure(1), 1.0, 1e-16)
-    assert solver.rtol == bdf_steps.MIN_RTOL
+    assert solver.rtol == bdf.MIN_RTOL
     points, outcome = solver.points(np.zeros(2), 0.0, 1)
     assert outcome is Outcome.COMPLETE
     assert not points.any()

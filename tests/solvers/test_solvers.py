@@ -322,7 +322,7 @@ def test_failure_is_an_outcome(name, state, amplitude):
 
 
 def test_step_limit_is_an_outcome(name, monkeypatch):
-    module = {"flow": "hpcsweep.solvers.flow.flow_map", "bdf": "hpcsweep.solvers.bdf_steps"}[name]
+    module = {"flow": "hpcsweep.solvers.flow.flow_map", "bdf": "hpcsweep.solvers.bdf"}[name]
     monkeypatch.setattr(f"{module}.MAX_STEPS", 5)
     points, outcome = solver_for(name, IMPACTING).points(np.zeros(6), 0.06, 2)
     assert outcome is Outcome.STEP_LIMIT

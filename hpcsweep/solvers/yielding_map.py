@@ -57,6 +57,7 @@ class YieldingMap(FlowMap):
         self._sliders = Sliders(structure, self._shared.model.elements)
         self._units = SliderUnits(self._units, self._sliders, structure.length_unit)
         self._strength = np.array([slider.strength for slider in structure.sliders])
+        self._limits = np.array([slider.limit for slider in structure.sliders])
         self._path = np.zeros(len(structure.sliders))
         self._excursions, self._slipping = np.zeros((2, len(structure.sliders)), int)
 
@@ -117,10 +118,10 @@ class YieldingMap(FlowMap):
         n, rows = len(structure.drift_rows), model.drift_rows.tolist()
         drifts = tally.peaks[: len(rows)] * structure.length_unit
         slides = [rows.index(row) for row in model.elements.rows[self._sliders.own].tolist()]
-        limits, periods = np.array([slider.limit for slider in structure.sliders]), len(seen.points)
+        periods = len(seen.points)
         change = (seen.points[-1] if periods else state) - np.asarray(state, float)
         slid = {
-            "ductility": drifts[slides] / limits,
+            "ductility": drifts[slides] / self._limits,
             "slider_energy": self._strength * self._path * structure.length_unit / max(periods, 1),
             "plastic": change[2 * structure.n_floors :] / max(periods, 1),
             "excursions": self._excursions.copy(),
@@ -183,16 +184,14 @@ class YieldingMap(FlowMap):
         """Return the factor of a vector by which no slider's elastic elongation changes by much."""
         n = self.structure.n_floors
         change = np.abs(self.structure.slider_directions @ along[:n] - along[2 * n :])
-        limits = np.array([slider.limit for slider in self.structure.sliders])
-        return float((ELASTIC * limits / np.maximum(change, np.finfo(float).tiny)).min())
+        return float((ELASTIC * self._limits / np.maximum(change, np.finfo(float).tiny)).min())
 
     def _steps(self) -> np.ndarray:
         """Return by what differences move a state, in columns; see the module."""
         units, n = self.structure.state_units, self.structure.n_floors
         steps = np.diag(units)
         steps[2 * n :, :n] = self.structure.slider_directions * units[:n]
-        limits = np.array([slider.limit for slider in self.structure.sliders])
-        within = np.minimum(units[2 * n :], ELASTIC / DIFFERENCE * limits)
+        within = np.minimum(units[2 * n :], ELASTIC / DIFFERENCE * self._limits)
         steps[2 * n :, 2 * n :] = np.diag(within)
         return steps
 
@@ -247,8 +246,7 @@ class YieldingMap(FlowMap):
         Where it goes on it slips, so that p is not what the state says, but d -+ F / k.
         """
         rows, n = self.structure.slider_directions, self.structure.n_floors
-        limit = np.array([slider.limit for slider in self.structure.sliders])
-        over = (rows @ state[:n] - state[2 * n :]) / limit
+        over = (rows @ state[:n] - state[2 * n :]) / self._limits
         return bool(np.any((np.abs(over) > 1.0) & (over * (rows @ state[n : 2 * n]) <= 0.0)))
 
     def _march(self, z, amplitude, n_periods, poll=None, points=None, wanted=NO_TALLY, *_):

@@ -94,7 +94,7 @@ def test_sessions_add_up_and_a_block_done_twice_counts_once(tmp_path):
     def reported(records):
         journal = tmp_path / "x.h5.journal"
         journal.write_text("".join(json.dumps(record) + "\n" for record in records))
-        return total_cost(store.read_history(tmp_path / "x.h5"))
+        return total_cost(store.journal.read_history(tmp_path / "x.h5"))
 
     def block(time, place, seconds, **processor):
         return {

@@ -23,6 +23,7 @@ from tools import (
     YIELDING,
     YIELDING_RECORDS,
     assert_same_datasets,
+    forked,
     hpcsweep,
     made,
 )
@@ -161,7 +162,7 @@ def test_killed_within_a_write_it_goes_on_to_equal_bytes(tmp_path, monkeypatch, 
 
         with monkeypatch.context() as patch:
             patch.setattr(Transport, "write", dies)
-            assert hpcsweep(0, "run", small_job, "-o", path).returncode == -signal.SIGKILL
+            assert forked("run", small_job, "-o", path).returncode == -signal.SIGKILL
         assert len(faults.committed(path)) == committed
     kept, begun = faults.committed(path), len(faults.records(path))
     done = hpcsweep(0, "run", small_job, "-o", path)

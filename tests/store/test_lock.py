@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from together import together
-from tools import hpcsweep, refuse
+from tools import forked, hpcsweep, refuse
 
 from hpcsweep.store import Journal, Lock, StoreError
 from hpcsweep.store import lock as lock_module
@@ -112,7 +112,7 @@ def test_a_second_campaign_is_refused_and_writes_nothing(tmp_path, small_job):
     before = {p: p.read_bytes() for p in tmp_path.iterdir()}
     lock = Lock(path)
     lock.acquire(7)
-    refused = hpcsweep(0, "run", small_job, "-o", path)
+    refused = forked("run", small_job, "-o", path)
     refuse(refused, "small.h5", "another campaign", f"process {os.getpid()} on", "7 ranks, since 2")
     lock.release(remove=True)
     assert {p: p.read_bytes() for p in tmp_path.iterdir()} == before

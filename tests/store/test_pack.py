@@ -6,7 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from tools import SMALL, assert_same_datasets, hpcsweep
+from tools import SMALL, assert_same_datasets, forked, hpcsweep
 
 from hpcsweep import open_results
 from hpcsweep.campaign import run as campaign
@@ -101,7 +101,7 @@ def test_what_cannot_be_packed_is_left_as_it_is(copy, tmp_path, monkeypatch):
     lock = Lock(copy)
     lock.acquire(2)
     # record locks are held by a process, so another one has to try
-    done = hpcsweep(0, "pack", copy)
+    done = forked("pack", copy)
     assert done.returncode == 2
     assert "another campaign is running on it" in done.stderr
     lock.release(remove=True)

@@ -1,5 +1,6 @@
 """Where things are, how a campaign is started, how two files are compared."""
 
+import contextlib
 import dataclasses
 import faulthandler
 import fnmatch
@@ -13,7 +14,7 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
@@ -250,7 +251,7 @@ def kernels_but(cache: Path, *left_out: str) -> int:
     """
     from hpcsweep.kernels.compile.cache import SUFFIX, cache_folder
 
-    assert forked(["warmup"]).returncode == 0
+    assert called(["warmup"]).returncode == 0
     kept = cache_folder()
     folder = cache / kept.name
     shutil.copytree(kept, folder, ignore=lambda _, names: fnmatch.filter(names, FITTED))
@@ -263,11 +264,11 @@ def kernels_but(cache: Path, *left_out: str) -> int:
 def hpcsweep(ranks: int, *arguments: object, cwd: Path | None = None, **extra: str):
     """Run hpcsweep to its end; return the completed process with its output as text.
 
-    Alone and in the environment of the tests it is a fork of this process, which has its libraries
-    and kernels loaded: to load them takes longer than most of the commands.
+    Alone and in the environment of the tests it is called here, where libraries and kernels are
+    loaded: to load them takes longer than most of the commands.
     """
     if ranks == 0 and not extra:
-        return forked(list(map(str, arguments)), cwd)
+        return called(list(map(str, arguments)), cwd)
     return subprocess.run(
         command(ranks, *arguments),
         cwd=cwd,
@@ -303,12 +304,43 @@ def load() -> None:
         one.load()
 
 
-def forked(arguments: list[str], cwd: Path | None = None) -> subprocess.CompletedProcess:
-    """Run a command in a fork of this process, with streams of its own."""
+def called(arguments: list[str], cwd: Path | None = None) -> subprocess.CompletedProcess:
+    """Run a command in this process, with streams, a folder and warnings of its own."""
     from hpcsweep.commands import cli
 
     load()
-    return _in_a_fork(lambda: cli.main(arguments), ["hpcsweep", *arguments], cwd)
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        with _given_back():
+            code = _alone(lambda: cli.main(arguments), cwd, out.fileno(), err.fileno())
+        return _completed(["hpcsweep", *arguments], code, out, err)
+
+
+def forked(*arguments: object) -> subprocess.CompletedProcess:
+    """Run a command in a fork of this process, which may be killed and has its own locks."""
+    from hpcsweep.commands import cli
+
+    load()
+    words = list(map(str, arguments))
+    return _in_a_fork(lambda: cli.main(words), ["hpcsweep", *words], None)
+
+
+@contextlib.contextmanager
+def _given_back() -> Iterator[None]:
+    """Give the process back what `_alone` and a command set."""
+    from hpcsweep.kernels import folders
+
+    streams, printer = (sys.stdin, sys.stdout, sys.stderr), list(folders._way)
+    descriptors = [os.dup(number) for number in range(3)]
+    try:
+        with contextlib.chdir(Path.cwd()), warnings.catch_warnings():
+            yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+        sys.stdin, sys.stdout, sys.stderr = streams
+        folders._way[:] = printer
+        for number, descriptor in enumerate(descriptors):
+            os.dup2(descriptor, number)
+            os.close(descriptor)
 
 
 def python(code: str, *arguments: object, cwd: Path | None = None, anew=True, **extra: str):
@@ -342,10 +374,13 @@ def _in_a_fork(
 ) -> subprocess.CompletedProcess:
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         child = fork(lambda: _alone(main, cwd, out.fileno(), err.fileno()))
-        code = _exit_code(child)
-        out.seek(0)
-        err.seek(0)
-        return subprocess.CompletedProcess(reported, code, out.read().decode(), err.read().decode())
+        return _completed(reported, _exit_code(child), out, err)
+
+
+def _completed(reported: list[str], code: int, out, err) -> subprocess.CompletedProcess:
+    out.seek(0)
+    err.seek(0)
+    return subprocess.CompletedProcess(reported, code, out.read().decode(), err.read().decode())
 
 
 def fork(function: Callable[[], int | None]) -> int:
@@ -378,7 +413,8 @@ def _exit_code(child: int) -> int:
 
 def _alone(main: Callable, cwd: Path | None, out: int, err: int) -> int:
     """Run as a program; return its exit code."""
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    with open(os.devnull) as nothing:  # noqa: PTH123
+        os.dup2(nothing.fileno(), 0)
     os.dup2(out, 1)
     os.dup2(err, 2)
     sys.stdin, sys.stdout, sys.stderr = (

@@ -1,11 +1,11 @@
+import datetime
 import math
+import random
+import struct
 import tomllib
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given
-from hypothesis import settings as hypothesis_settings
-from hypothesis import strategies as st
 from together import together
 from tools import SMALL, assert_same_datasets, hpcsweep, shipped
 
@@ -289,33 +289,58 @@ def test_the_text_is_the_whole_job_in_the_order_of_the_keys(base):
     assert parse_job(job.text, "", "own").fingerprint == job.fingerprint
 
 
-EQUAL_EVERYWHERE = hypothesis_settings(
-    derandomize=True,
-    deadline=None,
-    database=None,
-    max_examples=50,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-"""The same trees on every machine, however busy it is."""
-KEY = st.text(st.characters(codec="utf-8"), max_size=8) | st.sampled_from(["omega", "n_floors"])
-SCALAR = (
-    st.booleans()
-    | st.integers()
-    | st.floats(allow_nan=False)
-    | st.text(st.characters(codec="utf-8"))
-    | st.dates()
-    | st.datetimes().map(lambda when: when.replace(fold=0))
-    | st.times().map(lambda when: when.replace(fold=0))
-)
-VALUE = st.recursive(
-    SCALAR, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(KEY, inner, max_size=4)
-)
-TREE = st.dictionaries(KEY | st.sampled_from(list(KEYS)[1:]), VALUE, max_size=5)
+LETTERS = [*map(chr, range(0x180)), *"\u2028\ufeff\ufffe漢\U0001f40d", *(10 * "\"\\'\n.=#[]{}")]
 
 
-@pytest.mark.slow
-@EQUAL_EVERYWHERE
-@given(TREE)
+class Trees(random.Random):
+    """Odd trees, the same on every machine."""
+
+    def word(self) -> str:
+        return "".join(self.choices(LETTERS, k=self.randrange(9)))
+
+    def key(self) -> str:
+        return self.choice([self.word(), self.word(), "omega", "n_floors"])
+
+    def number(self) -> float:
+        (value,) = struct.unpack("d", self.randbytes(8))  # every order of magnitude alike
+        return self.choice([0.0, -0.0, math.inf, 5e-324, self.gauss(), value, value])
+
+    def date(self) -> datetime.date:
+        return datetime.date.fromordinal(self.randint(1, datetime.date.max.toordinal()))
+
+    def time(self) -> datetime.time:
+        microsecond = self.choice([0, self.randrange(10**6)])
+        return datetime.time(
+            self.randrange(24), self.randrange(60), self.randrange(60), microsecond
+        )
+
+    def value(self, depth: int = 0):
+        kind = self.randrange(10 if depth < 4 else 7)
+        if kind < 7:
+            value = (
+                self.random() < 0.5,
+                self.randint(-(2 ** self.randrange(90)), 2 ** self.randrange(90)),
+                self.number(),
+                self.word(),
+                self.date(),
+                datetime.datetime.combine(self.date(), self.time()),
+                self.time(),
+            )[kind]
+            return 0.5 if value != value else value  # no NaN: it is not equal to itself
+        n = self.randrange(5)
+        if kind == 7:
+            return [self.value(depth + 1) for _ in range(n)]
+        return {self.key(): self.value(depth + 1) for _ in range(n)}
+
+    def tree(self) -> dict:
+        names = [self.choice([self.key(), *list(KEYS)[1:]]) for _ in range(self.randrange(6))]
+        return {name: self.value() for name in names}
+
+
+ODD = [Trees(seed).tree() for seed in range(500)]
+
+
+@together("tree", ODD)
 def test_what_is_written_reads_back_equal(tree):
     found = tomllib.loads(write(tree, KEYS))
     assert found == tree
@@ -328,8 +353,7 @@ def _sorted(value):
     return [_sorted(item) for item in value] if isinstance(value, list) else value
 
 
-@EQUAL_EVERYWHERE
-@given(TREE)
+@together("tree", ODD)
 def test_the_text_depends_on_the_tree_not_on_the_order_of_known_keys(tree):
     known = {name: {key: 1 for key in keys} for name, keys in KEYS.items() if name}
     backward = {n: dict(reversed(t.items())) for n, t in reversed(known.items())}

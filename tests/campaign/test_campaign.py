@@ -44,7 +44,7 @@ def journal(path: Path, kind: str) -> list[dict]:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [0, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(0, marks=pytest.mark.slow), 2])
 def test_sigterm_stops_in_good_order_within_seconds(tmp_path, ranks):
     job = tmp_path / "long.toml"
     job.write_text(LONG)
@@ -64,9 +64,9 @@ def test_sigterm_stops_in_good_order_within_seconds(tmp_path, ranks):
 
 def test_time_limit_stops_in_good_order_and_the_next_run_goes_on(tmp_path):
     job = tmp_path / "long.toml"
-    job.write_text(long_job(5_000))
+    job.write_text(long_job(2_000))
     path = tmp_path / "limited.h5"
-    stopped = hpcsweep(0, "run", job, "-o", path, "--max-hours", 0.25 / 3600)
+    stopped = hpcsweep(0, "run", job, "-o", path, "--max-hours", 0.1 / 3600)
     assert stopped.returncode == 75, stopped.stderr
     assert journal(path, "end")[-1]["reason"] == "time limit"
     done = len(faults.committed(path))

@@ -27,7 +27,7 @@ from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store.journal import read_history
 
-MORE = 1.6
+MORE = 2.5
 """Looks of a session over those of the one before."""
 STUDIES = {
     "amplitude_sweep": SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 5"),

@@ -51,7 +51,7 @@ def test_the_fewest_ranks_are_advised_that_are_done_in_time(useful, hours, withi
     assert expected == 1 or hours / (expected - 1) > within
 
 
-DRAWS = 1000
+DRAWS = 400
 POPULATIONS = {
     "equal": lambda rng, n: np.full(n, 1.0),
     "lognormal": lambda rng, n: rng.lognormal(0.0, 1.0, n),

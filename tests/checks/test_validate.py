@@ -21,9 +21,15 @@ from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
 from hpcsweep.studies.sweep.runs import frame_runs
 
-JOB = SMALL.replace("count = 4", "count = 2").replace("to = 0.3", "to = 0.15")
+JOB = (
+    SMALL.replace("count = 4", "count = 2")
+    .replace("to = 0.3", "to = 0.15")
+    .replace("transient_cycles = 30", "transient_cycles = 10")
+    .replace("sampling_cycles = 20", "sampling_cycles = 12")
+)
 
-UNDECIDED = JOB.replace("[output]", "classify_cycles = 0\n[output]")
+UNDECIDED = JOB.replace("= 10\n", "= 30\n").replace("[output]", "classify_cycles = 0\n[output]")
+"""Long enough for a run to be linear by its rule."""
 
 
 def journal_blocks(path: Path) -> int:
@@ -360,8 +366,8 @@ def test_wrong_metrics_are_found_out_by_the_other_solver(tmp_path, name, change,
 @pytest.mark.slow
 def test_a_bdf_file_is_compared_with_flow(tmp_path):
     text = JOB.replace("count = 11", "count = 3").replace("count = 2", "count = 2")
-    text = text.replace("transient_cycles = 30", "transient_cycles = 4")
-    text = text.replace("sampling_cycles = 20", "sampling_cycles = 2").replace(
+    text = text.replace("transient_cycles = 10", "transient_cycles = 4")
+    text = text.replace("sampling_cycles = 12", "sampling_cycles = 2").replace(
         "max_orbit_period = 6", "max_orbit_period = 1"
     )
     path = tmp_path / "bdf.h5"

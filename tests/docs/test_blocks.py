@@ -43,7 +43,14 @@ MINUTES = re.compile(
     r"five-storeys|isolation-designs|portfolio|yielding-basins|yielding-pounding-spectra"
 )
 """Commands that take longer."""
+FEW_SYNTHETIC = ("records.synthetic={count = 5, seed = 1, duration = 30.0, rms = 1.0}",)
 FEWER = {
+    "yielding-buildings": FEW_SYNTHETIC,
+    "isolated-building": FEW_SYNTHETIC,
+    "friction-damper": FEW_SYNTHETIC,
+    "collapse": FEW_SYNTHETIC,
+    "two-masses": ("sweep.omega={from = 0.5, to = 0.8, count = 31}",),
+    "piecewise-linear": ("sweep.omega={from = 1.0, to = 6.0, step = 0.02}",),
     "hysteresis": ("sweep.amplitude={from = 0.2, to = 1.2, step = 0.2}",),
     "piecewise-linear-attractors": ("sweep.omega={from = 2.4, to = 3.3, step = 0.05}",),
     "soft-impact-basins": (
@@ -59,7 +66,7 @@ NOT_OURS = re.compile(r"^(?!hpcsweep |mpirun )")
 """Command lines that install, or ask for a cluster."""
 
 
-SLOW = ("attractors.md", "branches.md", "earthquakes.md")
+SLOW = ("attractors.md", "branches.md", "earthquakes.md", "yielding.md")
 """Pages whose Python takes long."""
 OF_PYTHON = [
     pytest.param(page, marks=[pytest.mark.slow] * (page.name in SLOW))

@@ -113,11 +113,11 @@ def _half_a_period(state):
 
 def test_the_coexisting_motions_of_figure_3_are_found():
     """As printed P1 beside P2 at 0.12, three at 0.2188; as described P2 C13 beside P4 C23."""
-    found = hpcsweep.attractors(PAPER, 0.12, 0.445, starts=100)
+    found = hpcsweep.attractors(PAPER, 0.12, 0.445, starts=50)
     assert {(one.orbit_period, one.contact) for one in found} == {(1, 6), (2, 6)}
-    found = hpcsweep.attractors(PAPER, 0.2188, 0.445, starts=100)
+    found = hpcsweep.attractors(PAPER, 0.2188, 0.445, starts=50)
     assert {(one.orbit_period, one.contact) for one in found} == {(1, 6), (1, 7), (2, 7)}
-    found = hpcsweep.attractors(AS_DESCRIBED, 0.128, 0.445, starts=100)
+    found = hpcsweep.attractors(AS_DESCRIBED, 0.128, 0.445, starts=50)
     orbits = {(one.orbit_period, one.contact) for one in found if one.orbit_period}
     assert orbits == {(2, 5), (4, 6)}
     assert sum(one.share for one in found) == pytest.approx(1)
@@ -275,9 +275,9 @@ def test_near_its_fold_an_orbit_is_one_whatever_the_tolerance():
 
 def test_the_ghost_of_a_fold_is_no_orbit():
     """1.3e-9 past the fold a P2 closes to 1.4e-8, and is left after 2,550 periods."""
-    found = hpcsweep.attractors(PAPER, 0.22123999, 0.445, starts=40)
+    found = hpcsweep.attractors(PAPER, 0.22123999, 0.445, starts=16)
     assert [one.orbit_period for one in found] == [1, 1]
-    assert sum(one.hits for one in found) == 40
+    assert sum(one.hits for one in found) == 16
 
 
 @together("states", [None, 3, "rest"])

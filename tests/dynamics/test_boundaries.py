@@ -53,7 +53,7 @@ def test_a_smooth_boundary_has_the_exponent_1():
 
 def test_cantors_set_as_a_boundary():
     """Its dimension is ln 2 / ln 3, so that the exponent is 1 - ln 2 / ln 3 = 0.369."""
-    labels = np.repeat(cantor(5000)[None], 1100, axis=0)
+    labels = np.repeat(cantor(5000)[None], 300, axis=0)
     found = basin_boundary(labels)
     exact = 1 - math.log(2) / math.log(3)
     assert found.exponent.low < exact < found.exponent.high

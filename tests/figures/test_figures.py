@@ -176,10 +176,9 @@ def test_orbit_diagram_is_drawn(results, tmp_path, color):
     with Image.open(path) as picture:
         assert picture.width > 1000
         pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
-    colours = {tuple(pixel) for pixel in pixels[::7]}
     contact = contact_colour(int(results["contact"].values[:, 2].max()), 2)
     expected = {"direction": DIRECTIONS["up"], "contact": contact, "period": MOTION_COLOURS[1]}
-    assert tuple(int(expected[color][k : k + 2], 16) for k in (1, 3, 5)) in colours
+    assert (pixels == [int(expected[color][k : k + 2], 16) for k in (1, 3, 5)]).all(axis=1).any()
 
 
 def test_what_is_not_in_the_file_cannot_be_drawn(results):
@@ -515,12 +514,12 @@ def test_resolution_of_a_picture(file, tmp_path, capsys):
     from hpcsweep.commands.cli import main
 
     sizes = {}
-    for dpi in ("200", "100"):
+    for dpi in ("100", "50"):
         output = tmp_path / f"{dpi}.png"
         assert main(["plot", str(file), "-o", str(output), "--dpi", dpi]) == 0
         with Image.open(output) as picture:
             sizes[dpi] = np.array(picture.size)
-    assert np.abs(sizes["200"] - 2 * sizes["100"]).max() <= 2
+    assert np.abs(sizes["100"] - 2 * sizes["50"]).max() <= 2
     with pytest.raises(SystemExit) as ended:
         main(["plot", str(file), "--dpi", "20"])
     assert ended.value.code == 2

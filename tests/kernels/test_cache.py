@@ -228,7 +228,7 @@ print(rtsys._init)
 
 
 def test_what_is_loaded_from_the_cache_declares_no_other_kernel_and_counts_no_reference():
-    python(STARTED)  # compiles them where they are not yet
+    exec(STARTED, {})  # compiles them where they are not yet
     start = [sys.executable, "-c", STARTED]
     done = subprocess.run(start, env=environment(), capture_output=True, text=True, check=True)
     kernels, declared, counts, then = done.stdout.split()

@@ -212,6 +212,8 @@ def test_a_sweep_holds_them_where_they_are_asked_for(tmp_path, method):
     small = SMALL.replace("count = 4", "count = 2").replace("count = 11", "count = 5")
     if method == "bdf":
         small = small.replace("transient_cycles = 30", "transient_cycles = 4")
+        small = small.replace("sampling_cycles = 20", "sampling_cycles = 12")
+        small = small.replace("count = 5", "count = 2")
         small = small.replace("{from = 0.5, to = 0.8, count = 2}", "[0.6]")
     text = f'{small}{OUTPUT}[solver]\nmethod = "{method}"\n'
     job = parse_job(text, "job", "job")

@@ -192,9 +192,9 @@ def test_window_against_the_dense_reference(name, allowed, amplitude, rho):
     assert seen.contact == contact
     assert seen.peak_drift == pytest.approx(drift, abs=allowed)
     assert seen.modal_norm == pytest.approx(modal, abs={"flow": 1e-7, "bdf": 3e-5}[name])
-    plain = solver_for(name, structure).observe(state, amplitude, 2)
+    plain = solver_for(name, structure).observe(state, amplitude, 1)
     assert np.all(np.isnan(plain.modal_norm))
-    assert np.array_equal(plain.points, seen.points)
+    assert np.array_equal(plain.points, seen.points[:1])
 
 
 def test_modal_norms_are_nan_if_a_floor_always_touches(name):
@@ -220,12 +220,12 @@ def test_growth_is_that_of_the_exact_tangent_map(name):
     structure = Structure(3, 1000.0, 1e4, 0.05)
     start = reference_points(structure, 0.06, OMEGA, np.zeros(6), 2)[-1]
     z, vector, exact = start, np.full(6, math.sqrt(1 / 6)), 0.0
-    for _ in range(3):
+    for _ in range(2):
         z, matrix = reference_monodromy(structure, 0.06, OMEGA, z, 1)
         vector = matrix @ vector
         exact += math.log(np.linalg.norm(vector))
         vector /= np.linalg.norm(vector)
-    seen = solver_for(name, structure).observe(start, 0.06, 3, growth=True)
+    seen = solver_for(name, structure).observe(start, 0.06, 2, growth=True)
     assert seen.growth == pytest.approx(exact, abs={"flow": 1e-9, "bdf": 1e-3}[name])
     assert math.isnan(solver_for(name, structure).observe(start, 0.06, 1).growth)
 

@@ -258,7 +258,7 @@ def test_a_grid_of_attractors_is_a_map_by_default(tmp_path, whole):
     pictures = [tmp_path / f"{k}.png" for k in range(3)]
     options = [], ["--kind", "map"], ["--kind", "attractors"]
     for picture, extra in zip(pictures, options, strict=True):
-        assert main(["plot", str(whole), "-o", str(picture), *extra]) == 0
+        assert main(["plot", str(whole), "-o", str(picture), "--dpi", "50", *extra]) == 0
     assert pictures[0].read_bytes() == pictures[1].read_bytes() != pictures[2].read_bytes()
     known = figures()
     for given, kind in (

@@ -2,67 +2,17 @@
 
 import re
 import textwrap
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from importlib.resources import files
 
 from hpcsweep.job.job import ABOUT
 from hpcsweep.job.keys import declared
 from hpcsweep.studies.keys import OMEGA, Key
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 
-HEAD = """\
-# A job of hpcsweep: TOML. It is complete, and takes seconds:
-#     mpirun -n 2 hpcsweep run FILE.toml       computes FILE.h5; hpcsweep run FILE.toml works too
-#     hpcsweep plot FILE.h5 -o FILE.png        draws it
-#     hpcsweep run FILE.toml --dry-run         predicts the cost of a larger one
-#
-# A key behind a # has its default, which is shown; remove the # to give it another value.
-#
-{}
-# Another job, whose path is relative to this file: what is given here replaces what is there.
-#extends = "other.toml"
-"""
-IN_GAPS = """\
-# Lengths are in gaps, from a floor at rest to the stop, so that the stop is at 1. Time is in
-# 1/omega_0, where omega_0 = sqrt(k/m) of one storey. With u the floors' displacements
-#
-#     u'' + 2 gamma C u' + K u + beta S(u) (u - 1) = -A sin(Omega tau)
-"""
-SEEDS = """\
-# It begins at the motions of study.h5: hpcsweep new study.toml, hpcsweep run study.toml.
-#
-"""
-IN_OWN = """\
-# Quantities are in any consistent units, here in m, kg and s.
-"""
-BUILDINGS = """\
-[[building]]
-name = "A"
-mass = [2.5e5, 2.5e5, 2.0e5]
-storey_stiffness = [3e8, 3e8, 2e8]
-storey_height = 3.2
-
-[[building]]
-name = "B"
-mass = [2.5e5, 2.5e5, 2.5e5, 2.5e5, 2.0e5]
-storey_stiffness = 2e8
-storey_height = 3.2
-
-[pounding]
-gap = 0.05
-stiffness = 2e9
-
-[units]
-length = "m"
-mass = "kg"
-time = "s"
-"""
-VARY = """\
-# Keys of study, structure, pounding, sweep or solver with several values each: a list or a range.
-# All is computed at every value of one with every value of another, in one file with the keys as
-# its first dimensions; keys that vary together are columns of a CSV file, rows = "portfolio.csv".
-#[vary]
-#structure.gap = {from = 0.5, to = 2.0, count = 16}
-"""
+TEXTS = tomllib.loads((files(__package__) / "template.toml").read_text())
+"""Head, tables of buildings, and what differs between kinds of study, by name."""
 OF_FILE = ("name", "part", *ABOUT)
 TABLES = ("study", "structure", "forcing", "sweep", "solver", "output")
 OF_SWEEP = {"sweep.omega": "0.445", "sweep.amplitude": OMEGA[2].example}
@@ -93,13 +43,14 @@ def template(kind: str = DEFAULT_KIND) -> str:
     """Write a job for a kind of study, with all its keys."""
     every, shaken = declared(KINDS[kind]), kind == "records"
     completing = GIVEN[kind] if kind == DEFAULT_KIND else {"study.kind": f'"{kind}"', **GIVEN[kind]}
-    parts = [HEAD.format(SEEDS * (kind == "branches") + (IN_OWN if shaken else IN_GAPS))]
+    units = TEXTS["in_own" if shaken else "in_gaps"]
+    parts = [TEXTS["head"].format(TEXTS["seeds"] * (kind == "branches") + units)]
     parts += _given("", (key for key in every[""] if key.name in OF_FILE), {})
     for table in (*TABLES, "records", "branches"):
         if not every[table]:
             continue
         if shaken and table == "structure":
-            parts.append(BUILDINGS)
+            parts.append(TEXTS["buildings"])
             continue
         parts.append(f"[{table}]")
         if table == "study":
@@ -110,7 +61,8 @@ def template(kind: str = DEFAULT_KIND) -> str:
     for table in ("building", "pounding", "units"):
         keys = every.get(table) or [key for key in every[""] if key.name == table]
         parts += [f"#[{table}]", *(_mentioned(key) for key in keys)]
-    return "\n".join([*parts, "", VARY.replace("#structure", "#pounding") if shaken else VARY])
+    vary = TEXTS["vary"].replace("#structure", "#pounding" if shaken else "#structure")
+    return "\n".join([*parts, "", vary])
 
 
 def _given(table: str, keys: Iterable[Key], completing: Mapping[str, str]) -> Iterator[str]:

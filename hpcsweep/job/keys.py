@@ -9,16 +9,10 @@ from hpcsweep.model.matrices import MAX_FLOORS
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.solver import SOLVERS
+from hpcsweep.studies import settings
 from hpcsweep.studies.keys import BLOCK, Key, Tables, names
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS, STUDIES
 from hpcsweep.studies.quantities import METRIC_KEYS
-from hpcsweep.studies.settings import (
-    MAX_CYCLES,
-    SAMPLING,
-    SPECTRUM_CYCLES,
-    SPECTRUM_ERROR,
-    TRANSIENT,
-)
 from hpcsweep.studies.variables import STOREY_HEIGHT
 
 OF_STOREYS = ", above 0: a number, or a list of n, from the lowest on"
@@ -227,8 +221,8 @@ KEYS: Tables = {
     "study": (Key("kind", "what is computed ([which](studies.md))", DEFAULT_KIND, tuple(STUDIES)),),
     **STRUCTURE,
     "sweep": (
-        TRANSIENT,
-        SAMPLING,
+        settings.TRANSIENT,
+        settings.SAMPLING,
         Key(
             "max_orbit_period",
             "longest orbit period that is looked for, at most half of `sampling_cycles` and "
@@ -245,12 +239,12 @@ KEYS: Tables = {
             "classify_cycles",
             "forcing periods spent at most, beside the path, to classify a motion that the window "
             "leaves open, of which a part must see chaos outlive "
-            f"([how](attractors.md)); 0: none; at most {MAX_CYCLES}",
+            f"([how](attractors.md)); 0: none; at most {settings.MAX_CYCLES}",
             told="50000, with bdf 0",
             example="50000",
         ),
-        SPECTRUM_ERROR,
-        SPECTRUM_CYCLES,
+        settings.SPECTRUM_ERROR,
+        settings.SPECTRUM_CYCLES,
         Key(
             "initial_state",
             '`"rest"`, u = v = 0, or 2n numbers u_1 .. u_n, v_1 .. v_n: the start of each frame, '

@@ -29,20 +29,13 @@ from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
 from hpcsweep.solvers.offers import BDF, TANGENTS
 from hpcsweep.solvers.solver import SOLVERS
+from hpcsweep.studies import settings as sweep
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.path_grid import ALONG
 from hpcsweep.studies.quantities import METRIC_KEYS
 from hpcsweep.studies.run_names import count
-from hpcsweep.studies.settings import (
-    MAX_CYCLES,
-    SAMPLING,
-    SPECTRUM_CYCLES,
-    SPECTRUM_ERROR,
-    TRANSIENT,
-    SweepSettings,
-)
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
 
@@ -315,9 +308,9 @@ def _initial_state(values: Values, structure: Structure, at_rest: bool) -> np.nd
     return state
 
 
-def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
-    default = SweepSettings()
-    sampling = values.read("sweep", SAMPLING)
+def _settings(values: Values, skip_rules: tuple[str, ...]) -> sweep.SweepSettings:
+    default = sweep.SweepSettings()
+    sampling = values.read("sweep", sweep.SAMPLING)
     longest = max(min(sampling // 2, MAX_PERIOD), 1)
     key = "sweep.period_tolerance"
     tolerance = values.get(key, default.period_tolerance)
@@ -331,8 +324,8 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
     longest = values.whole(key, period, 1, longest)
     key = "sweep.classify_cycles"
     cycles = values.get(key, SOLVERS[method].classify_cycles)
-    return SweepSettings(
-        transient_cycles=values.read("sweep", TRANSIENT),
+    return sweep.SweepSettings(
+        transient_cycles=values.read("sweep", sweep.TRANSIENT),
         sampling_cycles=sampling,
         max_orbit_period=longest,
         period_tolerance=tolerance,
@@ -341,17 +334,21 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> SweepSettings:
         skip=_skip(values, skip_rules),
         metrics=frozenset(key.name for key in METRIC_KEYS if values.read("output", key)),
         max_points=_max_points(values, sampling, longest),
-        classify_cycles=values.whole(key, cycles, 0, MAX_CYCLES),
-        spectrum_error=values.read("sweep", SPECTRUM_ERROR),
-        spectrum_cycles=values.read("sweep", SPECTRUM_CYCLES),
+        classify_cycles=values.whole(key, cycles, 0, sweep.MAX_CYCLES),
+        spectrum_error=values.read("sweep", sweep.SPECTRUM_ERROR),
+        spectrum_cycles=values.read("sweep", sweep.SPECTRUM_CYCLES),
     )
 
 
 def _max_points(values: Values, sampling: int, longest: int) -> int | None:
     value = values.get("output.max_points", sampling)
     least = min(2 * longest, sampling)
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= MAX_CYCLES:
-        limit = f"must be a whole number from 2 max_orbit_period = {least} to {MAX_CYCLES}"
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int)
+        or not least <= value <= sweep.MAX_CYCLES
+    ):
+        limit = f"must be a whole number from 2 max_orbit_period = {least} to {sweep.MAX_CYCLES}"
         raise values.error("output.max_points", value, limit)
     return value if value < sampling else None
 

@@ -6,21 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from hpcsweep.model import reduction
 from hpcsweep.model.arguments import refused, wrong
 from hpcsweep.model.matrices import MAX_ROWS, is_named, shares_of, vector
 from hpcsweep.model.reduced import Reduced, elements_of
-from hpcsweep.model.reduction import (
-    MORE,
-    TIMES,
-    absurd,
-    basis_of,
-    choose,
-    condensed,
-    coordinates,
-    find_modes,
-    modal_name,
-    most_modes,
-)
 from hpcsweep.model.sparse_matrices import motions_below, negative, sticking, symmetric
 from hpcsweep.model.structure import Structure
 
@@ -106,8 +95,8 @@ class FiniteElements:
         held, stiffness = _part(self.mass, used), _part(self.stiffness, used)
         if not motions_below(stiffness, 1.0):
             nothing = np.zeros((0, int(used.sum())))
-            squares = find_modes(held, stiffness, nothing, nothing.sum(axis=0), 1).squares
-            if text := absurd(np.sqrt(squares[0])):
+            squares = reduction.find_modes(held, stiffness, nothing, nothing.sum(axis=0), 1).squares
+            if text := reduction.absurd(np.sqrt(squares[0])):
                 yield text
 
     def _told(self, grounded: np.ndarray, alone: np.ndarray) -> Iterator[str]:
@@ -282,28 +271,29 @@ class FiniteElements:
         room = MAX_REDUCED - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
         massless = int((used & ~self._has_mass).sum())
         _refuse_rows(reduce, int(used.sum()) - massless)
-        modes = find_modes(mass, held, forced, push, most_modes(reduce, room))
+        modes = reduction.find_modes(mass, held, forced, push, reduction.most_modes(reduce, room))
         if reduce is None:
             k, error = len(modes.squares), 0.0
-            x = condensed(mass, stiffness, drag, push, forced, drift, named[used])
+            x = reduction.condensed(mass, stiffness, drag, push, forced, drift, named[used])
             names = [self.names[i] for i in np.flatnonzero(used)[x.names]]
             massless = int(used.sum()) - len(names)
         else:
             measured = np.vstack((forced, drift))
             kappa = np.array([contact.stiffness for contact in contacts])
-            k, error = choose(modes, reduce, room, measured, kappa)
-            k = min(k if not more else TIMES * k + MORE, len(modes.squares))
+            k, error = reduction.choose(modes, reduce, room, measured, kappa)
+            k = min(k if not more else reduction.TIMES * k + reduction.MORE, len(modes.squares))
             signed = [row * np.sign(row[np.flatnonzero(row)[0]]) for row in (*hits, *slides)]
             rows = [*alone, *signed]
             missing = r if alone else None
-            basis = basis_of(modes, k)
-            x = coordinates(modes, basis, _array(rows, used), drift, missing, drag)
+            basis = reduction.basis_of(modes, k)
+            x = reduction.coordinates(modes, basis, _array(rows, used), drift, missing, drag)
             if sum(0 <= j < len(alone) for j in x.names) < len(alone):
                 cannot = f": {k} mode{'s' * (k > 1)} cannot distinguish these {len(alone)} outputs"
                 raise wrong("outputs", f"{cannot}: give fewer outputs or more reduce.modes")
             size = basis.squares.size
             names = [
-                self.label(rows[j]) if j >= 0 else modal_name(-1 - j, k, size) for j in x.names
+                self.label(rows[j]) if j >= 0 else reduction.modal_name(-1 - j, k, size)
+                for j in x.names
             ]
             slid, springs = x.pushed[len(hits) :], np.array([s.stiffness for s in sliders])
             x = x._replace(stiffness=x.stiffness - slid.T @ (springs[:, None] * slid))

@@ -6,15 +6,9 @@ from typing import cast
 
 import numpy as np
 
+from hpcsweep.model import modes
 from hpcsweep.model.arguments import number, wrong
 from hpcsweep.model.forcing import Harmonics
-from hpcsweep.model.modes import (
-    damped_response,
-    natural_modes,
-    per_mass,
-    power_of_two,
-    trigonometric_maxima,
-)
 from hpcsweep.model.rayleigh import Rayleigh
 from hpcsweep.model.system import System, frozen
 
@@ -48,7 +42,7 @@ class LinearDynamics(System):
         """
         gaps = [abs(contact.gap) for contact in self.contacts if contact.gap]
         gaps = gaps or [slider.limit for slider in self.sliders]
-        return self.motion_length or power_of_two(min(gaps, default=1.0))
+        return self.motion_length or modes.power_of_two(min(gaps, default=1.0))
 
     @cached_property
     def frequency_unit(self) -> float:
@@ -64,7 +58,7 @@ class LinearDynamics(System):
             shares = [min(1.0, slider.limit / self.motion_length) for slider in self.sliders]
             elastic = max(float(np.trace(self.elastic_stiffness)), 0.0)
             stiffness = elastic + np.dot(shares, self.slider_stiffness)
-        return power_of_two(math.sqrt(stiffness / np.trace(self.mass_matrix)))
+        return modes.power_of_two(math.sqrt(stiffness / np.trace(self.mass_matrix)))
 
     @cached_property
     def state_units(self) -> np.ndarray:
@@ -245,7 +239,7 @@ class LinearDynamics(System):
     def contact_softness(self) -> np.ndarray:
         """d_k . M^-1 d_k of every contact: the change of x_k'' per unit force, shape (m,)."""
         mass = self.mass_matrix
-        return frozen(np.array([d @ per_mass(mass, d) for d in self.directions], float))
+        return frozen(np.array([d @ modes.per_mass(mass, d) for d in self.directions], float))
 
     @property
     def stiffest_contact(self) -> float:
@@ -287,7 +281,7 @@ class LinearDynamics(System):
             shapes = np.sin(floors * (2 * modes - 1) * math.pi / (2 * n + 1))
             shapes = shapes / np.linalg.norm(shapes, axis=0)
         else:
-            frequencies, shapes = natural_modes(self.mass_matrix, self.stiffness_matrix)
+            frequencies, shapes = modes.natural_modes(self.mass_matrix, self.stiffness_matrix)
         return frozen(frequencies), frozen(shapes)
 
     @property
@@ -341,7 +335,7 @@ class LinearDynamics(System):
         w = order * number("omega", omega, f"at most {MAX_OMEGA:g}", -MAX_OMEGA, MAX_OMEGA)
         if not self.is_modal:
             matrices = self.mass_matrix, self.damping_matrix, self.stiffness_matrix
-            return damped_response(*matrices, self.forcing_vector, w)
+            return modes.damped_response(*matrices, self.forcing_vector, w)
         denominator = self.frequencies**2 - w**2 + 2j * self.damping_ratios * self.frequencies * w
         if np.any(denominator == 0):
             raise ZeroDivisionError(f"undamped resonance at omega = {omega!r}: no steady state")
@@ -365,7 +359,7 @@ class LinearDynamics(System):
         where every amplitude reaches one; inf if there is none.
         """
         try:
-            reach = trigonometric_maxima(*self.steady_harmonics(omega), self.directions)
+            reach = modes.trigonometric_maxima(*self.steady_harmonics(omega), self.directions)
         except ZeroDivisionError:
             return 0.0 if self.contacts else math.inf
         lowest = math.inf
@@ -384,4 +378,4 @@ class LinearDynamics(System):
             At an undamped resonance, where there is no steady state.
         """
         rows = np.concatenate((self.drift_rows, -self.drift_rows))
-        return float(trigonometric_maxima(*self.steady_harmonics(omega), rows).max())
+        return float(modes.trigonometric_maxima(*self.steady_harmonics(omega), rows).max())

@@ -14,18 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import (
-    finite,
-    flag,
-    items,
-    not_negative,
-    number,
-    plain,
-    positive,
-    refused,
-    shown,
-    wrong,
-)
+from hpcsweep.model import arguments
+from hpcsweep.model.arguments import finite, not_negative, number, positive, refused, wrong
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 
 MAX_FLOORS = 64
@@ -69,7 +59,7 @@ def one_or_each(
     name: str, value: Any, count: int, what: str, limits: tuple[str, float, float]
 ) -> float | Vector:
     """Read one number, or a sequence with one for each of `count`, within limits."""
-    value = plain(value)
+    value = arguments.plain(value)
     if not hasattr(value, "__len__") or isinstance(value, str | bytes):
         return number(name, value, *limits)
 
@@ -81,7 +71,7 @@ def one_or_each(
 
 def each(name: str, value: Any, count: int, what: str) -> Vector:
     """Read a number for each of `count`, from one finite number or a sequence."""
-    value = plain(value)
+    value = arguments.plain(value)
     if hasattr(value, "__len__"):
         return vector(name, value, count, f"numbers, one per {what}")
     return (finite(name, value),) * count
@@ -201,7 +191,7 @@ class Contact:
         object.__setattr__(self, "gap", finite("contact.gap", self.gap))
         for name in ("stiffness", "damping"):
             object.__setattr__(self, name, not_negative(f"contact.{name}", getattr(self, name)))
-        object.__setattr__(self, "tension", flag("contact.tension", self.tension))
+        object.__setattr__(self, "tension", arguments.flag("contact.tension", self.tension))
 
     @classmethod
     def from_restitution(
@@ -382,12 +372,12 @@ def read_matrices(
 def _several(kind: Any, elements: Any, n: int) -> tuple:
     """Read contacts or sliders of a structure with n coordinates."""
     name, key = kind.__name__, kind.__name__.lower()
-    listed = tuple(items(f"{key}s", elements, f"a list of {name}"))
+    listed = tuple(arguments.items(f"{key}s", elements, f"a list of {name}"))
     if len(listed) > MAX_CONTACTS:
         raise wrong(f"{key}s", f"must be at most {MAX_CONTACTS}, are {len(listed)}")
     for place, element in enumerate(listed, 1):
         if not isinstance(element, kind):
-            raise wrong(f"{key}s", f"must be a list of {name}, holds {shown(element)}")
+            raise wrong(f"{key}s", f"must be a list of {name}, holds {arguments.shown(element)}")
         if is_named(element.direction):
             limit = f"must be {n} numbers: it names coordinates, which goes with a model"
             raise wrong(f"{key}[{place - 1}].direction", limit)

@@ -16,28 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import (
-    LARGEST,
-    count,
-    flag,
-    instance,
-    items,
-    number,
-    refused,
-    wrong,
-)
+from hpcsweep.model import matrices
+from hpcsweep.model.arguments import LARGEST, count, flag, instance, items, number, refused, wrong
 from hpcsweep.model.dashpot import refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
 from hpcsweep.model.linear_dynamics import ROUNDED
-from hpcsweep.model.matrices import (
-    MAX_CONTACTS,
-    MAX_FLOORS,
-    MAX_ROWS,
-    Matrices,
-    check_definite,
-    one_or_each,
-    read_matrices,
-)
+from hpcsweep.model.matrices import Matrices, check_definite, one_or_each, read_matrices
 from hpcsweep.model.rayleigh import read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.unit_names import Names, UnitNames
@@ -145,7 +129,8 @@ class Structure(MeasuredDynamics):
             instance("matrices", self.matrices, Matrices)
         value = items("unreached", self.unreached, "numbers of contacts")
         self._set("unreached", tuple(count("unreached", contact, 1) for contact in value))
-        n = count("n_floors", self.n_floors, 1, MAX_ROWS if self.matrices else MAX_FLOORS)
+        most = matrices.MAX_ROWS if self.matrices else matrices.MAX_FLOORS
+        n = count("n_floors", self.n_floors, 1, most)
         self._set("n_floors", n)
         self._set(
             "sharpness", number("sharpness", self.sharpness, "at least 0 (inf is allowed)", 0.0)
@@ -167,8 +152,8 @@ class Structure(MeasuredDynamics):
         said_by = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth([*self.all_contacts.values()], self.sharpness, said_by)
         self._set("p_delta", flag("p_delta", self.p_delta))
-        if (last := max(self.contact_numbers, default=0)) > MAX_CONTACTS:
-            limit = f"stops on the left numbered up to {last}, the most are {MAX_CONTACTS}"
+        if (last := max(self.contact_numbers, default=0)) > matrices.MAX_CONTACTS:
+            limit = f"stops on the left numbered up to {last}, the most are {matrices.MAX_CONTACTS}"
             raise wrong("gap_left", f": {n} floors have {limit}")
         if not self.is_uniform:
             check_definite("mass" if self.matrices is None else "matrices.mass", self.mass_matrix)

@@ -24,15 +24,11 @@ examples:
 import contextlib
 import json
 import math
-from typing import TYPE_CHECKING
 
 from hpcsweep.commands import CommandError, add_at, add_file, listing
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
 from hpcsweep.commands.rows import rows_of
 from hpcsweep.figures.options import UNITS, file_name, positive
-
-if TYPE_CHECKING:
-    from hpcsweep.studies.ground_motion.records import Records
 
 
 def configure(parser) -> None:
@@ -66,7 +62,7 @@ def run(options) -> int:
     return _threshold(options, results, study)
 
 
-def _threshold(options, results, study: "Records") -> int:
+def _threshold(options, results, study) -> int:
     """Print capacities and fragility."""
     from hpcsweep.studies.ground_motion.describe import alone_words
     from hpcsweep.studies.ground_motion.stripes import COLLAPSE, capacities, fit, stripes_of
@@ -151,7 +147,7 @@ def _finite(sums):
     return None if isinstance(sums, float) and not math.isfinite(sums) else sums
 
 
-def _demands(options, results, study: "Records") -> int:
+def _demands(options, results, study) -> int:
     """Write the table of demands of a building at the scale nearest to one.
 
     The lowest acceleration is that of the ground, or of the slab on bearings. Records that have

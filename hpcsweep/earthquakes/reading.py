@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from decimal import Decimal
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -46,12 +45,8 @@ Row = tuple[int, list[str]]
 """Number of a line, from 1, and the numbers in it."""
 
 
-class Table(NamedTuple):
-    """Contents of a file: values in its unit, the step in seconds, and what the header says."""
-
-    values: np.ndarray
-    dt: float
-    header: Header
+Table = tuple[np.ndarray, float, Header]
+"""Contents of a file: values in its unit, the step in seconds, and what the header says."""
 
 
 def read_record(
@@ -118,13 +113,13 @@ def read_record(
         dt = positive("dt", dt)
     file = Path(file_name("path", path))
     try:
-        table = _parse(file, dt, channel)
+        values, step, header = _parse(file, dt, channel)
         if asked:
-            _compare_units(table.header, asked, unit)
+            _compare_units(header, asked, unit)
         # of K-NET the ending is the direction
-        name = file.name if "K-NET" in table.header.steps else file.stem
+        name = file.name if "K-NET" in header.steps else file.stem
         name += "" if channel is None else f"-{channel}"
-        return Record(table.values * factor, units.in_unit_of_time(table.dt, time), name)
+        return Record(values * factor, units.in_unit_of_time(step, time), name)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
 
@@ -147,7 +142,7 @@ def _parse(file: Path, dt: float | None, channel: int | None) -> Table:
     if name := format_of(text):
         values, header = read_format(name, text, channel)
         _compare_steps(dt, header.steps)
-        return Table(np.array(values), header.steps[name], header)
+        return np.array(values), header.steps[name], header
     if channel is not None:
         raise ValueError(f"channel goes with files of several channels, is {channel}")
     lines = text.splitlines()
@@ -250,11 +245,11 @@ def _table(rows: list[Row], header: Header, known: float | None) -> Table:
         rows = [(i, cells[1:]) for i, cells in rows]
     elif has_times:
         dt = _step([cells[0] for _, cells in rows], header.time or SECOND, said)
-        return Table(np.array([number(cells[1]) for _, cells in rows]), dt, header)
+        return np.array([number(cells[1]) for _, cells in rows]), dt, header
     if not said:
         raise ValueError("dt must be given with one column of samples, is None")
     values = np.array([number(cell) for _, cells in rows for cell in cells])
-    return Table(values, next(iter(said.values())), header)
+    return values, next(iter(said.values())), header
 
 
 def _compare_steps(dt: float | None, steps: dict[str, float]) -> dict[str, float]:

@@ -5,16 +5,15 @@ import math
 import numpy as np
 
 from hpcsweep.job.values import Values
-from hpcsweep.model.forcing import MAX_HARMONICS, MEAN_PHASE, ONE_HARMONIC, Series, fourier_series
+from hpcsweep.model.forcing import MAX_HARMONICS, MEAN_PHASE, ONE_HARMONIC, Terms, fourier_series
 
-Harmonics = tuple[tuple[int, float, float], ...]
 HARMONIC = ("order", "amplitude", "phase")
 N_HARMONICS = 8
 """Of samples, besides the mean, if a job does not say."""
 MAX_SAMPLES = 100_000
 
 
-def read_forcing(values: Values) -> Harmonics:
+def read_forcing(values: Values) -> Terms:
     """Read the table ``forcing``: harmonics, or samples with their number of harmonics."""
     table = dict(values.table("forcing"))
     kept = table.pop("n_harmonics", None)
@@ -24,11 +23,11 @@ def read_forcing(values: Values) -> Harmonics:
         first, second = list(table)[:2]
         raise values.error(f"forcing.{second}", table[second], f"does not go with {first}")
     if "samples" in table:
-        return _series(values, table["samples"]).terms
+        return _series(values, table["samples"])[0]
     return _harmonics(values, table["harmonics"]) if "harmonics" in table else ONE_HARMONIC
 
 
-def _harmonics(values: Values, listed) -> Harmonics:
+def _harmonics(values: Values, listed) -> Terms:
     """Read a sum of harmonics; order 0 is the mean and has no phase."""
     if not isinstance(listed, list) or not listed:
         limit = "must be a list of {order = 1, amplitude = 1.0, phase = 0.0}"
@@ -45,7 +44,7 @@ def _harmonics(values: Values, listed) -> Harmonics:
     return tuple(terms)
 
 
-def _series(values: Values, content) -> Series:
+def _series(values: Values, content) -> tuple[Terms, float]:
     """Read samples of a period as a Fourier series."""
     listed = content if isinstance(content, list) else []
     samples = np.array([values.number("forcing.samples", value) for value in listed])
@@ -63,5 +62,4 @@ def forcing_notes(values: Values) -> tuple[str, ...]:
         return ()
     terms, error = _series(values, values.get("forcing.samples"))
     orders = ", ".join(str(order) for order, _, _ in terms)
-    note = f"forcing.samples: harmonics {orders} meet them to {100 * error:.2g} % of the largest"
-    return (note,)
+    return (f"forcing.samples: harmonics {orders} meet them to {100 * error:.2g} % of the largest",)

@@ -31,7 +31,7 @@ from hpcsweep.solvers.offers import BDF, TANGENTS
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies import settings as sweep
 from hpcsweep.studies.blocks import Place
-from hpcsweep.studies.keys import BLOCK
+from hpcsweep.studies.keys import BLOCK, Key
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.path_grid import ALONG
 from hpcsweep.studies.quantities import METRIC_KEYS
@@ -45,7 +45,7 @@ MAX_BLOCKS = 20_000_000
 """Blocks of a job: each takes some 100 bytes of rank 0's memory."""
 MAX_RUNS = 2**40
 MAX_STATE = 1e200
-MIN_TOLERANCE = 1e-300
+TOLERANCES = 1e-300, math.nextafter(1.0, 0.0)
 
 
 def load_job(path: str | Path, settings: Sequence[str] = ()) -> Job:
@@ -183,7 +183,8 @@ def read_values(values: Values):
         raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")
     if "lyapunov_spectrum" in settings.metrics and not TANGENTS.of(structure):
         raise values.error("output.lyapunov_spectrum", True, f"must be false {TANGENTS.lacks}")
-    block = values.get("output.block", _default_block(values, study))
+    usual = study.default_block if SOLVERS[settings.solver].follows_orbits else 1
+    block = values.get("output.block", usual)
     whole = study.read(
         values,
         structure=structure,
@@ -221,12 +222,6 @@ def part_of(job: Job, place: Place) -> Job:
 
         tree = with_own_period(tree, study)
     return Job(name=job.name, text=write(tree, every_key()), study=study)
-
-
-def _default_block(values: Values, study) -> int:
-    """Return the number of runs committed together: 1 with a slow solver."""
-    slow = [name for name, kind in SOLVERS.items() if not kind.follows_orbits]
-    return 1 if values.get("solver.method", "flow") in slow else study.default_block
 
 
 def _check_extent(values: Values, study: Study) -> None:
@@ -309,48 +304,31 @@ def _initial_state(values: Values, structure: Structure, at_rest: bool) -> np.nd
 
 
 def _settings(values: Values, skip_rules: tuple[str, ...]) -> sweep.SweepSettings:
-    default = sweep.SweepSettings()
-    sampling = values.read("sweep", sweep.SAMPLING)
+    def read(key: str, default: Any, *limits: Any) -> Any:
+        table, name = key.split(".")
+        return values.read(table, Key(name, "", default, limits))
+
+    usual, sampling = sweep.SweepSettings(), values.read("sweep", sweep.SAMPLING)
+    method = read("solver.method", usual.solver, *SOLVERS)
     longest = max(min(sampling // 2, MAX_PERIOD), 1)
-    key = "sweep.period_tolerance"
-    tolerance = values.get(key, default.period_tolerance)
-    tolerance = values.within(key, tolerance, MIN_TOLERANCE, math.nextafter(1.0, 0.0))
-    method = values.choice("solver.method", values.get("solver.method", default.solver), SOLVERS)
-    rtol = values.within(
-        "solver.rtol", values.get("solver.rtol", SOLVERS[method].rtol), 1e-13, 1e-2
-    )
-    key = "sweep.max_orbit_period"
-    period = values.get(key, min(default.max_orbit_period, longest))
-    longest = values.whole(key, period, 1, longest)
-    key = "sweep.classify_cycles"
-    cycles = values.get(key, SOLVERS[method].classify_cycles)
+    longest = read("sweep.max_orbit_period", min(usual.max_orbit_period, longest), 1, longest)
+    least = min(2 * longest, sampling)
+    n_points = read("output.max_points", sampling, least, sweep.MAX_CYCLES)
+    cycles = SOLVERS[method].classify_cycles
     return sweep.SweepSettings(
         transient_cycles=values.read("sweep", sweep.TRANSIENT),
         sampling_cycles=sampling,
         max_orbit_period=longest,
-        period_tolerance=tolerance,
+        period_tolerance=read("sweep.period_tolerance", usual.period_tolerance, *TOLERANCES),
         solver=method,
-        rtol=rtol,
+        rtol=read("solver.rtol", SOLVERS[method].rtol, 1e-13, 1e-2),
         skip=_skip(values, skip_rules),
         metrics=frozenset(key.name for key in METRIC_KEYS if values.read("output", key)),
-        max_points=_max_points(values, sampling, longest),
-        classify_cycles=values.whole(key, cycles, 0, sweep.MAX_CYCLES),
+        max_points=n_points if n_points < sampling else None,
+        classify_cycles=read("sweep.classify_cycles", cycles, 0, sweep.MAX_CYCLES),
         spectrum_error=values.read("sweep", sweep.SPECTRUM_ERROR),
         spectrum_cycles=values.read("sweep", sweep.SPECTRUM_CYCLES),
     )
-
-
-def _max_points(values: Values, sampling: int, longest: int) -> int | None:
-    value = values.get("output.max_points", sampling)
-    least = min(2 * longest, sampling)
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int)
-        or not least <= value <= sweep.MAX_CYCLES
-    ):
-        limit = f"must be a whole number from 2 max_orbit_period = {least} to {sweep.MAX_CYCLES}"
-        raise values.error("output.max_points", value, limit)
-    return value if value < sampling else None
 
 
 def _skip(values: Values, rules: tuple[str, ...]) -> frozenset[str]:
@@ -360,7 +338,6 @@ def _skip(values: Values, rules: tuple[str, ...]) -> frozenset[str]:
     if value == "none":
         return frozenset()
     if not isinstance(value, list) or not all(name in rules for name in value):
-        raise values.error(
-            "solver.skip", value, f'must be "all", "none" or a list of {", ".join(rules)}'
-        )
+        limit = f'must be "all", "none" or a list of {", ".join(rules)}'
+        raise values.error("solver.skip", value, limit)
     return frozenset(value)

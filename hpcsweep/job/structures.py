@@ -7,9 +7,10 @@ Every error is one line that names the file, the key, the value and the limit;
 import functools
 import hashlib
 import math
+import pickle
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -201,25 +202,16 @@ def _weighed(values: Values, place: str, table: dict) -> dict:
 
 def _building(name: str, table: Mapping) -> Building:
     """Make one of several buildings; an error names its table."""
-    parameters = {key: _tuples(value) for key, value in table.items()}
     try:
-        return _made(_Table(repr(parameters), parameters))
+        return _made(pickle.dumps({key: _tuples(value) for key, value in table.items()}))
     except InputError as error:
         raise error if error.table == "matrices" else error.within(name) from None
 
 
-@dataclass(frozen=True)
-class _Table:
-    """A hashable table, compared by its text, in which 1, 1.0 and true differ."""
-
-    text: str
-    given: dict = field(compare=False)
-
-
 @functools.lru_cache(maxsize=1024)
-def _made(table: _Table) -> Building:
-    """Make a building, or return an equal one that the parts of a varied job share."""
-    made = Building(**table.given)
+def _made(table: bytes) -> Building:
+    """Make a building of a pickled table, or return the one that parts of a varied job share."""
+    made = Building(**pickle.loads(table))
     _ = made.structure  # which checks what the building itself does not
     return made
 

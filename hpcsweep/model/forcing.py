@@ -6,7 +6,7 @@ Its mean A a_0 is the harmonic of order 0, with phi_0 = pi / 2.
 import cmath
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +22,8 @@ MEAN_PHASE = math.pi / 2
 ROUNDING = 1e-13
 """Share of the largest sample below which a harmonic of samples is none."""
 TERM = ("order", "amplitude", "phase")
+Terms = tuple[tuple[int, float, float], ...]
+"""Order, amplitude and phase of each harmonic."""
 ONE_HARMONIC = ((1, 1.0, 0.0),)
 """sin(Omega tau)"""
 
@@ -36,7 +38,7 @@ class Harmonics:
         Order, amplitude and phase of each.
     """
 
-    terms: tuple[tuple[int, float, float], ...] = ONE_HARMONIC
+    terms: Terms = ONE_HARMONIC
 
     @property
     def size(self) -> float:
@@ -48,7 +50,7 @@ class Harmonics:
         return n_periods * 2 * math.pi / omega
 
 
-def read_harmonics(harmonics: Any) -> tuple[tuple[int, float, float], ...]:
+def read_harmonics(harmonics: Any) -> Terms:
     """Validate the harmonics (order, amplitude, phase) of the forcing, a row each."""
     harmonics = items("harmonics", harmonics, "a list of (order, amplitude, phase)")
     if not 1 <= len(harmonics) <= MAX_HARMONICS:
@@ -73,24 +75,10 @@ def read_harmonics(harmonics: Any) -> tuple[tuple[int, float, float], ...]:
     return tuple(terms)
 
 
-class Series(NamedTuple):
-    """Fourier series of samples of a period.
-
-    Attributes
-    ----------
-    terms : tuple of (int, float, float)
-        Its harmonics, as `read_harmonics` returns them.
-    error : float
-        Largest difference to the samples, in units of the largest of these.
-    """
-
-    terms: tuple[tuple[int, float, float], ...]
-    error: float
-
-
-def fourier_series(samples: np.ndarray, n_harmonics: int) -> Series:
+def fourier_series(samples: np.ndarray, n_harmonics: int) -> tuple[Terms, float]:
     """Return the mean and the first harmonics of N samples at the times k T / N, shape (N,).
 
+    And the largest difference of these to the samples, in units of the largest of the samples.
     Terms of the size of rounding are left out, and those of N / 2 and more, which samples do not
     tell apart. `samples` must not all be equal.
     """
@@ -108,4 +96,4 @@ def fourier_series(samples: np.ndarray, n_harmonics: int) -> Series:
         if order
     ]
     mean = [(0, float(coefficients[0].real), MEAN_PHASE)] if 0 in kept else []
-    return Series((*mean, *terms), error)
+    return (*mean, *terms), error

@@ -91,7 +91,7 @@ class Structure(MeasuredDynamics):
         Stiffness of a storey that yields over that before, from -0.1 to below 1.
     p_delta : bool
         Whether the weight above each storey over its height is taken from its stiffness, see
-        `hpcsweep.model.yielding`. Modes and damping are those of the rest.
+        `hpcsweep.model.system`. Modes and damping are those of the rest.
     weight, storey_height : float or sequence of n floats, optional
         Of each floor, and of each storey from the lowest on.
     collapse_drift : float or sequence of floats, optional

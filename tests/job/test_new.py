@@ -11,7 +11,7 @@ from hpcsweep.job.job import ABOUT
 from hpcsweep.job.keys import DEFAULT_KIND, KINDS, declared, keys_of
 from hpcsweep.job.template import template
 from hpcsweep.job.values import MAX_VALUES
-from hpcsweep.model.structure import MAX_FLOORS
+from hpcsweep.model.matrices import MAX_FLOORS
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies.settings import MAX_CYCLES, SKIP_RULES
 

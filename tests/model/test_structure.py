@@ -10,7 +10,8 @@ from together import together
 
 from hpcsweep.model.contact import layer_half_width
 from hpcsweep.model.kernel_model import kernel_model
-from hpcsweep.model.structure import MAX_FLOORS, Structure
+from hpcsweep.model.matrices import MAX_FLOORS
+from hpcsweep.model.structure import Structure
 
 
 @together("n", [1, 2, 3, 7, 20, MAX_FLOORS])

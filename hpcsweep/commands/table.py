@@ -25,8 +25,6 @@ from hpcsweep.commands.outputs import TABLE, check_overwriting, writing
 
 NEEDS = {".csv": "pandas", ".xlsx": "openpyxl", ".parquet": "pyarrow"}
 """Libraries that write a table, by the end of its name."""
-NOWHERE = ""
-"""Place of what a run has once."""
 MAX_ROWS = 2**20 - 1
 """Of a sheet, below its header."""
 
@@ -136,43 +134,28 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
 
 def _table(results, study, wanted: dict[str, Column], place: str | None, keys: dict, units: dict):
     """Return the table of a part's results: a row a computed run and place."""
-    import numpy as np
-    import pandas
+    import xarray
 
     from hpcsweep.studies.ground_motion.stripes import places_of
-    from hpcsweep.studies.variables import percent_of_height
 
-    runs, outcome, percent = [*study.run_dims], results["outcome"], percent_of_height(results)
-    done = np.flatnonzero(outcome.values > 0)
-    columns: dict[str, dict[str, np.ndarray]] = {}
+    runs, places = [*study.run_dims], dict[str, None]()
+    columns = {"outcome": results["outcome"]}
     for column, (name, is_response, is_ratio, _) in wanted.items():
-        array = results[name].broadcast_like(outcome).transpose(*runs, ...)
-        dim = array.dims[len(runs) :]
-        values = array.values.reshape(outcome.size, -1)[done]
-        if is_response:
-            values = np.abs(values)
-        if is_ratio and percent is not None:
-            values = values * percent
-        names = [str(label) for label in results[dim[0]].values] if dim else [NOWHERE]
-        chosen = places_of(names, place if dim else None)
-        columns[column] = {names[i]: values[:, i] for i in chosen}
-    every = dict.fromkeys(label for by_place in columns.values() for label in by_place)
-    places = [label for label in every if label != NOWHERE] or [NOWHERE]
-    at = np.unravel_index(done, outcome.shape)
-    filled: dict = {name: [value] * (len(done) * len(places)) for name, value in keys.items()}
-    for dim, index in zip(runs, at, strict=True):
-        filled[dim] = np.repeat(results[dim].values[index], len(places))
-    for name in ("omega", "amplitude"):
-        if name in results.coords and name not in runs:  # by a formula
-            of_runs = results[name].broadcast_like(outcome).transpose(*runs).values
-            filled[name] = np.repeat(of_runs.ravel()[done], len(places))
-    if places != [NOWHERE]:
-        filled["place"] = np.tile(places, len(done))
-    for column, by_place in columns.items():
-        elsewhere = by_place.get(NOWHERE, np.full(len(done), np.nan))
-        shown = [by_place.get(label, elsewhere) for label in places]
-        filled[column] = np.stack(shown, axis=1).ravel()
-    return pandas.DataFrame(filled).rename(columns=lambda name: name + units.get(name, ""))
+        array = abs(results[name]) if is_response else results[name]
+        if is_ratio and "storey_height" in results:
+            array = array * (100.0 / results["storey_height"])
+        for dim in {*array.dims} - {*runs}:
+            names = [str(label) for label in results[dim].values]
+            array = array.rename({dim: "place"}).assign_coords(place=names)
+            array = array.isel(place=places_of(names, place)).drop_duplicates("place", keep="last")
+            places |= dict.fromkeys(array["place"].values.tolist())
+        columns[column] = array
+    whole, along = xarray.Dataset(columns), ["place"] if places else []
+    table = whole.reindex({dim: [*places] for dim in along}).to_dataframe([*runs, *along])
+    table = table[table["outcome"] > 0].reset_index().assign(**keys)
+    by_formula = [name for name in ("omega", "amplitude") if name in results.coords]
+    shown = dict.fromkeys([*keys, *runs, *by_formula, *along, *wanted])
+    return table[[*shown]].rename(columns=lambda name: name + units.get(name, ""))
 
 
 def _units(frames, wanted: dict[str, Column]) -> dict[str, str]:

@@ -23,11 +23,10 @@ import numpy as np
 from hpcsweep.job.job import JobError
 from hpcsweep.job.structures import MODEL, element_tables, model_settings
 from hpcsweep.job.values import Values
-from hpcsweep.job.vary import parts_of, varied_values
+from hpcsweep.job.vary import Read, parts_of, varied_values
 from hpcsweep.model.arguments import InputError
 from hpcsweep.studies.ground_motion.records import Records
 
-LISTS = ("names", "outputs", "fixed")
 ARGUMENTS = ("influence", "outputs", "reduce", "fixed")
 """Of a reduction, keys of the table."""
 SHAPES_MODES = re.compile(r"\.direction(\[\d+\])?$|slider\[\d+\]\.stiffness$")
@@ -68,17 +67,14 @@ def with_model(
     table = structure["model"]
     if isinstance(table, Mapping) and folder is None and "found" in table:
         return tree, None
-    table_as_given = table
-    if isinstance(table, Mapping):
-        table_as_given = {key: value for key, value in table.items() if key != "found"}
-    values.check_table("structure.model", table_as_given, MODEL, ("file",))
+    values.check_table("structure.model", table, (*MODEL, "found"), ("file",))
     contacts, sliders = element_tables(values, structure)
     varied = varied_values(values, tree)
     for key in filter(SHAPES_MODES.search, varied):
         limit = "is not offered: a model is reduced once, for its contacts and sliders"
         raise values.error(f"vary.{key}", [*varied[key]], limit)
     contacts = _stiffest(contacts, varied)
-    for key in LISTS:
+    for key in ("names", "outputs", "fixed"):
         if not isinstance(table.get(key, []), list):
             raise values.error(f"structure.model.{key}", table[key], "must be a list")
     names: Any = table["file"]
@@ -138,9 +134,7 @@ def _stiffest(contacts: list[dict], varied: Mapping[str, tuple[Any, ...]]) -> li
     return made
 
 
-def with_record_error(
-    values: Values, tree: dict, reduced: Callable[..., dict], read: Callable[[str, Mapping], Any]
-) -> dict:
+def with_record_error(values: Values, tree: dict, reduced: Callable[..., dict], read: Read) -> dict:
     """Return a job whose model states its errors under records; unchanged without records.
 
     Parameters

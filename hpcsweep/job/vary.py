@@ -21,12 +21,13 @@ from hpcsweep.job.values import RANGE_KEYS, Values
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.blocks import Place
-from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.path_grid import ALONG, FORCING, Followed
-from hpcsweep.studies.study import ROWS, Axis
+from hpcsweep.studies.study import ROWS, Axis, Study
 from hpcsweep.studies.variable import Variable
 from hpcsweep.studies.vary import Varied, difference, shape_of
 
+Read = Callable[[str, Mapping], Any]
+"""Reads the study of a job without a table ``vary``, or else what is wanted: (source, tree)."""
 VALUES = (bool, int, float, str, list)
 MAX_WRONG = 10
 """Wrong lines of a file that an error tells."""
@@ -63,8 +64,7 @@ class Parts:
     tree : mapping
         The job without the table ``vary``.
     axes : tuple of Axis
-    read : callable
-        Return the study of a job without that table, or else what is wanted: (source, tree).
+    read : Read
     file : str
         Where the rows of the table are from, named in errors; '' if they are the job's.
     """
@@ -72,7 +72,7 @@ class Parts:
     source: str
     tree: Mapping
     axes: tuple[Axis, ...]
-    read: Callable[[str, Mapping], Any]
+    read: Read
     file: str = ""
 
     def __call__(self, place: Place) -> Any:
@@ -149,9 +149,7 @@ class Parts:
         return tree
 
 
-def parts_of(
-    values: Values, tree: Mapping, read: Callable[[str, Mapping], Any], file: str = ""
-) -> Parts:
+def parts_of(values: Values, tree: Mapping, read: Read, file: str = "") -> Parts:
     """Return the factory of the parts of a job, in which `read` reads each.
 
     Raises
@@ -191,13 +189,7 @@ def varied_values(values: Values, tree: Mapping) -> dict[str, tuple[Any, ...]]:
     return {column.key: column.given for column in columns_of(axes)}
 
 
-def read_varied(
-    values: Values,
-    tree: Mapping,
-    read: Callable[[str, Mapping], RunGrid],
-    file: str = "",
-    is_stored: bool = False,
-) -> RunGrid | Varied:
+def read_varied(values: Values, tree: Mapping, read: Read, file: str, is_stored: bool) -> Study:
     """Read the study of a job at all values of its varied keys; `file` is the origin of rows.
 
     Parts of a stored job were validated before it was stored.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model import reduction
-from hpcsweep.model.arguments import refused, wrong
+from hpcsweep.model.arguments import items, refused, wrong
 from hpcsweep.model.matrices import MAX_ROWS, is_named, shares_of, vector
 from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.sparse_matrices import motions_below, negative, sticking, symmetric
@@ -245,7 +245,7 @@ class FiniteElements:
         """
         contacts, sliders = elements_of("contact", contacts), elements_of("slider", sliders)
         used = ~self.is_empty
-        for key in _listed("fixed", fixed):
+        for key in items("fixed", fixed, "a list of coordinates"):
             used[self.number_of("fixed", str(key))] = False
         hits = self._directions("contact", contacts, used)
         slides = self._directions("slider", sliders, used)
@@ -323,7 +323,8 @@ class FiniteElements:
 
     def _outputs(self, outputs: Sequence[Any], used: np.ndarray) -> list[np.ndarray]:
         """Return the rows of outputs."""
-        rows = [self._moving("outputs", output, used) for output in _listed("outputs", outputs)]
+        listed = items("outputs", outputs, "a list of coordinates")
+        rows = [self._moving("outputs", output, used) for output in listed]
         for k, row in enumerate(rows):
             if any(np.array_equal(abs(row), abs(other)) for other in rows[:k]):
                 raise wrong("outputs", f"must not hold a coordinate twice, as {outputs[k]!r}")
@@ -351,12 +352,6 @@ def _refuse_rows(reduce: Any, n_mass: int) -> None:
     if reduce is None and n_mass > MAX_ROWS:
         limit = f"at most {MAX_ROWS} coordinates with mass, has {n_mass}"
         raise wrong("reduce", f'is missing: without, as {{"modes": 12}}, there are {limit}')
-
-
-def _listed(name: str, coordinates: Sequence[Any]) -> Sequence[Any]:
-    if isinstance(coordinates, str):
-        raise wrong(name, f"must be a list of coordinates, is {coordinates!r}")
-    return coordinates
 
 
 def _is_pair(output: Any) -> bool:

@@ -42,9 +42,7 @@ def configure(parser) -> None:
     wanted.add_argument("--demands", type=file_name, metavar="CSV", help="table to be written")
     for option in (responses.RESPONSE, responses.PLACE, UNITS):
         option.add(parser)
-    parser.add_argument(
-        "--scale", type=positive, help="intensity of the table; the nearest there is"
-    )
+    parser.add_argument("--scale", type=positive, help="intensity of the table, or the nearest")
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)
 
@@ -173,14 +171,12 @@ def _demands(options, results, study) -> int:
     at = int(np.argmin(np.abs(scales - (options.scale or scales[0]))))
     runs = results.isel(scale=at)
     every = [*map(str, results["floor"].values)]
-    storeys, floors = (
-        [
-            i
-            for i in places_of(names, place if len(buildings) > 1 else None)
-            if not names[i].endswith(SLAB) and COLUMN not in names[i]
-        ]
-        for names in ([*map(str, results["storey"].values)], every)
-    )
+
+    def of_building(names: list[str]) -> list[int]:
+        chosen = places_of(names, place if len(buildings) > 1 else None)
+        return [i for i in chosen if not names[i].endswith(SLAB) and COLUMN not in names[i]]
+
+    storeys, floors = of_building([*map(str, results["storey"].values)]), of_building(every)
     g, where = study.gravity, f"{study.measure} = {scales[at]:.4g}"
     slab = f"{place if len(buildings) > 1 else ''} {SLAB}".strip()
     ground = runs["pga"].values * runs["factor"].values

@@ -18,9 +18,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the description, of all figures, and the options of the command."""
     every = figures()
     default = _defaults(every)
-    parser.description = "\n".join(
-        ["Draw a results file.", "", *(_describe(f, default) for f in every.values())]
-    )
+    listed = (_describe(figure, default) for figure in every.values())
+    parser.description = "\n".join(["Draw a results file.", "", *listed])
     add_file(parser, "PNG", "picture (default: FILE with .png)")
     parser.add_argument(
         "--kind",

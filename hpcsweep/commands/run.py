@@ -121,7 +121,9 @@ def run(options) -> int:
         flag.ignore()
         if comm.rank == 0:
             _print_endings(endings)
-        return comm.leave(_worst(endings))
+        codes = {code for _, code, _ in endings}  # failed before refused, stopped, complete
+        worst = (code for code in (FAILURE, USER_ERROR, campaign.STOPPED) if code in codes)
+        return comm.leave(next(worst, 0))
     except (JobError, StoreError) as error:
         complain(str(error), comm.rank)
         return comm.leave(USER_ERROR)
@@ -174,11 +176,3 @@ def _print_endings(endings) -> None:
     left = [str(output) for output, code, _ in endings if code != COMPLETE]
     if len(endings) > 1 and left:
         say_line(f"left: {len(left)} of {len(endings)} jobs: {', '.join(left)}")
-
-
-def _worst(endings) -> int:
-    """Return the exit code of several jobs: failed before refused, stopped, complete."""
-    from hpcsweep.campaign.run import STOPPED
-
-    codes = {code for _, code, _ in endings}
-    return next((code for code in (FAILURE, USER_ERROR, STOPPED) if code in codes), 0)

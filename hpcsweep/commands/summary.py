@@ -23,9 +23,7 @@ def configure(parser) -> None:
     parser.add_argument("files", type=file_name, nargs="+", metavar="FILE")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="machine-readable")
-    form.add_argument(
-        "--markdown", action="store_true", help="a Markdown table with a column for each file"
-    )
+    form.add_argument("--markdown", action="store_true", help="a Markdown table, a column a file")
 
 
 def run(options) -> int:

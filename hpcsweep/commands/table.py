@@ -38,9 +38,7 @@ def configure(parser) -> None:
         help="responses, as of plot --response, or variables of the file, divided by commas "
         "(default: drift,acceleration; of other studies all with one value a run)",
     )
-    parser.add_argument(
-        "--place", metavar="NAME", help="storey, floor, contact or building (default: all)"
-    )
+    parser.add_argument("--place", metavar="NAME", help="one storey, floor, contact or building")
     add_at(parser, "all values")
 
 

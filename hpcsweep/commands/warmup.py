@@ -30,9 +30,7 @@ def configure(parser) -> None:
         metavar="JOB.toml",
         help="also compile kernels specialised to the structures of these jobs",
     )
-    parser.add_argument(
-        "--jobs", type=int, metavar="N", help="processes that compile (default: one a processor)"
-    )
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all processors)")
 
 
 def run(options) -> int:

@@ -112,9 +112,8 @@ class Header(NamedTuple):
 
 def says(line: str) -> bool:
     """Return whether a line tells the number of samples or the time between them."""
-    return any(p.search(line) for p in (COUNT, COUNTED, STEP, RATE, RATED, BOTH)) or (
-        "npts" in line.lower()
-    )
+    patterns = COUNT, COUNTED, STEP, RATE, RATED
+    return "npts" in line.lower() or any(pattern.search(line) for pattern in patterns)
 
 
 def read_header(lines: list[str]) -> Header:
@@ -213,9 +212,8 @@ def _named(line: str, is_last: bool) -> Iterator[Said]:
         at = 0
         for match in BRACKETED.finditer(part):
             if not match[2]:  # no number: that is the value of something else
-                yield from _judged(
-                    part[at : match.start()], match[1], unit_of(match[1]), in_columns
-                )
+                what, words = part[at : match.start()], match[1]
+                yield from _judged(what, words, unit_of(words), in_columns)
             at = match.end()
         if about:
             yield from _of_cell(BRACKETED.sub(" ", part), in_columns)

@@ -5,7 +5,7 @@ the samples are read, or made, when a response is computed. So a file of results
 the records are not, and a rank's memory does not grow with their number.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -205,7 +205,5 @@ def _read(*given: Any) -> Record:
 @lru_cache(maxsize=2)
 def _made(suite: Synthetic) -> list[Record]:
     dt = in_unit_of_time(suite.dt, suite.time)
-    made = synthetic_records(
-        suite.count, suite.seed, suite.dt, suite.duration, suite.rms, suite.soil
-    )
+    made = synthetic_records(*astuple(suite)[:-1])
     return [Record(record.acceleration, dt, record.name) for record in made]

@@ -230,11 +230,8 @@ def _check_extent(values: Values, study: Study) -> None:
         raise JobError(f"{values.source}: gives {study.n_runs} runs, the most are {MAX_RUNS}")
     n_blocks = math.prod(study.dimensions[dim] for dim in study.commit.dims)
     if n_blocks > MAX_BLOCKS:
-        raise values.error(
-            "output.block",
-            study.block_size,
-            f"gives {n_blocks} blocks, the most are {MAX_BLOCKS}: make it larger",
-        )
+        limit = f"gives {n_blocks} blocks, the most are {MAX_BLOCKS}: make it larger"
+        raise values.error("output.block", study.block_size, limit)
 
 
 def _keys_of_others(study) -> dict[str, str]:

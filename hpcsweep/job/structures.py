@@ -181,9 +181,8 @@ def _of_model(values: Values, structure: dict, contacts, sliders, others: dict) 
     try:
         reduced = Reduced(**reduction)
     except TypeError:
-        raise JobError(
-            "is not as hpcsweep wrote it", "structure.model.found", values.source
-        ) from None
+        limit = "is not as hpcsweep wrote it"
+        raise JobError(limit, "structure.model.found", values.source) from None
     return reduced.structure(contacts, sliders, origin=origin, **others)
 
 
@@ -264,9 +263,7 @@ def _with_isolation(values: Values, place: str, table: Mapping) -> Mapping:
     values.check_table(f"{place}.isolation", bearings, ISOLATION, ("slab_mass",))
     if "wall_stiffness" in bearings and "gap" not in bearings:
         key = f"{place}.isolation.wall_stiffness"
-        raise values.error(
-            key, bearings["wall_stiffness"], "goes with gap, the distance of the walls"
-        )
+        raise values.error(key, bearings["wall_stiffness"], "goes with gap")
     by_weight = {}
     for key in sorted({"radius", "friction"} & set(bearings)):
         by_weight["gravity"] = known_gravity(values, f"{place}.isolation.{key}", bearings[key])

@@ -60,9 +60,7 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
     if keys.OWN_PERIOD in measure.periods:
         periods = _periods(values, tree, file, gravity)
         if len(periods) * n_records > keys.MAX_MEASURES:
-            limit = (
-                f"needs {len(periods)} periods of {n_records} records, {keys.MAX_MEASURES} at most"
-            )
+            limit = f"needs {n_records} x {len(periods)} measures, {keys.MAX_MEASURES} at most"
             raise values.error("records.scale.period", keys.OWN_PERIOD, limit)
     suite: dict[str, Facts] = {}
     measures: dict[str, list[float]] = {}

@@ -81,9 +81,8 @@ def _given(table: str, keys: Iterable[Key], completing: Mapping[str, str]) -> It
 def _mentioned(key: Key) -> str:
     """Write a key of other jobs and its meaning as a comment."""
     default = key.shown or key.told
-    return _comment(
-        f"{key.name}: {key.description}" + f"; default: {default}" * bool(default), "#     "
-    )
+    told = f"; default: {default}" * bool(default)
+    return _comment(f"{key.name}: {key.description}{told}", "#     ")
 
 
 def _comment(text: str, indent: str = "# ") -> str:

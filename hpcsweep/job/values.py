@@ -313,9 +313,7 @@ class Values:
 
     def _range(self, key: str, table: Mapping, most: int) -> np.ndarray:
         self.check_table(key, table, RANGE_KEYS, ("from", "to"))
-        low, high = (
-            self.within(f"{key}.{end}", table[end], -1e300, 1e300) for end in ("from", "to")
-        )
+        low, high = (self.within(f"{key}.{k}", table[k], -1e300, 1e300) for k in ("from", "to"))
         if not low < high:
             raise self.error(f"{key}.from", low, f"must be less than to = {high!r}")
         if ("count" in table) == ("step" in table):

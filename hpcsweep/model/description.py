@@ -150,9 +150,7 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
 
 def one_line(structure: Structure) -> str:
     """Describe the parameters of a structure on one line."""
-    return ", ".join(
-        f"{symbol} = {value}" if symbol else value for symbol, value in in_words(structure)
-    )
+    return ", ".join(f"{name} = {value}" if name else value for name, value in in_words(structure))
 
 
 def few(value: float | Sequence[float]) -> str:

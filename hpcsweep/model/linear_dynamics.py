@@ -265,10 +265,9 @@ class LinearDynamics(System):
         for name, slider in zip(self.slider_names, self.sliders, strict=True):
             force = abs(slider.spring * float(np.dot(slider.direction, u)))
             if force > slider.strength:
-                limit = (
-                    f"would slip at rest: a contact with gap below 0 presses it with {force:.4g}"
-                )
-                raise wrong(f"slider {name}", f"{limit}, its strength is {slider.strength:.4g}")
+                limit = "would slip at rest: a contact with gap below 0 presses it with"
+                strength = f"its strength is {slider.strength:.4g}"
+                raise wrong(f"slider {name}", f"{limit} {force:.4g}, {strength}")
         return frozen(np.concatenate((u, np.zeros(self.n_floors))))
 
     @cached_property

@@ -331,9 +331,8 @@ class Matrices:
     def meaning(self) -> tuple | None:
         """What counts of matrices that are computed from a file, for the fingerprint of a job."""
         elements: tuple[Any, ...] = (*self.contacts, *self.sliders)
-        return (
-            (self.origin, *(astuple(element)[1:] for element in elements)) if self.origin else None
-        )
+        laws = (astuple(element)[1:] for element in elements)
+        return (self.origin, *laws) if self.origin else None
 
 
 def read_matrices(

@@ -132,9 +132,8 @@ class Structure(MeasuredDynamics):
         most = matrices.MAX_ROWS if self.matrices else matrices.MAX_FLOORS
         n = count("n_floors", self.n_floors, 1, most)
         self._set("n_floors", n)
-        self._set(
-            "sharpness", number("sharpness", self.sharpness, "at least 0 (inf is allowed)", 0.0)
-        )
+        limit = "at least 0 (inf is allowed)"
+        self._set("sharpness", number("sharpness", self.sharpness, limit, 0.0))
         for name, limits in LIMITS.items():
             value = getattr(self, name)
             if value is not None or getattr(type(self), name) is not None:

@@ -23,7 +23,6 @@ examples:
 
 import contextlib
 import json
-import math
 
 from hpcsweep.commands import CommandError, add_at, add_file, listing
 from hpcsweep.commands.outputs import DEMANDS, check_overwriting
@@ -88,7 +87,8 @@ def _threshold(options, results, study) -> int:
     if stripes.alone is not None and stripes.alone is not stripes.values:
         sums["alone"] = _counted(capacities(stripes, options.threshold, alone=True))
     if options.json:
-        print(json.dumps(_finite(sums), indent=1))
+        finite = json.loads(json.dumps(sums), parse_constant=lambda name: None)
+        print(json.dumps(finite, indent=1))
         return 0
     threshold = "" if options.collapse else f"threshold {options.threshold:g}, "
     title = f"{stripes.label}: {threshold}{sums['records']} records"
@@ -134,15 +134,6 @@ def _shown(counted: dict) -> str:
     """Write fractiles of capacities."""
     parts = counted["capacity"].items()
     return ", ".join(f"{100 * float(part):g} % {value:.4g}" for part, value in parts)
-
-
-def _finite(sums):
-    """Return what JSON can hold: null for numbers that are not finite."""
-    if isinstance(sums, dict):
-        return {key: _finite(value) for key, value in sums.items()}
-    if isinstance(sums, list):
-        return [_finite(value) for value in sums]
-    return None if isinstance(sums, float) and not math.isfinite(sums) else sums
 
 
 def _demands(options, results, study) -> int:

@@ -35,6 +35,7 @@ def configure(parser) -> None:
 
 def run(options) -> int:
     """Run the command."""
+    import functools
     import time
 
     from hpcsweep.job import load_job
@@ -49,9 +50,7 @@ def run(options) -> int:
         return 0
     begun = time.perf_counter()
 
-    def say(text: str) -> None:
-        print(text, flush=True)
-
+    say = functools.partial(print, flush=True)
     warm_up_all(say, options.jobs)
     for study in studies:
         if study.settings.solver == "flow":

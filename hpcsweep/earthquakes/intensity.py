@@ -94,12 +94,9 @@ def intensity(record: Record, gravity: float = STANDARD_GRAVITY) -> Intensity:
 def ground_motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
     """Return the velocity and displacement of the ground at the samples, from rest, each (m,)."""
     a, dt = record.acceleration, record.dt
-    velocity = np.zeros_like(a)
-    np.cumsum(dt * (a[:-1] + a[1:]) / 2.0, out=velocity[1:])
-    displacement = np.zeros_like(a)
+    velocity = np.append(0.0, np.cumsum(dt * (a[:-1] + a[1:]) / 2.0))
     steps = _moved(dt, velocity[:-1], a[:-1], np.diff(a) / dt)
-    np.cumsum(steps, out=displacement[1:])
-    return velocity, displacement
+    return velocity, np.append(0.0, np.cumsum(steps))
 
 
 def significant_duration(record: Record) -> float:
@@ -141,7 +138,7 @@ def _energy(record: Record) -> np.ndarray:
     """Return int a^2 dt up to each sample, shape (m,)."""
     a = record.acceleration
     steps = record.dt / 3.0 * (a[:-1] ** 2 + a[:-1] * a[1:] + a[1:] ** 2)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return np.append(0.0, np.cumsum(steps))
 
 
 def _reached(record: Record, grown: np.ndarray, level: float) -> float:

@@ -276,8 +276,8 @@ class LinearDynamics(System):
             n = self.n_floors
             i = np.arange(1, n + 1)
             frequencies = 2 * np.sin((2 * i - 1) * math.pi / (4 * n + 2))
-            floors, modes = np.ogrid[1 : n + 1, 1 : n + 1]
-            shapes = np.sin(floors * (2 * modes - 1) * math.pi / (2 * n + 1))
+            floors, numbers = np.ogrid[1 : n + 1, 1 : n + 1]
+            shapes = np.sin(floors * (2 * numbers - 1) * math.pi / (2 * n + 1))
             shapes = shapes / np.linalg.norm(shapes, axis=0)
         else:
             frequencies, shapes = modes.natural_modes(self.mass_matrix, self.stiffness_matrix)

@@ -102,7 +102,10 @@ def curve(
         points = special["special_orbit"].values / along.units
         value = float(special["special_value"])
     home, amplitude, omega = along.at(value)
-    forced = ForcedMap(home, amplitude, omega, _two(parameters))
+    names = items("parameters", parameters, "two different ones")
+    if len(names) != 2 or names[0] == names[1]:
+        raise refused("parameters", "two different ones", parameters)
+    forced = ForcedMap(home, amplitude, omega, tuple(names))
     spans = _spans(span, forced)
     scale = np.array([high - low for low, high in spans])
     if kind is None:
@@ -162,16 +165,6 @@ def _kind(special: Any) -> Kind:
     if name not in KINDS:
         raise ValueError(f"special must be one of {', '.join(KINDS)}, is {name}")
     return KINDS[name]
-
-
-TWO = "two different ones"
-
-
-def _two(parameters: Any) -> tuple[str, str]:
-    names = items("parameters", parameters, TWO)
-    if len(names) != 2 or names[0] == names[1]:
-        raise refused("parameters", TWO, parameters)
-    return names[0], names[1]
 
 
 def _spans(span: Any, forced: ForcedMap) -> tuple[tuple[float, float], tuple[float, float]]:

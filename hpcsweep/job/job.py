@@ -38,9 +38,9 @@ def fingerprint(study: Study) -> str:
             for column in (axis, *axis.columns)
         ]
         meaning += ["vary", fingerprint(study.base), axes]
-        return _hash(meaning)
-    meaning += [(name, value) for _, name, value in _entries(study)]
-    return _hash(meaning)
+    else:
+        meaning += [(name, value) for _, name, value in _entries(study)]
+    return hashlib.sha256(repr(meaning).encode()).hexdigest()
 
 
 def meaning_but_grid(study: Study) -> dict[tuple[str, str], object]:
@@ -72,20 +72,11 @@ def _fields_of(kind: str, part, without: tuple[str, ...]) -> Iterator[tuple[str,
             yield kind, entry.name, _canonical(value)
 
 
-def _hash(meaning: list[object]) -> str:
-    return hashlib.sha256(repr(meaning).encode()).hexdigest()
-
-
 def _is_default(entry: Field, value: object) -> bool:
     """Return whether a field has its default; one without a default never has."""
     if entry.default_factory is not MISSING:
         return bool(value == entry.default_factory())
     return entry.default is not MISSING and bool(value == entry.default)
-
-
-def _is_later(entry: Field, value: object) -> bool:
-    """Return whether a field was added later and has its default."""
-    return bool(entry.metadata.get("later")) and _is_default(entry, value)
 
 
 def _canonical(value: object) -> object:
@@ -115,7 +106,9 @@ def _canonical(value: object) -> object:
         return _canonical(meaning)
     if is_dataclass(value):
         pairs = [(f, getattr(value, f.name)) for f in fields(value)]
-        return [(f.name, _canonical(v)) for f, v in pairs if not _is_later(f, v)]
+        # a field that was added later counts where it differs from its default
+        kept = [(f, v) for f, v in pairs if not (f.metadata.get("later") and _is_default(f, v))]
+        return [(f.name, _canonical(v)) for f, v in kept]
     raise TypeError(f"a {type(value).__name__} has no place in a job's fingerprint")
 
 

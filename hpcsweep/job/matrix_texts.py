@@ -187,10 +187,8 @@ def _rows(lines: Lines) -> np.ndarray:
     if strong:
         cells = [[cell.strip() for cell in line.split(strong)] for _, line in lines]
         if has_commas(cell for row in cells for cell in row):
-            lines = [
-                (i, " ".join(map(with_point, row)))
-                for (i, _), row in zip(lines, cells, strict=True)
-            ]
+            rows = (" ".join(map(with_point, row)) for row in cells)
+            lines = [(i, row) for (i, _), row in zip(lines, rows, strict=True)]
     entries, widths = _numbers(lines, separators)
     if np.any(widths != widths[0]):
         k = int((widths != widths[0]).argmax())

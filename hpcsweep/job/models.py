@@ -162,10 +162,8 @@ def with_record_error(values: Values, tree: dict, reduced: Callable[..., dict], 
     model = tree["structure"]["model"]["found"]
     while True:
         k = model["facts"]["modes"]
-        kept, more = (
-            read(values.source, _with(job, reduction))
-            for reduction in (model, reduced({"modes": k}, True))
-        )
+        finer = reduced({"modes": k}, True)
+        kept, more = (read(values.source, _with(job, each)) for each in (model, finer))
         error, force_error = _errors(kept, more)
         facts = {**model["facts"], "error": error, "force_error": force_error}
         if error <= limit:

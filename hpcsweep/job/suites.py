@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from hpcsweep.earthquakes.intensity import Facts, Files, Measure, facts_of, rounded
 from hpcsweep.earthquakes.spectrum import spectrum
-from hpcsweep.earthquakes.suite import Facts, Files, Measure, facts_of, rounded
 from hpcsweep.job.job import JobError
 from hpcsweep.job.keys import keys_of
 from hpcsweep.job.structures import read_structure

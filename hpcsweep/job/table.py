@@ -111,10 +111,7 @@ class Table:
             return None
         try:
             at = nearest(stored["periods"], periods)
-            measures = {
-                record["name"]: np.array(record["measure"], float)[at]
-                for record in stored["records"]
-            }
+            measures = {r["name"]: np.array(r["measure"], float)[at] for r in stored["records"]}
         except (TypeError, ValueError, IndexError):
             return None
         at_periods = np.stack([measures[facts.name] for facts in study.suite], axis=-1)
@@ -156,10 +153,8 @@ class Table:
             if bearings is None:
                 return period[:, 0]
         n = table.get("n_floors", np.size(table.get("mass", 1.0)))
-        mass, stiffness = (
-            self._values(f"{name}.{key}", table.get(key, 1.0), n)
-            for key in ("mass", "storey_stiffness")
-        )
+        keys = "mass", "storey_stiffness"
+        mass, stiffness = (self._values(f"{name}.{k}", table.get(k, 1.0), n) for k in keys)
         if "period" in table:
             stiffness *= (chain_periods(mass, stiffness)[:, None] / period) ** 2
         if bearings is not None:

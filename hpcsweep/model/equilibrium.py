@@ -55,10 +55,8 @@ def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarr
         load += slider.stiffness * p * np.array(slider.direction)
     u = np.linalg.solve(structure.stiffness_matrix, load) if load.any() else load
     gaps = [contact.gap for contact in structure.contacts]
-    if (
-        not pressed(structure).any()
-        and not (structure.directions @ u > np.maximum(gaps, 0.0)).any()
-    ):
+    is_closed = structure.directions @ u > np.maximum(gaps, 0.0)
+    if not pressed(structure).any() and not is_closed.any():
         return u
     for rho in dict.fromkeys((np.inf, structure.sharpness)):
         u = _solved(structure, rho, u, load)

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.intensity import average_spectral_acceleration
-from hpcsweep.earthquakes.suite import OWN_PERIOD
+from hpcsweep.earthquakes.intensity import OWN_PERIOD, average_spectral_acceleration
 from hpcsweep.earthquakes.units import seconds_in
 from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.plausibility import implausible

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.earthquakes import units
-from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
-from hpcsweep.earthquakes.suite import (
+from hpcsweep.earthquakes.intensity import (
     MEASURES,
     OWN_PERIOD,
     Facts,
@@ -23,6 +22,7 @@ from hpcsweep.earthquakes.suite import (
     checked_record,
     nearest,
 )
+from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.earthquakes.floor_spectra import SHORTEST
+from hpcsweep.earthquakes.intensity import Facts
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, LONGEST
-from hpcsweep.earthquakes.suite import Facts
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.record_response import Energy

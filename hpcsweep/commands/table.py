@@ -132,12 +132,9 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
 
 def _table(results, study, wanted: dict[str, Column], place: str | None, keys: dict, units: dict):
     """Return the table of a part's results: a row a computed run and place."""
-    import xarray
-
     from hpcsweep.studies.ground_motion.stripes import places_of
 
-    runs, places = [*study.run_dims], dict[str, None]()
-    columns = {"outcome": results["outcome"]}
+    runs, places, columns = [*study.run_dims], dict[str, None](), {}
     for column, (name, is_response, is_ratio, _) in wanted.items():
         array = abs(results[name]) if is_response else results[name]
         if is_ratio and "storey_height" in results:
@@ -148,8 +145,10 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
             array = array.isel(place=places_of(names, place)).drop_duplicates("place", keep="last")
             places |= dict.fromkeys(array["place"].values.tolist())
         columns[column] = array
-    whole, along = xarray.Dataset(columns), ["place"] if places else []
-    table = whole.reindex({dim: [*places] for dim in along}).to_dataframe([*runs, *along])
+    for name, array in columns.items():
+        columns[name] = array.reindex(place=[*places]) if "place" in array.dims else array
+    along = ["place"] if places else []
+    table = results[["outcome"]].assign(columns).to_dataframe([*runs, *along])
     table = table[table["outcome"] > 0].reset_index().assign(**keys)
     by_formula = [name for name in ("omega", "amplitude") if name in results.coords]
     shown = dict.fromkeys([*keys, *runs, *by_formula, *along, *wanted])

@@ -288,12 +288,8 @@ def adjacent(
     for pairs in levels:
         values = (each(name, value, len(pairs), "level") for name, value in of_levels)
         for (i, j), own_gap, kappa, e, c in zip(pairs, *values, strict=True):
-            stop = unit[i] - unit[j], own_gap, kappa
-            if restitution is None:
-                contacts.append(Contact(*stop, c, tension))
-            else:
-                read_restitution("pounding.restitution", e)
-                contacts.append(Contact.from_restitution(*stop, e, masses, tension))
+            contact = Contact(unit[i] - unit[j], own_gap, kappa, c, tension)
+            contacts.append(contact if restitution is None else _rebounding(contact, e, masses))
             labels.append(f"{floors[i]}-{floors[j]}")
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     sliders = _beside([structure.sliders for structure in alone], first)
@@ -313,6 +309,13 @@ def adjacent(
     heights = [height for structure in alone for height in structure.names.storey_heights]
     labels += of("names.contacts")
     return made.named(floors, labels, heights, of("storey_names"))
+
+
+def _rebounding(contact: Contact, e: float, masses: np.ndarray) -> Contact:
+    """Return a contact with the dashpot of a coefficient of restitution."""
+    read_restitution("pounding.restitution", e)
+    stop = contact.direction, contact.gap, contact.stiffness
+    return Contact.from_restitution(*stop, e, masses, contact.tension)
 
 
 def _labels(alone: Sequence[Structure], names: Sequence[str], what: str) -> list[str]:
@@ -365,9 +368,7 @@ def _facing(first: tuple[Building, str], second: tuple[Building, str]) -> list[l
             if i in met or height > lower * (1.0 + SAME_HEIGHT):
                 continue
             if hit.column is None:
-                faces = (
-                    f": floor {i + 1} of {name} at height {height:g} faces a column of {hit_name}"
-                )
+                faces = f": floor {i + 1} of {name} at height {height:g} faces a column of"
                 remedy = apart or f"give {hit_name} column = {{share, mass}}, {SHARE_AND_MASS}"
                 raise wrong("building.storey_height", f"{faces} {hit_name}: {remedy}")
             meets.append((height, [height, i] if side else [i, height]))

@@ -307,8 +307,7 @@ def adjacent(
         collapse_drift=limits if falls else None,
     )
     heights = [height for structure in alone for height in structure.names.storey_heights]
-    labels += of("names.contacts")
-    return made.named(floors, labels, heights, of("storey_names"))
+    return made.named(floors, labels + of("names.contacts"), heights, of("storey_names"))
 
 
 def _rebounding(contact: Contact, e: float, masses: np.ndarray) -> Contact:

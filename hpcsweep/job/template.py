@@ -80,9 +80,9 @@ def _given(table: str, keys: Iterable[Key], completing: Mapping[str, str]) -> It
 
 def _mentioned(key: Key) -> str:
     """Write a key of other jobs and its meaning as a comment."""
-    default = key.shown or key.told
-    told = f"; default: {default}" * bool(default)
-    return _comment(f"{key.name}: {key.description}{told}", "#     ")
+    value = key.shown or key.told
+    default = f"; default: {value}" * bool(value)
+    return _comment(f"{key.name}: {key.description}{default}", "#     ")
 
 
 def _comment(text: str, indent: str = "# ") -> str:

@@ -23,6 +23,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import ClassVar
@@ -446,7 +447,8 @@ def _start(part: Study, block: Block) -> None:
         with contextlib.suppress(_TimeIsUp):
             part.compute(block, part.initial_state, partial(_until, time.monotonic() + 0.1))
         return
-    quick = part.with_settings(transient_cycles=0, sampling_cycles=1, max_points=None)
+    settings = replace(part.settings, transient_cycles=0, sampling_cycles=1, max_points=None)
+    quick = replace(part, settings=settings)
     for frame in {int(part.frames.argmax()), int(part.frames.argmin())}:
         poll = partial(_until, time.monotonic() + 0.1)
         for place in {0, len(part.amplitudes_of(frame)) - 1}:

@@ -17,7 +17,6 @@ from speed.profile import CALLS, Watched, periods_of
 
 from hpcsweep.job import load_job
 from hpcsweep.solvers.solver import make_solver
-from hpcsweep.studies.compilation import warm_up
 from hpcsweep.studies.sweep.runs import FrameRuns
 
 Part = tuple[np.ndarray, float, int]
@@ -103,7 +102,7 @@ def main() -> None:
     arguments = parser.parse_args()
     for job in arguments.jobs:
         study, frames = load_job(job).study, slice(arguments.first, None, arguments.every)
-        warm_up(study.settings, structure=study.structure, specialised=True)
+        study.warm_up(n_ranks=0)
         print(
             f"{job.name}: {study.omega[frames].size} frames\n{measure(study, frames)}", flush=True
         )

@@ -17,8 +17,8 @@ from hpcsweep.job import load_job
 from hpcsweep.model.observed import IMPACT, PEAKS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap
-from hpcsweep.solvers.flow.specialised import FOR_ANY
-from hpcsweep.studies.compilation import warm_up
+from hpcsweep.solvers.flow.specialised import FOR_ANY, use
+from hpcsweep.studies.compilation import load, needed
 from hpcsweep.studies.quantities import METRICS
 from hpcsweep.studies.settings import SweepSettings
 
@@ -56,7 +56,8 @@ def main():
     for name, structure, amplitude, omega in cases():
         if options.specialised:
             everything = SweepSettings(metrics=frozenset(METRICS))
-            warm_up(everything, structure=structure, specialised=True)
+            load(needed(everything, structure, specialised=True))
+            use(structure)
         flow = FlowMap(structure, omega)
         if not options.specialised:
             flow._kernels = FOR_ANY

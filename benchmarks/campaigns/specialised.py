@@ -12,7 +12,6 @@ from tools import PAPER
 
 from hpcsweep.job import load_job
 from hpcsweep.solvers.flow import FlowMap, specialised
-from hpcsweep.studies.compilation import warm_up
 
 CASES = [
     ("bluecrystal", 0.445, 0.06),
@@ -46,7 +45,7 @@ def main() -> None:
     print("|---|---|---|" + "---|" * len(COLUMNS))
     for name, omega, amplitude in CASES:
         study = load_job(PAPER / f"{name}.toml").study
-        warm_up(study.settings, structure=study.structure, specialised=True)
+        study.warm_up(n_ranks=0)
         solver = FlowMap(study.structure, omega)
         kernels = (specialised.FOR_ANY, solver._kernels)
         assert solver.is_specialised

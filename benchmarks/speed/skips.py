@@ -20,7 +20,7 @@ import numpy as np
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.compilation import warm_up
+from hpcsweep.studies.compilation import load, needed
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.runs import FrameRuns
 
@@ -303,13 +303,17 @@ def compare(
     }
 
 
+def _warm_up(settings: SweepSettings) -> None:
+    load(needed(settings))
+
+
 def _all_paths(paths: list[tuple], processes: int) -> Iterator[dict]:
     if processes == 1:
-        warm_up(paths[0][-1])
+        _warm_up(paths[0][-1])
         yield from map(_compare_path, *zip(*paths, strict=True))
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, context, warm_up, (paths[0][-1],)) as pool:
+    with ProcessPoolExecutor(processes, context, _warm_up, (paths[0][-1],)) as pool:
         yield from pool.map(_compare_path, *zip(*paths, strict=True), chunksize=4)
 
 

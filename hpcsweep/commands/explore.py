@@ -52,7 +52,6 @@ def configure(parser) -> None:
 
 def run(options) -> int:
     """Run the command."""
-    from hpcsweep.figures.explorer.page import check_size, write_page
     from hpcsweep.store import Frames
 
     output = options.output or options.file.with_suffix(".html")
@@ -61,16 +60,18 @@ def run(options) -> int:
     check_overwriting(output, PAGE)
     with contextlib.closing(Frames(options.file, HELD, options.at)) as frames:
         make = _responses if frames.study.content == "responses" else _motions
-        page, sizes, contents, advice = make(options, frames)
-    check_size(sizes, options.max_mb * 1e6, advice)
+        page, contents, advice = make(options, frames)
+    if len(page) > options.max_mb * 1e6:
+        limit = f"the limit is {options.max_mb:.3g} MB: use {advice}, or raise --max-mb"
+        raise CommandError(f"the page would have {len(page) / 1e6:.3g} MB, {limit}")
     with writing(output):
-        write_page(page, output)
-    print(f"{output}: {sum(sizes.values()) / 1e6:.3g} MB, {contents}")
+        output.write_text(page, encoding="utf-8")
+    print(f"{output}: {len(page) / 1e6:.3g} MB, {contents}")
     return 0
 
 
 def _motions(options, frames):
-    """Return the page of a map, the sizes of its parts, its contents and how to have less."""
+    """Return the page of a map, its contents and how to have less."""
     from hpcsweep.figures.explorer.page import build_page
     from hpcsweep.figures.explorer.page_data import gather
 
@@ -84,7 +85,7 @@ def _motions(options, frames):
         f"{len(study.points)} stroboscopic points (at most {kept} of {stored} a run)"
     )
     advice = "fewer --points, a --frame-step or --amplitude-step"
-    return *build_page(study), contents, advice
+    return build_page(study), contents, advice
 
 
 def _responses(options, frames):
@@ -100,5 +101,5 @@ def _responses(options, frames):
         f"{count(len(meta['records']), 'record')} x {count(len(meta['scales']), 'scale')} x "
         f"{count(len(meta['parts']), 'structure')}, {', '.join(meta['responses'])}"
     )
-    page, sizes = fill_page("records", meta["name"], *pack_responses(meta, arrays))
-    return page, sizes, contents, "--at KEY=VALUE for one of the structures"
+    page = fill_page("records", meta["name"], *pack_responses(meta, arrays))
+    return page, contents, "--at KEY=VALUE for one of the structures"

@@ -41,7 +41,9 @@ def run(options) -> int:
     from hpcsweep.job import load_job
     from hpcsweep.kernels.compile.cache import kept_in, processor
     from hpcsweep.parallel.mpi import launched_rank
-    from hpcsweep.studies.compilation import warm_up, warm_up_all
+    from hpcsweep.studies.compilation import load, warm_up_all
+    from hpcsweep.studies.part import Part
+    from hpcsweep.studies.study import as_kind
 
     if options.jobs is not None and options.jobs < 1:
         raise CommandError(f"--jobs {options.jobs}: must be at least 1")
@@ -53,8 +55,8 @@ def run(options) -> int:
     say = functools.partial(print, flush=True)
     warm_up_all(say, options.jobs)
     for study in studies:
-        if study.settings.solver == "flow":
-            warm_up(study.settings, say, options.jobs, study.structure, specialised=True)
+        part = as_kind(study.part((0,) * len(study.axes)), Part)
+        load(part.kernels(n_ranks=0), say, options.jobs)
     seconds = time.perf_counter() - begun
     folders = " and ".join(map(str, kept_in()))
     where = f"in {folders}" if folders else "are not kept"

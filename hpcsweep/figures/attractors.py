@@ -19,7 +19,6 @@ from hpcsweep.figures.style import PlotError
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.attractors.attractors import AttractorGrid
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.run_names import SYMBOLS
 from hpcsweep.studies.study import as_kind
 
 if TYPE_CHECKING:
@@ -174,31 +173,23 @@ def _common(attractors: "Frames", runs: "Frames", sweep: Path) -> list[tuple[int
     """Return the sweep's frame, and the places along it, for each frame of the attractors."""
     from hpcsweep.store import StoreError
 
-    if runs.study.structure != attractors.study.structure:
-        raise StoreError(f"{sweep}: is of another structure than {attractors.path}")
     points, swept = as_kind(attractors.study, RunGrid), as_kind(runs.study, RunGrid)
-    if swept.run_dims != points.run_dims:
-        other = f"not {points.run_dims[-1]} as {attractors.path}"
-        raise StoreError(f"{sweep}: is along {swept.run_dims[-1]}, {other}")
+    if swept.structure != points.structure:
+        raise StoreError(f"{sweep}: is of another structure than {attractors.path}")
 
-    def places(there: np.ndarray, wanted: np.ndarray, what: str) -> np.ndarray:
-        place = np.abs(there[:, None] - wanted).argmin(axis=0)
-        wrong = np.abs(there[place] - wanted) > SAME * np.maximum(wanted, 1e-300)
-        if wrong.any():
-            problem = f"holds no {what} {float(wanted[wrong][0]):.12g}, as {attractors.path} does"
+    def nearest(there: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        return np.abs(there[:, None] - wanted).argmin(axis=0)
+
+    rows, along = [], points.run_dims[-1]
+    for frame, at in enumerate(nearest(swept.frames, points.frames).tolist()):
+        place = nearest(swept.along_of(at), points.along_of(frame))
+        is_same = swept.run_dims == points.run_dims
+        for each in ("along_of", "omegas_of", "amplitudes_of"):
+            there, wanted = getattr(swept, each)(at)[place], getattr(points, each)(frame)
+            is_same &= np.allclose(there, wanted, rtol=SAME, atol=0)
+        if not is_same:
+            problem = f"does not hold, along {along}, all points of {attractors.path}"
             raise StoreError(f"{sweep}: {problem}")
-        return place
-
-    fixed, along = points.run_dims[-2:]
-    frames = places(swept.frames, points.frames, f"frame at {SYMBOLS.get(fixed, fixed)} =").tolist()
-    rows = []
-    for frame, at in enumerate(frames):
-        place = places(swept.along_of(at), points.along_of(frame), along)
-        for each in ("omegas_of", "amplitudes_of"):
-            there = getattr(swept, each)(at)[place]
-            if not np.allclose(there, getattr(points, each)(frame), rtol=SAME, atol=0):
-                problem = f"its formulas are other ones than those of {attractors.path}"
-                raise StoreError(f"{sweep}: {problem}")
         rows.append((at, place))
     return rows
 

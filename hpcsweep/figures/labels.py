@@ -1,19 +1,17 @@
-"""Label axes and measures in the structure's own units, and choose the floors of a figure."""
+"""Words of figures: labels in the units of the structure, legends, and how they fit the width."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.figures.style import PlotError
 from hpcsweep.model.description import contacts_named
 from hpcsweep.model.unit_names import is_in_gaps, is_in_own_units, unit_of
 from hpcsweep.studies.quantities import MEASURES, of_motions
 from hpcsweep.studies.variables import percent_of_height
 
 WORD = r"$\omega_0$"
-MAX_FLOORS = 5
-"""Floors that are all shown where none are requested; of more the top, the middle and the first."""
 PARAMETERS = {
     "amplitude": ("forcing amplitude $A$", "acceleration"),
     "omega": (r"forcing frequency $\Omega$", "frequency"),
@@ -39,6 +37,16 @@ RUN_LABELS = {
     "share": "share of the starts",
 }
 """What the other numbers of a run are."""
+
+WIDEST = 0.98
+"""Share of a figure's width that its head or its legend may take."""
+MAGNIFIED = 8
+SMALL, SMALLER = 8, 7.5
+"""Sizes of the entries of a legend, and of the words above them (points)."""
+BETWEEN = r"(?<=,)  |(?<=;) (?![^(]*\))"
+"""Two blanks after a comma, or one after a semicolon that is not in brackets."""
+LEGEND: dict[str, Any] = {"fontsize": SMALL, "frameon": False}
+"""Style of legends."""
 
 
 def displacement(structure, floor: int, at: str = "") -> str:
@@ -122,35 +130,6 @@ def contacts_text(structure) -> str:
     return f"Contacts: {named}" if named else ""
 
 
-def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = None) -> list[int]:
-    """Return the floors to show, ascending, from 0.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the floors of the structure.
-    chosen : sequence of int or str, optional
-        Requested floors, by name or from 1. Default: all of a few, otherwise the first, the middle
-        and the top.
-
-    Raises
-    ------
-    PlotError
-        If a requested floor does not exist.
-    """
-    n, places = len(names), set()
-    if not chosen:
-        return list(range(n)) if n <= MAX_FLOORS else [0, (n - 1) // 2, n - 1]
-    for floor in map(str, chosen):
-        numbers = [str(i) for i in range(1, n + 1)]
-        listed = names if floor in names else numbers
-        if floor not in listed:
-            named = "" if [*names] == numbers else f", or one of {', '.join(names)}"
-            raise PlotError(f"--floor {floor}: must be from 1 to {n}{named}")
-        places.add(listed.index(floor))
-    return sorted(places)
-
-
 class ShownMeasure(NamedTuple):
     """A measure as figures show it."""
 
@@ -189,3 +168,102 @@ def measure_of(results, structure, name: str) -> ShownMeasure:
         return ShownMeasure(f"{variable.label} ratio", "  [%]", dim, places, percent)
     name = unit(structure, variable.units)
     return ShownMeasure(variable.label, name, dim, places, np.ones(len(places)))
+
+
+def broken(text: str, fits: Callable[[str], bool], between: str = BETWEEN) -> str:
+    """Break lines between their parts wherever they do not fit.
+
+    Parameters
+    ----------
+    text : str
+        Lines.
+    fits : callable
+        Return whether a line fits.
+    between : str
+        Regular expression of what stands between two parts.
+
+    Returns
+    -------
+    str
+    """
+    lines: list[str] = []
+    for line in text.split("\n"):
+        parts, gaps = re.split(between, line), [match[0] for match in re.finditer(between, line)]
+        lines.append(parts[0])
+        for gap, part in zip(gaps, parts[1:], strict=True):
+            joined = f"{lines[-1]}{gap}{part}"
+            if fits(joined):
+                lines[-1] = joined
+            else:
+                lines.append(part)
+    return "\n".join(lines)
+
+
+def fitter(figure, fontsize: float, edges: float = 0.0) -> Callable[[str], bool]:
+    """Return whether a line of a size is no wider than a figure without `edges` (pixels)."""
+    renderer = figure.canvas.get_renderer()
+
+    def fits(line: str) -> bool:
+        # magnified, since letters are rounded to pixels, and the picture has others
+        probe = figure.text(0, 0, line, fontsize=MAGNIFIED * fontsize)
+        width = probe.get_window_extent(renderer).width / MAGNIFIED
+        probe.remove()
+        return bool(width <= WIDEST * figure.bbox.width - edges)
+
+    return fits
+
+
+def key(label: str = "", **looks):
+    """Return the key of lines, or of points, that look so."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **looks)
+
+
+def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str | None = None):
+    """Return the key of points; `face`: inside another colour, or none."""
+    looks = {"ls": "none", "marker": marker, "ms": size, "color": colour}
+    return key(label, mfc=face or colour, **looks)
+
+
+def area(label: str, colour: str):
+    """Return the key of an area of a colour."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=label)
+
+
+def blank(label: str):
+    """Return the key of a hatched area, where nothing is drawn."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5, label=label)
+
+
+def legend_below(figure, handles: Sequence, title: str, most_columns: int | None = None):
+    """Put a legend with a title below the panels, no wider than the figure.
+
+    Parameters
+    ----------
+    figure
+    handles : sequence
+        Entries, in the order of the legend.
+    title : str
+        Lines; one that is too long is broken between words.
+    most_columns : int, optional
+        Default: as many as there are entries.
+
+    Returns
+    -------
+    matplotlib.legend.Legend
+    """
+    edges = 2 * SMALL * figure.dpi / 72  # of the legend around its title
+    fits = fitter(figure, SMALLER, edges)
+    title = broken(broken(title, fits, "(?<=;) "), fits, " ")
+    looks = {"loc": "outside lower center", "title_fontsize": SMALLER, **LEGEND}
+    for columns in range(max(min(len(handles), most_columns or len(handles)), 1), 0, -1):
+        legend = figure.legend(handles=handles, ncols=columns, title=title, **looks)
+        if columns == 1 or legend.get_window_extent().width <= WIDEST * figure.bbox.width:
+            return legend
+        legend.remove()
+    raise AssertionError("a legend of one column is always drawn")

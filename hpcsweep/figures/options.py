@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 MODULES = (
-    "orbit_diagram phase frames attractors maps metrics vary_map intensities storeys histories "
+    "orbit_diagram phase sweep attractors maps metrics vary_map intensities storeys histories "
     "branches basins"
 )
 """Of `hpcsweep.figures.diagrams`; the first figure that draws what a file holds is the default."""

@@ -10,8 +10,7 @@ import numpy as np
 
 from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.dynamics.continuation.events import Kind
-from hpcsweep.figures import palette
-from hpcsweep.figures.fitting import key
+from hpcsweep.figures import labels, palette
 from hpcsweep.figures.style import PlotError, stretches
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
@@ -153,7 +152,7 @@ def lay(axis, branches: Iterable[Drawn], floor: int, thick: float = 1.0) -> list
 def overlay_keys() -> list[Any]:
     """Return the legend keys of branches beneath points."""
     words = ((STABLE, "stable branch"), (UNSTABLE, "unstable"))
-    return [key(word, color=c, linewidth=width) for (c, width), word in words]
+    return [labels.key(word, color=c, linewidth=width) for (c, width), word in words]
 
 
 def run_of(line) -> dict[str, np.ndarray]:
@@ -235,7 +234,7 @@ def special_keys(results) -> list:
     """Return the legend keys of the special points."""
     there = np.unique(results["special_kind"].values).tolist() if "special_kind" in results else []
     return [
-        key(word, **_looks(colour, 5.0))
+        labels.key(word, **_looks(colour, 5.0))
         for kind, (word, _, colour) in MARKS.items()
         if kind in there
     ]

@@ -25,8 +25,8 @@ from functools import lru_cache
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, class_names
+from hpcsweep.studies.grid import DOWN, UP
 from hpcsweep.studies.points import START
-from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 
 NOTHING = "#ffffff"
 """Unknown: not computed, or not a number. Hatched where there is room."""

@@ -1,22 +1,20 @@
 """Labels, panels and legends of all figures; colours are in `hpcsweep.figures.palette`."""
 
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from string import ascii_lowercase
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import contact_name
-from hpcsweep.figures.fitting import broken, fitter, legend_below
+from hpcsweep.figures.labels import broken, fitter, legend_below
 from hpcsweep.figures.palette import contact_colour
 from hpcsweep.job import Job, parse_job, part_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import LINEAR, Capability
-from hpcsweep.studies.grid import RunGrid
+from hpcsweep.studies.grid import DOWN, UP, RunGrid
 from hpcsweep.studies.points import START
 from hpcsweep.studies.study import Kind, Study, as_kind
-from hpcsweep.studies.sweep.amplitude_sweep import DOWN, UP
 from hpcsweep.studies.variables import OF_SLIDERS
 
 MARKERS = {UP: "o", DOWN: "v", START: "o"}
@@ -25,8 +23,8 @@ LEGEND_ROOM = 24
 """Letters of a contact set's name in a legend."""
 FEW, FEW_ROOM = 25, 0.02
 """Amplitudes whose outer points get room within the frame, and that room, in spans."""
-CAPTION_ROOM = 92
-"""Letters of a line of a caption."""
+MAX_FLOORS = 5
+"""Floors that are all shown where none are requested; of more the top, the middle and the first."""
 SYMBOLS = {"beta": r"\beta", "rho": r"\rho", "zeta": r"\zeta", "g_L": "g_L"}
 
 
@@ -54,13 +52,11 @@ def set_name(contact: int, labels: int | Sequence[str], room: int | None = LEGEN
 def set_names(
     contacts: Sequence[int], labels: int | Sequence[str], room: int | None = LEGEND_ROOM
 ) -> list[str]:
-    """Return the names of contact sets in a legend, so long that different ones stay different."""
-    names = {contact: set_name(contact, labels, room) for contact in contacts}
-    while room is not None and len(set(names.values())) < len(names):
-        room += 1
-        seen = Counter(names.values())
-        names |= {c: set_name(c, labels, room) for c, name in names.items() if seen[name] > 1}
-    return [names[contact] for contact in contacts]
+    """Return the names of contact sets in a legend, whole where two would be called the same."""
+    names = [set_name(contact, labels, room) for contact in contacts]
+    if len({*names}) < len({*contacts}):
+        names = [set_name(contact, labels, None) for contact in contacts]
+    return names
 
 
 def commonest_sets(
@@ -174,6 +170,35 @@ def frame_at(study: RunGrid, omega: float | None = None, amplitudes: Sequence[fl
     return int(np.argmin(np.abs(study.frames - asked)))
 
 
+def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = None) -> list[int]:
+    """Return the floors to show, ascending, from 0.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the floors of the structure.
+    chosen : sequence of int or str, optional
+        Requested floors, by name or from 1. Default: all of a few, otherwise the first, the middle
+        and the top.
+
+    Raises
+    ------
+    PlotError
+        If a requested floor does not exist.
+    """
+    n, places = len(names), set()
+    if not chosen:
+        return list(range(n)) if n <= MAX_FLOORS else [0, (n - 1) // 2, n - 1]
+    for floor in map(str, chosen):
+        numbers = [str(i) for i in range(1, n + 1)]
+        listed = names if floor in names else numbers
+        if floor not in listed:
+            named = "" if [*names] == numbers else f", or one of {', '.join(names)}"
+            raise PlotError(f"--floor {floor}: must be from 1 to {n}{named}")
+        places.add(listed.index(floor))
+    return sorted(places)
+
+
 def need(results, *names: str) -> None:
     """Refuse results that lack a variable to draw.
 
@@ -201,23 +226,17 @@ def need_amplitudes(study: Study) -> None:
         raise PlotError("a list of points is no sweep over amplitudes: draw it with --kind map")
 
 
-def direction_index(results, direction: str | None) -> int:
-    """Return the index of a sweep direction, the first if none is requested."""
-    return choose_direction([str(name) for name in results["direction"].values], direction)
-
-
-def choose_direction(there: Sequence[str], direction: str | None) -> int:
+def direction_index(there: Iterable[str], direction: str | None) -> int:
     """Return the index of a direction among those there are, the first if none is requested.
 
     Raises
     ------
     PlotError
     """
-    if direction is None:
-        return 0
-    if direction not in there:
-        raise PlotError(f"--direction {direction}: the results hold {' and '.join(there)} only")
-    return there.index(direction)
+    names = [*map(str, there)]
+    if direction not in (None, *names):
+        raise PlotError(f"--direction {direction}: the results hold {' and '.join(names)} only")
+    return names.index(direction or names[0])
 
 
 def job_of(results) -> Job:
@@ -263,27 +282,15 @@ def caption(results, omega: float | None = None, more: str = "") -> str:
     return f"{part}\n{words}" if part else words
 
 
-def parameters(
-    structure, omega: float | None = None, room: int | None = CAPTION_ROOM, other=None
-) -> str:
-    """Format the parameters of a structure, those of an `other` too, on a line or two.
-
-    A frequency, if given, is added.
-    """
+def parameters(structure, omega: float | None = None, other=None) -> str:
+    """Format the parameters of a structure, those of an `other` too, and a frequency if any."""
     from hpcsweep.model.description import in_words
 
     words = [pair for pair in in_words(structure) if other is None or pair in in_words(other)]
     if omega is not None:
         words.append((r"\Omega", frequency_words(structure, omega)))
-    lines, length = [""], 0
-    for symbol, value in words:
-        part = rf"${SYMBOLS.get(symbol, symbol)}$ = {value}" if symbol else value
-        size = len(value) + (6 if symbol else 2)
-        if room is not None and length + size > room:
-            lines, length = [*lines, ""], 0
-        lines[-1] += f",  {part}" if lines[-1] else part
-        length += size
-    return ",\n".join(lines)
+    parts = (rf"${SYMBOLS.get(name, name)}$ = {value}" if name else value for name, value in words)
+    return ",  ".join(parts)
 
 
 def frequency_words(structure, omega: float) -> str:

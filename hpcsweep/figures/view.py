@@ -100,11 +100,6 @@ def _part(figure) -> None:
             axis.set_ylim(*apart(*axis.get_ylim()))
 
 
-def pixels(figure) -> np.ndarray:
-    """Return the width and the height of a figure's picture, shape (2,)."""
-    return figure.get_size_inches() * _view.get().dpi
-
-
 def save(figure, path: Path) -> None:
     """Write a figure to disk, in the requested limits, and free it."""
     from matplotlib import pyplot

@@ -47,21 +47,6 @@ def needed(
     return needed_kernels(structure, specialised, settings.measures != 0)
 
 
-def warm_up(
-    settings: SweepSettings,
-    say: Say = None,
-    jobs: int | None = None,
-    structure: Structure | None = None,
-    specialised: bool = False,
-) -> None:
-    """Compile, or load from disk, what runs with these settings call; see `needed` and `load`."""
-    load(needed(settings, structure, specialised), say, jobs)
-    if structure is not None and specialised:
-        from hpcsweep.solvers.flow.specialised import use
-
-        use(structure)
-
-
 def worth_specialising(study: Study, n_ranks: float | None) -> bool:
     """Return whether the histories of a study on `n_ranks` repay kernels of their own."""
     if n_ranks is None or study.settings.solver != "flow":

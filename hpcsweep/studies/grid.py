@@ -4,23 +4,24 @@ Runs are independent, each block a task of its own, or form paths (`hpcsweep.stu
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies import variables
 from hpcsweep.studies.blocks import Block, Place, Poll, Rows, Say, Timed
 from hpcsweep.studies.invariants import Broken, broken_relations
 from hpcsweep.studies.part import Part
 from hpcsweep.studies.recompute import compute_again
-from hpcsweep.studies.report import MAX_FRAMES, Step, doubts, ranges, starting_range
+from hpcsweep.studies.report import MAX_FRAMES, Driven, doubts, ranges, starting_range
 from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
 from hpcsweep.studies.study import Lines, RunAgain
 from hpcsweep.studies.tally import RunTally
@@ -68,6 +69,8 @@ class RunGrid(Part):
     """Dimension of the stroboscopic points."""
     status_variables: ClassVar[tuple[str, ...]] = ("orbit_period", "skip_rule")
 
+    path_steps: ClassVar[Sequence[Driven]] = ()
+    """Steps along paths that lead elsewhere than along the amplitude; of many frames some."""
     ties: ClassVar[tuple[str, ...]] = ()
     """Formulas of frequency and amplitude."""
     carried: ClassVar[tuple[str, ...]] = ("final_state",)
@@ -153,10 +156,6 @@ class RunGrid(Part):
         runs = self.runs_of(self.moving, float(self.omega[frame]))
         return runs.each(self.amplitudes_of(frame)[places], state, poll)
 
-    def with_settings(self, **changes: Any) -> Self:
-        """Return the same study with other settings."""
-        return replace(self, settings=replace(self.settings, **changes))
-
     def time_runs(self, share: float, along: float, n_runs: int, poll: Poll = None) -> Timed:
         """Time a few runs of a frame, after an untimed one that reaches the attractor."""
         frame = int(share * self.n_frames)
@@ -184,10 +183,14 @@ class RunGrid(Part):
 
     def run_again(self, block: Block, row: int, run: dict, start: np.ndarray) -> RunAgain:
         """Compute a complete stored run again, another way; see `hpcsweep.studies.recompute`."""
-        return compute_again(self, block, row, run, start)
+        by_flow = self
+        if self.settings.solver != "flow":
+            settings = replace(self.settings, solver="flow", rtol=SOLVERS["flow"].tight)
+            by_flow = replace(self, settings=settings)
+        return compute_again(self, block, row, run, by_flow.compute_run(block, row, start))
 
     @property
-    def map_axes(self) -> dict[str, np.ndarray]:
+    def map_axes(self) -> dict[str, np.ndarray]:  # type: ignore[override]
         """Values of the axes of a map that may be refined, by key of the job."""
         return {"sweep.omega": self.omega, "sweep.amplitude": self.amplitude}
 
@@ -196,11 +199,6 @@ class RunGrid(Part):
         """Frequencies and amplitudes of the motions, ascending or their range."""
         frames = range(min(self.n_frames, MAX_FRAMES))
         return self.omega, np.unique(np.concatenate([self.amplitudes_of(k) for k in frames]))
-
-    @property
-    def path_steps(self) -> list[Step]:
-        """Steps along paths that lead elsewhere than along the amplitude; of many frames some."""
-        return []
 
     def lines(self) -> Lines:
         """Tell the ranges of frequency and amplitude, of first contact, and of the starts."""

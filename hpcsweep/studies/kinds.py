@@ -7,7 +7,7 @@ from typing import Any
 DEFAULT_KIND = "amplitude_sweep"
 """Default study of a job."""
 STUDIES = {
-    DEFAULT_KIND: "sweep.amplitude_sweep.AmplitudeSweep",
+    DEFAULT_KIND: "sweep.runs.AmplitudeSweep",
     "points": "points.Points",
     "attractors": "attractors.attractors.Attractors",
     "basins": "basins.basins.Basins",

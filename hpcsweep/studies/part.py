@@ -49,6 +49,12 @@ class Part(ABC):
     axes: ClassVar[tuple[Axis, ...]] = ()
     starts_at_rest: ClassVar[bool] = False
     n_parts: ClassVar[int] = 1
+    polls_per_run: ClassVar[int] = 1
+    """Least number of calls of `poll` in a run."""
+    starting_range: ClassVar[dict[str, tuple[int, float, float]]] = {}
+    """Component and range of drawn or gridded starts, by name; empty if there are none."""
+    map_axes: ClassVar[dict[str, np.ndarray]] = {}
+    """Values of the axes of a map that may be refined, by key of the job."""
     slots: ClassVar[Mapping[str, str]] = {}
     """See `hpcsweep.studies.invariants.of_each`."""
     refine: Refinement | None = None
@@ -62,11 +68,6 @@ class Part(ABC):
     def commit(self) -> Variable:
         """Checksums of the blocks, which cut the last of the dimensions of a run."""
         return Variable("commit", (*self.run_dims[:-1], "block"), "<u8", "1", self.checksum)
-
-    @property
-    def map_axes(self) -> dict[str, np.ndarray]:
-        """Values of the axes of a map that may be refined, by key of the job."""
-        return {}
 
     @property
     def structures(self) -> tuple[Structure, ...]:
@@ -210,16 +211,6 @@ class Part(ABC):
         from hpcsweep.studies.compilation import load
 
         load(self.kernels(n_ranks), say)
-
-    @property
-    def polls_per_run(self) -> int:
-        """Least number of calls of `poll` in a run."""
-        return 1
-
-    @property
-    def starting_range(self) -> dict[str, tuple[int, float, float]]:
-        """Component and range of drawn or gridded starts, by name; empty if there are none."""
-        return {}
 
     def with_reader(self, _reader: Reader) -> Self:
         """Return the study itself, whose runs start from no motions of files."""

@@ -18,7 +18,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.studies.blocks import Block, Place, Poll, Rows, joined
 from hpcsweep.studies.grid import DOWN, RunGrid
 from hpcsweep.studies.keys import Key
-from hpcsweep.studies.report import MAX_FRAMES, Step
+from hpcsweep.studies.report import MAX_FRAMES, Driven
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import Lines
 from hpcsweep.studies.variable import Coordinate, Variable
@@ -266,17 +266,18 @@ class PathGrid(RunGrid):
         return run_name({name: float(self.frames[task])}) if name in FORCING else "the path"
 
     @property
-    def path_steps(self) -> list[Step]:
+    def path_steps(self) -> list[Driven]:  # type: ignore[override]
         """Steps along the paths; of many some."""
         if self.steps is None:
             return []
         name, n = self.run_dims[-1], self.n_frames * self.n_along
-        every = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int)).tolist()
-        steps = []
-        for frame, k in (divmod(number, self.n_along) for number in every):
-            forcing = self.omegas_of(frame)[k], self.amplitudes_of(frame)[k]
-            steps.append(Step(name, self.along_of(frame)[k], self.structure_at(k), *forcing))
-        return steps
+        some = np.unique(np.linspace(0, n - 1, min(n, MAX_FRAMES)).astype(int)).tolist()
+        at = [divmod(number, self.n_along) for number in some]
+        omega, amplitude, values = self.steps.omega, self.steps.amplitude, self.steps.along.values
+        return [
+            Driven(name, values[k], self.structure_at(k), omega[frame, k], amplitude[frame, k])
+            for frame, k in at
+        ]
 
     def lines(self) -> Lines:
         """Tell the path, and what drives the structure along it."""

@@ -18,7 +18,7 @@ As it was: the whole run from the stored state of the previous run, by ``flow``.
 path: if the run was periodic and the file's solver is ``flow``, the points must be the same.
 """
 
-from typing import Any, Protocol, Self
+from typing import Any
 
 import numpy as np
 
@@ -48,31 +48,19 @@ MIN_ALLOWED = 1e-7
 """Smallest difference allowed; closed forms and integrators meet no closer."""
 
 
-class Repeatable(Study, Protocol):
-    """A study whose runs can be computed alone, and with other settings."""
-
-    def compute_run(self, block: Block, row: int, state: np.ndarray) -> Rows:
-        """Compute one run alone from a state."""
-
-    def with_settings(self, **changes: Any) -> Self:
-        """Return the same study with other settings."""
-
-
-def compute_again(
-    study: Repeatable, block: Block, row: int, run: dict, start: np.ndarray
-) -> RunAgain:
+def compute_again(study: Study, block: Block, row: int, run: dict, whole: Rows) -> RunAgain:
     """Recompute one complete run.
 
     Parameters
     ----------
-    study : Repeatable
+    study : Study
     block : Block
     row : int
         Of the block.
     run : dict of str to ndarray
         The run's variables.
-    start : ndarray, shape (2n,)
-        State the run started from.
+    whole : dict of str to ndarray
+        The run as `flow` computes it from the end of the previous one, first axis 1.
 
     Returns
     -------
@@ -96,7 +84,7 @@ def compute_again(
         compared.append(again)
     nothing = RunAgain(run_name(described), other, *point, compared="nothing: no motion is held")
     again = max(compared, key=_badness, default=nothing)
-    _compare_whole(study, block, row, again, run, start)
+    _compare_whole(study, again, run, whole)
     return again
 
 
@@ -217,19 +205,15 @@ def _short(values: np.ndarray | float) -> str:
     return " ".join(f"{value:.9g}" for value in np.ravel(values))
 
 
-def _compare_whole(
-    study: Repeatable, block: Block, row: int, again: RunAgain, run: dict, start: np.ndarray
-) -> None:
-    """Recompute the whole run by `flow`, from the end of the previous run."""
+def _compare_whole(study: Study, again: RunAgain, run: dict, whole: Rows) -> None:
+    """Compare the whole run, recomputed by `flow`."""
     is_flow = study.settings.solver == "flow"
-    by_flow = study if is_flow else study.with_settings(solver="flow", rtol=SOLVERS["flow"].tight)
-    result = by_flow.compute_run(block, row, start)
-    if is_flow and all(result[name][0].tobytes() == run[name].tobytes() for name in run):
+    if is_flow and all(whole[name][0].tobytes() == run[name].tobytes() for name in run):
         again.whole_run = "equal"
         return
     again.whole_run = "other"
     stored = study.motions(run)
-    computed = study.motions({name: values[0] for name, values in result.items()})
+    computed = study.motions({name: values[0] for name, values in whole.items()})
     if len(stored) != len(computed):
         if is_flow and not again.problem:
             again.problem = f"computed again it holds {len(computed)} motions, stored {len(stored)}"

@@ -14,8 +14,8 @@ from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.study import Lines, Study
 
 
-class Step(NamedTuple):
-    """A step along a path: its parameter, and what is there."""
+class Driven(NamedTuple):
+    """What is driven at a place: its frequency or the parameter of a path, and what is there."""
 
     name: str
     value: float
@@ -55,7 +55,7 @@ def starting_range(study: Study) -> list[str]:
 
 
 def ranges(
-    structure: Structure, omega: np.ndarray, amplitude: np.ndarray, path: Sequence[Step] = ()
+    structure: Structure, omega: np.ndarray, amplitude: np.ndarray, path: Sequence[Driven] = ()
 ) -> Lines:
     """Tell the ranges of frequency and amplitude, and of first contact, along a path if any."""
     unit = known_unit(structure, "acceleration")
@@ -64,21 +64,20 @@ def ranges(
     turns = f"{_range(omega / (2 * np.pi))} {cycles}"
     yield "frequency", f"{_range(omega)}{known_unit(structure, 'frequency')} = {turns}"
     yield "amplitude", f"{_range(amplitude)}{unit}"
-    if path:
-        places = [f"{step.name} = {step.value:.6g}" for step in path]
-        grazes = np.array([step.structure.grazing_amplitude(step.omega) for step in path])
-    else:
-        omegas, grazes = _grazing_amplitudes(structure, omega)
-        places = [f"Omega = {each:.6g}" for each in omegas.tolist()]
+    places = path or [Driven("Omega", each, structure, each, 0.0) for each in _some(omega)]
+    grazes = np.array([each.structure.grazing_amplitude(each.omega) for each in places])
     if not np.isfinite(grazes).any():
         yield "grazing", "there is no contact"
         return
     least, most = int(grazes.argmin()), int(np.where(np.isfinite(grazes), grazes, 0).argmax())
-    text = " to ".join(f"{grazes[k]:.6g}{unit} ({places[k]})" for k in dict.fromkeys((least, most)))
+    text = " to ".join(
+        f"{grazes[k]:.6g}{unit} ({places[k].name} = {places[k].value:.6g})"
+        for k in dict.fromkeys((least, most))
+    )
     motion = "free motion" if LINEAR.of(structure) else "motion without slip"
     text = f"the {motion} first touches at A = {text}"
     if path:
-        touched = np.array([step.amplitude for step in path]) >= grazes
+        touched = np.array([each.amplitude for each in path]) >= grazes
         there = [path[k].value for k in np.flatnonzero(touched).tolist()]
         where = (
             f"from {path[0].name} = {min(there):.6g} to {max(there):.6g}" if there else "nowhere"
@@ -109,9 +108,9 @@ def doubts(
             f"every frequency ({few(tuple(np.unique(omega).tolist()))}) is more than {FAR:g} "
             f"times off every natural one (the lowest {natural[0]:.6g})"
         )
-    _, grazes = _grazing_amplitudes(structure, omega)
-    if amplitude.size > 1 and continues and 0 < grazes.min() < np.inf:
-        step, least = float(np.diff(amplitude).max()), float(grazes.min())
+    least = min(structure.grazing_amplitude(each) for each in _some(omega))
+    if amplitude.size > 1 and continues and 0 < least < np.inf:
+        step = float(np.diff(amplitude).max())
         if step > WIDE * least and amplitude.max() > least:
             yield (
                 f"an amplitude step of {step:.4g} is {step / least:.2g} of the smallest "
@@ -125,9 +124,8 @@ def _range(values: np.ndarray) -> str:
     return " to ".join(dict.fromkeys(f"{value:.6g}" for value in (values.min(), values.max())))
 
 
-def _grazing_amplitudes(structure: Structure, omega: np.ndarray) -> np.ndarray:
-    """Return frequencies and the grazing amplitude at each, inf where nothing grazes."""
+def _some(omega: np.ndarray) -> list[float]:
+    """Return frequencies, each once; of many `MAX_FRAMES`."""
     omegas = np.unique(omega)
-    if omegas.size > MAX_FRAMES:
-        omegas = omegas[np.linspace(0, omegas.size - 1, MAX_FRAMES).astype(int)]
-    return np.array([omegas, [structure.grazing_amplitude(each) for each in omegas.tolist()]])
+    last = omegas.size - 1
+    return omegas[np.linspace(0, last, min(omegas.size, MAX_FRAMES)).astype(int)].tolist()

@@ -6,7 +6,7 @@ not depend on other parts, so the tasks of all parts are tasks of the whole, and
 are equal, to the last bit, to those of a job of its own.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -299,21 +299,14 @@ def shape_of(part: RunGrid) -> tuple:
 def difference(base: tuple, part: tuple) -> str:
     """Return why two parts, by `shape_of`, cannot share a file; '' where they can."""
     labels, variables, coordinates, known_first = base
-    if part[0] != labels:
-        return "has other contacts than the first"
-    if part[1] != variables or _sizes(part[2]) != _sizes(coordinates):
-        return "has not the dimensions of the first"
+    same = [("set of contacts", part[0] == labels), ("list of variables", part[1] == variables)]
     for name, coordinate in coordinates.items():
-        if not _equal(part[2][name].values, coordinate.values):
-            return f"has another {name} than the first"
-    for (variable, before), (_, values) in zip(known_first, part[3], strict=True):
-        if before.shape != values.shape or not (variable.by_part or _equal(before, values)):
-            return f"has another {variable.name} than the first"
-    return ""
-
-
-def _sizes(coordinates: Mapping[str, Any]) -> dict[str, int]:
-    return {name: coordinate.values.size for name, coordinate in coordinates.items()}
+        same += [(name, name in part[2] and _equal(part[2][name].values, coordinate.values))]
+    for (variable, before), (_, values) in zip(known_first, part[3], strict=False):
+        alike = variable.by_part or _equal(before, values)
+        same += [(variable.name, alike and before.shape == values.shape)]
+    other = next((name for name, is_same in same if not is_same), "")
+    return f"has another {other} than the first" * bool(other)
 
 
 def _equal(first: np.ndarray, second: np.ndarray) -> bool:

@@ -18,8 +18,7 @@ from hpcsweep.parallel.mpi import Serial
 from hpcsweep.store import Layout, layout_problems, pack
 from hpcsweep.studies.recompute import _allowed
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
-from hpcsweep.studies.sweep.runs import frame_runs
+from hpcsweep.studies.sweep.runs import AmplitudeSweep, frame_runs
 
 JOB = (
     SMALL.replace("count = 4", "count = 2")
@@ -279,7 +278,8 @@ def test_a_window_that_repeats_has_a_period(tmp_path):
 
     class Forgetful(AmplitudeSweep):
         def runs_at(self, *arguments):
-            return AmplitudeSweep.runs_at(self.with_settings(period_tolerance=1e-300), *arguments)
+            settings = replace(self.settings, period_tolerance=1e-300)
+            return AmplitudeSweep.runs_at(replace(self, settings=settings), *arguments)
 
     make(path, plain, Forgetful)
     report = validate(path, samples=0)

@@ -1,5 +1,6 @@
 """A small campaign that the tests of the figures share."""
 
+from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,7 +60,7 @@ def still_film():
     """Make the picture of a film without a file, and an empty frame of it."""
     from tools import SMALL
 
-    from hpcsweep.figures.film.frames import Common
+    from hpcsweep.figures.film.frames import Survey
     from hpcsweep.figures.film.picture import Picture
     from hpcsweep.job import parse_job
 
@@ -80,7 +81,7 @@ def still_film():
             overlay=None,
             request=SimpleNamespace(color=color, width=960),
         )
-        limits = np.broadcast_to(ranges, (n_floors, 2)).astype(float).tolist()
+        low, high = np.broadcast_to(ranges, (n_floors, 2)).astype(float).T
         shape = 2, len(amplitude)
         frame = {
             "poincare": np.full((*shape, 1, n_floors), np.nan),
@@ -89,6 +90,7 @@ def still_film():
             "contact": np.zeros(shape, np.uint64),
             "key": np.indices(shape)[0],
         }
-        return Picture(film, Common(limits, keys, contacts, (0, 3))), frame
+        counts = Counter(dict(zip(contacts, range(len(contacts), 0, -1), strict=True)))
+        return Picture(film, Survey((0, 3), low, high, {*keys}, counts)), frame
 
     return make

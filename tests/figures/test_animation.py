@@ -16,7 +16,7 @@ from hpcsweep.commands import cli
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures.film import film
 from hpcsweep.figures.film.film import check
-from hpcsweep.figures.film.frames import Film, Request, common_of
+from hpcsweep.figures.film.frames import Film, Request, joined
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.palette import DIRECTIONS, MOTION_COLOURS, contact_colour, motion_place
 from hpcsweep.figures.style import classes_of
@@ -57,7 +57,7 @@ def decode(path: Path) -> tuple[np.ndarray, str]:
 
 def picture_of(request: Request) -> Picture:
     view = Film(request)
-    return Picture(view, common_of([*map(view.survey, view.order)]))
+    return Picture(view, joined([*map(view.survey, view.order)]))
 
 
 def rgb(colour: str) -> np.ndarray:

@@ -13,9 +13,9 @@ from scipy.linalg import block_diag
 
 from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.figures import palette, style, view
-from hpcsweep.figures.diagrams import frames, maps, mesh, metrics, orbit_diagram, phase
+from hpcsweep.figures.diagrams import maps, mesh, metrics, orbit_diagram, phase, sweep
 from hpcsweep.figures.explorer.page import _structure
-from hpcsweep.figures.labels import MAX_MODES, choose_floors
+from hpcsweep.figures.labels import MAX_MODES
 from hpcsweep.model.description import in_words, stops
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
@@ -129,7 +129,7 @@ def test_every_figure_and_text_of_any_structure(general, tmp_path, monkeypatch):
     for module, options in (
         (orbit_diagram.orbit, {"color": "contact"}),
         (phase.phase, {"amplitudes": (0.3,)}),
-        (frames.frames, {}),
+        (sweep.frames, {}),
         (metrics.metrics, {}),
         (metrics.benefit, {}),
         *((maps.motion_map, {"value": value}) for value in ("contact", "drift")),
@@ -210,16 +210,16 @@ def test_colours_of_contact_sets_know_all_contacts():
 
 def test_floors_are_chosen_and_fit_a_page():
     twenty, pair = [str(i) for i in range(1, 21)], ["A1", "A2", "B1"]
-    assert choose_floors(twenty[:5]) == [0, 1, 2, 3, 4]
-    assert choose_floors(twenty) == [0, 9, 19]
-    assert choose_floors(twenty, [7, "2", 7]) == [1, 6]
-    assert choose_floors(pair, ["B1", "1"]) == [0, 2]
+    assert style.choose_floors(twenty[:5]) == [0, 1, 2, 3, 4]
+    assert style.choose_floors(twenty) == [0, 9, 19]
+    assert style.choose_floors(twenty, [7, "2", 7]) == [1, 6]
+    assert style.choose_floors(pair, ["B1", "1"]) == [0, 2]
     with pytest.raises(style.PlotError, match=r"^--floor 21: must be from 1 to 20$"):
-        choose_floors(twenty, [21])
+        style.choose_floors(twenty, [21])
     with pytest.raises(
         style.PlotError, match=r"^--floor B2: .* from 1 to 3, or one of A1, A2, B1$"
     ):
-        choose_floors(pair, ["B2"])
+        style.choose_floors(pair, ["B2"])
 
 
 @pytest.mark.slow
@@ -273,8 +273,8 @@ def test_words():
         r"$n$ = 3,  $\beta$ = 1000,  $\rho$ = 10000,  $\zeta$ = 0.05,  $\Omega$ = 0.5"
     )
     long = Structure(4, (1, 2, 3, 4), mass=(1, 2, 3, 4), storey_stiffness=(1, 2, 3, 4), gap=2.0)
-    lines = style.parameters(long, 0.5).split("\n")
-    assert len(lines) == 2
+    figure = style.head(style.new_figure(1, 2.0, 4.5)[0], style.parameters(long, 0.5))
+    assert figure.get_suptitle().count("\n") == 1
 
 
 def find_node() -> str:

@@ -14,7 +14,7 @@ from hpcsweep.campaign import run as campaign
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import style, view
-from hpcsweep.figures.diagrams import frames, maps, metrics, orbit_diagram, phase
+from hpcsweep.figures.diagrams import maps, metrics, orbit_diagram, phase, sweep
 from hpcsweep.figures.diagrams.regions import Region, coexistence, contact_regions
 from hpcsweep.figures.palette import (
     DIRECTIONS,
@@ -191,7 +191,7 @@ def test_what_is_not_in_the_file_cannot_be_drawn(results):
 KINDS = [
     (orbit_diagram.orbit, {}),
     (phase.phase, {"amplitudes": [0.05, 0.3]}),
-    (frames.frames, {}),
+    (sweep.frames, {}),
     (maps.motion_map, {}),
     (maps.motion_map, {"value": "lyapunov"}),
     *(
@@ -389,7 +389,7 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
         extra = ["--period", "1"] if kind == "phase" else []
         assert main(["plot", str(path), "--kind", kind, "-o", str(output), *extra]) == 0
         assert output.stat().st_size > 10_000
-    page = build_page(gather(Frames(path)))[0]
+    page = build_page(gather(Frames(path)))
     assert DIRECTIONS[START] in page
     assert "each from the initial state" in page
     film = tmp_path / "film.gif"
@@ -433,7 +433,7 @@ def test_a_map_needs_two_amplitudes_and_the_variables_that_it_draws(results):
     with pytest.raises(style.PlotError, match="at least 2 amplitudes"):
         maps.motion_map.draw(results.isel(amplitude=[0]))
     with pytest.raises(style.PlotError, match="up only"):
-        style.direction_index(results.isel(direction=[0]), "down")
+        style.direction_index(["up"], "down")
     with pytest.raises(style.PlotError, match=r"output\.lyapunov"):
         metrics.benefit.draw(results.drop_vars(["lyapunov", "motion"]))
 

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from hpcsweep.figures import style
-from hpcsweep.figures.diagrams import frames, orbit_diagram
-from hpcsweep.figures.fitting import broken, legend_below
+from hpcsweep.figures.diagrams import orbit_diagram, sweep
+from hpcsweep.figures.labels import broken, legend_below
 from hpcsweep.figures.style import limit_amplitudes, new_grid, rarer_sets, set_name, set_names
 from hpcsweep.model.structure import Structure
 
@@ -59,7 +59,7 @@ def test_a_head_of_many_varied_keys_stays_within_the_picture():
     assert figure._suptitle.get_text().split(",") == [keys[0], *(f"\n{key}" for key in keys[1:])]
 
 
-@pytest.mark.parametrize("module", [frames.frames, orbit_diagram.orbit])
+@pytest.mark.parametrize("module", [sweep.frames, orbit_diagram.orbit])
 def test_a_figure_of_one_frequency_keeps_its_words(module, results, drawn_figure):
     one = results.isel(omega=[0])
     options = {"color": "contact"} if module is orbit_diagram.orbit else {}

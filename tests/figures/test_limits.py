@@ -6,7 +6,7 @@ from together import together
 
 from hpcsweep.commands.cli import main
 from hpcsweep.figures import style, view
-from hpcsweep.figures.diagrams import mesh, metrics, orbit_diagram, sweep
+from hpcsweep.figures.diagrams import metrics, orbit_diagram, sweep
 from hpcsweep.model.structure import Structure
 
 
@@ -21,14 +21,6 @@ def test_all_panels_have_the_limits_and_regions_beyond_have_no_words(results, dr
     left = {text.get_text().split("\n")[0]: text.xy[0] for text in figure.axes[0].texts}
     assert set(left) < set(regions)
     assert all(0.2 <= place <= 0.28 for place in left.values())
-
-
-def test_cells_in_the_limits_are_all_drawn_though_the_map_has_more_than_pixels():
-    _, axes = style.new_grid(1, 1, (1.0, 1.0))
-    places, values = np.arange(2000.0), np.arange(4000.0).reshape(2, 2000)
-    with view.viewing(x=(500.2, 509.8)):
-        cells = mesh.Grid(places, np.array([1.0, 2.0])).draw(axes[0, 0], values)
-    assert cells.get_array().tolist() == values[:, 500:511].tolist()
 
 
 @together(

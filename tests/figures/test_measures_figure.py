@@ -135,7 +135,7 @@ def test_the_explorer_shows_measures(buildings):
     assert study.labels["storey_drift_2"] == ("peak storey drift ratio", "storey A2", "  [%]")
     force = results.contact_force.isel(stop=0).transpose("omega", "direction", "amplitude")
     np.testing.assert_array_equal(study.runs["contact_force_1"], force.values.astype("f4"))
-    assert "peak contact force, contact A1-B1  [N]" in build_page(study)[0]
+    assert "peak contact force, contact A1-B1  [N]" in build_page(study)
 
 
 def test_a_summary_names_the_contacts_of_its_sets(buildings, capsys):

@@ -13,7 +13,7 @@ from tools import spot
 from hpcsweep import figures
 from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
 from hpcsweep.figures import palette, style
-from hpcsweep.figures.diagrams import frames, maps, metrics, orbit_diagram, phase
+from hpcsweep.figures.diagrams import maps, metrics, orbit_diagram, phase, sweep
 from hpcsweep.figures.explorer.page import _pack
 from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.store import Frames
@@ -270,7 +270,7 @@ def test_a_motion_has_its_colour_in_every_figure(mixed, drawn_figure):
     seen = {}
     for module, options in (
         (orbit_diagram.orbit, {"color": "period"}),
-        (frames.frames, {}),
+        (sweep.frames, {}),
         (phase.phase, {"amplitudes": mixed["amplitude"].values[:4].tolist()}),
         (maps.motion_map, {}),
         (metrics.benefit, {}),

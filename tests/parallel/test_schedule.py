@@ -19,7 +19,7 @@ from hpcsweep.job import parse_job
 from hpcsweep.parallel.schedule import Schedule, computing_ranks, report_interval
 from hpcsweep.solvers.outcome import REMEDIES, Outcome
 from hpcsweep.store.journal import BlockCost, PilotCost
-from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.sweep.runs import AmplitudeSweep
 from hpcsweep.studies.variables import empty_rows
 
 MANY = """
@@ -284,7 +284,7 @@ from pathlib import Path
 from hpcsweep.campaign import run as campaign
 from hpcsweep.job import load_job
 from hpcsweep.parallel import mpi
-from hpcsweep.studies.sweep.amplitude_sweep import AmplitudeSweep
+from hpcsweep.studies.sweep.runs import AmplitudeSweep
 from hpcsweep.studies.variables import empty_rows
 from tools import of_study
 

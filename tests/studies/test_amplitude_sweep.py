@@ -217,12 +217,12 @@ import numpy as np
 from hpcsweep.studies.sweep.runs import frame_runs
 from hpcsweep.solvers.flow.march import march
 from hpcsweep.solvers.flow.orbit import transient
-from hpcsweep.studies.compilation import warm_up
+from hpcsweep.studies.compilation import load, needed
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.model.structure import Structure
 
 settings = SweepSettings(metrics=frozenset({metrics!r}))
-warm_up(settings)
+load(needed(settings))
 kernels = march.march, transient.end_of_transient
 before = [len(kernel.dispatcher.signatures) for kernel in kernels]
 amplitude = np.linspace(0.01, 0.25, 40)

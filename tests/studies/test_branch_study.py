@@ -16,7 +16,7 @@ from hpcsweep import Structure, branch, meanings, open_results, orbit
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures.diagrams.branches import branches
-from hpcsweep.figures.film.frames import Film, Request, common_of
+from hpcsweep.figures.film.frames import Film, Request, joined
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.overlay import MARKS, with_specials
 from hpcsweep.figures.style import PlotError
@@ -166,7 +166,7 @@ def test_the_figure_draws_a_line_over_the_runs_of_a_sweep(folder, whole):
     figure = branches.draw(read)
     (axis,) = figure.axes
     assert max(runs.zorder for runs in axis.collections) < min(line.zorder for line in axis.lines)
-    value, kind = (read.line[f"special_{name}"].values.ravel() for name in ("value", "kind"))
+    value, kind = (read[0][f"special_{name}"].values.ravel() for name in ("value", "kind"))
     rows = [text.get_text().split() for text in figure.legends[1].get_texts()]
     listed = [float(row[-1]) for row in rows]
     assert listed == sorted(listed)
@@ -186,7 +186,7 @@ def test_branches_lie_under_the_points_of_a_film(folder, whole):
     """Where a branch passes and no run is, the frame has the branch's colour."""
     request = Request(folder / "sweep.h5", folder / "film.mp4", branches=whole)
     film = Film(request)
-    picture = Picture(film, common_of([film.survey(1)]))
+    picture = Picture(film, joined([film.survey(1)]))
     pixels = picture.paint(1)
     bare = picture.draw(1.0, film.read(1))
     panel = picture.panels[0]

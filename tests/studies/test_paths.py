@@ -11,9 +11,9 @@ import hpcsweep as api
 from hpcsweep.checks.validate import validate
 from hpcsweep.figures.attractors import identities, missed_attractors
 from hpcsweep.figures.diagrams.attractors import attractors, shares
-from hpcsweep.figures.diagrams.frames import frames
 from hpcsweep.figures.diagrams.metrics import measures
 from hpcsweep.figures.diagrams.orbit_diagram import orbit
+from hpcsweep.figures.diagrams.sweep import frames
 from hpcsweep.figures.explorer.page_data import gather
 from hpcsweep.figures.style import PlotError, classes_of, frame_at
 from hpcsweep.job import JobError, parse_job, part_of
@@ -241,7 +241,10 @@ def test_attractors_along_a_path_are_drawn_and_compared_with_its_sweep(folder, t
     assert identities(found).shape == (2, 11, 3)
     for kind in ("map", "number"):
         assert hpcsweep(0, "plot", tmp_path / "map.h5", "--kind", kind).returncode == 0
-    for file, words in (("one", "holds no frame at A = 0.11"), ("gap", "is of another structure")):
+    for file, words in (
+        ("one", "does not hold, along omega, all points of"),
+        ("gap", "is of another structure"),
+    ):
         with pytest.raises(StoreError, match=words):
             missed_attractors(found, folder / f"{file}.h5")
 
@@ -352,7 +355,7 @@ def test_the_explorer_has_the_forcing_and_the_structure_of_each_run(folder, tmp_
     assert page.dims == ("omega", "gap")
     assert page.steps["amplitude"][2] == study.amplitudes_of(2).tolist()
     assert [one.gap for one in page.steps["structures"]] == study.along_of(0).tolist()
-    assert '"key": "gap"' in build_page(page)[0]
+    assert '"key": "gap"' in build_page(page)
     page = gather(Frames(folder / "omega.h5"), amplitude_step=2)
     assert page.steps["omega"][0] == page.amplitude.tolist()
     assert page.steps["structures"] == []

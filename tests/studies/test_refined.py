@@ -17,13 +17,11 @@ from hpcsweep.campaign.status import overview, status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.figures import palette
 from hpcsweep.figures.diagrams.mesh import open_map
 from hpcsweep.figures.diagrams.vary_map import vary
-from hpcsweep.figures.inferred import drawn_motions, filled_classes, is_by_period, share_note
+from hpcsweep.figures.inferred import filled_classes, share_note
 from hpcsweep.figures.style import percent
 from hpcsweep.job import JobError, parse_job
-from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.parallel.stopping import StopFlag
 from hpcsweep.store import Frames, pack
@@ -206,10 +204,6 @@ def test_inferred_motions_without_a_period_are_undecided():
     known = MotionClass.PERIODIC, MotionClass.UNDECIDED, MotionClass.NO_CONTACT
     assert classes.tolist() == [MotionClass.CHAOTIC, *known]
     assert periods.tolist() == [0, 3, 0, 1]
-    names = [name for name, _ in drawn_motions(is_by_period(results), Structure())]
-    assert names[0] == "no contact"
-    assert names[-4:] == ["no period found", "", "", "failed"]
-    assert drawn_motions(False, Structure()) == [*palette.MOTIONS]
 
 
 @pytest.mark.slow

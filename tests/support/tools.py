@@ -293,12 +293,12 @@ def load() -> None:
     from hpcsweep.figures.film import film  # noqa: F401
     from hpcsweep.figures.options import figures
     from hpcsweep.kernels.compile.entry_points import ALL, with_called
-    from hpcsweep.studies.compilation import warm_up
+    from hpcsweep.studies.compilation import load, needed
     from hpcsweep.studies.settings import SweepSettings
 
     figures()
     for solver in ("flow", "bdf"):
-        warm_up(SweepSettings(solver=solver))
+        load(needed(SweepSettings(solver=solver)))
     # a fork that imports the package anew calls those that are loaded here, through the same cells
     for one in with_called(*(one for one in ALL if one.on_demand)):
         one.load()

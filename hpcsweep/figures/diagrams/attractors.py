@@ -9,7 +9,6 @@ from hpcsweep.dynamics.classify import shakedown_name
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import edges_of
-from hpcsweep.figures.fitting import blank, dot, legend_below
 from hpcsweep.figures.options import AMPLITUDES, BRANCHES, FLOORS, OMEGA, figure_of
 from hpcsweep.studies.attractors.attractors import AttractorGrid
 from hpcsweep.studies.attractors.search import UNSTORED
@@ -36,7 +35,7 @@ def attractors(results, floors: Sequence[int | str] = (), branches: Path | None 
     results : xarray.Dataset
         The first frame is drawn.
     floors : sequence of int or str, optional
-        Shown, see `labels.choose_floors`.
+        Shown, see `style.choose_floors`.
     branches : Path, optional
         Results file of branches along the same path, drawn beneath.
 
@@ -95,8 +94,8 @@ def legend(figure, runs, index: np.ndarray, title: str, columns: int, further=()
     """Put the motions, further keys, and a title, below the panels."""
     handles = sweep.motion_keys(style.structure_of(runs), index, "s", 5)
     if (runs["orbit_period"].values[index >= 0] == 0).any():
-        handles.append(dot("no orbit", "0.3", ".", sweep.FINE_KEY))
-    legend_below(figure, [*handles, *further], title, columns)
+        handles.append(labels.dot("no orbit", "0.3", ".", sweep.FINE_KEY))
+    labels.legend_below(figure, [*handles, *further], title, columns)
 
 
 @figure_of("shares", "attractors", sweep.load_frame, OMEGA, AMPLITUDES)
@@ -126,7 +125,7 @@ def shares(results, **_options):
     axes[1].set_xlim(edges[0], edges[-1])
     style.letter(axes)
     note = f"{starts_text(runs)}; named in (a): identity and contact set"
-    legend(figure, runs, index, note, MORE_COLUMNS, [blank("reached none of them")])
+    legend(figure, runs, index, note, MORE_COLUMNS, [labels.blank("reached none of them")])
     return style.head(figure, frame.caption, fontsize=10)
 
 

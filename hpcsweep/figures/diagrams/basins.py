@@ -6,7 +6,6 @@ from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, Shakedown, shakedown_name
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
-from hpcsweep.figures.fitting import dot, legend_below
 from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS, figure_of
 from hpcsweep.studies.basins.slice import SliceGrid
@@ -80,8 +79,8 @@ def _legend(figure, study: SliceGrid, keys: list, index: np.ndarray) -> None:
     total = int((index >= 0).sum())
     attractors = [name for number, name, _ in keys if number > 0]
     handles = mesh.share_keys(index, [key[1:] for key in keys], "not computed", attractors, total)
-    handles.append(dot("a point of each (triangle: outside)", "0.1", face="none"))
-    legend_below(figure, handles, f"{total:,} starts; {_rest(study)}", MAX_COLUMNS)
+    handles.append(labels.dot("a point of each (triangle: outside)", "0.1", face="none"))
+    labels.legend_below(figure, handles, f"{total:,} starts; {_rest(study)}", MAX_COLUMNS)
 
 
 def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:

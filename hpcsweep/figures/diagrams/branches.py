@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from hpcsweep.dynamics.classify import ranges
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import sweep
-from hpcsweep.figures.fitting import dot, key, legend_below
 from hpcsweep.figures.options import FLOORS, SWEEP, Option, figure_of, whole_number
 from hpcsweep.figures.overlay import MARKS, Drawn, branches_of, line_beneath, not_beneath, run_of
 from hpcsweep.studies.branches.branches import Branches
@@ -39,25 +38,7 @@ ROW, MAX_COLUMNS = 0.148, 3
 """Height of a row, and most columns."""
 
 
-class Read(NamedTuple):
-    """What is drawn.
-
-    Attributes
-    ----------
-    line : xarray.Dataset
-    branches : list of Drawn
-    runs : xarray.Dataset or None
-        Of a sweep, or attractors.
-    study : Branches
-    """
-
-    line: Any
-    branches: list[Drawn]
-    runs: Any
-    study: Branches
-
-
-def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
+def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> tuple:
     """Read a line as it is, its branches, the runs or attractors along its path, and the study."""
     from hpcsweep.store import Frames
 
@@ -76,11 +57,11 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> Read:
                 raise style.PlotError(f"--sweep {sweep}: {what}")
             runs = held.dataset(lines.index(line))
     dataset = frames.dataset(line)
-    return Read(dataset, [*branches_of(run_of(dataset), study, line)], runs, study)
+    return dataset, [*branches_of(run_of(dataset), study, line)], runs, study
 
 
 @figure_of("branches", "branches", load, FLOORS, LINE, SWEEP)
-def branches(results: Read, floors: Sequence[int | str] = (), **_options):
+def branches(results: tuple, floors: Sequence[int | str] = (), **_options):
     """Branches of periodic orbits along the parameter: stable full, unstable thin.
 
     Special points are numbered and listed; with --sweep the stroboscopic points of a sweep, or of
@@ -105,7 +86,7 @@ def branches(results: Read, floors: Sequence[int | str] = (), **_options):
     axis.set(xlabel=label, xlim=(low, high))
     fixed = float(line["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
-    legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
+    labels.legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
     if marked.size:
         _list(figure, run, marked, MATH.get(study.parameter, study.parameter))
     amplitude = float(line["forcing_amplitude"].values[0])
@@ -135,7 +116,7 @@ def _list(figure, run: dict, marked: np.ndarray, symbol: str) -> None:
         name = f"P{period[branch]}"
         value = float(run["special_value"][place])
         rows.append(f"{number:>2} {MARKS[kind][0]:<15} {name:<3} {value:#.6g}")
-        handles.append(key(**_looks(kind, 4)))
+        handles.append(labels.key(**_looks(kind, 4)))
     title = f"special points beside stable\norbits: kind, period, {symbol}"
     list_beside(figure, rows, handles, title)
 
@@ -202,14 +183,14 @@ def _handles(run: dict, runs: bool) -> list:
         ("stable", palette.DARK_INK),
         ("unstable", palette.DARK_INK),
     ]
-    handles = [key(name, color=colour, lw=STABLE) for name, colour in lines]
+    handles = [labels.key(name, color=colour, lw=STABLE) for name, colour in lines]
     handles[-1].set_linewidth(UNSTABLE)
     handles += [
-        key(word, **_looks(kind, 4))
+        labels.key(word, **_looks(kind, 4))
         for kind, (word, _, _) in MARKS.items()
         if (run["special_kind"] == kind).any()
     ]
-    return [*handles, dot("runs", RUNS, "o", 3.0)] if runs else handles
+    return [*handles, labels.dot("runs", RUNS, "o", 3.0)] if runs else handles
 
 
 def list_beside(figure, rows: Sequence[str], handles: Sequence, title: str) -> None:

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
-from hpcsweep.figures import labels, palette, style, view
-from hpcsweep.figures.fitting import LEGEND, area, blank, key
-from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
+from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.inferred import draw_cells, gather
 from hpcsweep.figures.overlay import draw_specials, special_keys
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
@@ -54,7 +53,7 @@ def open_map(
     study = frames.study
     need_map(study.run_dims, study.amplitude.size)
     further = () if value is None else (value,)
-    direction = study.directions[style.choose_direction(study.directions, direction)]
+    direction = study.directions[style.direction_index(study.directions, direction)]
     names = (*VARIABLES, *further)
     return gather(frames, names, cells, direction=direction, derive={MOTION: style.classes_of})
 
@@ -161,8 +160,7 @@ class Grid(NamedTuple):
     def draw(self, axis, values: np.ndarray, **looks):
         """Draw values of shape (rows, columns); where they are masked the panel is hatched.
 
-        If cells are smaller than pixels, only as many are drawn as there are pixels. A list of
-        points is drawn as points, without the masked ones.
+        A list of points is drawn as points, without the masked ones.
 
         Returns
         -------
@@ -177,10 +175,8 @@ class Grid(NamedTuple):
             return axis.scatter(*places, c=values[:, 0], plotnonfinite=False, **looks)
         if np.ma.getmaskarray(values).any():
             axis.patch.set(hatch="xxxx", edgecolor="0.55")
-        width, height = view.pixels(axis.get_figure())
-        rows, columns = _thinned("y", self.vertical, height), _thinned("x", self.horizontal, width)
-        sides = edges_of(self.horizontal[columns]), self.edges(self.vertical[rows])
-        return axis.pcolormesh(*sides, values[rows][:, columns], rasterized=True, **looks)
+        sides = edges_of(self.horizontal), self.edges(self.vertical)
+        return axis.pcolormesh(*sides, values, rasterized=True, **looks)
 
     def fill(self, axis, index: np.ndarray, colours: Sequence[str]) -> None:
         """Draw cells by the indices of their colours; hatched where these are negative."""
@@ -196,15 +192,6 @@ def grid_of(results) -> Grid:
     names = labels.parameter(structure, "amplitude"), labels.parameter(structure, "omega")
     places = amplitudes(results), results["omega"].values
     return Grid(*places, names, is_list=SCATTERED in results)
-
-
-def _thinned(name: str, places: np.ndarray, most: float) -> np.ndarray:
-    """Return evenly spread cells of an axis in its limits, both ends too, at most one a pixel."""
-    low, high = view.visible(name, places[0], places[-1])
-    first, last = np.searchsorted(places, (low, high)).tolist()
-    first = max(first - 1, 0)
-    count = min(last + 1 - first, max(int(most), 2))
-    return np.linspace(first, last, count).round().astype(int)
 
 
 def finish(axes, results, cells: bool | None = None) -> None:
@@ -234,7 +221,7 @@ def map_keys(results) -> list:
 
 def grazing_key():
     """Return the legend key of the grazing curve."""
-    return key("grazing, closed form", color=palette.GRAZING, linewidth=1.2)
+    return labels.key("grazing, closed form", color=palette.GRAZING, linewidth=1.2)
 
 
 def share_keys(
@@ -259,17 +246,17 @@ def share_keys(
         Cells of which the shares are; by default all.
     """
     handles = [
-        area(
+        labels.area(
             f"{name}  {style.percent(int((index == place).sum()) / (total or index.size))}", colour
         )
         for place, (name, colour) in enumerate(entries)
         if name in always or (index == place).any()
     ]
     absent = float((index < 0).mean())
-    return [*handles, blank(f"{missing}  {style.percent(absent)}")] if absent else handles
+    return [*handles, labels.blank(f"{missing}  {style.percent(absent)}")] if absent else handles
 
 
-def motion_keys(index: np.ndarray, structure, by_period: bool) -> list:
+def motion_keys(index: np.ndarray, structure) -> list:
     """Return the legend keys of motions that occur, and always of the undecided ones, with shares.
 
     Parameters
@@ -277,18 +264,21 @@ def motion_keys(index: np.ndarray, structure, by_period: bool) -> list:
     index : ndarray of int
         Of all runs, in `palette.MOTIONS`; -1 where nothing is computed.
     structure : Structure
-    by_period : bool
-        See `drawn_motions`.
     """
     computed = max(int((index >= 0).sum()), 1)
-    names = drawn_motions(by_period, structure)
+    names = palette.motions_of(structure)
     return share_keys(index, names, "not computed", ("undecided",), computed)
 
 
 def legend_of_shares(figure, handles: Sequence, inferred: bool) -> None:
     """Add a legend of shares beside the panels: of runs, or of points that may be inferred."""
     title = f"share of {'points' if inferred else 'runs'}"
-    looks = {"loc": "outside right center", "alignment": "left", "title_fontsize": 8, **LEGEND}
+    looks = {
+        "loc": "outside right center",
+        "alignment": "left",
+        "title_fontsize": 8,
+        **labels.LEGEND,
+    }
     figure.legend(handles=handles, title=title, **looks)
 
 

@@ -9,12 +9,11 @@ from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, tells_chaos
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.sweep import Frame, load_frame, open_frame
-from hpcsweep.figures.fitting import area
 from hpcsweep.figures.options import AMPLITUDES, DIRECTION, OMEGA, figure_of
 from hpcsweep.model.reduction import physical
 from hpcsweep.solvers.offers import LINEAR
+from hpcsweep.studies.grid import DOWN
 from hpcsweep.studies.quantities import MEASURES
-from hpcsweep.studies.sweep.amplitude_sweep import DOWN
 
 DASHES = ((0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)), (0, (1, 1)), (0, (8, 2, 1, 2, 1, 2)))
 MAX_LINES = 10
@@ -142,7 +141,7 @@ def measures(results, direction: str | None = None, **_options):
     if not shown:
         asked = ", ".join(f"output.{name}" for name in MEASURES)
         raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
-    swept = [style.direction_index(results, direction)]
+    swept = [style.direction_index(results["direction"].values, direction)]
     frame = open_frame(results.isel(direction=swept))
     structure, runs, done = frame.structure, frame.runs.isel(direction=0), frame.done[0]
     over_amplitude = frame.study.run_dims[-2:] == ("omega", "amplitude")
@@ -191,7 +190,7 @@ def benefit(results, **_options):
     for axis, (name, chosen) in zip(axes, panels, strict=True):
         _benefit_panel(axis, results, classes[0], chosen, ratio, name)
     mesh.finish(axes, results)
-    handles = [area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
+    handles = [labels.area(name, colour) for name, colour in (*SHADES[2:], *SHADES[:2])]
     style.foot(figure, handles + mesh.map_keys(results), results, classes, 4)
     title = f"{style.caption(results)},  {style.words_of(results)}"
     meaning = r"$r$ = drift with the stop / drift without it"

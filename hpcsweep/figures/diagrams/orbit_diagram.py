@@ -11,17 +11,16 @@ from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
-from hpcsweep.figures.fitting import dot
 from hpcsweep.figures.options import AMPLITUDES, BRANCHES, COLOUR, FLOORS, OMEGA, figure_of
-from hpcsweep.studies.sweep.amplitude_sweep import DOWN
+from hpcsweep.studies.grid import DOWN
 
 MAX_SHORTENED = 16
 """Regions whose contact sets have no room above the panels and are listed below them."""
 PLACES = {"amplitude": "amplitudes", "omega": "frequencies"}
 MAX_SETS = 10
 """Contact sets that the legend names: the commonest."""
-MAX_COLUMNS = 6
-"""Columns of the legend."""
+MAX_COLUMNS, NOTE_ROOM = 6, 92
+"""Columns of the legend, and letters of a line of its note."""
 MIN_WIDTH, WIDE_LABEL, NARROW_LABEL = 0.035, 0.05, 0.02
 """Parts of the panel's width: least region whose label names its sets; room the labels take."""
 
@@ -65,7 +64,7 @@ def orbit(
     color : {"direction", "contact", "period"}
         Meaning of the colours; period: the period of orbits, the class of other motions.
     floors : sequence of int or str, optional
-        Shown, see `labels.choose_floors`.
+        Shown, see `style.choose_floors`.
     branches : Path, optional
         Results file of branches along the same path, drawn beneath.
 
@@ -203,7 +202,7 @@ def _words_of_regions(count: int, shortened: list[str], along: str) -> str:
         more = f"and {len(shortened) - MAX_SHORTENED} more"
         shortened = [*shortened[:MAX_SHORTENED], more]
     unbroken = [entry.replace(" ", "\u00a0") for entry in shortened]
-    return "\n".join([text, *wrap(",  ".join(unbroken), style.CAPTION_ROOM)])
+    return "\n".join([text, *wrap(",  ".join(unbroken), NOTE_ROOM)])
 
 
 def roman(number: int) -> str:
@@ -223,15 +222,17 @@ def _legend(
     directions = [str(name) for name in frame.runs["direction"].values]
     looks = [(style.MARKERS[d], 5, "none" if d == DOWN else None) for d in directions]
     if color == "direction":
-        handles = [dot(g.label, g.colour, *look) for g, look in zip(groups, looks, strict=True)]
+        handles = [
+            labels.dot(g.label, g.colour, *look) for g, look in zip(groups, looks, strict=True)
+        ]
     else:
-        handles = [dot(group.label, group.colour, "s") for group in groups if group.label]
+        handles = [labels.dot(group.label, group.colour, "s") for group in groups if group.label]
         rest = sum(not group.label for group in groups)
         if rest:
-            handles.append(dot(style.rarer_sets(rest), "none"))
+            handles.append(labels.dot(style.rarer_sets(rest), "none"))
         words = (style.words_of(frame.results, name) for name in directions)
-        handles += [dot(word, "0.3", *look) for word, look in zip(words, looks, strict=True)]
+        handles += [labels.dot(word, "0.3", *look) for word, look in zip(words, looks, strict=True)]
     if (frame.runs["orbit_period"].values[frame.done] == 0).any():
-        handles.append(dot("no orbit found", "0.3", ".", sweep.FINE_KEY))
+        handles.append(labels.dot("no orbit found", "0.3", ".", sweep.FINE_KEY))
     handles += keys
     style.foot(figure, handles, frame.results, frame.classes, min(len(handles), MAX_COLUMNS), note)

@@ -8,13 +8,12 @@ import numpy as np
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams.sweep import Frame, load_frame, open_frame
-from hpcsweep.figures.fitting import dot, key
 from hpcsweep.figures.options import ALONG, AMPLITUDES, DIRECTION, FLOORS, OMEGA, PERIOD, figure_of
 from hpcsweep.model.description import stops
 from hpcsweep.studies.run_names import SYMBOLS
 
-WIDTH, MIN_WIDTH, LETTERS = 2.4, 4.8, 13
-"""Width of a panel, the least of the figure (inches), and letters of its title on an inch."""
+WIDTH, MIN_WIDTH = 2.4, 4.8
+"""Width of a panel, and the least of the figure (inches)."""
 NEAR_STOP = 10
 """A stop is shown where it is not farther from the motion than so many of its widths."""
 BEYOND: dict[str, Any] = {"facecolor": "0.88", "edgecolor": "0.5", "hatch": "////"}
@@ -59,7 +58,7 @@ def phase(
     direction : {"up", "down"}, optional
         For amplitudes default the first; for periods default any.
     floors : sequence of int or str, optional
-        Shown, see `labels.choose_floors`.
+        Shown, see `style.choose_floors`.
     along : sequence of float
         Of a sweep along another parameter than the amplitude, its values.
 
@@ -80,7 +79,7 @@ def phase(
     motions = [_at(frame, value, direction, flag) for value in chosen]
     motions += [find_period(runs, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.along, m.direction))
-    shown = labels.choose_floors(structure.floor_names, floors)
+    shown = style.choose_floors(structure.floor_names, floors)
     columns = len(shown)
     size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
     figure, axes = style.new_grid(len(motions), columns, size, sharex="col")
@@ -95,8 +94,7 @@ def phase(
     _legend(figure, frame, {index[motion] for motion in motions})
     common = None if np.isnan(frame.omega) else frame.omega
     every = frame.study.structures
-    title = style.parameters(every[0], common, int(LETTERS * size[0]), every[-1])
-    return style.head(figure, title, fontsize=9)
+    return style.head(figure, style.parameters(every[0], common, every[-1]), fontsize=9)
 
 
 def find_period(frame, classes: np.ndarray, period: int, direction: str | None = None) -> DrawnRun:
@@ -123,7 +121,8 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     kinds = (MotionClass.PERIODIC, MotionClass.NO_CONTACT)
     usable = np.isin(classes, kinds) & (periods > 0)
     if direction is not None:
-        usable &= (np.arange(len(periods)) == style.direction_index(frame, direction))[:, None]
+        place = style.direction_index(frame["direction"].values, direction)
+        usable &= (np.arange(len(periods)) == place)[:, None]
     for kind in kinds:
         here = usable & (classes == kind) & (periods == period)
         stretches = [
@@ -150,7 +149,7 @@ def _at(frame: Frame, value: float, direction: str | None, flag: str) -> DrawnRu
             f"--{flag} {value:g}: the sweep goes from {along[0]:g} to {along[-1]:g}"
         )
     place = int(np.argmin(np.abs(along - value)))
-    motion = DrawnRun(style.direction_index(frame.runs, direction), place)
+    motion = DrawnRun(style.direction_index(frame.runs["direction"].values, direction), place)
     if not frame.done[motion]:
         raise style.PlotError(f"--{flag} {value:g}: that run is not complete")
     return motion
@@ -233,8 +232,8 @@ def _legend(figure, frame: Frame, drawn: set[int]) -> None:
 
     motions = [palette.MOTIONS[place] for place in sorted(drawn)]
     handles = [
-        *(key(name, color=colour) for name, colour in motions),
-        dot("stroboscopic points", "black", face="white"),
+        *(labels.key(name, color=colour) for name, colour in motions),
+        labels.dot("stroboscopic points", "black", face="white"),
     ]
     if frame.structure.contacts:
         handles.append(Patch(label="beyond the stop", **BEYOND))

@@ -8,7 +8,6 @@ from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.diagrams.vary_map import WIDE
-from hpcsweep.figures.fitting import area, dot, legend_below
 from hpcsweep.figures.options import Option, figure_of
 from hpcsweep.parallel.counted import counted
 from hpcsweep.studies.ground_motion.keys import longest_period
@@ -138,7 +137,7 @@ def portfolio(results: Portfolio, **_options):
     (low, median, high), (over, label), hue = results[:3]
     top = EDGE * results.bands[np.isfinite(results.bands)].max(initial=0.0)
     axis.vlines(over, np.minimum(low, top), np.minimum(high, top), color="0.75", lw=0.8, zorder=1)
-    keys = [area("16 to 84 % of the records", "0.75")]
+    keys = [labels.area("16 to 84 % of the records", "0.75")]
     looks: dict = {"color": palette.series_colour(0)}
     if hue is not None:
         ends = dict(zip(("vmin", "vmax"), np.quantile(hue[0], (0, 1)).tolist(), strict=True))
@@ -149,11 +148,11 @@ def portfolio(results: Portfolio, **_options):
             hues = {} if hue is None else {"c": hue[0][chosen]}
             at = over[chosen], np.minimum(median[chosen], top)
             points = axis.scatter(*at, s=18, marker=marker, zorder=2, **looks, **hues)
-            keys.append(dot(words, looks.get("color", "0.4"), marker))
+            keys.append(labels.dot(words, looks.get("color", "0.4"), marker))
     if hue is not None:
         figure.colorbar(points, ax=axis, label=hue[1])
     axis.set(xlabel=label, ylabel=results.label, xscale=_scale(over), ylim=(0, None))
-    legend_below(figure, keys, "")
+    labels.legend_below(figure, keys, "")
     return style.head(figure, results.title, fontsize=9)
 
 

@@ -1,15 +1,19 @@
-"""Frames of sweeps and of attractors: how they are opened; panels of their stroboscopic points."""
+"""Frames of sweeps and of attractors: how they are opened, panels of their points, and of many."""
 
 import contextlib
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.figures import fitting, labels, palette, style
+from hpcsweep.dynamics.classify import MotionClass
+from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.attractors import attractor_classes
+from hpcsweep.figures.diagrams.mesh import COLUMNS, panels
+from hpcsweep.figures.options import DIRECTION, FLOORS, figure_of
 from hpcsweep.figures.overlay import Overlay, lay, overlay_keys
 from hpcsweep.model.description import stops
 from hpcsweep.model.structure import Structure
@@ -27,6 +31,13 @@ SINGLE, PANEL, PAGE = 3.4, 1.75, 8.75
 FINE, FINE_KEY = 0.1, 3
 """Area of the points of a motion that does not repeat, in areas of an orbit's, and their size in
 the legend."""
+MAX_FRAMES = 12
+ORBIT = 2.5
+"""Area of the points of an orbit, in areas of those of a motion that does not repeat."""
+ONE = 4.8, 2.75
+"""Width and height (inches) of a figure of one panel, for its words."""
+MAX_COLUMNS = 7
+"""Columns of the legend."""
 
 
 class Frame(NamedTuple):
@@ -111,7 +122,7 @@ def load_frame(
 
 
 def floor_panels(structure, floors: Sequence[int | str], label: str = ""):
-    """Make a figure of floors (see `labels.choose_floors`), the top one uppermost.
+    """Make a figure of floors (see `style.choose_floors`), the top one uppermost.
 
     The horizontal axis is that of the amplitude, unless it has another `label`.
 
@@ -120,7 +131,7 @@ def floor_panels(structure, floors: Sequence[int | str], label: str = ""):
     figure, dict of int to axis
         By floor, from 0, downwards.
     """
-    shown = labels.choose_floors(structure.floor_names, floors)[::-1]
+    shown = style.choose_floors(structure.floor_names, floors)[::-1]
     height = PANEL * len(shown) if len(shown) > 1 else SINGLE
     figure, axes = style.new_figure(len(shown), 1.2 + min(height, PAGE))
     for floor, axis in zip(shown, axes, strict=True):
@@ -170,7 +181,7 @@ def scatter_motions(axis, frame, index: np.ndarray, floor: int, fine: float, orb
 def motion_keys(structure, index: np.ndarray, marker: str, size: float) -> list:
     """Return legend keys of the motions that occur in `index`."""
     return [
-        fitting.dot(name, colour, marker, size)
+        labels.dot(name, colour, marker, size)
         for place, (name, colour) in enumerate(palette.motions_of(structure))
         if (index == place).any()
     ]
@@ -187,3 +198,81 @@ def mark_stops(axis, structures: Sequence, floor: int, along=()) -> None:
         elif len(stop) > 1:
             axis.plot(along, stop, **looks)
     axis.set_ylim(limits)
+
+
+def load_some(reader, **_options):
+    """Read the frames to draw."""
+    return reader.gather([*reader], choose(reader.study.frames).tolist())
+
+
+@figure_of("frames", "motions", load_some, DIRECTION, FLOORS)
+def frames(results, direction: str | None = None, floors: Sequence[int | str] = ()):
+    """Small orbit diagrams of all frames, or of 12 of them, of one floor (default: the top).
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+    direction : {"up", "down"}, optional
+        Default the first.
+    floors : sequence of int or str, optional
+        The one floor whose displacement is drawn, from 1; default the top one.
+
+    Raises
+    ------
+    PlotError
+        If the file does not hold the variables to draw.
+    """
+    style.need(results, "poincare")
+    study = style.study_of(results, RunGrid)
+    style.need_amplitudes(study)
+    structure, name = study.structure, study.run_dims[-2]
+    if len(floors) > 1:
+        raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
+    floor = style.choose_floors(structure.floor_names, floors)[-1] + 1
+    chosen = choose(results[name].values)
+    shown = {
+        name: chosen,
+        "direction": [style.direction_index(results["direction"].values, direction)],
+    }
+    results = results.isel(shown)
+    classes = style.classes_of(results)
+    motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
+    figure, axes = panels(len(chosen), ONE, (2.4, 1.75), (0.0, 1.0), sharey=False)
+    for place, axis in enumerate(axes):
+        _panel(axis, results.isel({name: place, "direction": 0}), motions[place], floor - 1)
+        words = {"omega": r"$\Omega$ = {:.4g}", "amplitude": "$A$ = {:.4g}"}.get(name, "")
+        axis.set_title(words.format(float(results[name][place])), fontsize=8.5, pad=3)
+    figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)
+    for axis in axes[-COLUMNS:]:
+        axis.set_xlabel(re.sub("^forcing (amplitude|frequency) ", "", labels.along(study)))
+        axis.tick_params(labelbottom=True)
+    _legend(figure, results, classes, motions)
+    caption = style.caption(results, more=labels.path_words(study, results))
+    title = f"{caption},  {style.words_of(results)}"
+    return style.head(figure, title, fontsize=8.5)
+
+
+def choose(omegas: np.ndarray) -> np.ndarray:
+    """Return frames spread evenly over frequency, in order, at most `MAX_FRAMES`."""
+    count = min(omegas.size, MAX_FRAMES)
+    return np.argsort(omegas, kind="stable")[
+        np.linspace(0, omegas.size - 1, count).round().astype(int)
+    ]
+
+
+def _panel(axis, frame, motions, floor: int) -> None:
+    along = frame[frame["outcome"].dims[-1]].values
+    size = float(np.clip(300 / max(along.size, 1), 0.5, 4.0))
+    done = np.where(frame["outcome"].values == Outcome.COMPLETE, motions, -1)
+    scatter_motions(axis, frame, done, floor, size, ORBIT * size)
+    style.draw_lattice(axis)
+    axis.tick_params(labelsize=8)
+    style.limit_amplitudes(axis, along)
+
+
+def _legend(figure, results, classes, motions) -> None:
+    structure, failed = style.structure_of(results), classes[0] == MotionClass.FAILED
+    handles = motion_keys(structure, np.where(failed, -1, motions), "o", 4)
+    if failed.any():
+        handles.append(labels.dot("failed: blank", "none"))
+    style.foot(figure, handles, results, classes, min(len(handles), MAX_COLUMNS))

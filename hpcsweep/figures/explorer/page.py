@@ -6,12 +6,11 @@ import math
 import re
 from collections.abc import Sequence
 from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
-from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures import labels, palette
 from hpcsweep.figures.explorer import encode
 from hpcsweep.figures.explorer.branches import pack_branches, with_members
 from hpcsweep.figures.explorer.page_data import PageData
@@ -41,26 +40,13 @@ SCRIPTS = {
 GREEK = {"beta": "β", "rho": "ρ", "zeta": "ζ"}
 
 
-def build_page(study: PageData) -> tuple[str, dict[str, int]]:
-    """Return the page of a study as text.
-
-    Parameters
-    ----------
-    study : PageData
-
-    Returns
-    -------
-    page : str
-    sizes : dict of str to int
-        Bytes of each part.
-    """
+def build_page(study: PageData) -> str:
+    """Return the page of a study."""
     return fill_page("motions", study.name, *_pack(study))
 
 
-def fill_page(
-    kind: str, name: str, meta: dict, texts: dict[str, str]
-) -> tuple[str, dict[str, int]]:
-    """Fill the frame of a page of a kind, and return it as `build_page` does.
+def fill_page(kind: str, name: str, meta: dict, texts: dict[str, str]) -> str:
+    """Fill the frame of a page of a kind.
 
     Parameters
     ----------
@@ -91,34 +77,7 @@ def fill_page(
         name = place[1]
         return parts[name] if name in parts else (files(__package__) / name).read_text()
 
-    page = re.sub(r"\{\{([\w/.]+)\}\}", filled, (assets / "page.html").read_text())
-    sizes = {name: len(text) for name, text in texts.items()}
-    return page, {"program": len(page) - sum(sizes.values()), **sizes}
-
-
-def write_page(page: str, path: Path) -> None:
-    """Write the page atomically: the old file or the new one, never half of it."""
-    temporary = path.with_name(path.name + ".new")
-    try:
-        temporary.write_text(page, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def check_size(sizes: dict[str, int], limit: float, advice: str) -> None:
-    """Refuse a page larger than `limit` bytes, with advice how to make it smaller.
-
-    Raises
-    ------
-    PlotError
-    """
-    total = sum(sizes.values())
-    if total > limit:
-        raise style.PlotError(
-            f"the page would have {total / 1e6:.3g} MB, the limit is {limit / 1e6:.3g} MB: use "
-            f"{advice}, or raise --max-mb"
-        )
+    return re.sub(r"\{\{([\w/.]+)\}\}", filled, (assets / "page.html").read_text())
 
 
 def _pack(study: PageData) -> tuple[dict, dict[str, str]]:

@@ -125,7 +125,12 @@ def gather(
         raise style.PlotError(f"{path}: --by-share: holds no attractors")
     n, several = study.structure.n_floors, DIMENSION in study.dimensions
     stored = study.settings.stored_points
-    limit, held = stored if most_points is None else most_points, 0
+    limit = stored if most_points is None else most_points
+    if most_points is None and "n_points" in frames:
+        counts = frames.gather(["n_points"])["n_points"].values
+        share = n / (frame_step * amplitude_step)
+        while limit > 1 and share * np.minimum(counts, limit).sum() > POINT_BUDGET:
+            limit //= 2
     runs, points = [], []
     for row in counted(rows, len(rows), "reading frame"):
         chosen = grid.dataset(row).isel({study.run_dims[-1]: slice(None, None, amplitude_step)})
@@ -135,12 +140,6 @@ def gather(
         kept, u, v = _points(chosen, n, limit)
         runs.append({**_codes(chosen), **numbers, "counts": kept, "speed": v})
         points.append(u)
-        held += u.size
-        while most_points is None and held > POINT_BUDGET and limit > 1:
-            limit //= 2
-            for place, (frame, u) in enumerate(zip(runs, points, strict=True)):
-                frame["counts"], points[place] = _fewer(frame["counts"], u, limit)
-            held = sum(u.size for u in points)
     stacked = {name: np.stack([frame[name] for frame in runs]) for name in runs[0]}
     directions, spoken = study.directions, tuple(study.words[name] for name in study.directions)
     if several:
@@ -265,13 +264,6 @@ def _points(frame, n: int, limit: int):
     chosen = np.take_along_axis(stored, order[..., None], axis=2)
     speed[n_points > 0] = chosen[n_points > 0, 0, n:]
     return counts, chosen[keep][:, :n].astype(np.float32), speed
-
-
-def _fewer(counts: np.ndarray, points: np.ndarray, limit: int):
-    """Keep at most `limit` points of each run, its first ones."""
-    flat = counts.ravel()
-    place = np.arange(len(points)) - np.repeat(np.cumsum(flat) - flat, flat)
-    return np.minimum(counts, limit), points[place < limit]
 
 
 def as_runs(frame, by_share: bool = False):

@@ -14,14 +14,9 @@ from hpcsweep.figures.explorer import encode
 from hpcsweep.model.reduction import physical
 from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.offers import LINEAR
+from hpcsweep.studies.ground_motion import stripes
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import (
-    RESPONSES,
-    StripesError,
-    intensity_label,
-    responses_of,
-)
 from hpcsweep.studies.ground_motion.variables import FACTS
 from hpcsweep.studies.run_names import written
 from hpcsweep.studies.study import as_kind
@@ -54,7 +49,7 @@ def gather_responses(frames):
         Where the file holds motions, codes ``history`` of displacements over ``history_size``, the
         largest of each, shape (parts, records, scales, floors, instants).
     """
-    names = [variable.name for variable in RESPONSES.values()]
+    names = [variable.name for variable in stripes.RESPONSES.values()]
     names += [*(f"{name}_alone" for name in names), "outcome", "collapsed"]
     axes = [axis for axis in frames.whole.study.axes if axis.name not in frames.given]
     total = math.prod(len(axis.values) for axis in axes)
@@ -73,7 +68,7 @@ def gather_responses(frames):
                 "at": [axis.values.index(keys[axis.name]) for axis in axes],
                 "note": elastic_words(elastic_drift(results, structure)),
                 "exact": not structure.contacts and LINEAR.of(structure),
-                "measure": intensity_label(study),
+                "measure": stripes.intensity_label(study),
                 "alone": alone_words(structure),
             }
         )
@@ -82,7 +77,9 @@ def gather_responses(frames):
     for name, entry in described.items():
         if entry["unit"] != "%":
             held = np.array(arrays[name])
-            unit, size = labels.sized(structure, RESPONSES[name].units, held[np.isfinite(held)])
+            unit, size = labels.sized(
+                structure, stripes.RESPONSES[name].units, held[np.isfinite(held)]
+            )
             entry |= {"unit": unit.strip(" []").removeprefix("1"), "size": size}
     meta = {
         "name": frames.whole.name,
@@ -121,10 +118,10 @@ def gather_responses(frames):
 def _arrays(results, study: Records, described: dict[str, dict]) -> dict[str, np.ndarray]:
     """Return the arrays of one part, as of `gather_responses`; add what is `told` of responses."""
     arrays = {"factor": study.factor[:, -1]}
-    for name in RESPONSES:
+    for name in stripes.RESPONSES:
         try:
-            responses = responses_of(results, study, name)
-        except StripesError:
+            responses = stripes.responses_of(results, study, name)
+        except stripes.StripesError:
             continue
         free = responses.values * np.nan if responses.alone is None else responses.alone
         arrays |= {name: responses.values, f"{name}_alone": free[:, -1]}

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from hpcsweep.figures.film.frames import Film, Request, common_of
+from hpcsweep.figures.film.frames import Film, Request, joined
 from hpcsweep.figures.film.picture import Picture
 from hpcsweep.figures.style import PlotError
 from hpcsweep.parallel import farm
@@ -103,11 +103,11 @@ def make(request: Request, comm, progress: Callable[[int, int], Any] | None = No
         surveys = share(film.survey, film.order)
         if surveys is None:
             return None
-        surveyed = comm.bcast({each.frame: each for each in surveys if each})
+        surveyed = comm.bcast({each.frames[0]: each for each in surveys if each})
         drawn = [k for k in film.order if k in surveyed]
         if not drawn:
             raise PlotError(f"{request.file}: no run is complete yet")
-        picture = Picture(film, common_of([surveyed[k] for k in drawn]))
+        picture = Picture(film, joined([surveyed[k] for k in drawn]))
 
         def draw(placed: tuple[int, int]) -> None:
             """Draw a frame as the picture of its place in the film."""

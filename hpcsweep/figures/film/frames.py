@@ -33,7 +33,7 @@ class Request:
     width : int
         In pixels, even; 0 for the default.
     floors : tuple of int or str
-        Shown, see `labels.choose_floors`. Of a measure its storeys, floors or contacts.
+        Shown, see `style.choose_floors`. Of a measure its storeys, floors or contacts.
     show : str
         Measure that is drawn in place of stroboscopic displacements; empty for these.
     branches : Path or None
@@ -59,12 +59,12 @@ class Request:
         return self.output.suffix.lower() == ".gif"
 
 
-class FrameSurvey(NamedTuple):
-    """What one frame holds.
+class Survey(NamedTuple):
+    """What frames of a film hold.
 
     Attributes
     ----------
-    frame : int
+    frames : tuple of int
     low, high : ndarray, shape (n_panels,)
         Extremes of the points of the floors shown.
     keys : set of int
@@ -73,45 +73,18 @@ class FrameSurvey(NamedTuple):
         Runs of each contact set.
     """
 
-    frame: int
+    frames: tuple[int, ...]
     low: np.ndarray
     high: np.ndarray
     keys: set[int]
     contacts: Counter[int]
 
 
-class Common(NamedTuple):
-    """What all frames of a film have in common, as a value.
-
-    Attributes
-    ----------
-    limits : tuple of (float, float)
-        Extremes of the points in each panel.
-    keys : tuple of int
-        Directions, motions or contact sets that colours show, ascending.
-    contacts : tuple of int
-        Contact sets, the commonest first.
-    frames : tuple of int
-        All.
-    """
-
-    limits: tuple[tuple[float, float], ...]
-    keys: tuple[int, ...]
-    contacts: tuple[int, ...]
-    frames: tuple[int, ...]
-
-
-def common_of(surveys: Sequence[FrameSurvey]) -> Common:
-    """Summarise the surveys of all frames."""
-    low = np.min([each.low for each in surveys], axis=0).tolist()
-    high = np.max([each.high for each in surveys], axis=0).tolist()
-    contacts = sum((each.contacts for each in surveys), Counter())
-    return Common(
-        tuple(zip(low, high, strict=True)),
-        tuple(sorted(set().union(*(each.keys for each in surveys)))),
-        tuple(sorted(contacts, key=lambda c: (-contacts[c], c))),
-        tuple(each.frame for each in surveys),
-    )
+def joined(surveys: Sequence[Survey]) -> Survey:
+    """Return what all frames hold."""
+    frames, low, high, keys, contacts = zip(*surveys, strict=True)
+    ends = np.min(low, axis=0), np.max(high, axis=0)
+    return Survey(sum(frames, ()), *ends, set().union(*keys), sum(contacts, Counter()))
 
 
 class Film:
@@ -136,7 +109,7 @@ class Film:
         if request.show:
             self.measure = labels.measure_of(self.frames.dataset(0), self.structure, request.show)
         places = [place.partition(" ")[2] for place in self.measure.places] if self.measure else []
-        self.floors = labels.choose_floors(places or self.structure.floor_names, request.floors)
+        self.floors = style.choose_floors(places or self.structure.floor_names, request.floors)
         order = np.argsort(self.study.frames, kind="stable")
         self.order = order[:: request.every].tolist()
         self.overlay: Overlay | None = None
@@ -180,7 +153,7 @@ class Film:
         """Return the branches that lie under the points of one frame."""
         return self.overlay.at(frame) if self.overlay else []
 
-    def survey(self, frame: int) -> FrameSurvey | None:
+    def survey(self, frame: int) -> Survey | None:
         """Find ranges and classes of one frame, None if no run of it is complete."""
         variables = self.read(frame)
         points = variables["poincare"][np.isfinite(variables["poincare"][..., 0])]
@@ -189,4 +162,4 @@ class Film:
         done = variables["outcome"] == Outcome.COMPLETE
         contacts = Counter(variables["contact"][done].tolist() if "contact" in variables else ())
         keys = set(variables["key"][done].tolist())
-        return FrameSurvey(frame, points.min(axis=0), points.max(axis=0), keys, contacts)
+        return Survey((frame,), points.min(axis=0), points.max(axis=0), keys, contacts)

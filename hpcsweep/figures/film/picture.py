@@ -7,8 +7,7 @@ import numpy as np
 
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams.mesh import edges_of
-from hpcsweep.figures.film.frames import Common, Film
-from hpcsweep.figures.fitting import area, dot, legend_below
+from hpcsweep.figures.film.frames import Film, Survey
 from hpcsweep.figures.overlay import Drawn, lay, overlay_keys
 from hpcsweep.solvers.outcome import Outcome
 
@@ -24,8 +23,6 @@ MARGIN = 0.06
 """Room around the points, in ranges of a floor's displacement."""
 MAX_SETS, MAX_COLUMNS = 14, 10
 """Contact sets that the legend names, the commonest, and its columns."""
-LETTERS = 140
-"""Letters side by side on a contact band."""
 
 
 class Picture:
@@ -34,8 +31,8 @@ class Picture:
     Parameters
     ----------
     film : Film
-    common : Common
-        To all frames.
+    survey : Survey
+        Of all frames.
 
     Attributes
     ----------
@@ -48,17 +45,18 @@ class Picture:
     bands : axes or None
     """
 
-    def __init__(self, film: Film, common: Common):
-        self._film, study, self._labels = film, film.study, film.structure.contact_labels
+    def __init__(self, film: Film, survey: Survey):
+        self._film, study, contacts = film, film.study, film.structure.contact_labels
         self._along = study.along_of(0)
         symbols = {"omega": "Ω = {:.4f}", "amplitude": "A = {:.4g}"}
         self._symbol = symbols.get(study.run_dims[-2], "")
-        names = style.set_names(common.contacts, self._labels)
+        sets = sorted(survey.contacts, key=lambda c: (-survey.contacts[c], c))
+        names = style.set_names(sets, contacts)
         self.sets = {
-            c: (palette.contact_colour(c, self._labels), name)
-            for c, name in zip(common.contacts, names, strict=True)
+            c: (palette.contact_colour(c, contacts), name)
+            for c, name in zip(sets, names, strict=True)
         }
-        self.keys = {key: self._key(key) for key in common.keys}
+        self.keys = {key: self._key(key) for key in sorted(survey.keys)}
         n_panels, n_bands = len(film.floors), len(study.directions) if self.sets else 0
         tall = float(np.clip(PANELS / n_panels, MIN_PANEL, MAX_PANEL))
         heights = [SCALE, *([BAND * n_bands] if n_bands else []), *[tall] * n_panels]
@@ -71,8 +69,8 @@ class Picture:
         self.figure, axes = style.new_grid(len(heights), 1, inches, **looks)
         scale, *rest = axes[:, 0]
         self.panels = rest[: -n_panels - 1 : -1]
-        for panel, floor, (low, high) in zip(self.panels, film.floors, common.limits, strict=True):
-            low, high = view.apart(low, high)
+        for panel, floor, *ends in zip(self.panels, film.floors, *survey[1:3], strict=True):
+            low, high = view.apart(*ends)
             pad = MARGIN * (high - low) or 1e-6
             style.limit_amplitudes(panel, self._along)
             panel.set(ylim=(low - pad, high + pad), ylabel=self._name(floor))
@@ -95,10 +93,10 @@ class Picture:
             {"ls": "none", "marker": marker, "ms": 72 * size / dpi, "mew": 0}
             for marker, size in sizes
         ]
-        self._value, self._mark = self._draw_scale(scale, study.frames[[*common.frames]])
+        self._value, self._mark = self._draw_scale(scale, study.frames[[*survey.frames]])
         self._add_legend()
         measure = film.measure.label if film.measure else ""
-        fixed = style.parameters(study.structures[0], None, None, study.structures[-1])
+        fixed = style.parameters(study.structures[0], other=study.structures[-1])
         style.head(self.figure, measure, ",  ".join([fixed, *study.ties]))
         self.figure.align_ylabels(self.panels)
         self.figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)
@@ -141,23 +139,14 @@ class Picture:
         return np.array(canvas.buffer_rgba())[..., :3]
 
     def _bands(self, frame: Mapping[str, np.ndarray]) -> Iterator[Any]:
-        """Draw the contact sets, a band for each direction, named where there is room."""
+        """Draw the contact sets, a band for each direction."""
         done = frame["outcome"] == Outcome.COMPLETE
         for d, row in enumerate(frame["contact"] if self.bands else ()):
             first, end = np.transpose(style.stretches(row, done[d]))
             left, right = self._edges[first], self._edges[end]
-            sets = [int(row[k]) if done[d, k] else None for k in first]
-            colours = [palette.NOTHING if c is None else self.sets[c][0] for c in sets]
+            colours = [self.sets[int(row[k])][0] if done[d, k] else palette.NOTHING for k in first]
             spans = [*zip(left, right - left, strict=True)]
             yield self.bands.broken_barh(spans, (d + 0.04, 0.92), facecolors=colours, lw=0)
-            rooms = (LETTERS * (right - left) / np.ptp(self._edges)).astype(int)
-            for place in np.flatnonzero(rooms > 1):
-                contact, room = sets[place], int(rooms[place])
-                name = "" if contact is None else style.set_name(contact, self._labels, room)
-                if name and len(name) <= room:
-                    at = 0.5 * (left[place] + right[place]), d + 0.5
-                    looks = {"ha": "center", "va": "center", "fontsize": 9}
-                    yield self.bands.text(*at, name, color=palette.ink(colours[place]), **looks)
 
     def _branches(self, branches: Sequence[Drawn]) -> Iterator[Any]:
         for floor, panel in zip(self._film.floors, self.panels, strict=True):
@@ -211,11 +200,11 @@ class Picture:
     def _add_legend(self) -> None:
         """Put the keys of points, branches and contact sets below the panels."""
         points = {} if self._film.request.color == "contact" else self.keys
-        handles: list[Any] = [dot(name, colour) for colour, name in points.values()]
+        handles: list[Any] = [labels.dot(name, colour) for colour, name in points.values()]
         if self._film.overlay:
             handles += overlay_keys()
         sets = [*self.sets.values()]
-        handles += [area(name, colour) for colour, name in sets[:MAX_SETS]]
+        handles += [labels.area(name, colour) for colour, name in sets[:MAX_SETS]]
         if len(sets) > MAX_SETS:
-            handles.append(dot(style.rarer_sets(len(sets) - MAX_SETS), "none"))
-        legend_below(self.figure, handles, "", MAX_COLUMNS)
+            handles.append(labels.dot(style.rarer_sets(len(sets) - MAX_SETS), "none"))
+        labels.legend_below(self.figure, handles, "", MAX_COLUMNS)

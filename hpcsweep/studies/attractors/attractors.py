@@ -78,7 +78,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
         return Attractors(**Attractors.read_grid(values, followed), **common)
 
     @property
-    def starting_range(self) -> dict[str, tuple[int, float, float]]:
+    def starting_range(self) -> dict[str, tuple[int, float, float]]:  # type: ignore[override]
         """Component and range of the starts; only those of the first floor where all are equal."""
         n, ranges = self.structure.n_floors, {}
         for kind, first in (("displacement", 0), ("velocity", n)):
@@ -95,7 +95,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
         return np.stack((corner, self.initial_state))
 
     @property
-    def polls_per_run(self) -> int:
+    def polls_per_run(self) -> int:  # type: ignore[override]
         """Return the number of starts of a point."""
         return self.starts
 

@@ -52,17 +52,16 @@ MATCH_DISTANCE = Key(
     (1e-9, 1e6),
 )
 
-BOX = (
-    "box of the starts: `[low, high]`, or a list of n such pairs",
-    "minus to plus the widest gap{}",
-)
-DISPLACEMENT = Key("displacement", BOX[0], told=BOX[1].format(""))
-VELOCITY = Key(
-    "velocity",
-    BOX[0],
-    told=BOX[1].format(
-        " times omega_0 (with units of your own: times the lowest natural frequency)"
-    ),
+DISPLACEMENT, VELOCITY = (
+    Key(
+        name,
+        "box of the starts: `[low, high]`, or a list of n such pairs",
+        told=f"minus to plus the widest gap{times}",
+    )
+    for name, times in (
+        ("displacement", ""),
+        ("velocity", " times omega_0 (with units of your own: times the lowest natural frequency)"),
+    )
 )
 KEYS = (
     *(STARTS, SEED, DISPLACEMENT, VELOCITY, MAX_ATTRACTORS, CONFIDENCE, MAX_CYCLES),

@@ -15,10 +15,9 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import FAILED
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.attractors import variables
 from hpcsweep.studies.attractors.search import UNSTORED, attractors_as_runs, count_starts
 from hpcsweep.studies.attractors.tally import BasinTally, StartTally
-from hpcsweep.studies.attractors.variables import SLOTS
-from hpcsweep.studies.basins import variables
 from hpcsweep.studies.basins.slice import SliceGrid, read_slice
 from hpcsweep.studies.blocks import Block, Poll, Rows
 from hpcsweep.studies.invariants import Broken
@@ -48,7 +47,7 @@ class Basins(SliceGrid):
 
     run_noun: ClassVar[str] = "row"
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
-    slots: ClassVar[Mapping[str, str]] = SLOTS
+    slots: ClassVar[Mapping[str, str]] = variables.SLOTS
     status_variables: ClassVar[tuple[str, ...]] = ("n_undecided", "n_failed", "n_elsewhere")
 
     @classmethod
@@ -65,7 +64,7 @@ class Basins(SliceGrid):
         return cls(**fields)
 
     @property
-    def polls_per_run(self) -> int:
+    def polls_per_run(self) -> int:  # type: ignore[override]
         """Return the number of starts of a row."""
         return self.horizontal.size
 
@@ -133,7 +132,7 @@ class RefinedBasins(SliceGrid):
         return self.horizontal.size
 
     @property
-    def map_axes(self) -> dict[str, np.ndarray]:
+    def map_axes(self) -> dict[str, np.ndarray]:  # type: ignore[override]
         """Values of the axes of the map, by key of the job."""
         return {"study.vertical": self.vertical, "study.horizontal": self.horizontal}
 

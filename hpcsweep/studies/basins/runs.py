@@ -9,8 +9,8 @@ from hpcsweep.dynamics.starts import starting_states
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.attractors.search import UNSTORED, store_attractor
+from hpcsweep.studies.attractors.variables import basin_variables, of_attractors
 from hpcsweep.studies.basins.slice import SliceGrid
-from hpcsweep.studies.basins.variables import basin_variables, of_attractors
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.variables import empty_results
 

@@ -15,7 +15,7 @@ import numpy as np
 from hpcsweep.dynamics.starts import usual_reach
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.attractors import search
-from hpcsweep.studies.basins.variables import ORDINATE, ROW_OMEGA
+from hpcsweep.studies.attractors.variables import ORDINATE, ROW_OMEGA
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.keys import OMEGA, Key, Tables
 from hpcsweep.studies.path_grid import FORCING
@@ -87,7 +87,7 @@ class SliceGrid(RunGrid):
     point_dim: ClassVar[str] = "column"
 
     @property
-    def starting_range(self) -> dict[str, tuple[int, float, float]]:
+    def starting_range(self) -> dict[str, tuple[int, float, float]]:  # type: ignore[override]
         """Component and range of the slice."""
         spans = zip(self.names(), self.components, (self.horizontal, self.vertical), strict=True)
         return {

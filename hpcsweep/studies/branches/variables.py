@@ -19,57 +19,21 @@ from hpcsweep.studies.variable import (
 )
 from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, RUN_VARIABLES
 
-
-class End(IntEnum):
-    """Why a branch goes no farther."""
-
-    NONE = 0
-    END_OF_THE_SPAN = 1
-    MOST_STEPS = 2
-    CLOSED = 3
-    BIRTH = 4
-    HALVING = 5
-    NOT_FOLLOWED_ON = 6
-    OUT_OF_REACH = 7
-    KNOWN = 8
-    RESONANCE = 9
-    GRAZING = 10
-    BORDER = 11
-
-
-class Reason(IntEnum):
-    """Why a seed lies on no branch of the file."""
-
-    ON_A_BRANCH = 0
-    NO_ORBIT = 1
-    ANOTHER_ORBIT = 2
-    NO_ROOM = 3
-
-
-class Origin(IntEnum):
-    """How a branch was found."""
-
-    NONE = 0
-    SEED = 1
-    LEAVING = 2
-    SEARCH = 3
-
-
-class Stability(IntEnum):
-    """Whether all multipliers are inside the unit circle."""
-
-    UNSTABLE = 0
-    STABLE = 1
-
-
-class Criticality(IntEnum):
-    """Side to which what is born at a doubling goes."""
-
-    SUBCRITICAL = -1
-    NONE = 0
-    SUPERCRITICAL = 1
-
-
+End = IntEnum(
+    "End",
+    "NONE END_OF_THE_SPAN MOST_STEPS CLOSED BIRTH HALVING NOT_FOLLOWED_ON OUT_OF_REACH KNOWN "
+    "RESONANCE GRAZING BORDER",
+    start=0,
+)
+"""Why a branch goes no farther."""
+Reason = IntEnum("Reason", "ON_A_BRANCH NO_ORBIT ANOTHER_ORBIT NO_ROOM", start=0)
+"""Why a seed lies on no branch of the file."""
+Origin = IntEnum("Origin", "NONE SEED LEAVING SEARCH", start=0)
+"""How a branch was found."""
+Stability = IntEnum("Stability", "UNSTABLE STABLE", start=0)
+"""Whether all multipliers are inside the unit circle."""
+Criticality = IntEnum("Criticality", "SUBCRITICAL NONE SUPERCRITICAL", start=-1)
+"""Side to which what is born at a doubling goes."""
 Met = IntEnum("Met", [meeting.name for meeting in Meeting])  # type: ignore[misc]
 """Numbers of the kinds of meetings in the file, from 1."""
 RUN = ("direction", "line", "amplitude")

@@ -11,7 +11,7 @@ record may not be at hand where a file is examined; then nothing is compared.
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -27,7 +27,7 @@ from hpcsweep.studies.ground_motion.responses import KEPT, SKIP_RULES, respond
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.run_names import run_name
-from hpcsweep.studies.study import Lines, RunAgain
+from hpcsweep.studies.study import RunAgain
 from hpcsweep.studies.variable import Coordinate, Variable
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
@@ -60,6 +60,7 @@ class Records(RecordGrid):
     content: ClassVar[str] = "responses"
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     starts_at_rest: ClassVar[bool] = True
+    lines, warnings = describe.lines, describe.warnings
 
     @classmethod
     def read(cls, values, **common) -> "Records":
@@ -197,14 +198,6 @@ class Records(RecordGrid):
         from hpcsweep.solvers.flow.record_map import kernels_of
 
         return kernels_of(self.structure, "energy" in self.settings.metrics)
-
-    def lines(self) -> Lines:
-        """Tell the scales and the records, in order."""
-        return describe.lines(self)
-
-    def warnings(self) -> Iterator[str]:
-        """Return one line for each thing that looks like a mistake in the records."""
-        return describe.warnings(self)
 
 
 def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunAgain:

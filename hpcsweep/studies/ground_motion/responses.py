@@ -34,15 +34,9 @@ import numpy as np
 from hpcsweep.earthquakes.floor_spectra import floor_spectra
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
+from hpcsweep.solvers import response
 from hpcsweep.solvers.history import history
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.response import (
-    Response,
-    linear_map,
-    linear_response,
-    record_map,
-    scale_of_contact,
-)
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.ground_motion.variables import FLOOR_SPECTRUM, HISTORY, FloorSpectra, peaks_of
@@ -180,7 +174,7 @@ class RecordResponses:
     def prepare(self, record: Record) -> None:
         """Make the tables that the runs of all records have in common, unless they are kept."""
         more = wanted(self._settings)
-        linear_map(self.computed, record.dt, *more)
+        response.linear_map(self.computed, record.dt, *more)
         _map(self.computed, record.dt, self._settings.rtol, *more)
 
     def free(self, record: Record) -> tuple[np.ndarray, float]:
@@ -195,7 +189,7 @@ class RecordResponses:
             values, outcome = self._unknown(peaks, reach=n_reached), Outcome.NON_FINITE
             with contextlib.suppress(ArithmeticError):
                 more = wanted(self._settings)
-                linear, reach = linear_response(self.computed, record, self._tail, *more)
+                linear, reach = response.linear_response(self.computed, record, self._tail, *more)
                 values["reach"] = reach
                 for peak in peaks:
                     of_gaps = peak.source == "reach"
@@ -206,7 +200,7 @@ class RecordResponses:
         values, outcome = kept
         if not self._linear or outcome is not Outcome.COMPLETE:
             return values, -math.inf
-        return values, scale_of_contact(self.computed, values["reach"]) * BELOW
+        return values, response.scale_of_contact(self.computed, values["reach"]) * BELOW
 
     def _respond(
         self, record: Record, digest: str, scale: float, poll: Poll
@@ -236,7 +230,7 @@ def respond(
     tail: float,
     settings: SweepSettings,
     poll: Poll = None,
-) -> Response:
+) -> response.Response:
     """Return the response of a structure, unscaled, to a record at a scale."""
     solver = _map(structure, record.dt, settings.rtol, *wanted(settings))
     return solver.respond(record.acceleration, scale, tail, poll=poll)
@@ -261,7 +255,7 @@ def with_lengths_in(structure: Structure, unit: float) -> Structure:
 
 @lru_cache(maxsize=8)
 def _map(structure: Structure, dt: float, rtol: float, base_shear: bool, energy: bool):
-    return record_map(structure, dt, rtol, base_shear=base_shear, energy=energy)
+    return response.record_map(structure, dt, rtol, base_shear=base_shear, energy=energy)
 
 
 class _Kept(OrderedDict[tuple, tuple[np.ndarray, Outcome]]):

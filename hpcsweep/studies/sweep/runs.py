@@ -1,4 +1,8 @@
-"""Compute runs at one forcing frequency, for any study.
+"""Sweeps, path-following; and how runs at one forcing frequency are computed, for any study.
+
+In a sweep each run starts from the end state of the previous one. A frame is one path, up and then,
+if requested, down from the end of the way up: along the amplitude, as in the study of the paper, or
+along another parameter (`hpcsweep.studies.path_grid`).
 
 In one run `transient_cycles` forcing periods are discarded, `sampling_cycles` more are the
 steady-state window. Rules that spare periods whose result is known (`skip`):
@@ -27,8 +31,9 @@ last one that was reached. After a collapse the path goes on from rest.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -43,15 +48,19 @@ from hpcsweep.solvers.records import Approach
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.solvers.solver import SOLVERS, make_solver
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows, joined
-from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.classification import (
-    Classification,
-    classify_window,
-    interval_of_orbit,
-    spectrum_variables,
-)
+from hpcsweep.studies.grid import DOWN, UP
+from hpcsweep.studies.keys import OMEGA, Key, Tables
+from hpcsweep.studies.path_grid import ALONG, Followed, PathGrid
+from hpcsweep.studies.settings import SKIP_RULES, SweepSettings
+from hpcsweep.studies.study import Lines
+from hpcsweep.studies.sweep import classification
 from hpcsweep.studies.variables import EXPONENTS, empty_rows, store, store_failure
 
+DIRECTIONS = Key(
+    "directions",
+    'ways along the path: `["up"]`, or `["up", "down"]`, the way back too',
+    [UP, DOWN],
+)
 ON_PATH, ALONE = 160, 5
 """Parts of ``classify_cycles`` that the chaos of a run on a path, and of an independent run, must
 outlive before it is told: 312 and 10,000 periods of 50,000. Of 10 chaotic windows of the map of
@@ -77,7 +86,6 @@ class FrameRuns:
     def __init__(self, structure: Structure, omega: float, settings: SweepSettings, solver=None):
         self.structure, self.settings = structure, settings
         self._given = solver is not None
-        self._measured: dict[float, FrameRuns] = {}
         made = settings.solver, structure, omega, settings.rtol
         self.solver = solver or make_solver(*made, yields=True)
         self._free = None
@@ -130,21 +138,11 @@ class FrameRuns:
         lengths = self.structure.lengths(self.solver.omega, amplitudes)
         parts = []
         for at in np.split(np.arange(amplitudes.size), 1 + np.flatnonzero(np.diff(lengths))):
-            runs = self._measured_by(float(lengths[at[0]]))
+            measured = self.structure.measured_by(float(lengths[at[0]]))
+            runs = frame_runs(measured, self.solver.omega, self.settings)
             parts.append(runs._stretch(amplitudes[at], state, poll, follow))
             state = end_of(parts[-1], -1) if follow else state
         return joined(parts)
-
-    def _measured_by(self, length: float) -> "FrameRuns":
-        """Return the runs of the structure measured by a length; the last two are cached."""
-        if length == self.structure.length_unit:
-            return self
-        if length not in self._measured:
-            while len(self._measured) > 1:
-                del self._measured[next(iter(self._measured))]
-            structure = self.structure.measured_by(length)
-            self._measured[length] = FrameRuns(structure, self.solver.omega, self.settings)
-        return self._measured[length]
 
     def _stretch(self, amplitudes, state, poll, follow: bool) -> Rows:
         """Compute runs from a state, or from the end of the previous one."""
@@ -182,7 +180,7 @@ class FrameRuns:
         if self.settings.measures:
             closed = replace(closed, measures=self._free.orbit.measures(amplitude))
         exponent = MeanInterval.exact(self._free.orbit.lyapunov_exponent)
-        classified = Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
+        classified = classification.Classification(closed, 1, exponent, MotionClass.NO_CONTACT)
         row = _row(result, index)
         self._store(row, amplitude, classified, closed.points[-1], 0, poll)
         row["skip_rule"][:] = SkipRule.LINEAR
@@ -242,16 +240,24 @@ class FrameRuns:
             return
         if end.period and not ISOLATED.of(self.structure):
             kind = MotionClass.NO_CONTACT if seen.is_free else MotionClass.PERIODIC
-            exponent = interval_of_orbit(
+            exponent = classification.interval_of_orbit(
                 self.solver, seen.points[-1], amplitude, end.period, settings
             )
-            classified = Classification(seen, end.period, exponent, kind)
+            classified = classification.Classification(seen, end.period, exponent, kind)
         else:
-            classified = classify_window(self.solver, amplitude, seen, settings, outlived, poll)
+            classified = classification.classify_window(
+                self.solver, amplitude, seen, settings, outlived, poll
+            )
         self._store(row, amplitude, classified, seen.points[-1], cycles, poll)
 
     def _store(
-        self, row, amplitude: float, classified: Classification, end, cycles: int, poll: Poll
+        self,
+        row,
+        amplitude: float,
+        classified: classification.Classification,
+        end,
+        cycles: int,
+        poll: Poll,
     ) -> None:
         """Write a run and the classification of its motion into its row."""
         seen = classified.seen
@@ -265,7 +271,7 @@ class FrameRuns:
             result |= told_of_sliders(self.structure, *slid)
         result |= {"points": seen.points[-n_points:], "n_points": n_points}
         moved = self.solver, amplitude, seen.points, classified.orbit_period
-        result |= spectrum_variables(*moved, self.settings, poll)
+        result |= classification.spectrum_variables(*moved, self.settings, poll)
         store(row, self.structure, self.solver.omega, amplitude, result)
 
 
@@ -290,3 +296,53 @@ def _row(result: Rows, index: int) -> Rows:
 def frame_runs(structure: Structure, omega: float, settings: SweepSettings) -> FrameRuns:
     """Return the runs of a frame; the tables of the last few frames are cached."""
     return FrameRuns(structure, omega, settings)
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudeSweep(PathGrid):
+    """Sweeps, a frame a task; see `PathGrid`."""
+
+    kind: ClassVar[str] = "amplitude_sweep"
+    summary: ClassVar[str] = (
+        "at each frequency the amplitudes in their order, each from where the one before it ended; "
+        "or so along any other parameter"
+    )
+    words: ClassVar[dict[str, str]] = {UP: "sweep up", DOWN: "sweep down"}
+    keys: ClassVar[Tables] = {"sweep": (*OMEGA, ALONG, DIRECTIONS)}
+    default_block: ClassVar[int] = 50
+    carries: ClassVar[str] = "the state is carried"
+
+    @classmethod
+    def read(cls, values, followed: Followed | None = None, **common) -> "AmplitudeSweep":
+        """Read the sweeps of a job; see `RunGrid.read`."""
+        ways = values.get("sweep.directions", DIRECTIONS.default)
+        if ways not in ([UP], [UP, DOWN]):
+            raise values.error("sweep.directions", ways, f'must be ["{UP}"] or ["{UP}", "{DOWN}"]')
+        return cls(directions=tuple(ways), **cls.read_grid(values, followed), **common)
+
+    @property
+    def direction_name(self) -> str:  # type: ignore[override]
+        """Long name of the first dimension."""
+        return f"direction of the {'' if self.steps else 'amplitude '}sweep"
+
+    def lines(self) -> Lines:
+        """Tell the path, and which rules hold along it."""
+        yield from super().lines()
+        if self.steps:
+            mapped = SKIP_RULES[: 3 if TANGENTS.of(self.structure) else 2]  # newton needs them
+            rules = [name for name in mapped if name in self.settings.skip]
+            yield "skip rules", ", ".join(rules or ["none"]) + ": all hold along any path"
+
+    @property
+    def carried(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Variables that hold the start of the next run."""
+        tested = ("motion", "classification_cycles") if self.settings.classify_cycles else ()
+        return ("final_state", *tested)
+
+    def end_state(self, rows: Rows, row: int) -> np.ndarray:
+        """Return the state from which the next run starts, and how long its chaos was followed."""
+        return end_of(rows, row)
+
+    def runs_of(self, structure: Structure, omega: float) -> FrameRuns:
+        """Return what computes runs of one structure at one frequency."""
+        return frame_runs(structure, omega, self.settings)

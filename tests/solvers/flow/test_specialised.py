@@ -11,7 +11,7 @@ from hpcsweep.job import load_job
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow import FlowMap, specialised
 from hpcsweep.studies import compilation
-from hpcsweep.studies.compilation import warm_up, worth_specialising
+from hpcsweep.studies.compilation import worth_specialising
 from hpcsweep.studies.sweep.runs import FrameRuns
 
 if numba.config.DISABLE_JIT:
@@ -60,7 +60,7 @@ def test_fitted_kernels_give_the_same_to_the_last_bit(nothing_fitted):
         specialised._kernels_for.cache_clear()
         *plain, was_fitted = everything(study, omega, amplitudes)
         assert not was_fitted
-        warm_up(study.settings, structure=study.structure, specialised=True)
+        study.warm_up(n_ranks=0)
         *again, is_specialised = everything(study, omega, amplitudes)
         assert is_specialised
         for one, other in zip(plain, again, strict=True):

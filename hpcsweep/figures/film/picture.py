@@ -25,6 +25,10 @@ MAX_SETS, MAX_COLUMNS = 14, 10
 """Contact sets that the legend names, the commonest, and its columns."""
 
 
+LETTERS = 140
+"""Letters side by side on a contact band."""
+
+
 class Picture:
     """Painter of the frames of one film.
 
@@ -139,14 +143,24 @@ class Picture:
         return np.array(canvas.buffer_rgba())[..., :3]
 
     def _bands(self, frame: Mapping[str, np.ndarray]) -> Iterator[Any]:
-        """Draw the contact sets, a band for each direction."""
+        """Draw the contact sets, a band for each direction, named where there is room."""
         done = frame["outcome"] == Outcome.COMPLETE
         for d, row in enumerate(frame["contact"] if self.bands else ()):
             first, end = np.transpose(style.stretches(row, done[d]))
             left, right = self._edges[first], self._edges[end]
-            colours = [self.sets[int(row[k])][0] if done[d, k] else palette.NOTHING for k in first]
+            sets = [int(row[k]) if done[d, k] else None for k in first]
+            colours = [palette.NOTHING if c is None else self.sets[c][0] for c in sets]
             spans = [*zip(left, right - left, strict=True)]
             yield self.bands.broken_barh(spans, (d + 0.04, 0.92), facecolors=colours, lw=0)
+            rooms = (LETTERS * (right - left) / np.ptp(self._edges)).astype(int)
+            for place in np.flatnonzero(rooms > 1):
+                contact, room = sets[place], int(rooms[place])
+                labels_of = self._film.structure.contact_labels
+                name = "" if contact is None else style.set_name(contact, labels_of, room)
+                if name and len(name) <= room:
+                    at = 0.5 * (left[place] + right[place]), d + 0.5
+                    looks = {"ha": "center", "va": "center", "fontsize": 9}
+                    yield self.bands.text(*at, name, color=palette.ink(colours[place]), **looks)
 
     def _branches(self, branches: Sequence[Drawn]) -> Iterator[Any]:
         for floor, panel in zip(self._film.floors, self.panels, strict=True):

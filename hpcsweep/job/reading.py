@@ -310,7 +310,10 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> sweep.SweepSetting
     longest = max(min(sampling // 2, MAX_PERIOD), 1)
     longest = read("sweep.max_orbit_period", min(usual.max_orbit_period, longest), 1, longest)
     least = min(2 * longest, sampling)
-    n_points = read("output.max_points", sampling, least, sweep.MAX_CYCLES)
+    n_points = values.get("output.max_points", sampling)
+    if type(n_points) is not int or not least <= n_points <= sweep.MAX_CYCLES:
+        limit = f"must be a whole number from 2 max_orbit_period = {least} to {sweep.MAX_CYCLES}"
+        raise values.error("output.max_points", n_points, limit)
     cycles = SOLVERS[method].classify_cycles
     return sweep.SweepSettings(
         transient_cycles=values.read("sweep", sweep.TRANSIENT),

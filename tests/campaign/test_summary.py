@@ -198,10 +198,3 @@ def test_frames_are_gathered_in_the_order_asked_for(file):
     for name in few.data_vars:
         assert few[name].dims == chosen[name].dims
         np.testing.assert_array_equal(few[name].values, chosen[name].values)
-
-
-def test_no_more_cells_are_drawn_than_there_are_pixels():
-    assert mesh._thinned("x", np.arange(500), 1040.0).tolist() == list(range(500))
-    rows = mesh._thinned("x", np.arange(2000), 1040.0)
-    assert (rows.size, rows[0], rows[-1]) == (1040, 0, 1999)
-    assert set(np.diff(rows)) == {1, 2}

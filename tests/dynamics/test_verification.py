@@ -37,7 +37,7 @@ def test_a_ghost_is_no_orbit_and_two_that_are_about_to_meet_are(delta, side):
     there = verify_orbit(tangency(-delta), start, 1.0, 1).orbit
     # of the condition of the orbit's position: eps / |1 - mu|
     assert abs(there.points[0, 0]) == pytest.approx(size, abs=1e-15 / size)
-    assert there.multipliers[0] == pytest.approx(1 - 2 * size, abs=1e-15 / size)
+    assert there.maps.multipliers[0] == pytest.approx(1 - 2 * size, abs=1e-15 / size)
 
 
 def test_an_orbit_at_its_fold_is_known_to_the_root_of_rounding():
@@ -66,7 +66,7 @@ def test_an_orbit_has_its_minimal_period_and_its_own_multipliers():
     for period in (2, 4, 6, 300):
         found = verify_orbit(solver, np.array([first + 1e-9, 0.0]), 1.0, period).orbit
         assert found.points == pytest.approx(np.array([[first, 0.0], [last, 0.0]]), abs=1e-14)
-        assert found.multipliers[0] == pytest.approx(4 + 2 * 3.3 - 3.3**2, abs=1e-12)
+        assert found.maps.multipliers[0] == pytest.approx(4 + 2 * 3.3 - 3.3**2, abs=1e-12)
     near = 1e-9 * np.ones(2)
     assert verify_orbit(henon(1.0), near, 1.0, 7).cycles > 0
     assert (

@@ -22,7 +22,7 @@ from hpcsweep.studies.quantities import METRICS
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.batch import Batch
 from hpcsweep.studies.sweep.classification import spectrum_variables
-from hpcsweep.studies.sweep.runs import FrameRuns
+from hpcsweep.studies.sweep.runs import FrameRuns, frame_runs
 from hpcsweep.studies.variables import EXPONENTS, NOT_TESTED, store
 
 SETTINGS = SweepSettings(
@@ -156,6 +156,7 @@ def test_however_the_work_is_cut_it_is_the_same_to_the_last_bit(name, monkeypatc
     polls = []
     whole = runs(name).follow(amplitudes, state)
     monkeypatch.setattr(Polling, "_learn", lambda *_: None)  # one period at a time
+    frame_runs.cache_clear()
     pieces = runs(name).follow(amplitudes, state, lambda: polls.append(0))
     half = runs(name)
     first = half.follow(amplitudes[:17], state)

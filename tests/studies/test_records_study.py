@@ -211,14 +211,13 @@ def test_gaps_of_zero_need_one_response_for_all_scales(tmp_path, calls):
 
 def test_records_of_a_structure_share_the_tables_of_both_motions(tmp_path, monkeypatch):
     made = []
-    for module in (responses, solvers_response):
-        plain = module.record_map
+    plain = solvers_response.record_map
 
-        def counted(structure, *rest, plain=plain, **more):
-            made.append(len(structure.contacts))
-            return plain(structure, *rest, **more)
+    def counted(structure, *rest, **more):
+        made.append(len(structure.contacts))
+        return plain(structure, *rest, **more)
 
-        monkeypatch.setattr(module, "record_map", counted)
+    monkeypatch.setattr(solvers_response, "record_map", counted)
     for kept in (responses._map, solvers_response.linear_map):
         kept.cache_clear()
     responses.KEPT.clear()

@@ -138,8 +138,9 @@ class FrameRuns:
         lengths = self.structure.lengths(self.solver.omega, amplitudes)
         parts = []
         for at in np.split(np.arange(amplitudes.size), 1 + np.flatnonzero(np.diff(lengths))):
-            measured = self.structure.measured_by(float(lengths[at[0]]))
-            runs = frame_runs(measured, self.solver.omega, self.settings)
+            runs, measured = self, self.structure.measured_by(float(lengths[at[0]]))
+            if measured is not self.structure:
+                runs = frame_runs(measured, self.solver.omega, self.settings)
             parts.append(runs._stretch(amplitudes[at], state, poll, follow))
             state = end_of(parts[-1], -1) if follow else state
         return joined(parts)

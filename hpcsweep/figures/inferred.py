@@ -4,13 +4,14 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hpcsweep.dynamics.classify import MOTION, MotionClass
-from hpcsweep.figures import style
+from hpcsweep.dynamics.classify import CLASS_NAMES, MOTION, MotionClass
+from hpcsweep.figures import palette, style
 from hpcsweep.studies.refine.audit import CELL, SOURCE, inferred_name
 from hpcsweep.studies.refinement import LABELS, Source
 
 VARIABLES = (SOURCE, CELL, *{inferred_name(v): 0 for names in LABELS.values() for v in names})
 """Of results of refined maps, beside those of all runs."""
+APERIODIC = tuple(CLASS_NAMES[k] for k in (MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC))
 OUTLINES = (("white", 0.55), ("0.25", 0.2))
 """Colours and widths (points) of an outline, the upper one last: it shows on light and dark."""
 
@@ -45,13 +46,34 @@ def filled_classes(results, computed=None) -> tuple[np.ndarray, np.ndarray]:
     """
     computed = style.classes_of(results) if computed is None else computed
     kinds, periods = filled(results, MOTION, computed), filled(results, "orbit_period")
-    if inferred_name("orbit_period") in results and inferred_name(MOTION) not in results:
+    if is_by_period(results):
         classes = np.where(periods > 0, MotionClass.PERIODIC, MotionClass.UNDECIDED)
         if inferred_name("contact") in results:
             free = results[inferred_name("contact")].values == 0
             classes = np.where(free, MotionClass.NO_CONTACT, classes)
         kinds = np.where(inferred(results), classes, kinds)
     return kinds, periods
+
+
+def is_by_period(results) -> bool:
+    """Return whether a map is refined by the period, and not by the class of motion."""
+    return inferred_name("orbit_period") in results and inferred_name(MOTION) not in results
+
+
+def drawn_classes(results) -> tuple[np.ndarray, np.ndarray]:
+    """Return `filled_classes` for a map; refined by the period, all without one are undecided."""
+    kinds, periods = filled_classes(results)
+    if is_by_period(results):
+        without = (kinds >= MotionClass.LONG_PERIOD) & (kinds <= MotionClass.UNDECIDED)
+        kinds = np.where(without, MotionClass.UNDECIDED, kinds)
+    return kinds, periods
+
+
+def drawn_motions(by_period: bool, structure) -> list[tuple[str, str]]:
+    """Return `palette.motions_of` as `drawn_classes` calls them, '' where there are none."""
+    undecided = CLASS_NAMES[MotionClass.UNDECIDED]
+    words = {undecided: "no period found", **dict.fromkeys(APERIODIC, "")} if by_period else {}
+    return [(words.get(name, name), colour) for name, colour in palette.motions_of(structure)]
 
 
 def share_note(share: float) -> str:

@@ -10,7 +10,7 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.attractors import IDENTITY, dominant, identities, missed_attractors
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.diagrams.attractors import starts_text
-from hpcsweep.figures.inferred import filled, filled_classes, gather, inferred, note_of
+from hpcsweep.figures.inferred import drawn_classes, filled, gather, inferred, is_by_period, note_of
 from hpcsweep.figures.options import BRANCHES, CELLS, DIRECTION, SWEEP, Option, figure_of
 from hpcsweep.figures.overlay import with_specials
 from hpcsweep.solvers.outcome import Outcome
@@ -121,8 +121,8 @@ def motion_map(results, value: str = "period", cells: bool | None = None, **_opt
 
 
 def _classes(results) -> Kinds:
-    index = palette.motion_index(*(values[0] for values in filled_classes(results)))
-    keys = mesh.motion_keys(index, style.structure_of(results))
+    index = palette.motion_index(*(values[0] for values in drawn_classes(results)))
+    keys = mesh.motion_keys(index, style.structure_of(results), is_by_period(results))
     return index, palette.MOTION_COLOURS, [*keys, *mesh.map_keys(results)]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import MOTION
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.inferred import draw_cells, gather
+from hpcsweep.figures.inferred import draw_cells, drawn_motions, gather
 from hpcsweep.figures.overlay import draw_specials, special_keys
 from hpcsweep.studies.points import FORCING_AMPLITUDE
 
@@ -256,7 +256,7 @@ def share_keys(
     return [*handles, labels.blank(f"{missing}  {style.percent(absent)}")] if absent else handles
 
 
-def motion_keys(index: np.ndarray, structure) -> list:
+def motion_keys(index: np.ndarray, structure, by_period: bool) -> list:
     """Return the legend keys of motions that occur, and always of the undecided ones, with shares.
 
     Parameters
@@ -264,9 +264,11 @@ def motion_keys(index: np.ndarray, structure) -> list:
     index : ndarray of int
         Of all runs, in `palette.MOTIONS`; -1 where nothing is computed.
     structure : Structure
+    by_period : bool
+        See `drawn_motions`.
     """
     computed = max(int((index >= 0).sum()), 1)
-    names = palette.motions_of(structure)
+    names = drawn_motions(by_period, structure)
     return share_keys(index, names, "not computed", ("undecided",), computed)
 
 

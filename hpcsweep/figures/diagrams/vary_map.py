@@ -8,7 +8,7 @@ import numpy as np
 
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
-from hpcsweep.figures.inferred import filled_classes, inferred, share_note
+from hpcsweep.figures.inferred import drawn_classes, inferred, is_by_period, share_note
 from hpcsweep.figures.options import DIRECTION, OMEGA, Option, figure_of
 from hpcsweep.figures.style import PlotError
 from hpcsweep.studies.grid import RunGrid
@@ -47,6 +47,8 @@ class Panels(NamedTuple):
         Name of the job, frequency and direction.
     study : RunGrid
         Of one part.
+    by_period : bool
+        Whether motions without a period share one class.
     inferred : float
         Share of the points that are inferred.
     """
@@ -59,6 +61,7 @@ class Panels(NamedTuple):
     values: tuple[Any, ...]
     title: str
     study: RunGrid
+    by_period: bool
     inferred: float
 
 
@@ -93,7 +96,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         frame, study = frames.dataset(place), as_kind(frames.study, RunGrid)
         at = style.direction_index(frame["direction"].values, direction)
         from_cells.append(float(inferred(frame)[at, 0].mean()))
-        motion.append(palette.motion_index(*(values[at, 0] for values in filled_classes(frame))))
+        motion.append(palette.motion_index(*(values[at, 0] for values in drawn_classes(frame))))
         place_of = study.structure, float(frame["omega"].values.flat[0])
         grazing.append(style.grazing_amplitude(*place_of) if over_amplitude else np.inf)
         pairs = ((_words(n), written(v)) for n, v in frames.at.items() if n != over)
@@ -118,6 +121,7 @@ def load(frames, omega: float | None = None, direction: str | None = None, over:
         values=free[over].values,
         title=f"{frames.whole.name},  {title}",
         study=study,
+        by_period=is_by_period(frame),
         inferred=float(np.mean(from_cells)),
     )
 
@@ -146,7 +150,7 @@ def vary(results: Panels, **_options):
             axis.locator_params(axis="x", nbins=4)
     there = np.isfinite(results.grazing).any()
     grazing = [mesh.grazing_key()] if there else []
-    keys = mesh.motion_keys(results.motion, results.study.structure)
+    keys = mesh.motion_keys(results.motion, results.study.structure, results.by_period)
     mesh.legend_of_shares(figure, [*keys, *grazing], bool(results.inferred))
     return style.head(figure, results.title, share_note(results.inferred))
 

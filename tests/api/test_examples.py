@@ -37,6 +37,7 @@ def runs(name: str) -> None:
     assert not told, "".join(told)
 
 
+@pytest.mark.slow
 @together("name", [name for name in NAMES if name not in SECONDS])
 def test_the_example_of_a_public_name_runs(study, name, monkeypatch):
     monkeypatch.chdir(study)

@@ -86,6 +86,7 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / 100
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="plain Python hears at once")
 @pytest.mark.parametrize("name", CALLS)
 def test_a_long_call_hears_ctrl_c(name):

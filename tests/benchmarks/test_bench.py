@@ -173,6 +173,7 @@ def test_methods_that_fail_or_are_absent_are_said(monkeypatch):
         ) * 2
 
 
+@pytest.mark.slow
 def test_ratio_on_an_attractor():
     compared = [ratios.motions()[0], ratios.motions()[2]]
     rows = ratios.motion_ratios(compared, against=(("bdf", 1e-6),), turns=1)

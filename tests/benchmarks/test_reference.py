@@ -74,6 +74,7 @@ def test_certified_data_can_be_made_again(certified):
     assert np.abs(matrix - certified["matrices"][0][:, [0, 5]]).max() < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 50.0, 2000.0])
 def test_agrees_with_a_runge_kutta_method(rho):
     # a method of another family, on scipy's sigmoid, with steps below the layer's transit time
@@ -108,6 +109,7 @@ def test_infinite_sharpness_is_the_limit_of_large_sharpness():
     assert np.abs(ends[1] - ends[2]).max() < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [1e4, math.inf])
 def test_energy_is_kept_without_damping_and_forcing(rho):
     structure = Structure(2, 500.0, rho, 0.0)

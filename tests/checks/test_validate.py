@@ -56,6 +56,7 @@ def flip(path: Path, offset: int, bit: int = 1) -> None:
         file.write(bytes([byte ^ bit]))
 
 
+@pytest.mark.slow
 def test_a_whole_file_is_sound_and_the_other_solver_agrees(whole):
     before = whole.read_bytes()
     done = hpcsweep(0, "validate", whole, "--samples", 3, "--seed", 3, "--json")
@@ -132,6 +133,7 @@ def test_a_flipped_byte_of_a_state_that_is_followed_costs_one_block(copy, whole,
     assert hpcsweep(0, "validate", copy, "--samples", 0).returncode == 0
 
 
+@pytest.mark.slow
 def test_blocks_that_are_not_committed_are_not_there_yet(copy):
     with h5py.File(copy, "r+") as file:
         file["commit"][0, 1, 2] = 0
@@ -227,6 +229,7 @@ def altered(**changes):
     return Altered
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change", "promise"),
     [
@@ -254,6 +257,7 @@ def test_a_broken_promise_is_found_under_a_checksum_that_holds(tmp_path, name, c
     assert not any("checksum" in problem for problem in report.problems)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change", "promise"),
     [
@@ -330,6 +334,7 @@ def test_orbits_off_the_path_are_found_out(tmp_path):
     assert not any("bdf finds" in problem for problem in report.problems)
 
 
+@pytest.mark.slow
 def test_results_of_another_structure_are_found_out_by_the_other_solver(tmp_path):
     path = tmp_path / "other.h5"
     make(path, study=OfAnotherStructure)

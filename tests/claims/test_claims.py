@@ -265,6 +265,7 @@ lyapunov = true
 """
 
 
+@pytest.mark.slow
 def test_maps_of_both_stiffnesses_are_compared(tmp_path, capsys):
     paths = []
     for beta in (1000.0, 100.0):

@@ -111,6 +111,7 @@ def _half_a_period(state):
     return solve_ivp(motion, (0, math.pi), state, rtol=1e-10, atol=1e-12).y[:, -1]
 
 
+@pytest.mark.slow
 def test_the_coexisting_motions_of_figure_3_are_found():
     """As printed P1 beside P2 at 0.12, three at 0.2188; as described P2 C13 beside P4 C23."""
     found = hpcsweep.attractors(PAPER, 0.12, 0.445, starts=50)
@@ -247,6 +248,7 @@ def all_apart(structure, found):
     return min(distance(a, b) for k, a in enumerate(points) for b in points[k + 1 :])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("structure", "omega", "amplitude", "periods"),
     [

@@ -82,6 +82,7 @@ def test_members_that_touch_a_stop_and_plastic_motions_are_attractors_beside_the
     ]
 
 
+@pytest.mark.slow
 def test_members_are_joined_and_others_are_not():
     structure = oscillator(0.05, [hpcsweep.Contact((1.0,), 0.15, 5.0)])
     solver = make_solver("flow", structure, OMEGA, 1e-9, yields=True)

@@ -124,6 +124,7 @@ def test_a_stop_request_interrupts_a_verification():
     assert len(polled) == 3
 
 
+@pytest.mark.slow
 def test_bdf_verifies_the_orbit_that_flow_does():
     own, amplitude = STIFF.measured_at(OMEGA, 0.454), 0.454
     z = stroboscopic_points(STIFF, amplitude, OMEGA, np.zeros(2), 3000)[-1]

@@ -64,6 +64,7 @@ def rgb(colour: str) -> np.ndarray:
     return np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)])
 
 
+@pytest.mark.slow
 def test_film_has_the_asked_frames_and_plays_everywhere(made):
     pictures, said = decode(made.output)
     assert pictures.shape[0] == 4
@@ -151,6 +152,7 @@ def test_gif_has_the_same_pictures_in_exact_colours(results, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["o.gif"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("color", ["contact", "period"])
 def test_colours_tell_the_class_of_the_run(made, tmp_path, color):
     request = replace(made, color=color)

@@ -53,6 +53,7 @@ def parts_of(path):
     return meta, arrays
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pair", "yields"])
 def test_the_page_has_the_responses_of_the_file(folder, name):
     results = open_results(folder / f"{name}.h5")

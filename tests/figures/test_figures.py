@@ -203,6 +203,7 @@ KINDS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("module", "options"), KINDS)
 def test_every_figure_names_its_axes_its_parameters_and_what_is_undecided(
     results, drawn_figure, module, options
@@ -508,6 +509,7 @@ def test_jobs_as_described_differ_from_those_as_printed_by_the_damping_alone():
         assert described.settings == printed.settings
 
 
+@pytest.mark.slow
 def test_resolution_of_a_picture(file, tmp_path, capsys):
     from PIL import Image
 
@@ -537,6 +539,7 @@ classify_cycles = %d
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cycles", [0, 5000])
 def test_chaos_is_told_by_decided_motions_or_by_the_exponent(tmp_path, cycles):
     path = tmp_path / "a.h5"

@@ -10,6 +10,7 @@ from hpcsweep.figures.diagrams import metrics, orbit_diagram, sweep
 from hpcsweep.model.structure import Structure
 
 
+@pytest.mark.slow
 def test_all_panels_have_the_limits_and_regions_beyond_have_no_words(results, drawn_figure):
     with view.viewing(x=(0.2, 0.28), y=(-1.5, 0.25)):
         figure = drawn_figure(orbit_diagram.orbit, results)
@@ -23,6 +24,7 @@ def test_all_panels_have_the_limits_and_regions_beyond_have_no_words(results, dr
     assert all(0.2 <= place <= 0.28 for place in left.values())
 
 
+@pytest.mark.slow
 @together(
     "extra, words",
     [

@@ -70,6 +70,7 @@ def test_measures_are_drawn_at_an_undamped_resonance(tmp_path):
     assert picture.stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_measures_are_drawn_where_they_are_held(tmp_path, capsys):
     for name, more in (
         ("held", "storey_drift = true\ncontact_force = true\nimpacts = true\n"),
@@ -93,6 +94,7 @@ def test_captions_have_the_units_that_are_named():
     assert parameters(job.structure, 4 * math.pi).endswith("= 12.5664 rad/s = 2 Hz")
 
 
+@pytest.mark.slow
 def test_drifts_are_ratios_where_heights_are_known(buildings, drawn_figure):
     from hpcsweep.figures.diagrams.metrics import measures
 

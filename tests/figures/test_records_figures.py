@@ -67,6 +67,7 @@ def test_every_figure_is_drawn(folder, kind):
     assert (folder / f"{kind}.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 @together(
     "arguments, said",
     [
@@ -314,6 +315,7 @@ def test_history_passes_through_the_peaks_of_the_response():
     np.testing.assert_allclose(largest, found.displacement, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_floor_spectra_are_drawn_from_the_file_or_from_the_records(tmp_path):
     stored = "floor_spectra = {periods = [0.1, 0.5], places = ['B2']}"
     text = TEXT.replace("count = 8", "count = 2").replace("count = 20}", "count = 2}")
@@ -332,6 +334,7 @@ def test_floor_spectra_are_drawn_from_the_file_or_from_the_records(tmp_path):
     np.testing.assert_allclose(line.get_ydata()[[5, 40]], expected, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_portfolio_shows_fractiles_of_every_structure_over_its_keys(tmp_path):
     keys = '[vary]\n"pounding.gap" = [0.01, 0.03]\n"pounding.stiffness" = [1e9, 4e9]\n'
     keys += '"pounding.tension" = [false]\n'
@@ -422,6 +425,7 @@ def test_numbers_are_in_units_that_suit_them():
     assert labels.sized(known, "velocity", np.array([0.02]))[1] == 1.0
 
 
+@pytest.mark.slow
 def test_drifts_at_which_frames_yield_are_told_of_storeys_that_stay_elastic(folder):
     """0.5 % of 3.2 m are 16 mm: told of all storeys in one file, of B's in the other."""
     for name, places in (("job.h5", "AB"), ("hysteresis.h5", "B")):

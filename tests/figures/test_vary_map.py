@@ -26,6 +26,7 @@ def varied(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_panel_for_each_value_of_the_other_keys(varied):
     frames = Frames(varied)
     results = vary.load(frames, omega=0.6, direction="down")

@@ -196,6 +196,7 @@ def test_the_content_of_the_file_and_every_key_of_it_is_part_of_the_fingerprint(
     assert len(found) == 8
 
 
+@pytest.mark.slow
 def test_records_are_scaled_at_the_period_of_a_model(folder):
     structure = JOB[: JOB.index("[sweep]")]
     made = []

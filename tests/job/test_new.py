@@ -152,6 +152,7 @@ def test_a_kind_that_is_not_known_is_one_line(tmp_path):
     assert (done.stderr.count("\n"), list(tmp_path.iterdir())) == (1, [])
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_on_many_ranks_one_writes(tmp_path):
     done = hpcsweep(2, "new", "study.toml", cwd=tmp_path)

@@ -27,6 +27,7 @@ def said(text: str) -> str:
     return message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("job", odd_values.JOBS)
 def test_every_key_is_named_by_what_refuses_odd_values(job, tmp_path):
     odd_values.with_record(tmp_path)

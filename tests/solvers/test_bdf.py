@@ -17,6 +17,7 @@ from hpcsweep.solvers.step_tally import StepTally
 IMPACTING = Structure(3, 1000.0, 1e4, 0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [0.01, 0.06, 0.25])
 def test_error_falls_with_the_tolerance(amplitude):
     exact = reference_points(IMPACTING, amplitude, OMEGA, np.zeros(6), 2)

@@ -106,6 +106,7 @@ def test_a_period_is_that_of_the_reference(case):
         assert np.abs((found - exact) / structure.state_units).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_what_is_observed_is_what_the_reference_sees(case):
     structure, amplitude, omega, start = case
     seen = FlowMap(structure, omega).observe(start, amplitude, 2, modal_norm=True)
@@ -141,6 +142,7 @@ def test_the_solvers_agree_in_motion_and_tangent(case):
     assert seen.contact == FlowMap(structure, omega).observe(start, amplitude, 1).contact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gap", "gap_left", "beta"),
     [(1.0, math.inf, 1000.0), (0.0, math.inf, 3.0), (0.3, 0.4, 500.0), (-0.1, 0.5, 50.0)],
@@ -321,6 +323,7 @@ def test_stops_at_the_same_place_in_directions_of_different_length():
         assert np.abs(found - two.points(state, 0.4, 1)[0]).max() < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sharpness", [math.inf, 200.0])
 def test_drifts_along_any_rows_feel_the_contacts(sharpness):
     contacts = [Contact((1.0, 0.0), 0.3, 300.0), Contact((1.0, -1.0), 0.2, 100.0)]

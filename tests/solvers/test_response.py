@@ -252,6 +252,7 @@ def test_two_buildings_by_an_integrator_of_its_own():
     np.testing.assert_allclose(found.drift, drift, rtol=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sharpness", [3.0, 30.0, 1000.0])
 def test_peaks_inside_the_layer_of_a_smooth_stop(sharpness):
     """scipy's DOP853, an interval at a time, on equations written down here.

@@ -133,6 +133,7 @@ def test_other_numbers_of_floors(name, allowed, n):
     assert_near_reference(name, structure, amplitude, 0.6, state, 2, allowed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.5, 30.0, 1e3, 1e6, 1e8, math.inf])
 def test_sharpness(name, allowed, rho):
     # a soft sigmoid pulls with beta / 2 all the time: a weaker one keeps the motion moderate
@@ -182,6 +183,7 @@ def test_energy_is_kept_without_damping_and_forcing(name, allowed, rho):
     assert max(abs(energy(z) - energy(state)) for z in out) <= 2 * allowed
 
 
+@pytest.mark.slow
 @each_solver("amplitude, rho", (0.25, 1e4), (0.1, math.inf), (0.06, 1e4))
 def test_window_against_the_dense_reference(name, allowed, amplitude, rho):
     structure = Structure(3, 1000.0, rho, 0.05)
@@ -216,6 +218,7 @@ def test_monodromy(name, rho):
     assert np.abs(matrix - exact).max() <= limit * max(1.0, np.abs(exact).max())
 
 
+@pytest.mark.slow
 def test_growth_is_that_of_the_exact_tangent_map(name):
     structure = Structure(3, 1000.0, 1e4, 0.05)
     start = reference_points(structure, 0.06, OMEGA, np.zeros(6), 2)[-1]

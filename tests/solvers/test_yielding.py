@@ -46,6 +46,7 @@ def same(response, reference, end, tolerance=1e-12):
     np.testing.assert_allclose(response.ductility, reference.elongation / yielded, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_random_storeys_move_as_the_reference(seed):
     rng = np.random.default_rng(seed)
@@ -488,6 +489,7 @@ def test_an_elastoplastic_oscillator_collapses_while_the_ground_pushes_on():
     assert not free.collapsed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_random_frames_with_weights_collapse_as_the_reference(seed):
     rng = np.random.default_rng(seed)

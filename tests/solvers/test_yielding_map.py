@@ -78,6 +78,7 @@ def solver_of(structure, omega=OMEGA):
     return make_solver("flow", structure, omega, 1e-9, yields=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hardening", [0.0, 0.1])
 def test_an_oscillator_moves_as_the_reference(hardening):
     structure = oscillator(hardening)
@@ -122,6 +123,7 @@ def test_two_storeys_and_a_damper_move_as_the_reference():
     np.testing.assert_allclose(left, np.outer(structure.forcing_vector, ground), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_storeys_that_yield_beside_the_default_stops_move_as_the_reference():
     structure = hpcsweep.Structure(
         2, stiffness_ratio=30.0, gap=0.5, damping_ratio=0.05, yield_drift=0.4, hardening=0.1

@@ -127,6 +127,7 @@ def test_a_part_is_one_of_several(given):
         parse_job(f"part = {given}\n{SMALL}", "x", "x")
 
 
+@pytest.mark.slow
 def test_what_is_no_whole_is_refused_in_one_line_and_nothing_is_written(tmp_path):
     short = SMALL.replace("transient_cycles = 30", "transient_cycles = 3")
     path, (first, second) = parts_of(SMALL, 2, tmp_path)

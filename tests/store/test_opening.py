@@ -61,6 +61,7 @@ def flip(path: Path, offset: int, bit: int = 0) -> None:
     path.write_bytes(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["omega", "amplitude", "point", "mode", "block"])
 def test_a_flipped_bit_of_a_coordinate_is_refused(copy, name):
     with h5py.File(copy, "r") as file:

@@ -75,6 +75,7 @@ def one_period(told: dict, amplitude: float, omega: float, z: np.ndarray) -> np.
     return done.y[:, -1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [SMALL + VARY, DASHPOT], ids=["vary", "dashpot"])
 def test_a_stored_point_follows_from_the_file_alone(text, tmp_path):
     with h5py.File(computed(text, tmp_path)) as file:
@@ -178,6 +179,7 @@ def test_every_code_of_every_study_has_words(tmp_path):
         assert "flag_meanings" in one.attrs, one.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["SMALL", "RECORDS", "BASINS"])
 def test_a_frame_has_the_names_dimensions_and_words_of_the_whole(kind, tmp_path):
     """As docs/extending.md says of what a figure is given."""

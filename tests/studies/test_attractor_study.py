@@ -68,6 +68,7 @@ def test_each_block_restarts_from_what_the_file_holds(tmp_path, job, whole):
     assert_same_datasets(whole, path)
 
 
+@pytest.mark.slow
 def test_the_file_is_sound_and_tells_damage(tmp_path, whole):
     report = validate(whole, samples=1)
     assert report.problems == []
@@ -124,6 +125,7 @@ points = [[0.7, 1.0], [0.6, 1.1], [0.3, 0.9]]
 )
 
 
+@pytest.mark.slow
 def test_a_list_of_points_has_the_attractors_of_each_on_its_own(tmp_path):
     job, path = parse_job(LIST, "list", "list"), tmp_path / "list.h5"
     assert campaign.run(job, path, Serial()) == 0
@@ -254,6 +256,7 @@ def test_an_identity_continues_that_with_most_amplitudes_in_common():
     assert continued(votes) == {2: 7, 1: 9, 3: 4}
 
 
+@pytest.mark.slow
 def test_a_grid_of_attractors_is_a_map_by_default(tmp_path, whole):
     pictures = [tmp_path / f"{k}.png" for k in range(3)]
     options = [], ["--kind", "map"], ["--kind", "attractors"]

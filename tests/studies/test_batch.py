@@ -120,6 +120,7 @@ class OneByOne(Batch):
 NONE, ONE = new_orbits(0, 1, 1), new_orbits(1, 1, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("follow", [True, False], ids=["follow", "each"])
 @pytest.mark.parametrize("name", STRUCTURES)
 def test_many_in_one_call_are_what_they_are_one_by_one(name, follow):
@@ -149,6 +150,7 @@ def test_many_in_one_call_are_what_they_are_one_by_one(name, follow):
             assert np.array_equal(many[key][tame], single[key][tame]), key
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["described", "units"])
 def test_however_the_work_is_cut_it_is_the_same_to_the_last_bit(name, monkeypatch):
     structure, _, amplitudes = STRUCTURES[name]

@@ -61,6 +61,7 @@ def test_the_kernels_that_follow_branches_are_there_before_the_first_run(folder)
     assert study.is_compiled()
 
 
+@pytest.mark.slow
 def test_every_periodic_motion_of_the_file_lies_on_a_branch(folder, whole):
     runs, results = open_results(folder / "sweep.h5"), open_results(whole)
     periodic = (runs["orbit_period"] > 0).sum(("direction", "amplitude")).values

@@ -77,6 +77,7 @@ def walk(results, frame: int, initial: np.ndarray):
             state = runs["final_state"].values[at]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [ALONG, GAPS], ids=["omega", "gap"])
 def test_points_are_those_by_hand_from_the_state_before_to_the_last_bit(text, tmp_path):
     text = text.replace("[output]", '[solver]\nskip = "none"\n[output]')
@@ -96,6 +97,7 @@ def test_points_are_those_by_hand_from_the_state_before_to_the_last_bit(text, tm
         assert run["final_state"].values.tobytes() == points[-1].tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["omega", "gap"])
 def test_runs_with_skip_rules_are_those_of_the_numerical_core_to_the_last_bit(folder, name):
     results = api.open_results(folder / f"{name}.h5")
@@ -192,6 +194,7 @@ def test_it_is_drawn_over_its_parameter(folder, tmp_path):
     assert done.stderr == f"hpcsweep: error: {folder / 'gap.h5'}: {said}\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ATTRACTORS)
 def test_attractors_along_a_path_are_those_of_each_place_to_the_last_bit(name, tmp_path):
     study = parse_job(ATTRACTORS[name], "", "job").study

@@ -35,6 +35,7 @@ def grid_job(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_point_is_the_run_from_the_initial_state(tmp_path, grid_job):
     path = tmp_path / "grid.h5"
     assert hpcsweep(0, "run", grid_job, "-o", path).returncode == 0

@@ -138,6 +138,7 @@ def test_histories_are_those_of_the_plain_response(tmp_path):
 SPECTRA = 'floor_spectra = {periods = [0.1, 0.4], places = ["B3", "A1"], damping_ratio = 0.02}'
 
 
+@pytest.mark.slow
 def test_floor_spectra_are_those_of_the_plain_motion(tmp_path):
     text = FACTORS.replace("[output]", f"[output]\n{SPECTRA}")
     job, path, results = computed(text, tmp_path)
@@ -316,6 +317,7 @@ def from_files(files: str) -> str:
     return RECORDS.replace(synthetic, f"files = {files}")
 
 
+@pytest.mark.slow
 def test_files_are_read_once_and_not_needed_to_read_results(tmp_path):
     write_columns(tmp_path / "suite")
     (tmp_path / "job.toml").write_text(from_files('["suite/*-3.txt", "suite"]'))

@@ -110,6 +110,7 @@ def test_readers_tell_computed_from_inferred(refined, tmp_path):
     assert "inferred from its cell" in (tmp_path / "page.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_damaged_byte_of_what_is_inferred_is_seen_and_mended(refined, tmp_path):
     path = tmp_path / "map.h5"
     path.write_bytes(refined.read_bytes())

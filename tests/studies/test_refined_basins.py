@@ -84,6 +84,7 @@ def test_readers_and_commands_tell_it(refined, tmp_path):
     assert open_results(tmp_path / "packed.h5").drop_attrs().equals(results.drop_attrs())
 
 
+@pytest.mark.slow
 def test_it_is_sound_and_damage_is_seen(refined, tmp_path):
     report = validate(refined, samples=1)
     assert report.problems == []

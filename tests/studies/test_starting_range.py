@@ -52,6 +52,7 @@ def study(text: str):
     return parse_job(text, "starts", "starts")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "told"), [(ATTRACTORS, BOX), (BASINS, SLICE)])
 def test_file_and_description_tell_the_starts(text, told, tmp_path):
     job = study(text)

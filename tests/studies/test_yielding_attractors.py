@@ -82,6 +82,7 @@ def test_a_file_tells_families_and_shakedown_of_each_attractor(found):
     assert counted["elastic"]["runs"] + counted["plastic"]["runs"] == held.sum()
 
 
+@pytest.mark.slow
 def test_the_file_is_sound_and_goes_on_where_it_was_cut(tmp_path, found):
     assert not validate(found).problems
     path, job = tmp_path / "cut.h5", tmp_path / "job.toml"
@@ -93,6 +94,7 @@ def test_the_file_is_sound_and_goes_on_where_it_was_cut(tmp_path, found):
     assert_same_datasets(found, path)
 
 
+@pytest.mark.slow
 def test_starts_with_another_p_go_to_members_of_the_same_families(tmp_path, basins):
     assert not validate(basins).problems
     with open_results(basins) as results:

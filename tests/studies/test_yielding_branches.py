@@ -1,6 +1,7 @@
 """Branches through the motions of structures that yield: what the file tells."""
 
 import numpy as np
+import pytest
 from tools import made
 
 from hpcsweep import open_results
@@ -31,6 +32,7 @@ max_points = 800
 """
 
 
+@pytest.mark.slow
 def test_all_motions_of_a_sweep_lie_on_one_branch_of_families(tmp_path):
     """On the way down p stays behind: those orbits are of the families that the way up passes."""
     swept = made(SWEEP + 'directions = ["up", "down"]\n', tmp_path / "swept.h5")

@@ -120,6 +120,7 @@ def test_multipliers_on_a_branch_are_those_of_an_independent_map():
     np.testing.assert_allclose(sorted(found.multiplier.values[0], key=abs), own, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_beside_a_stop_branches_fold():
     """An orbit that has shaken down grazes, folds, repels, folds again, and begins to yield."""
     structure, omega = pounding(), 1.218
@@ -189,6 +190,7 @@ seeds = "none.h5"
 """
 
 
+@pytest.mark.slow
 def test_what_is_not_followed_is_refused_in_one_line():
     plain, structure = hysteretic(0.0), hysteretic()
     with pytest.raises(ValueError, match=r"^structure must have hardening for branches: [^\n]*$"):

@@ -33,6 +33,7 @@ def test_the_curve_of_a_grazing_is_that_of_the_linear_motion(one_impact_branch):
     assert found.special_kind.size == meanings(found.special_kind).size == 0
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_fold_is_that_of_the_closed_form(one_impact_branch):
     special = one_impact_branch.isel(special=2)
     assert meanings(special.special_kind).item() == "fold"

@@ -89,6 +89,7 @@ def test_grazings_of_soft_impacts_and_what_they_meet():
     assert places == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_folds_of_soft_impacts_touch_the_grazings_to_third_order():
     c = SoftImpacts.c
 

@@ -94,6 +94,7 @@ def test_a_torus_of_the_delayed_logistic_map():
     assert value == pytest.approx(2.0, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_a_search_finds_all_orbits_of_the_logistic_map_in_its_window_of_period_3():
     catalogue = Catalogue(Logistic(), Limits(3.835, 3.845), 0.01, 4, 64)
     starts = np.linspace(0.02, 0.98, 256)[:, None]

@@ -275,6 +275,7 @@ def check_records(number: int, seed: int) -> None:
         assert (np.median(errors, axis=0) < 1e-13).all()
 
 
+@pytest.mark.slow
 def test_a_few_random_structures_follow_the_reference():
     check_random(4, seed=11)
     check_starts_on_stops(10, seed=13)

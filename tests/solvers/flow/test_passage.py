@@ -15,6 +15,7 @@ PERIOD = 1.0
 """Short: the floor passes its stop once and comes back."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v", [0.7, -0.7])
 def test_derivatives_of_a_passage_are_those_of_its_moments(v):
     @kernel

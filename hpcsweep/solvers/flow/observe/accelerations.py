@@ -58,7 +58,6 @@ def accelerations_on_segment(segment, span, amplitude, model, tables, outputs, t
     """Raise the peaks of absolute accelerations; arguments of `peaks.peaks_on_segment`."""
     end = outputs.end
     start, bounds = local_vector(end.shape[0]), local_vector(end.shape[0] // 2)
-    start[:], bounds[:] = 0.0, 0.0
     ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step, start, bounds)
     quarter, sixth = 0.25 * span, span * (1.0 / 6.0)
     fourth = HERMITE_MIDDLE * (span * span) * (span * span)

@@ -118,7 +118,6 @@ def sizes_of(model: Model) -> dict[str, int]:
         sizes[f"tabled {name}"] = 0 if large else sizes[name]
     modes = padded(n) if large or volterra else 0
     sizes |= {"modes": modes, "2 modes": 2 * modes}
-    sizes |= {"stops": sizes["padded m"] if modes else 0}
     units = 2 + forcing if volterra else 0
     sizes |= {"levels": LEVELS if volterra else 0, "units": units, "modal n": n if volterra else 0}
     sizes |= {"2 modes+2H": 2 * modes + forcing, "nodes+units": N_NODES + units}

@@ -53,15 +53,20 @@ def ends_of_accelerations(segment, span, amplitude, model, tables, outputs, step
     """Write accelerations and slopes at both ends of the first `span` of a step, and bounds."""
     if segment.kind == TABLE:
         _ends_by_tables(segment, span, amplitude, model, tables, outputs, step, start, bounds)
-        return
-    outputs.place[0] = -1.0
-    if segment.kind == MODES:
-        _ends_in_modes(segment, span, amplitude, model, tables, outputs, step, start, bounds)
-    elif in_modes(tables):
-        for p in range(model.ground.shape[0]):
-            _ends_of_polynomial(p, segment, span, model, tables, outputs, step, start, bounds)
     else:
-        _ends_in_series(segment, span, model, outputs, step, start, bounds)
+        outputs.place[0] = -1.0
+        if segment.kind == MODES:
+            _ends_in_modes(segment, span, amplitude, model, tables, outputs, step, start, bounds)
+        elif in_modes(tables):
+            for p in range(model.ground.shape[0]):
+                _ends_of_polynomial(p, segment, span, model, tables, outputs, step, start, bounds)
+        else:
+            _ends_in_series(segment, span, model, outputs, step, start, bounds)
+    for p in range(model.ground.shape[0], bounds.shape[0]):
+        # behind the floors eights go on with what is nobody's
+        at = p + p // LANES * LANES
+        start[at] = start[at + LANES] = 0.0
+        outputs.end[at] = outputs.end[at + LANES] = bounds[p] = 0.0
 
 
 @inlined
@@ -121,11 +126,6 @@ def _ends_in_series(segment, span, model, outputs, step, start, bounds):
         store(outputs.end, 2 * p, fma(share, fma(slope, span, ground), value * rate))
         store(outputs.end, 2 * p + LANES, fma(share, slope, bend * (rate * rate)))
         store(bounds, p, bound * (rate * rate * rate * rate * rate))
-    for p in range(model.ground.shape[0], bounds.shape[0]):
-        # behind the floors the terms go on with other rows, whose accelerations are nobody's
-        at = p + p // LANES * LANES
-        start[at] = start[at + LANES] = 0.0
-        outputs.end[at] = outputs.end[at + LANES] = bounds[p] = 0.0
 
 
 @inlined

@@ -133,12 +133,14 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
 def _table(results, study, wanted: dict[str, Column], place: str | None, keys: dict, units: dict):
     """Return the table of a part's results: a row a computed run and place."""
     from hpcsweep.studies.ground_motion.stripes import places_of
+    from hpcsweep.studies.variables import percent_of_height
 
     runs, places, columns = [*study.run_dims], dict[str, None](), {}
+    percent = percent_of_height(results)
     for column, (name, is_response, is_ratio, _) in wanted.items():
         array = abs(results[name]) if is_response else results[name]
-        if is_ratio and "storey_height" in results:
-            array = array * (100.0 / results["storey_height"])
+        if is_ratio and percent is not None:
+            array = array.copy(data=array.values * percent)
         for dim in {*array.dims} - {*runs}:
             names = [str(label) for label in results[dim].values]
             array = array.rename({dim: "place"}).assign_coords(place=names)

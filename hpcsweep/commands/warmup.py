@@ -56,6 +56,7 @@ def run(options) -> int:
     warm_up_all(say, options.jobs)
     for study in studies:
         part = as_kind(study.part((0,) * len(study.axes)), Part)
+        # on no ranks any number of runs pays for kernels of their own
         load(part.kernels(n_ranks=0), say, options.jobs)
     seconds = time.perf_counter() - begun
     folders = " and ".join(map(str, kept_in()))

@@ -266,10 +266,10 @@ def adjacent(
     >>> pair.names.contacts
     ('A1-B1',)
     """
-    listed = items("building", buildings, "a list of buildings")
-    buildings = [instance("building", building, Building) for building in listed]
     from scipy.linalg import block_diag  # takes 0.1 s to load
 
+    listed = items("building", buildings, "a list of buildings")
+    buildings = [instance("building", building, Building) for building in listed]
     names = _names(buildings)
     alone, first, levels = _side_by_side(buildings, names)
     of = functools.partial(_labels, alone, names)

@@ -23,8 +23,6 @@ MARGIN = 0.06
 """Room around the points, in ranges of a floor's displacement."""
 MAX_SETS, MAX_COLUMNS = 14, 10
 """Contact sets that the legend names, the commonest, and its columns."""
-
-
 LETTERS = 140
 """Letters side by side on a contact band."""
 
@@ -50,14 +48,14 @@ class Picture:
     """
 
     def __init__(self, film: Film, survey: Survey):
-        self._film, study, contacts = film, film.study, film.structure.contact_labels
+        self._film, study, self._labels = film, film.study, film.structure.contact_labels
         self._along = study.along_of(0)
         symbols = {"omega": "Ω = {:.4f}", "amplitude": "A = {:.4g}"}
         self._symbol = symbols.get(study.run_dims[-2], "")
         sets = sorted(survey.contacts, key=lambda c: (-survey.contacts[c], c))
-        names = style.set_names(sets, contacts)
+        names = style.set_names(sets, self._labels)
         self.sets = {
-            c: (palette.contact_colour(c, contacts), name)
+            c: (palette.contact_colour(c, self._labels), name)
             for c, name in zip(sets, names, strict=True)
         }
         self.keys = {key: self._key(key) for key in sorted(survey.keys)}
@@ -155,8 +153,7 @@ class Picture:
             rooms = (LETTERS * (right - left) / np.ptp(self._edges)).astype(int)
             for place in np.flatnonzero(rooms > 1):
                 contact, room = sets[place], int(rooms[place])
-                labels_of = self._film.structure.contact_labels
-                name = "" if contact is None else style.set_name(contact, labels_of, room)
+                name = "" if contact is None else style.set_name(contact, self._labels, room)
                 if name and len(name) <= room:
                     at = 0.5 * (left[place] + right[place]), d + 0.5
                     looks = {"ha": "center", "va": "center", "fontsize": 9}

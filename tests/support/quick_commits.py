@@ -8,6 +8,7 @@ that many bytes, from the moment MPI, which has files of its own, has started.
 
 import os
 import resource
+import signal
 import sys
 
 from hpcsweep.commands import cli
@@ -28,6 +29,7 @@ def limit_files(size: int) -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # which tests send, also tests under nohup
     commit.SYNC_INTERVAL = float(sys.argv[1])
     lock.ORPHAN_WAIT = float(os.environ.get("HPCSWEEP_TEST_ORPHAN_WAIT", lock.ORPHAN_WAIT))
     if "HPCSWEEP_TEST_FILE_LIMIT" in os.environ:

@@ -195,6 +195,22 @@ def test_below_first_contact_the_response_is_linear():
     assert hpcsweep.first_contact_scale(structure.without_contacts(), record) == math.inf
 
 
+def test_what_is_reached_is_on_the_side_of_each_contact():
+    """A stop on the left is reached by -u, whose largest value is not that of u."""
+    record, rows = noise(4, 200), [[1.0, 0.0], [-1.0, 0.0], [-0.5, 1.0], [0.5, -1.0]]
+    contacts = [Contact(row, 0.01, 1e3) for row in rows]
+    pair = Structure.from_matrices([1.0, 1.0], [[300, -100], [-100, 100]], contacts)
+    _, reach = linear_response(pair, record)
+    seen = history(pair.without_contacts(), record, step=record.dt / 50)
+    largest = (seen.displacement @ np.array(rows).T).max(axis=0)
+    np.testing.assert_allclose(reach, largest, rtol=2e-4)
+    assert abs(reach[1] / reach[0] - 1.0) > 0.01
+    assert abs(reach[3] / reach[2] - 1.0) > 0.01
+    scale = hpcsweep.first_contact_scale(pair, record)
+    for part, touched in ((1 - 1e-9, 0), (1 + 1e-9, 1)):
+        assert hpcsweep.response(pair, record, scale * part).impacts.sum() == touched
+
+
 @together(
     "change, said",
     [

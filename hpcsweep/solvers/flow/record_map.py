@@ -55,7 +55,7 @@ class RecordMap:
     rtol : float
         As of `FlowMap`.
     one_sided : int
-        So many of the last drifts are of row . u in place of |row . u|.
+        So many of the structure's last drifts are of row . u in place of |row . u|.
     base_shear, energy : bool
         Whether the responses have these.
     """
@@ -75,9 +75,10 @@ class RecordMap:
         model = record_model(structure, self.dt, base_shear, energy)
         self._units = Units(structure, model)
         tolerance = min(LAYER_TOLERANCE * self.rtol, 1e-9)
-        last = len(model.drift_rows)
-        watched = model.watched.copy()
-        watched[last - one_sided : last, 2] = 1
+        last = len(structure.drift_rows)
+        sided, watched = slice(last - one_sided, last), model.watched.copy()
+        rows = np.vstack((np.eye(structure.n_floors), model.rows))[model.drift_rows[sided, 0]]
+        watched[sided, 2] = np.sign((rows * structure.drift_rows[sided]).sum(axis=1))
         model = model._replace(watched=watched)
         self._shared, self._packed = SHARED.place(new_shared(model, tolerance, MAX_STEPS))
         self._sliders = Sliders(structure, model.elements)

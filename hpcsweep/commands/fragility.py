@@ -8,16 +8,18 @@ and yielding, where responses are proportional to the intensity, the exact capac
 a median is an extrapolation beyond the stripes.
 Drifts are ratios in percent where the job gives storey heights, else in its unit of length.
 
-With --demands instead of a threshold: write peak drift ratios and floor accelerations of one
-building at one intensity as the CSV table that Pelicun and PBE of SimCenter read. PFA-0 is that of
-the ground, or of the slab on bearings. Records that collapse have no row; the first cell names
-them, and what the table does not have.
+With --demands instead of a threshold: write drift ratios, peak and residual, floor accelerations
+and the spectral acceleration of one building, a row a run, as the CSV table that Pelicun and PBE of
+SimCenter read. PFA-0 is that of the ground, or of the slab on bearings. Of a structure that may
+collapse, runs that do have no row: a file beside it, NAME.json, has them, and the collapse
+fragility as Pelicun's configuration has it.
 
 examples:
   hpcsweep fragility pair.h5 --threshold 1.0 --place A
   hpcsweep fragility pair.h5 --threshold 5.0 --response acceleration
   hpcsweep fragility frame.h5 --collapse
-  hpcsweep fragility pair.h5 --demands demands.csv --place A --scale 4.0
+  hpcsweep fragility pair.h5 --demands demands.csv --place A
+  hpcsweep fragility pair.h5 --demands demands.csv --place A --scale 4.0 8.0
   hpcsweep plot pair.h5 --kind fragility --threshold 1.0
 """
 
@@ -25,7 +27,7 @@ import contextlib
 import json
 
 from hpcsweep.commands import CommandError, add_at, add_file, listing
-from hpcsweep.commands.outputs import DEMANDS, check_overwriting
+from hpcsweep.commands.outputs import COLLAPSES, DEMANDS, check_overwriting, writing
 from hpcsweep.commands.rows import rows_of
 from hpcsweep.figures.options import UNITS, file_name, positive
 
@@ -41,7 +43,9 @@ def configure(parser) -> None:
     wanted.add_argument("--demands", type=file_name, metavar="CSV", help="table to be written")
     for option in (responses.RESPONSE, responses.PLACE, UNITS):
         option.add(parser)
-    parser.add_argument("--scale", type=positive, help="intensity of the table, or the nearest")
+    parser.add_argument(
+        *("--scale",), type=positive, nargs="+", help="of the table, or the nearest (default: all)"
+    )
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)
 
@@ -103,8 +107,6 @@ def _threshold(options, results, study) -> int:
     return 0
 
 
-MOST_NAMES = 20
-"""Records that have collapsed which a table of demands names."""
 ROWS = """\
 capacity | {fractiles} of {measure}; {never} records never reach it up to {highest:.4g}\
  | , {lost} unknown
@@ -137,63 +139,109 @@ def _shown(counted: dict) -> str:
 
 
 def _demands(options, results, study) -> int:
-    """Write the table of demands of a building at the scale nearest to one.
+    """Write the table of demands of a building at the scales nearest to some, or at all.
 
-    The lowest acceleration is that of the ground, or of the slab on bearings. Records that have
-    collapsed have no demands; the corner of the table names them, and what it does not tell.
+    Runs that have collapsed have no demands: they are in a file of their own, beside the fragility.
     """
     import numpy as np
 
     from hpcsweep.earthquakes.demands import write_demands
+    from hpcsweep.studies.ground_motion.stripes import spectral_accelerations
+
+    beside = options.demands.with_suffix(".json")
+    check_overwriting(options.demands, DEMANDS)
+    if "storey_height" not in results:
+        raise CommandError(f"{options.file}: its job gives no storey_height: drift has no ratio")
+    storeys, floors, slab = _places(results, study, options.place)
+    scales, g = results["scale"].values, study.gravity
+    chosen = sorted({int(np.argmin(np.abs(scales - each))) for each in options.scale or scales})
+    at = [f"{study.measure} = {scale:.4g}" for scale in scales[chosen].tolist()]
+    where = at[0] if len(at) == 1 else f"{len(at)} stripes, {at[0]} to {scales[chosen[-1]]:.4g}"
+    runs = results.isel(scale=chosen).transpose("scale", "record", ...)
+    height, factor = results["storey_height"].values[storeys], runs["factor"].values
+    accelerations = runs["floor_acceleration"].values / g
+    period, spectral = spectral_accelerations(study)
+    columns = {
+        "drift_ratio": runs["storey_drift"].values[..., storeys] / height,
+        "floor_acceleration": accelerations[..., floors],
+        "ground_acceleration": factor * runs["pga"].values / g,
+    }
+    if slab:
+        columns["ground_acceleration"] = accelerations[..., slab[0]]
+    if "residual_drift" in runs:
+        columns["residual_drift"] = np.abs(runs["residual_drift"].values[..., storeys]) / height
+    stands = np.ones(factor.shape, bool)
+    if "collapsed" in runs:
+        check_overwriting(beside, COLLAPSES)
+        stands = runs["collapsed"].values == 0
+    if not stands.any():
+        raise CommandError(f"{options.file}: all records collapse at {where}: none has demands")
+    columns = {name: values[stands] for name, values in columns.items()}
+    if not all(np.isfinite(column).all() for column in columns.values()):
+        raise CommandError(f"{options.file}: holds no response of some records at {where}")
+    names = [[one.name + f", {each}" * (len(at) > 1) for one in study.suite] for each in at]
+    listed = np.array(names, object)
+    notes = [f"PFA-0 is that of the slab {results['floor'].values[i]}" for i in slab]
+    if spectral is None:
+        notes.append("no spectral acceleration, the records are not at hand")
+    else:
+        columns["spectral_acceleration"] = {period: (factor * spectral / g)[stands]}
+    if "collapsed" in runs:
+        fragility = _collapses(results, study, period, spectral)
+        fallen = listed[~stands].tolist()
+        notes.append(f"{len(fallen)} of {stands.size} runs collapse, see {beside.name}")
+        with writing(beside):
+            told = {"CollapseFragility": fragility, "unit": "mps2", "collapsed": fallen}
+            beside.write_text(json.dumps(told, indent=1) + "\n")
+    note, records = "; ".join(notes), listed[stands].tolist()
+    write_demands(options.demands, **columns, unit="g", records=records, note=note)
+    print(f"{options.demands}: {len(records)} runs at {where}" + f": {note}" * bool(note))
+    return 0
+
+
+def _places(results, study, place: str | None) -> tuple[list[int], list[int], list[int]]:
+    """Return the places of a building's storeys, of its floors, and of its slab on bearings."""
     from hpcsweep.model.buildings import COLUMN
     from hpcsweep.model.isolation import SLAB
     from hpcsweep.studies.ground_motion.stripes import places_of
 
-    check_overwriting(options.demands, DEMANDS)
-    if "storey_height" not in results:
-        raise CommandError(f"{options.file}: its job gives no storey_height: drift has no ratio")
-    scales, place = results["scale"].values, options.place
-    if options.scale is None and scales.size > 1:
-        raise CommandError(f"--scale is missing: one of {scales[0]:g} to {scales[-1]:g}")
     buildings = study.structure.building_names
     if place not in buildings and (place or len(buildings) > 1):
         limit = f"a table is of one building, {', '.join(buildings)}"
         raise CommandError(f"--place {place or 'is missing'}: {limit}")
-    at = int(np.argmin(np.abs(scales - (options.scale or scales[0]))))
-    runs = results.isel(scale=at)
-    every = [*map(str, results["floor"].values)]
+    storeys, floors = ([*map(str, results[dim].values)] for dim in ("storey", "floor"))
+    own = place if len(buildings) > 1 else None
+    slab = f"{own or ''} {SLAB}".strip()
 
     def of_building(names: list[str]) -> list[int]:
-        chosen = places_of(names, place if len(buildings) > 1 else None)
+        chosen = places_of(names, own)
         return [i for i in chosen if not names[i].endswith(SLAB) and COLUMN not in names[i]]
 
-    storeys, floors = of_building([*map(str, results["storey"].values)]), of_building(every)
-    g, where = study.gravity, f"{study.measure} = {scales[at]:.4g}"
-    slab = f"{place if len(buildings) > 1 else ''} {SLAB}".strip()
-    ground = runs["pga"].values * runs["factor"].values
-    if slab in every:
-        ground = runs["floor_acceleration"].values[:, every.index(slab)]
-    names = np.array([record.name for record in study.suite], object)
-    stands = runs["collapsed"].values == 0 if "collapsed" in runs else np.ones(names.size, bool)
-    if not stands.any():
-        raise CommandError(f"{options.file}: all records collapse at {where}: none has demands")
-    columns = (
-        runs["storey_drift"].values[stands][:, storeys] / results["storey_height"].values[storeys],
-        runs["floor_acceleration"].values[stands][:, floors] / g,
-        ground[stands] / g,
-    )
-    if not all(np.isfinite(column).all() for column in columns):
-        raise CommandError(f"{options.file}: holds no response of some records at {scales[at]:g}")
-    fallen = names[~stands].tolist()
-    listed = ", ".join(fallen[:MOST_NAMES]) + ", ..." * (len(fallen) > MOST_NAMES)
-    collapse = f"{len(fallen)} of {names.size} records collapse and are not here: {listed}"
-    notes = (
-        f"PFA-0 is that of the slab {slab}" * (slab in every),
-        "no residual drifts (RID)" * ("residual_drift" in results),
-        collapse * bool(fallen),
-    )
-    note, records = "; ".join(filter(None, notes)), names[stands].tolist()
-    write_demands(options.demands, *columns, unit="g", records=records, note=note)
-    remark = f": {note}" * bool(note)
-    print(f"{options.demands}: {len(records)} records at {where}{remark}")
-    return 0
+    slabs = [i for i, name in enumerate(floors) if name == slab]
+    return of_building(storeys), of_building(floors), slabs
+
+
+def _collapses(results, study, period: float, spectral) -> dict | None:
+    """Return the fragility of collapse by the spectral acceleration, as Pelicun is told it.
+
+    Its median is in m/s^2. None where records and stripes determine none.
+    """
+    from hpcsweep.earthquakes.fragility import capacity_fragility
+    from hpcsweep.earthquakes.units import STANDARD_GRAVITY
+    from hpcsweep.studies.ground_motion.stripes import COLLAPSE, capacities, stripes_of
+
+    if spectral is None:
+        return None
+    reached = capacities(stripes_of(results, study, COLLAPSE), 1.0)
+    unit = spectral / study.measures * (STANDARD_GRAVITY / study.gravity)
+    lengths = {name: getattr(reached, name) * unit for name in ("scale", "below", "above")}
+    try:
+        fitted = capacity_fragility(reached._replace(**lengths), event=COLLAPSE)
+    except ValueError:
+        return None
+    return {
+        "DemandType": f"SA_{period:.4g}",
+        "CapacityDistribution": "lognormal",
+        "CapacityMedian": fitted.median,
+        "Theta_1": fitted.dispersion,
+    }

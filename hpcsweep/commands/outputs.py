@@ -16,6 +16,7 @@ from hpcsweep.commands import CommandError
 HEAD = 4096
 """First bytes of each kind of file."""
 PICTURE, PAGE, FILM, DEMANDS, TABLE = "picture", "page", "film", "table of demands", "table"
+COLLAPSES = "collapse fragility"
 KINDS = {
     "results file": rb"\x89HDF",
     "journal": rb'\{"kind": ',
@@ -23,6 +24,7 @@ KINDS = {
     PAGE: rb"(?i)\s*<!doctype html",
     FILM: rb"GIF8|....ftyp",
     DEMANDS: rb"[^\n]*,\d+-P[FI][AD]-",
+    COLLAPSES: rb'\{\s*"CollapseFragility"',
     TABLE: rb"PAR1|PK\x03\x04.{26}(docProps|xl|_rels|\[Content)"
     rb"|([^\n]+,)?(record,scale|direction,[^\n]+,amplitude)( \[[^\n,]*\])?,",
 }

@@ -1,20 +1,31 @@
 """Write peaks as a table of demands for loss tools: Pelicun, and PBE of SimCenter.
 
 A demand is named event-type-location-direction: ``1-PID-2-1`` is the peak interstorey drift ratio
-of storey 2, ``1-PFA-2-1`` the peak acceleration of the floor above it, ``1-PFA-0-1`` of the ground.
-The first row holds the names, behind what is to be said of the table, the second the units, each
-other one a realisation, i.e. a record.
+of storey 2, ``1-RID-2-1`` what is left of it, ``1-PFA-2-1`` the peak acceleration of the floor
+above, ``1-PFA-0-1`` of the ground, ``1-SA_0.5-0-1`` the spectral acceleration at 0.5 s. The first
+row holds the names, behind what is to be said of the table, the second the units, each other one a
+realisation, i.e. a record.
 """
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import choice, count, file_name, instance, refused, rows, words
+from hpcsweep.model.arguments import (
+    array,
+    choice,
+    count,
+    file_name,
+    instance,
+    positive,
+    refused,
+    rows,
+    words,
+)
 
 ACCELERATION_UNITS = ("mps2", "cmps2", "mmps2", "inps2", "ftps2", "g")
 """Names of units in Pelicun."""
@@ -37,6 +48,8 @@ def write_demands(
     direction: int = 1,
     records: Sequence[str] = (),
     note: str = "",
+    residual_drift: Any = None,
+    spectral_acceleration: Mapping[float, Any] | None = None,
 ) -> None:
     """Write the demands of one building to a CSV file, a row a record.
 
@@ -58,6 +71,10 @@ def write_demands(
         Names of the records, for the first column; they are numbered from 0 without them.
     note : str
         What the table is to tell of itself: its first cell, the name of the first column.
+    residual_drift : array_like, shape (records, storeys), optional
+        What is left of the drift of each storey over its height, at least 0.
+    spectral_acceleration : mapping of float to array_like, shape (records,), optional
+        Of the ground under the scaled record, by the period in seconds.
 
     Raises
     ------
@@ -77,24 +94,29 @@ def write_demands(
     """
     file = Path(file_name("path", path))
     drift = rows("drift_ratio", drift_ratio)
-    floors = rows("floor_acceleration", floor_acceleration)
-    ground = rows("ground_acceleration", np.reshape(ground_acceleration, (-1, 1)))
-    if floors.shape != drift.shape:
-        raise ValueError(f"floor_acceleration must have shape {drift.shape}, has {floors.shape}")
-    if len(ground) != len(drift):
-        raise ValueError(f"ground_acceleration must have shape ({len(drift)},), has {len(ground)}")
     rowwise = words("records", records) or tuple(map(str, range(len(drift))))
     if len(rowwise) != len(drift):
         raise ValueError(f"records must have {len(drift)} names, has {len(rowwise)}")
     event, direction = count("event", event, 1), count("direction", direction, 1)
     choice("unit", unit, ACCELERATION_UNITS)
     instance("note", note, str)
-    peaks = ("PFA", 0, np.hstack([ground, floors]), unit), ("PID", 1, drift, "rad")
-    demands = {
-        f"{event}-{kind}-{location}-{direction}": (its_unit, column)
-        for kind, first, values, its_unit in peaks
-        for location, column in enumerate(values.T, first)
+    peaks = {
+        "ground_acceleration": ("PFA", 0, np.ravel(ground_acceleration), unit),
+        "floor_acceleration": ("PFA", 1, floor_acceleration, unit),
+        "drift_ratio": ("PID", 1, drift, "rad"),
     }
+    if residual_drift is not None:
+        peaks["residual_drift"] = ("RID", 1, residual_drift, "rad")
+    for period, values in (spectral_acceleration or {}).items():
+        name = f"SA_{positive('spectral_acceleration', period):.4g}"
+        peaks[f"spectral_acceleration, {name},"] = (name, 0, np.ravel(values), unit)
+    demands = {}
+    for name, (kind, first, values, its_unit) in peaks.items():
+        values, shape = array(name, values), drift.shape if first else drift.shape[:1]
+        if values.shape != shape:
+            raise ValueError(f"{name} must have shape {shape}, has {values.shape}")
+        for location, column in enumerate(np.atleast_2d(values.T), first):
+            demands[f"{event}-{kind}-{location}-{direction}"] = its_unit, column
     for name, (_, column) in demands.items():
         wrong = column[~((column >= 0) & (column < np.inf))]
         if wrong.size:

@@ -92,7 +92,6 @@ def test_every_figure_is_drawn(folder, kind):
         (["fragility", "job.h5", "--threshold", "nan"], "must be finite"),
         (["fragility", "job.h5", "--threshold", "0.5", "--place", "Z"], "or a building"),
         (["fragility", "job.h5", "--demands", "job.toml", "--scale", "1"], "job.toml"),
-        (["fragility", "job.h5", "--demands", "new.csv"], "--scale is missing"),
         (["fragility", "job.h5", "--demands", "new.csv", "--scale", "1"], "building, A, B"),
     ],
 )
@@ -294,13 +293,14 @@ def test_demands_are_those_of_one_building_at_one_intensity(folder):
     assert done.returncode == 0, done.stderr
     with (folder / "d.csv").open() as file:
         rows = list(csv.reader(file))
-    names = ["", "1-PFA-0-1", "1-PFA-1-1", "1-PFA-2-1", "1-PID-1-1", "1-PID-2-1"]
+    names = ["", "1-PFA-0-1", "1-PFA-1-1", "1-PFA-2-1", "1-PID-1-1", "1-PID-2-1", "1-SA_0.5-0-1"]
     assert rows[0] == names
     results = open_results(folder / "job.h5").sel(scale=5, method="nearest")
     assert [row[0] for row in rows[2:]] == results.record.values.tolist()
     table = np.array([row[1:] for row in rows[2:]], float)
     np.testing.assert_allclose(table[:, 0], results.pga * results.factor / 9.80665)
     np.testing.assert_allclose(table[:, 4], results.storey_drift.sel(storey="A2") / 3.2)
+    np.testing.assert_allclose(table[:, 5], results.scale / 9.80665)
 
 
 def test_history_passes_through_the_peaks_of_the_response():

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import re
 from pathlib import Path
 
@@ -32,6 +33,7 @@ from hpcsweep.solvers import response as solvers_response
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion import responses
+from hpcsweep.studies.ground_motion.keys import longest_period
 from hpcsweep.studies.ground_motion.stripes import capacities, stripes_of
 
 SUITE = synthetic_records(4, seed=3, dt=0.02, duration=10.0)
@@ -731,7 +733,6 @@ storey_height = 3.2
 synthetic = {count = 2, seed = 3, dt = 0.02, duration = 10.0}
 scale = {by = "pga", values = [1.0]}
 """
-PID = [f"1-PID-{k}-1" for k in (1, 2, 3)]
 OWN = 2 * np.pi / np.sqrt(1200.0) / 0.4450418679
 """Period of three equal storeys, k / m = 1,200."""
 BEARINGS = """[building.isolation]
@@ -819,36 +820,65 @@ def test_heights_in_two_units_are_told_in_place_of_a_column():
         parse_job(RECORDS.replace("height = 3.2", "height = 3200.0", 1), "job", "job")
 
 
-def test_demands_have_the_slab_and_no_record_that_collapses(tmp_path):
-    """Not the peak of the ground as PFA-0, nor rows up to a collapse; the first cell says so."""
+def test_demands_have_the_slab_and_no_run_that_collapses(tmp_path):
+    """Not the peak of the ground as PFA-0, nor rows up to a collapse, which a file beside has.
+
+    All records collapse somewhere: the fragility is that of the logarithms of their capacities.
+    """
     text = FRAME.replace("3.2", "3.2\nyield_drift = 0.004\ncollapse_drift = 0.012")
     text = text.replace("[records]", BEARINGS.format(2.24)).replace("count = 2", "count = 6")
     (tmp_path / "a.toml").write_text(text.replace("[1.0]", "[2.0, 7.0, 20.0]"))
     assert hpcsweep(0, "run", "a.toml", cwd=tmp_path).returncode == 0
-    results = open_results(tmp_path / "a.h5")
-    for scale in (2.0, 7.0):
-        given = "fragility", "a.h5", "--demands", "d.csv", "--scale", str(scale)
-        done = hpcsweep(0, *given, cwd=tmp_path)
+    results, study = open_results(tmp_path / "a.h5"), parse_job(text, "job", "job").study
+    g, period = 9.80665, longest_period(study.structure)
+    records = [study.record(i) for i in range(6)]
+    sa = np.array([spectrum(record, [period]).acceleration[0] for record in records])
+    given, head = ("fragility", "a.h5", "--demands", "d.csv"), ["1-PFA-0-1"]
+    head += [f"1-{kind}-{k}-1" for kind in ("PFA", "PID", "RID") for k in (1, 2, 3)]
+    head += [f"1-SA_{period:.4g}-0-1"]
+    for scales in ([2.0], [7.0], [2.0, 7.0], [2.0, 7.0, 20.0]):
+        asked = [] if len(scales) == 3 else ["--scale", *map(str, scales)]
+        done = hpcsweep(0, *given, *asked, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-        one = results.sel(scale=scale)
-        falls = one.collapsed.values > 0
+        runs = results.sel(scale=scales).transpose("scale", "record", ...)
+        stands = runs.collapsed.values == 0
+        names = runs.record.values[None].repeat(len(scales), axis=0).astype(object)
+        if len(scales) > 1:
+            names = names + [[f", PGA = {scale:g}"] for scale in scales]
         with (tmp_path / "d.csv").open(newline="") as stream:
-            head, _, *rows = csv.reader(stream)
-        assert [row[0] for row in rows] == one.record.values[~falls].tolist()
-        slab = one.floor_acceleration.sel(floor="isolation").values[~falls] / 9.80665
-        np.testing.assert_allclose([float(row[1]) for row in rows], slab, rtol=1e-14)
-        said = "PFA-0 is that of the slab isolation; no residual drifts (RID)"
-        if falls.any():
-            told = ", ".join(one.record.values[falls])
-            said += f"; {falls.sum()} of 6 records collapse and are not here: {told}"
-        assert head == [said, "1-PFA-0-1", *(f"1-PFA-{k}-1" for k in (1, 2, 3)), *PID]
-        assert said in done.stdout
-    assert 0 < falls.sum() < 6
+            (note, *columns), units, *rows = csv.reader(stream)
+        fallen = (~stands).sum()
+        said = "PFA-0 is that of the slab isolation; "
+        said += f"{fallen} of {stands.size} runs collapse, see d.json"
+        assert (note, columns, said in done.stdout) == (said, head, True)
+        assert units == ["Units", *["g"] * 4, *["rad"] * 6, "g"]
+        assert [row[0] for row in rows] == names[stands].tolist()
+        table = np.array([row[1:] for row in rows], float)
+        drifts = (
+            runs.floor_acceleration.values / g,
+            runs.storey_drift.values / 3.2,
+            abs(runs.residual_drift.values) / 3.2,
+            (runs.factor.values * sa / g)[..., None],
+        )
+        own = np.concatenate([each[stands] for each in drifts], axis=1)
+        np.testing.assert_allclose(table, own, rtol=1e-12)
+        beside = json.loads((tmp_path / "d.json").read_text())
+        assert beside["collapsed"] == names[~stands].tolist()
+        assert beside["unit"] == "mps2"
+    assert 0 < results.collapsed.sel(scale=7).values.sum() < 6
+    assert runs.residual_drift.values[stands].any()
+    first = results.collapsed.values.argmax(axis=1)
+    capacity = np.array([1.0, 4.5, 13.5])[first] * sa / [record.peak for record in records]
+    capacity = np.log(capacity)
+    fitted = beside["CollapseFragility"]
+    assert fitted["DemandType"] == head[-1][2:-4]
+    assert fitted["CapacityMedian"] == pytest.approx(math.exp(capacity.mean()), rel=1e-9)
+    assert fitted["Theta_1"] == pytest.approx(capacity.std(), rel=1e-9)
     for wrong, said in (
-        (["20"], "all records collapse"),
-        (["2", "--place", "1"], "of one building"),
+        (["--scale", "20"], "all records collapse"),
+        (["--place", "1"], "of one building"),
     ):
-        done = hpcsweep(0, *given[:-1], *wrong, cwd=tmp_path)
+        done = hpcsweep(0, *given, *wrong, cwd=tmp_path)
         assert (done.returncode, said in done.stderr) == (2, True)
 
 

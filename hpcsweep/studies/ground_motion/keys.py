@@ -168,8 +168,12 @@ class RecordGrid(Part):
     @cached_property
     def factor(self) -> np.ndarray:
         """Factor of each record at each scale, shape (n_records, n_scales)."""
-        measures = np.array([facts.measure for facts in self.suite])
-        return self.scale / measures[:, None]
+        return self.scale / self.measures[:, None]
+
+    @property
+    def measures(self) -> np.ndarray:
+        """Measure of each record as it is, shape (n_records,)."""
+        return np.array([facts.measure for facts in self.suite])
 
     @cached_property
     def responses(self) -> RecordResponses:

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hpcsweep.earthquakes.intensity import average_spectral_acceleration
 from hpcsweep.earthquakes.stripes import Capacity, capacity, linear_capacity
+from hpcsweep.earthquakes.units import seconds_in
 from hpcsweep.model.reduction import physical
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.studies.ground_motion.keys import longest_period
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.quantities import QUANTITIES
 from hpcsweep.studies.variables import percent_of_height
@@ -176,6 +179,24 @@ def stripes_of(
         unit=responses.unit,
         records=tuple(str(record) for record in results["record"].values),
     )
+
+
+def spectral_accelerations(study: Records) -> tuple[float, np.ndarray | None]:
+    """Return a period in seconds, and Sa of each record as it is; None if they are not at hand.
+
+    The period is that of the scales if they are of Sa, else the longest of the structure.
+    """
+    measure, period = study.measure, longest_period(study.structure)
+    second = float(seconds_in(study.structure.unit_names.time or "s") or 1)
+    if measure.by == "sa":
+        (named,) = measure.periods
+        return second * (named if isinstance(named, float) else period), study.measures
+    try:
+        records = [study.record(i) for i in range(len(study.suite))]
+        found = [average_spectral_acceleration(record, [period]) for record in records]
+    except ValueError:
+        return second * period, None
+    return second * period, np.array(found)
 
 
 def intensity_label(study: Records, units: str | None = None) -> str:

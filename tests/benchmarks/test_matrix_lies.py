@@ -17,11 +17,9 @@ def test_a_pair_of_matrices_with_a_lie_is_read_right_or_refused(tmp_path, lie):
 
 
 @pytest.mark.slow
-def test_300_pairs_are_read_right_or_refused(tmp_path):
-    kinds = [(kind, lie) for kind in FORMATS for lie in LIES]
-    for k in range(300):
+def test_every_lie_in_every_format_is_read_right_or_refused(tmp_path):
+    for k, (kind, lie) in enumerate((kind, lie) for kind in FORMATS for lie in LIES):
         folder = tmp_path / str(k)
         folder.mkdir()
-        kind, lie = kinds[k % len(kinds)]
         outcome, said = judge(folder, kind, lie, k)
         assert outcome != "wrong", f"{kind}, {lie}, {k}: {said}"

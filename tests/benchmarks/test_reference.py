@@ -55,8 +55,8 @@ def test_stored_points_are_what_the_integrator_gives(certified, dps, order):
 
 @pytest.mark.slow
 def test_certified_data_can_be_made_again(certified):
-    # of each case a later period from its stored point, of every third the first from rest
-    for case, (beta, amplitude) in enumerate(CASES):
+    # of every second case a later period from its stored point, of every sixth the first from rest
+    for case, (beta, amplitude) in list(enumerate(CASES))[::2]:
         structure, points = Structure(3, beta, 1e4, 0.05), certified["points"][case]
         if case % 3 == 0:
             first = points_mp(structure, amplitude, OMEGA, np.zeros(6), 1)

@@ -49,6 +49,7 @@ FEWER = {
     "isolated-building": FEW_SYNTHETIC,
     "friction-damper": FEW_SYNTHETIC,
     "collapse": FEW_SYNTHETIC,
+    "two-buildings": ("sweep.amplitude={from = 0.05, to = 5.0, count = 20}",),
     "two-masses": ("sweep.omega={from = 0.5, to = 0.8, count = 31}",),
     "piecewise-linear": ("sweep.omega={from = 1.0, to = 6.0, step = 0.02}",),
     "hysteresis": ("sweep.amplitude={from = 0.2, to = 1.2, step = 0.2}",),

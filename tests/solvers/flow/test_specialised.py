@@ -46,7 +46,7 @@ def nothing_fitted(monkeypatch):
 
 @pytest.mark.slow
 def test_fitted_kernels_give_the_same_to_the_last_bit(nothing_fitted):
-    """All that a solver does, with rows of relative displacements, in one process with the others."""
+    """In one process with the others, with rows of relative displacements."""
     study = load_job(JOBS / "structures/pounding.toml").study
     *plain, was_fitted = everything(study, 0.3, (0.02, 0.05, 0.1))
     assert not was_fitted

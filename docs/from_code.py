@@ -55,7 +55,8 @@ run is one start; the attractors, without `hits`, are 0 or NaN until the map is 
     "records": """\
 A run is a record at a scale; `factor` multiplies the record. Peaks are over continuous time, to the
 end of the tail. `output.history` adds the motion itself, `output.times` the times of the peaks,
-`output.alone` the same without contacts, and `gap_needed`. `skip_rule` is 1 below first contact.
+`output.alone` those without contacts and `gap_needed`, or of the elastic motion of what has none.
+`skip_rule` is 1 below first contact.
 """,
     "branches": """\
 A run is a line. Points of all branches follow each other along `step`, special points along

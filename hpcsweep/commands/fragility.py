@@ -99,7 +99,9 @@ def _threshold(options, results, study) -> int:
     shown = sums | {
         "fractiles": _shown(sums),
         "lost": sums["unknown"] or None,
-        "free": _shown(sums["alone"]) if "alone" in sums else None,
+        "free": _shown(sums["alone"]) + ", exact" * stripes.proportional
+        if "alone" in sums
+        else None,
         "caution": sums["caution"] or None,
         "without": alone_words(study.structure),
     }
@@ -110,7 +112,7 @@ def _threshold(options, results, study) -> int:
 ROWS = """\
 capacity | {fractiles} of {measure}; {never} records never reach it up to {highest:.4g}\
  | , {lost} unknown
-{without} | {free}, exact
+{without} | {free}
 crossings | {later_crossings} records fall below it again
 fragility | median {median:.4g} ({median_interval[0]:.4g} to {median_interval[1]:.4g}), \
 dispersion {dispersion:.4f} ({dispersion_interval[0]:.4f} to {dispersion_interval[1]:.4f})

@@ -81,7 +81,6 @@ def test_every_figure_is_drawn(folder, kind):
         (["plot", "job.h5", "--kind", "orbit"], "holds responses"),
         (["plot", "job.h5", "--kind", "hysteresis"], "the structure has no sliders"),
         (["plot", "hysteresis.h5", "--kind", "hysteresis", "--place", "B1"], "of A1, A2"),
-        (["plot", "hysteresis.h5", "--kind", "pounding"], "the elastic motion alone, no measure"),
         (["plot", "job.h5", "--scale", "nan"], "argument --scale: must be greater than 0, is nan"),
         (["fragility", "job.h5", "--scale", "nan", "--demands", "new.csv"], "is nan"),
         (
@@ -326,6 +325,9 @@ def test_floor_spectra_are_drawn_from_the_file_or_from_the_records(tmp_path):
     for line, values in zip(in_file, results["floor_spectrum"][:, 1, 0], strict=False):
         np.testing.assert_array_equal(line.get_xdata(), [0.1, 0.5])
         np.testing.assert_allclose(line.get_ydata(), values / 9.80665, rtol=1e-12)
+    (free,) = (line.get_ydata() for line in in_file if line.get_label() == "50 %, no contact")
+    least = np.sort(results["floor_spectrum_alone"][:, 1, 0], axis=0)[0]  # of two
+    np.testing.assert_allclose(free, least / 9.80665, rtol=1e-12)
     study = parse_job(text, "job", "job").study
     line = kind.draw(results, scale=20.0, place="A2").axes[0].lines[1]
     periods = line.get_xdata()[[5, 40]]
@@ -389,7 +391,7 @@ def test_what_collapses_lies_at_the_edge_and_words_fit_the_structure(folder):
     assert names == ["16 to 84 %", "median", "no contact"]
     frame = Building([1.0, 1.0], 50.0, yield_drift=0.1).structure
     beside = replace(frame, gap=0.1)
-    words = ["elastic motion", "elastic motion without contact", "no contact"]
+    words = ["elastic motion", "no contact", "no contact"]
     assert [alone_words(one) for one in (frame, beside, replace(beside, yield_drift=None))] == words
     hard = open_results(folder / "hysteresis.h5")
     for kind, label in (("profile", words[1]), ("ida", f"50 %, {words[1]}")):

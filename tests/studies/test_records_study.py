@@ -12,7 +12,9 @@ from together import together
 from tools import RECORDS, hpcsweep
 
 from hpcsweep import (
+    Building,
     floor_spectra,
+    history,
     intensity,
     open_results,
     response,
@@ -25,8 +27,6 @@ from hpcsweep.campaign.status import status
 from hpcsweep.campaign.summary import summarize
 from hpcsweep.checks.validate import validate
 from hpcsweep.earthquakes.intensity import average_spectral_acceleration
-from hpcsweep.figures.options import figures
-from hpcsweep.figures.style import PlotError
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.parallel.mpi import Serial
 from hpcsweep.solvers import response as solvers_response
@@ -149,10 +149,11 @@ def test_floor_spectra_are_those_of_the_plain_motion(tmp_path):
     assert (*found["place"].values, *found["period"].values) == ("B3", "A1", 0.1, 0.4)
     assert found.attrs["units"] == results["floor_acceleration"].attrs["units"]
     factor = float(results["scale"][3])
-    own = floor_spectra(
-        *(study.structure, SUITE[2], [0.1, 0.4], 0.02, factor, study.tail), places=["B3", "A1"]
-    )
-    np.testing.assert_array_equal(found[2, 3], own.acceleration)
+    for name, structure in (("", study.structure), ("_alone", study.structure.without_contacts())):
+        own = floor_spectra(
+            *(structure, SUITE[2], [0.1, 0.4], 0.02, factor, study.tail), places=["B3", "A1"]
+        )
+        np.testing.assert_array_equal(results[f"floor_spectrum{name}"][2, 3], own.acceleration)
     assert (results["impacts"][2, 3] > 0).any()
     assert validate(path).sound
 
@@ -272,7 +273,7 @@ def test_without_contacts_all_is_linear(tmp_path, calls):
     _, path, results = computed(text, tmp_path)
     assert calls == []
     assert "stop" not in results.sizes
-    np.testing.assert_array_equal(results["storey_drift"], results["storey_drift_alone"])
+    assert not [name for name in results if name.endswith(("_alone", "_elastic"))]
     assert validate(path, 5).sound
 
 
@@ -615,9 +616,43 @@ def test_yielding_buildings_are_computed_as_plainly(tmp_path, calls):
             np.testing.assert_allclose(own, plain, rtol=0, atol=1e-9 * size, err_msg=name)
     assert results["excursions"].values.sum() > 10
     assert validate(path, 3).sound
-    assert "gap_needed" not in results  # of a motion in which nothing slips it would be too small
-    with pytest.raises(PlotError, match="--kind separation: the gap that is needed is not known"):
-        figures()["separation"].draw(results)
+
+
+@pytest.mark.slow
+def test_what_yields_yields_without_contacts(tmp_path, calls):
+    """By runs of each building alone, which share nothing; gaps share the motion without them."""
+    text = FACTORS.replace('name = "A"\n', YIELD + "collapse_drift = [0.03, inf]\n")
+    text = text.replace("[0.25, 0.5, 1.0, 2.0]", "[0.05, 1.0, 2.0, 5.0]")
+    gaps = GAPS.replace("0.01, 0.02, 0.04", "0.011, 0.021, 0.043")
+    _, path, results = computed(text + gaps, tmp_path)
+    of_alone = [np.isclose(calls, scale / 0.004).sum() for scale in (1.0, 2.0, 5.0)]
+    assert of_alone == [len(SUITE)] * 3
+    assert validate(path, 3).sound
+    named = {"A": ([2.5e5] * 2, 3e8), "B": ([2.5e5] * 3, 1e8)}
+    yields = {"yield_drift": [0.004, 0.002], "hardening": 0.05, "collapse_drift": [0.03, np.inf]}
+    single = {
+        name: Building(*of, storey_height=3.2, **(yields if name == "A" else {})).structure
+        for name, of in named.items()
+    }
+    fallen = 0
+    for k, at in np.ndindex(4, 4):
+        run, scale = results.isel(record=k, scale=at), float(results["scale"][at])
+        a, b = (response(single[name], SUITE[k], scale, tail=1.0) for name in "AB")
+        assert run["skip_rule"].values.all() == (at == 0)
+        np.testing.assert_equal(run["collapse_time_alone"].values, 3 * [a.collapse_time])
+        fallen += a.collapsed
+        if a.collapsed:
+            continue
+        for name in ("storey_drift", "displacement", "floor_acceleration"):
+            own = np.concatenate([getattr(one, name) for one in (a, b)])
+            found = run[f"{name}_alone"].values
+            np.testing.assert_allclose(found, [own] * 3, rtol=1e-10, err_msg=name)
+        moved = [history(single[name], SUITE[k], scale, 1.0, 1e-3).displacement for name in "AB"]
+        approach = (moved[0] - moved[1][:, :2]).max(axis=0)
+        np.testing.assert_allclose(run["gap_needed"].values, [approach] * 3, rtol=2e-4)
+        needs = run["gap_needed"].values > results["gap"].values[:, None]
+        assert ((run["impacts"].values > 0).any(axis=1) == needs.any(axis=1)).all()
+    assert 0 < fallen < 8
 
 
 def test_gaps_and_strengths_in_proportion_are_computed_once(tmp_path, calls):
@@ -630,8 +665,8 @@ def test_gaps_and_strengths_in_proportion_are_computed_once(tmp_path, calls):
     gap = float(text.split("gap = ")[1].split()[0])
     half = text.replace(force.format(4e5), force.format(2e5))
     computed(half.replace(f"gap = {gap:g}", f"gap = {gap / 2:g}"), tmp_path, "b")
-    # of the scales 0.25, 0.5, 1, 2 the last alone has no twin
-    assert 0 < len(calls) <= len(SUITE) < first
+    # of the scales 0.25, 0.5, 1, 2 the last alone has no twin, with and without contacts
+    assert 0 < len(calls) <= 2 * len(SUITE) < first
 
 
 def test_histories_of_sliders_are_their_law(tmp_path):

@@ -89,7 +89,7 @@ def of_records(results):
     return style.head(figure, str(results.attrs["name"]), beyond, fontsize=9)
 
 
-FLOORS = responses.loading("floor_spectrum", "outcome")
+FLOORS = responses.loading("floor_spectrum", "floor_spectrum_alone", "outcome")
 
 
 @figure_of("floor-spectra", "responses", FLOORS, responses.SCALE, responses.PLACE)
@@ -108,9 +108,10 @@ def of_floors(results, scale: float | None = None, place: str | None = None):
     n, alone = min(results.sizes["record"], responses.MAX_GREY), None
     if place in stored.places:
         periods, ratio = np.array(stored.periods), stored.damping_ratio
-        acceleration = (
-            results["floor_spectrum"].isel(scale=at, place=stored.places.index(place))[:n].values
-        )
+        held = results.isel(scale=at, place=stored.places.index(place), record=slice(n))
+        acceleration = held["floor_spectrum"].values
+        if "floor_spectrum_alone" in held:
+            (alone,) = fractiles(held["floor_spectrum_alone"], (0.5,)) / study.gravity
     else:
         samples = [responses.samples_of(study, i) for i in range(n)]
         periods, ratio = periods_of(structure, samples[0].dt), DAMPING_RATIO

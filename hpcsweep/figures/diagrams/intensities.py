@@ -7,16 +7,22 @@ from hpcsweep.earthquakes.stripes import Capacity, fractiles, median_band, respo
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.options import UNITS, figure_of
-from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import COLLAPSE, capacities, fit, stripes_of
+from hpcsweep.studies.ground_motion.stripes import (
+    COLLAPSE,
+    capacities,
+    falls_alone,
+    fit,
+    stripes_of,
+)
 
 POINTS = 400
 BEYOND, FARTHEST = 1.1, 3.0
 """Of the axis over the largest median, or exact capacity, beyond the stripes; over these at most,
 unless all is exact."""
 FAILURE = responses.THRESHOLD, responses.COLLAPSES, responses.RESPONSE, responses.PLACE, UNITS
-RULES = "sum of peaks", "SRSS", "double difference"
+RULES = {"sum of peaks": ":", "SRSS": (0, (5, 2)), "double difference": (0, (1, 3))}
+"""Their dashes, since two may coincide."""
 SHORT = 1.0 - 1e-9
 """Share of the need below which a rule is too small, not by rounding."""
 MOVES = 1e-9
@@ -27,7 +33,7 @@ MOVES = 1e-9
 def ida(results, response: str = "drift", place: str | None = None, units: str | None = None):
     """Response of each record against the intensity, with the 16, 50 and 84 % fractiles.
 
-    Also the 50 % of the motion without contacts (elastic, where something yields); flat lines to
+    Also the 50 % without contacts (of what has none and yields the elastic motion); flat lines to
     the edge where a structure collapses.
     """
     stripes = responses.opened(results, response, place, units)
@@ -68,8 +74,8 @@ def fragility(
     """Share of records whose response reaches a threshold, against the intensity.
 
     Counted by their capacities, with the lognormal curve of largest likelihood and its 95 % band,
-    dashed beyond the stripes; without contacts (elastic, where something yields) the counted curve,
-    which is exact at any intensity, and the intensity that half of the records reach.
+    dashed beyond the stripes; without contacts (of what has none and yields the elastic motion) the
+    counted curve, exact at any intensity if elastic, and the intensity that half of them reach.
 
     Raises
     ------
@@ -107,7 +113,7 @@ def fragility(
     _count(axis, reached, edge if exact else last, color=colour, linewidth=0.6)
     if touches:
         name = f"{responses.alone(results)}, counted, 50 % at {middles[-1]:.4g}"
-        _count(axis, free, edge, color=palette.STOP, label=name)
+        _count(axis, free, edge if stripes.proportional else last, color=palette.STOP, label=name)
     reach = f"share of records that reach {threshold:g} {stripes.unit}".rstrip()
     reach = "share of records that collapse" if collapse else reach
     axis.set(xlabel=stripes.measure, ylabel=reach)
@@ -136,11 +142,6 @@ def pounding(results, response: str = "drift"):
     structure = style.structure_of(results)
     if not structure.contacts:
         raise style.PlotError("--kind pounding: the structure has no contacts")
-    if not LINEAR.of(structure):
-        raise style.PlotError(
-            "--kind pounding: without contacts the file knows the elastic motion alone, no measure "
-            "of what yields: vary pounding.gap up to one that is never reached, and compare both"
-        )
     if whole.alone is None:
         raise style.PlotError(
             "the file holds no responses without contacts: set output.alone = true"
@@ -152,7 +153,8 @@ def pounding(results, response: str = "drift"):
     ratios = {}
     for building in responses.buildings(results[dim].values):
         stripes = stripes_of(results, study, response, building or None)
-        ratios[building] = median_band(stripes.values / np.asarray(stripes.alone))
+        with np.errstate(invalid="ignore"):  # what collapses without contacts, too, is not counted
+            ratios[building] = median_band(stripes.values / np.asarray(stripes.alone))
     edge = responses.edge_of(*ratios.values())
     for series, (building, (low, median, high)) in enumerate(ratios.items()):
         ends = [np.minimum(part, edge or np.inf) for part in (low, high)]
@@ -160,7 +162,7 @@ def pounding(results, response: str = "drift"):
         axis.fill_between(whole.intensity, *ends, alpha=0.2, linewidth=0, **looks)
         axis.plot(whole.intensity, median, label=f"building {building}".strip(), **looks)
     label = whole.label.partition("  [")[0]
-    axis.set_ylabel(f"{label}, over that: {responses.alone(results)}", fontsize=8)
+    axis.set_ylabel(f"{label}, over that without contact", fontsize=8)
     axis.set(xlabel=whole.measure, xlim=(0, whole.intensity[-1]), ylim=(0, edge))
     beyond = ", beyond the edge where records collapse" * bool(edge)
     responses.legend(axis, f"{len(whole.records)} records, 16 to 84 %{beyond}")
@@ -187,18 +189,14 @@ def needed_gap(results, place: str | None = None):
             pairs[name] = k, floors
     if not pairs:
         raise style.PlotError("--kind separation: no contact is between two floors")
-    if not LINEAR.of(structure):
-        raise style.PlotError(
-            f"--kind separation: the gap that is needed is not known {LINEAR.lacks}: vary "
-            "pounding.gap, and look where impacts end"
-        )
     if "gap_needed" not in results:
         raise style.PlotError("the file holds no gap_needed: set output.alone = true")
     responses.check_place(place, pairs, "one of")
-    needs = np.nanmedian(results["gap_needed"].values, axis=(0, 1))
+    gaps = np.where(falls_alone(results)[..., None], np.inf, results["gap_needed"].values)
+    needs = np.nanmedian(gaps, axis=(0, 1))
     name = place or max(pairs, key=lambda pair: needs[pairs[pair][0]])
     k, floors = pairs[name]
-    need = results["gap_needed"].values[..., k]
+    need = gaps[..., k]
     asked = _rules(structure, floors, results["displacement_alone"].values)
     figure, (axis,) = style.new_figure(1, 4.6)
     scale = np.append(0.0, whole.intensity)
@@ -207,21 +205,23 @@ def needed_gap(results, place: str | None = None):
         axis.plot(scale, np.append(0.0, values), *dashes, **looks)
 
     responses.draw_suite(curve, need)
-    for series, (rule, values) in enumerate(zip(RULES, asked, strict=True), start=1):
+    rules = zip(RULES.items(), asked, strict=True)
+    for series, ((rule, dashes), values) in enumerate(rules, start=1):
         over = (values / need)[np.isfinite(need) & (need > 0)]
         label = rule
         if over.size:  # alike buildings need no gap
             label += f": {np.median(over):.2f} of the need, too small for "
             label += f"{100 * np.mean(over < SHORT):.0f} % of them"
         (middle,) = fractiles(values, (0.5,))
-        curve(middle, ":", label=label, color=palette.series_colour(series), linewidth=1.5)
+        looks = {"color": palette.series_colour(series), "linewidth": 1.5, "linestyle": dashes}
+        curve(middle, label=label, **looks)
     gap, top = structure.contacts[k].gap, axis.get_ylim()[1]
     if gap <= 2.0 * top:
         axis.axhline(gap, color="0.4", linewidth=0.8, label="gap of the job")
         top = max(top, 1.05 * gap)
     ylabel = f"gap needed, {name}{labels.unit(structure, 'length')}"
     axis.set(xlabel=whole.measure, ylabel=ylabel, xlim=(0, scale[-1]), ylim=(0, top))
-    words = f"{responses.counted(whole)}, {responses.alone(results)}; rules at 50 %"
+    words = f"{responses.counted(whole)}, no contact; rules at 50 %"
     responses.legend(axis, words, handlelength=3.0)
     return style.head(figure, responses.title(results), fontsize=9)
 

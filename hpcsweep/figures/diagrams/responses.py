@@ -114,7 +114,7 @@ def title(results) -> str:
 
 
 def alone(results) -> str:
-    """Return the words for the motion without contacts, in which no slider slips."""
+    """Return the words for the motion beside, see `alone_words`."""
     return alone_words(style.structure_of(results))
 
 

@@ -34,8 +34,8 @@ EDGE = 1.05
 def profile(results, response: str = "drift", scale: float | None = None):
     """Peak drift, displacement or acceleration, ductility or residual drift over the storeys.
 
-    Of each building at one intensity: median, 16 to 84 %, and the median of the motion without
-    contacts (elastic, where something yields).
+    Of each building at one intensity: median, 16 to 84 %, and the median without contacts (of what
+    has none and yields that of the elastic motion).
     """
     if response in ("force", "impacts", "base_shear"):
         raise style.PlotError(f"--response {response}: has no profile over the height")

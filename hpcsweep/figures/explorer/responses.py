@@ -17,7 +17,7 @@ from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.ground_motion import stripes
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.variables import FACTS
+from hpcsweep.studies.ground_motion.variables import BESIDE, FACTS
 from hpcsweep.studies.run_names import written
 from hpcsweep.studies.study import as_kind
 
@@ -44,13 +44,14 @@ def gather_responses(frames):
     meta : dict
     arrays : dict of str to ndarray of float32
         ``NAME`` of each response, shape (parts, records, scales, places), NaN where it is not
-        known, infinite where the motion collapses; ``NAME_alone``, shape (parts, records, places),
-        without contacts at the last scale; ``factor``, shape (parts, records), at that scale.
+        known, infinite where the motion collapses; ``NAME_alone`` of the motion beside, likewise;
+        ``factor``, shape (parts, records), at the last scale.
         Where the file holds motions, codes ``history`` of displacements over ``history_size``, the
         largest of each, shape (parts, records, scales, floors, instants).
     """
     names = [variable.name for variable in stripes.RESPONSES.values()]
-    names += [*(f"{name}_alone" for name in names), "outcome", "collapsed"]
+    names += [f"{name}_{kind}" for name in names for kind in BESIDE]
+    names += ["outcome", "collapsed", "collapse_time_alone"]
     axes = [axis for axis in frames.whole.study.axes if axis.name not in frames.given]
     total = math.prod(len(axis.values) for axis in axes)
     moves = HISTORY in frames
@@ -68,6 +69,7 @@ def gather_responses(frames):
                 "at": [axis.values.index(keys[axis.name]) for axis in axes],
                 "note": elastic_words(elastic_drift(results, structure)),
                 "exact": not structure.contacts and LINEAR.of(structure),
+                "proportional": not structure.contacts or LINEAR.of(structure),
                 "measure": stripes.intensity_label(study),
                 "alone": alone_words(structure),
             }
@@ -124,7 +126,7 @@ def _arrays(results, study: Records, described: dict[str, dict]) -> dict[str, np
         except stripes.StripesError:
             continue
         free = responses.values * np.nan if responses.alone is None else responses.alone
-        arrays |= {name: responses.values, f"{name}_alone": free[:, -1]}
+        arrays |= {name: responses.values, f"{name}_alone": free}
         described.setdefault(name, _describe(responses, study.structure.reduction is None))
     if HISTORY in results:
         motion = np.moveaxis(results[HISTORY].values, -2, -1)

@@ -126,10 +126,9 @@ def elastic_words(drift: float) -> str:
 
 
 def alone_words(structure: Structure) -> str:
-    """Return the words for the motion without contacts, in which no slider slips."""
-    if LINEAR.of(structure):
-        return "no contact" * bool(structure.contacts)
-    return "elastic motion" + " without contact" * bool(structure.contacts)
+    """Return the words for the motion beside that of a structure: see `BESIDE`."""
+    elastic = "elastic motion" * (not LINEAR.of(structure))
+    return "no contact" if structure.contacts else elastic
 
 
 class ResponseTally(BaseTally):

@@ -78,7 +78,8 @@ OUTPUT = (
     Key("times", "times of the peaks", True),
     Key(
         "alone",
-        "peaks of the elastic motion without contacts, and the gaps that would not have closed",
+        "peaks without contacts, and the gaps that would not have closed: of what yields a second "
+        "run for each ([price](yielding.md#results)); peaks of the elastic motion of what has none",
         True,
     ),
     Key(

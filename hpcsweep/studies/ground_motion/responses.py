@@ -19,6 +19,10 @@ linear
     slider slips, or a drift to its limit (`first_contact_scale`): at none where a contact is
     pressed.
 
+The motion without contacts of what yields takes a run of its own at scales above: of the structure
+without its contacts, in units of its largest elongation at which a slider slips, so that runs which
+differ in gaps alone share it. How far it reaches to each contact is the gap that would not close.
+
 Neither holds for a smooth stop, which pushes at any distance and whose sharpness is a length: there
 every run is computed as it is.
 """
@@ -27,7 +31,7 @@ import contextlib
 import math
 from collections import OrderedDict
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
@@ -36,10 +40,17 @@ from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers import response
 from hpcsweep.solvers.history import history
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
-from hpcsweep.studies.ground_motion.variables import FLOOR_SPECTRUM, HISTORY, FloorSpectra, peaks_of
+from hpcsweep.studies.ground_motion.variables import (
+    FLOOR_SPECTRUM,
+    HISTORY,
+    SPECTRUM_ALONE,
+    FloorSpectra,
+    peaks_of,
+)
 from hpcsweep.studies.quantities import POWERS
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variable import Variable
@@ -100,6 +111,20 @@ class RecordResponses:
         return max(lengths, default=0.0)
 
     @cached_property
+    def _without_contacts(self) -> tuple[Structure, float] | None:
+        """The structure without contacts in a unit of length, and that; None: its motion is linear.
+
+        Its drifts are those of the structure, elongations of sliders, and approaches of contacts.
+        """
+        structure = self.structure
+        if not self._alone or not structure.contacts or LINEAR.of(structure):
+            return None
+        is_scaled = "ratio" in self._settings.skip
+        unit = max(slider.limit for slider in structure.sliders) if is_scaled else 1.0
+        rows = structure.slider_directions, structure.directions
+        return with_lengths_in(structure.without_contacts(), unit, *rows), unit
+
+    @cached_property
     def computed(self) -> Structure:
         """The structure whose responses are computed: with gaps in units of the largest."""
         if not self._ratio or self._largest == 0.0:
@@ -110,9 +135,7 @@ class RecordResponses:
         """Return the scale at which `computed` responds like the structure at a scale."""
         if not self._ratio:
             return factor
-        if self._largest == 0.0:
-            return 1.0
-        return float(f"{factor / self._largest:.{DIGITS - 1}e}")
+        return _rounded(factor / self._largest) if self._largest else 1.0
 
     def _unknown(self, peaks: list[Variable], **more: int) -> np.ndarray:
         """Return values of peaks by their names, and so many of others, that are not known."""
@@ -136,8 +159,12 @@ class RecordResponses:
             if rule is SkipRule.NONE:
                 values, outcome = self._respond(record, digest, scale, poll)
             rows["skip_rule"][k], rows["outcome"][k] = rule, outcome
+            beside, of_beside = free, 1.0
+            if rule is SkipRule.NONE and self._without_contacts:
+                beside, of_beside = self._beside(record, digest, factor, poll)
             for peak in self._alone:
-                rows[peak.name][k] = free[peak.name] * factor
+                grown = (factor / of_beside) ** POWERS.get(peak.units, 1)
+                rows[peak.name][k] = beside[peak.name] * grown
             if outcome is not Outcome.COMPLETE:
                 continue
             for peak in self._peaks:
@@ -157,25 +184,26 @@ class RecordResponses:
             for name in rows.keys() & {variable.name for variable in HISTORY}:
                 values = getattr(seen, name.removeprefix("history_"))
                 rows[name][k, : len(values)] = values
-        if self._floors.periods:
-            spectra = floor_spectra(
-                structure,
-                record,
-                self._floors.periods,
-                self._floors.damping_ratio,
-                factor,
-                tail,
-                places=self._floors.places,
-                rtol=rtol,
-                poll=poll,
-            )
-            rows[FLOOR_SPECTRUM.name][k] = spectra.acceleration
+        if not self._floors.periods:
+            return
+        periods, ratio, places = self._floors
+        of = partial(floor_spectra, places=places, rtol=rtol, poll=poll)
+        spectra = of(structure, record, periods, ratio, factor, tail)
+        rows[FLOOR_SPECTRUM.name][k] = spectra.acceleration
+        if SPECTRUM_ALONE.name in rows:
+            if rows["skip_rule"][k] == SkipRule.NONE:
+                free = structure.without_contacts()
+                spectra = of(free, record, periods, ratio, factor, tail)
+            rows[SPECTRUM_ALONE.name][k] = spectra.acceleration
 
     def prepare(self, record: Record) -> None:
         """Make the tables that the runs of all records have in common, unless they are kept."""
         more = wanted(self._settings)
         response.linear_map(self.computed, record.dt, *more)
-        _map(self.computed, record.dt, self._settings.rtol, *more)
+        _map(self.computed, record.dt, self._settings.rtol, 0, *more)
+        if self._without_contacts:
+            apart, n_contacts = self._without_contacts[0], len(self.structure.contacts)
+            _map(apart, record.dt, self._settings.rtol, n_contacts, False, False)
 
     def free(self, record: Record) -> tuple[np.ndarray, float]:
         """Return the response without contacts by name, and the scale up to which it is that."""
@@ -201,6 +229,25 @@ class RecordResponses:
         if not self._linear or outcome is not Outcome.COMPLETE:
             return values, -math.inf
         return values, response.scale_of_contact(self.computed, values["reach"]) * BELOW
+
+    def _beside(
+        self, record: Record, digest: str, factor: float, poll: Poll
+    ) -> tuple[np.ndarray, float]:
+        """Return the response without contacts by name, and the scale at which it is that."""
+        structure, unit = self._without_contacts  # type: ignore[misc]
+        scale, settings = _rounded(factor / unit), replace(self._settings, metrics=frozenset())
+        key = (structure, settings, self._tail, digest, scale)
+        if kept := KEPT.get(key):
+            return kept[0], scale
+        n, k = len(self.structure.drift_rows), len(self.structure.contacts)
+        ended = respond(structure, record, scale, self._tail, settings, poll, k)
+        values, drifts = self._unknown(self._alone), ended.storey_drift
+        if ended.outcome is Outcome.COMPLETE:
+            own = replace(ended, storey_drift=drifts[:n])
+            for peak in self._alone:
+                values[peak.name] = drifts[-k:] if peak.source == "reach" else peak.of(own)
+        KEPT.put(key, (values, ended.outcome))
+        return values, scale
 
     def _respond(
         self, record: Record, digest: str, scale: float, poll: Poll
@@ -230,32 +277,42 @@ def respond(
     tail: float,
     settings: SweepSettings,
     poll: Poll = None,
+    one_sided: int = 0,
 ) -> response.Response:
-    """Return the response of a structure, unscaled, to a record at a scale."""
-    solver = _map(structure, record.dt, settings.rtol, *wanted(settings))
+    """Return the response of a structure, unscaled, to a record at a scale; see `RecordMap`."""
+    solver = _map(structure, record.dt, settings.rtol, one_sided, *wanted(settings))
     return solver.respond(record.acceleration, scale, tail, poll=poll)
 
 
-def with_lengths_in(structure: Structure, unit: float) -> Structure:
-    """Return the structure by its matrices, with its gaps and strengths in a unit of length."""
+def with_lengths_in(structure: Structure, unit: float, *more: np.ndarray) -> Structure:
+    """Return the structure by its matrices, with its gaps and strengths in a unit of length.
+
+    Further rows, shape (any, n), are drifts behind its own.
+    """
+    drift = np.vstack((structure.drift_rows, *more))
+    limits = np.full(len(drift), math.inf)
+    limits[: len(structure.drift_rows)] = structure.drift_limits / unit
     return Structure.from_matrices(
         structure.mass_matrix,
         structure.elastic_stiffness,
         [replace(contact, gap=contact.gap / unit) for contact in structure.contacts],
         damping=structure.damping_matrix,
         **structure.load,
-        drift=structure.drift_rows,
+        drift=drift,
         sharpness=structure.sharpness,
         sliders=[replace(slider, strength=slider.strength / unit) for slider in structure.sliders],
-        collapse_drift=None
-        if structure.collapse_drift is None
-        else (structure.drift_limits / unit).tolist(),
+        collapse_drift=None if structure.collapse_drift is None else limits.tolist(),
     )
 
 
 @lru_cache(maxsize=8)
-def _map(structure: Structure, dt: float, rtol: float, base_shear: bool, energy: bool):
-    return response.record_map(structure, dt, rtol, base_shear=base_shear, energy=energy)
+def _map(structure: Structure, dt: float, rtol: float, sided: int, base_shear: bool, energy: bool):
+    more = {"base_shear": base_shear, "energy": energy}
+    return response.record_map(structure, dt, rtol, one_sided=sided, **more)
+
+
+def _rounded(ratio: float) -> float:
+    return float(f"{ratio:.{DIGITS - 1}e}")
 
 
 class _Kept(OrderedDict[tuple, tuple[np.ndarray, Outcome]]):

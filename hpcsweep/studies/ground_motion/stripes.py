@@ -18,6 +18,7 @@ from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.ground_motion.keys import longest_period
 from hpcsweep.studies.ground_motion.records import Records
+from hpcsweep.studies.ground_motion.variables import BESIDE
 from hpcsweep.studies.quantities import QUANTITIES
 from hpcsweep.studies.variables import percent_of_height
 
@@ -62,7 +63,9 @@ class Stripes(NamedTuple):
     values: np.ndarray
     """Responses, shape (records, s); NaN where they are not known."""
     alone: np.ndarray | None
-    """The same without contacts, where the file has it: proportional to the intensity."""
+    """The same without contacts, or of one that has none without yielding, where it is known."""
+    proportional: bool
+    """Whether that is so to the intensity."""
     label: str
     """Label of the response, with its unit."""
     unit: str
@@ -76,10 +79,10 @@ class Responses(NamedTuple):
     values: np.ndarray
     """Shape (records, s, places): NaN where they are not known, inf of a motion that collapses."""
     alone: np.ndarray | None
-    """The same without contacts, see `Stripes.alone`."""
+    proportional: bool
     label: str
     unit: str
-    """As of `Stripes`, the label without it."""
+    """As of `Stripes`, from `alone` on, the label without its unit."""
     dim: str
     """Dimension of the places: ``storey``, ``floor``, ``stop``, ``slider``, ``building``."""
     names: tuple[str, ...]
@@ -126,12 +129,20 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
     values[results["outcome"].values != Outcome.COMPLETE] = np.nan
     if "collapsed" in results:
         values[results["collapsed"].values > 0] = np.inf
-    alone = f"{name}_alone"
     free = values if LINEAR.of(structure) and not structure.contacts else None
-    if free is None and alone in results:
-        free = results[alone].values * factor
+    for beside in {f"{name}_{kind}" for kind in BESIDE} & {*results}:
+        free = np.where(falls_alone(results)[..., None], np.inf, results[beside].values * factor)
+    if response == COLLAPSE and "collapse_time_alone" in results:
+        free = np.where(falls_alone(results), np.inf, 0.0)[..., None]
+    proportional = LINEAR.of(structure) or not structure.contacts
     names = tuple(str(place) for place in array[dim].values)
-    return Responses(values, free, label, "" if unit == "1" else unit, dim, names)
+    unit = "" if unit == "1" else unit
+    return Responses(values, free, proportional, label, unit, dim, names)
+
+
+def falls_alone(results) -> np.ndarray:
+    """Return whether motions without contacts collapse, shape (records, s) or ()."""
+    return np.isfinite(np.asarray(results.get("collapse_time_alone", np.nan)))
 
 
 def stripes_of(
@@ -173,6 +184,7 @@ def stripes_of(
         measure=intensity_label(study, units),
         values=values,
         alone=alone,
+        proportional=responses.proportional,
         label=responses.label
         + f" of {place}" * (place is not None)
         + _label(responses.unit or "1"),
@@ -207,7 +219,7 @@ def intensity_label(study: Records, units: str | None = None) -> str:
 
 
 def capacities(stripes: Stripes, threshold: float, alone: bool = False) -> Capacity:
-    """Return the capacities of the records, exact where the response has no contacts.
+    """Return the capacities of the records, exact where responses are proportional.
 
     Parameters
     ----------
@@ -223,10 +235,10 @@ def capacities(stripes: Stripes, threshold: float, alone: bool = False) -> Capac
     """
     if not 0 < threshold < np.inf:
         raise StripesError(f"threshold must be finite and above 0, is {threshold:g}")
-    if alone or stripes.alone is stripes.values:
-        highest = stripes.intensity[-1]
-        return linear_capacity(highest, np.asarray(stripes.alone)[:, -1], threshold)
-    return capacity(stripes.intensity, stripes.values, threshold)
+    values = np.asarray(stripes.alone if alone else stripes.values)
+    if stripes.proportional and (alone or stripes.alone is stripes.values):
+        return linear_capacity(stripes.intensity[-1], values[:, -1], threshold)
+    return capacity(stripes.intensity, values, threshold)
 
 
 def fit(stripes: Stripes, threshold: float) -> "Fragility":

@@ -91,7 +91,9 @@ class Collapse(IntEnum):
     COLLAPSED = 1
 
 
-ELASTIC = "elastic motion without contacts"
+BESIDE = {"alone": "motion without contacts", "elastic": "elastic motion"}
+"""The motion beside which that of a structure is set, by the ending of its variables: of the
+structure without its contacts, or of one that has none without yielding."""
 
 
 def _time(name: str, source: str, meaning: str) -> Variable:
@@ -99,14 +101,16 @@ def _time(name: str, source: str, meaning: str) -> Variable:
     return real(f"{name}_time", dims, "time", meaning, source=f"{source}_time")
 
 
-def _alone(name: str) -> Variable:
-    """Return a quantity of the motion without contacts."""
-    long_name = f"{QUANTITIES[name].long_name}, {ELASTIC}"
-    alone = replace(QUANTITIES[name], name=f"{name}_alone", long_name=long_name, source=name)
-    return replace(alone, failed=ANY, tallied=False)
+def _beside(variable: Variable, kind: str = "alone") -> Variable:
+    """Return a quantity of the motion beside, one of `BESIDE`."""
+    long_name, name = f"{variable.long_name}, {BESIDE[kind]}", f"{variable.name}_{kind}"
+    beside = replace(variable, name=name, source=variable.name, long_name=long_name)
+    return replace(beside, failed=ANY, tallied=False)
 
 
+SPECTRUM_ALONE = _beside(FLOOR_SPECTRUM)
 BASES = (QUANTITIES["base_shear"],)
+COLLAPSE_TIME = real("collapse_time", (), "time", "when it has collapsed, NaN: not", optional=True)
 PEAKS = (
     *(
         variable
@@ -117,7 +121,7 @@ PEAKS = (
         count("collapsed", (), "1 if the motion has collapsed and ended", limits=EITHER),
         flags=Collapse,
     ),
-    real("collapse_time", (), "time", "when it has collapsed, NaN: not", optional=True),
+    COLLAPSE_TIME,
     QUANTITIES["residual_drift"],
     real("residual", ("floor",), "length", "displacement left at the end"),
     real("final_state", ("state",), STATES, "state at the end of the tail", FINITE),
@@ -129,14 +133,19 @@ TIMES = (
     _time("contact_force", "force", "time of peak force"),
 )
 ALONE = (
-    *map(_alone, ("storey_drift", "displacement", "floor_acceleration")),
+    *(
+        _beside(QUANTITIES[name], kind)
+        for kind in BESIDE
+        for name in ("storey_drift", "displacement", "floor_acceleration")
+    ),
+    _beside(COLLAPSE_TIME),
     real(
         *("gap_needed", ("stop",), "length", "gap that would not have closed"),
         failed=ANY,
         source="reach",
     ),
 )
-"""Of the motion without contacts, in which nothing yields or slips."""
+"""Of the motion without contacts, or of the elastic one."""
 ENERGY = real(*("energies", ("energy",), "energy", "energies at the end", FINITE), source="energy")
 SKIP_RULE = replace(
     variables.SKIP_RULE,
@@ -169,24 +178,26 @@ FACTOR = real("factor", RUN, "1", "by which the acceleration is multiplied", by_
 
 
 def _absent(structure: Structure) -> set[str]:
-    """Return the dimensions that a structure does not have, and variables of what it has not.
-
-    The motion without contacts that is known is that in which nothing slips.
-    """
-    absent = set() if structure.contacts else {"stop"}
+    """Return dimensions, variables, and endings of variables, that a structure does not have."""
+    absent = {"elastic"} if structure.contacts else {"stop", "alone"}
     if structure.collapse_drift is None:
-        absent |= {"collapsed", "collapse_time"}
-    return absent | ({"slider", "residual_drift"} if LINEAR.of(structure) else {"gap_needed"})
+        absent |= {"collapsed", "collapse_time", "collapse_time_alone"}
+    linear = {"slider", "residual_drift", "elastic"}
+    return absent | linear if LINEAR.of(structure) else absent
 
 
 def peaks_of(
     structure: Structure, settings: SweepSettings
 ) -> tuple[list[Variable], list[Variable]]:
-    """Return the peaks of a response, and of the motion without contacts, that a file holds."""
+    """Return the peaks of a response, and of the motion beside it, that a file holds."""
     absent = _absent(structure)
 
     def held(peaks) -> list[Variable]:
-        return [p for p in peaks if absent.isdisjoint((*p.dims, p.name))]
+        return [
+            peak
+            for peak in peaks
+            if absent.isdisjoint((*peak.dims, peak.name, peak.name.rpartition("_")[2]))
+        ]
 
     groups = {name: held(peaks) for name, peaks in GROUPS.items() if name in settings.metrics}
     more = [peak for name in ("base_shear", "energy", "times") for peak in groups.get(name, [])]
@@ -199,7 +210,8 @@ def response_variables(
     """Return the variables of a run, in the order of the file, with what is asked for besides."""
     peaks, alone = peaks_of(structure, settings)
     motion = [variable for variable in HISTORY if variable.dims[-1] not in _absent(structure)]
-    asked = (*(motion if history else ()), *((FLOOR_SPECTRUM,) if spectra else ()))
+    asked = motion * history + [FLOOR_SPECTRUM] * spectra
+    asked += [SPECTRUM_ALONE] * (spectra and bool(alone) and bool(structure.contacts))
     return [*peaks, *alone, *asked, variables.OUTCOME, SKIP_RULE]
 
 

@@ -21,13 +21,13 @@ class RecordsPage {
     return this.study.responses[this.response];
   }
 
-  // The largest response of a record at a scale, at some of its places.
-  value(record, at, places = this.places, response = this.response) {
+  // The largest response of a record at a scale, at some of its places; or that beside it.
+  value(record, at, places = this.places, response = this.response, beside = "") {
     const { size, places: { length } } = this.study.responses[response];
     const row = ((this.part * this.n + record) * this.scales.length + at) * length;
     let largest = -Infinity;
     for (const place of places) {
-      const own = this.data[response][row + place];
+      const own = this.data[response + beside][row + place];
       if (Number.isNaN(own)) return NaN;
       if (own > largest) largest = own;
     }
@@ -35,10 +35,8 @@ class RecordsPage {
   }
 
   // The same without contacts.
-  free(record, at = this.scales.length - 1, places = this.places) {
-    const row = (this.part * this.n + record) * this.about.places.length;
-    const own = this.data[`${this.response}_alone`];
-    return this.upTo(at) * Math.max(...places.map((place) => own[row + place])) / this.about.size;
+  free(record, at, places = this.places) {
+    return this.value(record, at, places, this.response, "_alone");
   }
 
   // A scale over the last one.
@@ -67,7 +65,7 @@ class RecordsPage {
     const { n, scales } = this;
     const every = Array.from({ length: n }, (_, i) => i);
     this.curves = every.map((i) => Float64Array.from(scales, (_, k) => this.value(i, k)));
-    this.alone = Float64Array.from(every, (i) => this.free(i));
+    this.alone = every.map((i) => Float64Array.from(scales, (_, k) => this.free(i, k)));
     const stripes = scales.map((_, k) => ascending(this.curves.map((curve) => curve[k])));
     const parts = [0.16, 0.5, 0.84];
     this.fractiles = parts.map((part) => stripes.map((own) => responseFractile(own, part)));
@@ -79,7 +77,7 @@ class RecordsPage {
     this.outliers = high > low ? n - inside.length : 0;
     this.edge = this.outliers ? 1.1 * inside.at(-1) : 1.05 * this.largest;
     // contacts change something, beyond the rounding of float32
-    const apart = (own, i, k) => Math.abs(own - this.alone[i] * this.upTo(k));
+    const apart = (own, i, k) => Math.abs(own - this.alone[i][k]);
     this.touches = !this.kind.exact && this.curves.some((curve, i) => curve.some((own, k) =>
       Number.isFinite(own) && apart(own, i, k) > 1e-6 * this.largest));
     this.known = stripes.map((own) => own.length);
@@ -91,7 +89,7 @@ class RecordsPage {
     const { scales, curves, alone } = this;
     const last = scales.at(-1);
     const threshold = this.collapse ? Infinity : this.threshold;
-    const exact = Array.from(alone, (own) => ({ scale: threshold * last / own, later: 0 }));
+    const exact = alone.map((curve) => ({ scale: threshold * last / curve.at(-1), later: 0 }));
     this.capacity = this.kind.exact && !this.collapse
       ? exact : curves.map((curve) => capacity(scales, curve, threshold));
     const own = this.capacity.map(({ scale }) => scale);
@@ -99,10 +97,12 @@ class RecordsPage {
     this.never = own.filter((scale) => scale === Infinity).length;
     this.fit = fitCapacities(finite, this.never, last);
     this.sorted = ascending(own);
-    const free = this.touches && !this.collapse ? exact : [];
+    const counted = this.kind.proportional
+      ? exact : alone.map((curve) => capacity(scales, curve, threshold));
+    const free = this.touches && !this.collapse ? counted : [];
     this.freeSorted = ascending(free.map(({ scale }) => scale));
-    const medians = [this.fit ? this.fit.median : 0, fractile(this.freeSorted, 0.5) || 0];
-    const farthest = Math.min(BEYOND[0] * Math.max(...medians), BEYOND[1] * last);
+    const medians = [this.fit ? this.fit.median : 0, fractile(this.freeSorted, 0.5)];
+    const farthest = Math.min(BEYOND[0] * Math.max(...medians.filter(Number.isFinite)), BEYOND[1] * last);
     this.highest = Math.max(last, farthest);
     if (this.kind.exact) this.highest = Math.max(last, BEYOND[0] * Math.max(0, ...finite));
     this.rank = own.map((scale) => this.sorted.lastIndexOf(scale) + 1);

@@ -33,8 +33,9 @@ function curvesView(page) {
       const [low, middle, high] = page.fractiles.map((values) => page.upwards(values));
       for (const outer of [low, high]) pen.line(outer, page.own, 1.8, DASHED);
       pen.line(middle, page.own, 2.4);
-      const free = responseFractile(ascending(page.alone), 0.5);
-      if (page.touches) pen.line([[0, 0], [free, last]], study.stop, 2, DOTTED);
+      const free = scales.map((_, k) =>
+        responseFractile(ascending(page.alone.map((curve) => curve[k])), 0.5));
+      if (page.touches) pen.line(page.upwards(free), study.stop, 2, DOTTED);
     },
     over: (pen) => {
       const at = scales[page.stripe()];

@@ -1,6 +1,6 @@
 """A branch of periodic orbits as a dataset: points, multipliers, special points."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from hpcsweep.studies.branches.runs import store_branches
 from hpcsweep.studies.branches.variables import variables_of
 from hpcsweep.studies.variables import empty_results, state_names
 
+if TYPE_CHECKING:
+    import xarray
+
 MAX_STEPS = 100_000
 
 
@@ -31,7 +34,7 @@ def branch(
     span: tuple[float, float] = (0.0, 1.0),
     steps: int = 1000,
     largest_step: float = 0.05,
-):
+) -> "xarray.Dataset":
     """Follow the branch of periodic orbits through an orbit, stable and unstable, past folds.
 
     Parameters

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from hpcsweep.store import meanings
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variables import RUN_VARIABLES, empty_results, store_measures
 
+if TYPE_CHECKING:
+    import xarray
+
 
 def curve(
     structure: Structure,
@@ -32,7 +35,7 @@ def curve(
     largest_step: float = 0.05,
     measure: str | None = None,
     limit: float | None = None,
-):
+) -> "xarray.Dataset":
     """Follow a special point, or where a measure equals a limit, in the plane of two parameters.
 
     Parameters

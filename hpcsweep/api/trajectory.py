@@ -1,6 +1,6 @@
 """Sample a motion in continuous time: displacements, velocities, accelerations, forces."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.instants import accelerations
 from hpcsweep.solvers.trajectory import MAX_SAMPLES, PeriodMap
 
+if TYPE_CHECKING:
+    import xarray
+
 
 def trajectory(
     structure: Structure,
@@ -18,7 +21,7 @@ def trajectory(
     state: Any,
     n_periods: int = 1,
     samples: int = 400,
-):
+) -> "xarray.Dataset":
     """Follow a motion and sample it evenly in time.
 
     By the exact flow, so that all samples are as exact as `stroboscopic_points`.

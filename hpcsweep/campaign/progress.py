@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from datetime import timedelta
+from importlib.util import find_spec
 from typing import TextIO
 
 from hpcsweep.studies.run_names import count, plural
@@ -38,7 +39,8 @@ def silence(stream: TextIO) -> None:
 
 def make_progress(total: int, done: int, unit: str = "run"):
     """Return the display that suits standard error."""
-    return (Bar if sys.stderr.isatty() else Log)(total, done, unit)
+    has_bar = sys.stderr.isatty() and find_spec("tqdm") is not None
+    return (Bar if has_bar else Log)(total, done, unit)
 
 
 class Silent:

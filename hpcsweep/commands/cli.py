@@ -30,11 +30,13 @@ import re
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from hpcsweep.campaign.progress import silence
 from hpcsweep.commands import FAILURE, NO_MEMORY, USER_ERROR, complain, environment, lacks_memory
 from hpcsweep.commands import one_thread as one_thread  # before numpy is loaded
+from hpcsweep.figures.options import file_name
 
 NAMES = (
     "new describe run status summary fragility table split merge validate pack plot animate "
@@ -45,6 +47,8 @@ COMMANDS = {name: import_module(f"hpcsweep.commands.{name}") for name in NAMES.s
 
 FOR_USERS = ["CommandError", "JobError", "LauncherError", "PlotError", "StoreError", "StripesError"]
 """Errors that tell users on one line what is wrong, by name: their modules may not be loaded."""
+OPTIONAL = ("h5netcdf", "matplotlib", "shtab", "xarray")
+"""Libraries without which campaigns are computed, but results are not read as tables or drawn."""
 RAW = argparse.RawDescriptionHelpFormatter
 CLOSED_PIPE = 141
 """Exit code when standard output is closed, as the shell gives it: 128 + SIGPIPE."""
@@ -93,6 +97,11 @@ def build_parser() -> argparse.ArgumentParser:
         action="store_true",
         help="print the versions of hpcsweep and its libraries",
     )
+    parser.add_argument(
+        "--print-completion",
+        choices=("bash", "zsh", "tcsh"),
+        help="print a script by which this shell completes commands and options (needs shtab)",
+    )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for name, command in COMMANDS.items():
         first, texts = _help_of(command.__doc__)
@@ -137,6 +146,8 @@ def _call(arguments: list[str] | None) -> int:
         environment.prepare()
         parser = build_parser()
         options = parser.parse_args(arguments)
+        if options.print_completion:
+            return _print_completion(parser, options.print_completion)
         if options.command is None and not options.version:
             parser.error("a command is needed")
         return _version() if options.version else options.function(options)
@@ -144,10 +155,27 @@ def _call(arguments: list[str] | None) -> int:
         if lacks_memory(error):
             complain(NO_MEMORY)
             return FAILURE
-        if not any(kind.__name__ in FOR_USERS for kind in type(error).__mro__):
+        said = str(error)
+        if isinstance(error, ImportError) and error.name in OPTIONAL:
+            said = f"needs {error.name}, which is not installed: pip install {error.name}"
+        elif not any(kind.__name__ in FOR_USERS for kind in type(error).__mro__):
             raise
-        complain(str(error))
+        complain(said)
         return USER_ERROR
+
+
+def _print_completion(parser: argparse.ArgumentParser, shell: str) -> int:
+    """Print what a shell reads to complete command lines; files where files are meant."""
+    import shtab
+
+    commands: Any = next(each.choices for each in parser._actions if each.dest == "command")
+    for name, command in COMMANDS.items():
+        command.configure(commands[name])
+        for action in commands[name]._actions:
+            if action.type in (Path, file_name):
+                action.complete = shtab.FILE
+    print(shtab.complete(parser, shell))
+    return 0
 
 
 def _version() -> int:

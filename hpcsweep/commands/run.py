@@ -64,6 +64,9 @@ def configure(parser) -> None:
         "which the advised ranks are done (default: 1)",
     )
     parser.add_argument(
+        *("-q", "--quiet"), action="store_true", help="show no progress; how it ends is told"
+    )
+    parser.add_argument(
         "--dry-run",
         action="store_true",
         help="compute only a timed sample: print runs, bytes, core-hours, the fewest ranks for "
@@ -113,7 +116,7 @@ def run(options) -> int:
             jobs,
             comm,
             max_hours=options.max_hours,
-            progress=make_progress,
+            progress=None if options.quiet else make_progress,
             say=note,
             flag=flag,
             reuse=options.reuse,

@@ -10,6 +10,7 @@ import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -26,6 +27,9 @@ from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.layout import DamagedError, Layout, StoreError, flags_of, refusing
 from hpcsweep.store.rows import open_for_reading
 from hpcsweep.studies.refine.audit import AUDIT
+
+if TYPE_CHECKING:
+    import xarray
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
@@ -228,7 +232,7 @@ def job_of(path: str | Path) -> Job:
     return open_layout(path).job
 
 
-def open_results(path: str | Path):
+def open_results(path: str | Path) -> "xarray.Dataset":
     """Read a campaign file: only committed results whose checksum holds.
 
     Parameters

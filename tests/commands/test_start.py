@@ -1,12 +1,14 @@
 """What a command loads: who reads results does not wait for kernels and integrators."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
-from tools import SMALL, environment, hpcsweep
+from tools import ROOT, SMALL, environment, hpcsweep, run_script
 
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 
@@ -116,3 +118,68 @@ def test_each_solver_runs_in_a_process_that_has_loaded_no_other(tmp_path, method
     studies = {name for name, study in KINDS.items() if study.__module__ in modules}
     assert studies == {DEFAULT_KIND}
     assert f"hpcsweep.solvers.{method}" in modules
+
+
+COMPLETED = """
+eval "$(python -m hpcsweep --print-completion bash)"
+for words in "hpcsweep de" "hpcsweep plot --kind or" "hpcsweep run sm" "hpcsweep run --re"; do
+    COMP_WORDS=($words) COMP_CWORD=$(($(wc -w <<<"$words") - 1))
+    _shtab_hpcsweep hpcsweep "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD - 1]}"
+    echo "${COMPREPLY[*]}"
+done
+"""
+
+
+def test_a_shell_completes_commands_options_words_and_files(tmp_path):
+    (tmp_path / "small.toml").write_text(SMALL)
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", COMPLETED],
+        cwd=tmp_path,
+        env=environment(PATH=path, PYTHONPATH=str(ROOT)),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == ["describe", "orbit", "small.toml", "--reuse"], done.stderr
+
+
+def test_a_quiet_run_says_how_it_ends_alone(small_job):
+    done = hpcsweep(0, "run", "--quiet", small_job, "-o", small_job.with_suffix(".h5"))
+    assert done.stdout + done.stderr == f"{small_job.with_suffix('.h5')}: complete\n"
+
+
+FIVE = """
+import sys
+for name in ("h5netcdf", "matplotlib", "pandas", "PIL", "shtab", "tqdm", "xarray"):
+    sys.modules[name] = None  # as if it were not installed
+from hpcsweep.commands import cli
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_five_libraries_suffice_to_compute(tmp_path):
+    """numpy, scipy, numba, h5py and mpi4py are what a compute node needs."""
+    script, job = tmp_path / "five.py", tmp_path / "small.toml"
+    script.write_text(FIVE)
+    job.write_text(SMALL)
+
+    def said(*arguments, ranks=0, code=0) -> str:
+        done = run_script(ranks, script, *arguments, cwd=tmp_path)
+        assert done.returncode == code, done.stderr
+        return done.stdout + done.stderr
+
+    assert "88 runs" in said("describe", job)
+    said("split", job, "-n", 2)
+    for part in (1, 2):
+        said("run", f"small-{part}of2.toml", ranks=2)
+    said("merge", "small-1of2.h5", "small-2of2.h5", "-o", "small.h5")
+    assert "complete" in said("status", "small.h5")
+    assert "sound" in said("validate", "small.h5", "--samples", 2)
+    said("pack", "small.h5", "-o", "packed.h5")
+    needed = "hpcsweep: error: needs xarray, which is not installed: pip install xarray\n"
+    for command in ("summary", "plot", "explore"):
+        assert said(command, "packed.h5", code=2) == needed, command
+    assert "needs pandas, which is not installed" in said("table", "packed.h5", code=2)

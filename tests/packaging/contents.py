@@ -12,7 +12,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CODE = ("hpcsweep/",)
 TREE = (*CODE, "docs/", "jobs/", "slurm/", "tests/")
-TOP = {"CHANGELOG.md", "CITATION.cff", "LICENSE", "NOTICE", "README.md", "pyproject.toml"}
+TOP = set("CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE NOTICE README.md".split())
+TOP |= {"pyproject.toml", "codemeta.json", ".zenodo.json"}
 
 
 def tracked(*folders: str) -> set[str]:

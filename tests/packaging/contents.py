@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CODE = ("hpcsweep/",)
 TREE = (*CODE, "docs/", "jobs/", "slurm/", "tests/")
-TOP = set("CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE NOTICE README.md".split())
+TOP = {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "NOTICE", "README.md"}
 TOP |= {"pyproject.toml", "codemeta.json", ".zenodo.json"}
 
 

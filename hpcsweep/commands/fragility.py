@@ -203,8 +203,8 @@ def _demands(options, results, study) -> int:
 
 def _places(results, study, place: str | None) -> tuple[list[int], list[int], list[int]]:
     """Return the places of a building's storeys, of its floors, and of its slab on bearings."""
-    from hpcsweep.model.buildings import COLUMN
     from hpcsweep.model.isolation import SLAB
+    from hpcsweep.model.unit_names import COLUMN
     from hpcsweep.studies.ground_motion.stripes import places_of
 
     buildings = study.structure.building_names

@@ -35,7 +35,7 @@ START, END = 0.05, 0.95
 """Parts of the Arias intensity between which the significant duration lies."""
 MEASURES = ("factor", "pga", "pgv", "sa", "avgsa")
 """Intensity measures by which records are scaled."""
-OWN_PERIOD = "T1"
+OWN_PERIOD, ISOLATED_PERIOD = OWN_PERIODS = "T1", "isolated"
 """In place of a period: the longest natural one of each structure."""
 DIGITS = 12
 """Of measures: the last ones depend on the libraries, and a job must mean the same everywhere."""
@@ -192,14 +192,19 @@ class Measure:
     by : str
         One of `MEASURES`; ``factor`` is 1 of every record as it is.
     periods : tuple of float or str
-        Of ``sa`` one, `OWN_PERIOD` for that of each structure; of ``avgsa`` one or more; of others
-        none.
+        Of ``sa`` one, or the name of that of each structure, of `OWN_PERIODS`; of ``avgsa`` one or
+        more; of others none.
     damping_ratio : float
     """
 
     by: str = "factor"
     periods: tuple[float | str, ...] = ()
     damping_ratio: float = DAMPING_RATIO
+
+    @property
+    def own_period(self) -> str:
+        """Name of the period that each structure has of its own; empty: it has numbers."""
+        return next((period for period in self.periods if isinstance(period, str)), "")
 
     @property
     def quantity(self) -> str:

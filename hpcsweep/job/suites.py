@@ -6,6 +6,7 @@ A results file is read with the facts in its job, without the records.
 """
 
 import glob
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -57,11 +58,11 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
     gravity = keys.read_gravity(values)
     periods: list[float] = []
     n_records = len(paths) if isinstance(source, Files) else source.count
-    if keys.OWN_PERIOD in measure.periods:
+    if measure.own_period:
         periods = _periods(values, tree, file, gravity)
         if len(periods) * n_records > keys.MAX_MEASURES:
             limit = f"needs {n_records} x {len(periods)} measures, {keys.MAX_MEASURES} at most"
-            raise values.error("records.scale.period", keys.OWN_PERIOD, limit)
+            raise values.error("records.scale.period", measure.own_period, limit)
     suite: dict[str, Facts] = {}
     measures: dict[str, list[float]] = {}
     for i in counted(range(n_records), n_records, "reading record"):
@@ -96,11 +97,12 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
 
 
 def _periods(values: Values, tree: dict, file: str, gravity: float) -> list[float]:
-    """Return the longest natural periods of all structures of a job, each once, ascending."""
+    """Return the periods that all structures of a job have of their own, each once, ascending."""
     parts = parts_of(values, tree, _period, file)
     first, periods = (0,) * len(parts.axes), list[float]()
     parts.visit(lambda place: periods.append(parts(place)), [first])
-    known_periods = parts.table.longest_periods(gravity)
+    is_isolated = keys.read_scale(values)[0].own_period == keys.ISOLATED_PERIOD
+    known_periods = None if is_isolated else parts.table.longest_periods(gravity)
     if known_periods is None:
         parts.visit(lambda place: periods.append(parts(place)))
     else:
@@ -114,16 +116,21 @@ def with_own_period(tree: dict, study: Study) -> dict:
     """Return the job of a part with the measures of records at its own period alone."""
     if "part" in tree or not isinstance(tree["records"].get("found"), Mapping):
         return tree
-    suite = as_kind(study, Records).suite
-    records = [{**facts._asdict(), "measure": [facts.measure]} for facts in suite]
-    stored = {"periods": [keys.longest_period(study.structure)], "records": records}
+    ours = as_kind(study, Records)
+    records = [{**facts._asdict(), "measure": [facts.measure]} for facts in ours.suite]
+    stored = {"periods": [keys.own_period(ours.structure, ours.measure)], "records": records}
     return {**tree, "records": {**tree["records"], "found": stored}}
 
 
 def _period(source: str, tree: Mapping) -> float:
     values = Values(source, tree)
     values.check_tables(keys_of(Records), dict)
-    return keys.longest_period(read_structure(values))
+    measure, _ = keys.read_scale(values)
+    period = keys.own_period(read_structure(values), measure)
+    if measure.own_period == keys.ISOLATED_PERIOD and period == math.inf:
+        limit = "needs a building on bearings, building.isolation"
+        raise values.error("records.scale.period", measure.own_period, limit)
+    return period
 
 
 def _compare(values: Values, suite: dict[str, Facts]) -> None:

@@ -100,14 +100,15 @@ class Table:
             return None
         if base.kind != "records":
             return {}
-        from hpcsweep.studies.ground_motion.keys import OWN_PERIOD, RecordGrid, nearest
+        from hpcsweep.studies.ground_motion.keys import ISOLATED_PERIOD, RecordGrid, nearest
         from hpcsweep.studies.ground_motion.variables import FACTOR
 
         study = as_kind(base, RecordGrid)
         stored = self.tree["records"]["found"]
-        if OWN_PERIOD not in study.measure.periods or not isinstance(stored, Mapping):
+        if not (own := study.measure.own_period) or not isinstance(stored, Mapping):
             return {}
-        if (periods := self.longest_periods(study.gravity)) is None:
+        periods = None if own == ISOLATED_PERIOD else self.longest_periods(study.gravity)
+        if periods is None:
             return None
         try:
             at = nearest(stored["periods"], periods)

@@ -18,6 +18,7 @@ from hpcsweep.model.matrices import Contact, each, vector
 from hpcsweep.model.plausibility import heights_apart
 from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import COLUMN
 
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
@@ -28,8 +29,6 @@ OF_STOREYS = (
     *("yield_drift", "hardening", "p_delta", "weight", "storey_height", "collapse_drift"),
 )
 """What a building and its structure on a fixed base have under the same names."""
-COLUMN = "column at"
-"""In the name of a point of a column, before its height."""
 
 
 class Column(NamedTuple):

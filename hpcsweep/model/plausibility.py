@@ -13,6 +13,7 @@ import numpy as np
 from hpcsweep.model.isolation import SLAB, isolated_period
 from hpcsweep.model.modes import natural_modes
 from hpcsweep.model.structure import Structure
+from hpcsweep.model.unit_names import COLUMN, known_unit
 
 PERIOD = 0.02, 0.5
 """Longest period of a building on a fixed base over its number of storeys, in seconds."""
@@ -61,8 +62,7 @@ def implausible(structure: Structure, second: float | Fraction | None) -> Iterat
     second : float, optional
         The structure's unit of time in seconds; without it periods are not judged.
     """
-    of_storeys = structure.matrices is None or structure.names.storeys
-    if structure.reduction is not None or not of_storeys:
+    if not _has_storeys(structure):
         return
     if text := heights_apart(structure.names.storey_heights):
         yield text
@@ -70,6 +70,65 @@ def implausible(structure: Structure, second: float | Fraction | None) -> Iterat
         yield from _periods(structure, float(second))
     yield from _yield_drifts(structure)
     yield from _gaps(structure)
+
+
+def _has_storeys(structure: Structure) -> bool:
+    """Return whether it is known to consist of storeys."""
+    of_storeys = structure.matrices is None or bool(structure.names.storeys)
+    return of_storeys and structure.reduction is None
+
+
+def told(structure: Structure, gravity: float) -> Iterator[str]:
+    """Tell the numbers of each building by which engineers judge it, a line each.
+
+    Its weight W; the force V_y at which its lowest storey yields over that; the largest P / (k h)
+    of its storeys of stiffness k, which carry P, theta = P d / (V h) of codes; and its longest
+    period on a fixed base.
+    """
+    if not _has_storeys(structure):
+        return
+    force, time = (known_unit(structure, name) for name in ("force", "time"))
+    limits = {slider.direction: slider.limit for slider in structure.sliders}
+    heights = structure.names.storey_heights
+    for name, floors, rows, period in _on_fixed_bases(structure):
+        real = [i for i in floors.tolist() if COLUMN not in structure.floor_names[i]]
+        above = gravity * np.diag(structure.mass_matrix)[real][::-1].cumsum()[::-1]
+        directions = structure.drift_rows[rows]
+        stiffness = springs(structure, structure.stiffness_matrix, directions)
+        words = [f"{name}: " * (name != "building") + f"weight {above[0]:.4g}{force}"]
+        if (limit := limits.get(tuple(directions[0].tolist()), np.inf)) < np.inf:
+            words.append(f"V_y/W {limit * stiffness[0] / above[0]:.3g}")
+        if heights:
+            theta = above / (stiffness * np.array(heights)[rows])
+            words.append(f"theta at most {theta.max():.3g}")
+        each = f"{period / rows.size:.3g}{time} a storey"
+        yield ", ".join([*words, f"period {period:.4g}{time} on a fixed base, {each}"])
+
+
+def springs(structure: Structure, stiffness: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the springs of a stiffness matrix along rows, of two floors or one and the ground."""
+    for i, name in enumerate(structure.floor_names):
+        if COLUMN in name:
+            column = stiffness[i] / np.sqrt(stiffness[i, i])
+            stiffness = stiffness - np.outer(column, column)
+    ends = [np.flatnonzero(row) for row in rows]
+    return np.array([-stiffness[e[0], e[1]] if e.size > 1 else stiffness[e[0]].sum() for e in ends])
+
+
+def _on_fixed_bases(
+    structure: Structure,
+) -> Iterator[tuple[str, np.ndarray, np.ndarray, float]]:
+    """Yield name, places of floors and of storeys, and longest period of each building."""
+    fixed = np.array([not name.endswith(SLAB) for name in structure.floor_names])
+    for number, name in enumerate(structure.building_names):
+        floors = (structure.buildings == number) & fixed
+        if not floors.any():
+            continue
+        of_own = np.ix_(floors, floors)
+        matrices = structure.mass_matrix[of_own], structure.stiffness_matrix[of_own]
+        if (omega := float(natural_modes(*matrices)[0][0])) > 0.0:
+            (rows,) = np.nonzero(structure.drift_rows[:, floors].any(axis=1))
+            yield name, np.flatnonzero(floors), rows, 2.0 * np.pi / omega
 
 
 def heights_apart(heights: Sequence[float] | np.ndarray) -> str:
@@ -84,18 +143,8 @@ def heights_apart(heights: Sequence[float] | np.ndarray) -> str:
 def _periods(structure: Structure, second: float) -> Iterator[str]:
     """Judge the period of each building on a fixed base, and that of bearings that slide."""
     mistakes = OF_PERIODS.get(structure.unit_names.mass, ())
-    fixed = np.array([not name.endswith(SLAB) for name in structure.floor_names])
-    for number, name in enumerate(structure.building_names):
-        floors = (structure.buildings == number) & fixed
-        if not floors.any():
-            continue
-        of_own = np.ix_(floors, floors)
-        matrices = structure.mass_matrix[of_own], structure.stiffness_matrix[of_own]
-        omega = float(natural_modes(*matrices)[0][0])
-        if not omega > 0.0:
-            continue
-        n = int(structure.drift_rows[:, floors].any(axis=1).sum())
-        period = 2.0 * np.pi / omega * second
+    for name, _, rows, period in _on_fixed_bases(structure):
+        n, period = rows.size, period * second
         low, high = PERIOD[0] * n, PERIOD[1] * (n if n > 1 else OSCILLATOR)
         if not low <= period <= high:
             building = "the building" if name == "building" else f"building {name}"

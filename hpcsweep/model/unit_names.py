@@ -27,6 +27,10 @@ NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
 """Names of forces, by length, mass and time."""
 
 
+COLUMN = "column at"
+"""In the name of a point of a column, before its height."""
+
+
 class Names(NamedTuple):
     """Names of floors and of contacts, in order; empty where they only have numbers."""
 

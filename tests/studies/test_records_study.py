@@ -784,6 +784,12 @@ storey_height = 3.2
 gap = {}
 stiffness = 1e9
 [records]"""
+MATRICES = """[structure.matrices]
+mass = [2.0]
+stiffness = [[30.0]]
+[records]
+synthetic = {count = 1, duration = 10.0}
+"""
 BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
 
 
@@ -815,11 +821,11 @@ BY_PERIOD = {'by = "pga"': 'by = "sa", period = "T1"'}
         ({"3.2": "[3.2, 320.0, 3.2]"}, ["storey heights of 3.2 and 320 are .*: cm beside m?"]),
         (
             BY_PERIOD | {"[records]": BEARINGS.format(2.24)},
-            [r"by Sa at T1 = 0\.\d+, the period of stuck .* is 3.022: .*period = 3.022?"],
+            [r"by Sa at T1 = 0\.\d+, the period of stuck .* is 3.022: .*period = \"isolated\"?"],
         ),
         (
             BY_PERIOD | {"3.2": "3.2\nyield_drift = 0.016", "[records]": BEARINGS.format(2.24)},
-            [r"by Sa at T1 = 0\.\d+, the period of stuck .* is 3.0\d+: .*period = 3.0\d+?"],
+            [r"by Sa at T1 = 0\.\d+, the period of stuck .* is 3.0\d+: .*period = \"isolated\"?"],
         ),
         (
             {"[records]": BEARINGS.format(2240.0)},
@@ -846,6 +852,46 @@ def test_units_that_are_mistaken_are_told_with_the_one_that_would_be_right(new, 
     assert all(re.search(one, line) for one, line in zip(said, found, strict=True)), found
     sliding = [line for _, line in describe(job) if line.startswith("while the bearings alone")]
     assert len(sliding) == text.count("isolation")
+
+
+def test_a_building_is_told_by_weight_yield_force_theta_and_period():
+    """Of equal storeys by hand, also with P-Delta, beside another and on bearings."""
+    weight, g = 3 * 2.5e5 * 9.80665, 9.80665
+    theta = weight / (3e8 * 3.2)
+
+    def lines(text: str) -> list[str]:
+        return [line for name, line in describe(parse_job(text, "job", "a")) if name == "building"]
+
+    own = f"period {OWN:.4g} on a fixed base, {OWN / 3:.3g} a storey"
+    elastic = f"weight {weight:.4g}, theta at most {theta:.3g}, {own}"
+    assert lines(FRAME) == [elastic]
+    yields = FRAME.replace("3.2", "3.2\nyield_drift = 0.016")
+    told = elastic.replace("theta", f"V_y/W {3e8 * 0.016 / weight:.3g}, theta")
+    assert lines(yields) == [told]
+    assert lines(yields.replace("[records]", BEARINGS.format(2.24))) == [told]
+    falls = yields.replace("3.2", "3.2\np_delta = true\ncollapse_drift = 0.1")
+    (softer,) = lines(falls.replace("[records]", f"[records]\ngravity = {g}"))
+    assert f"theta at most {theta / (1 - theta):.3g}, " in softer
+    named = '[units]\nlength = "m"\nmass = "kg"\ntime = "s"\n[records]'
+    beside = yields.replace("[records]", BESIDE.format(0.02).replace("[records]", named))
+    first, second = lines(beside)
+    assert first.startswith(f"A: weight {weight:.4g} N, V_y/W ")
+    assert second.startswith(f"B: weight {weight / 3:.4g} N, theta at most {theta / 3:.3g}, ")
+    assert not lines("".join(RECORDS.partition("[[building]]")[:1]) + MATRICES)
+
+
+def test_scales_may_be_of_the_period_of_bearings_that_slide():
+    """By the eigenvalues of storeys on springs of stiffness W / R; without bearings it is told."""
+    text = FRAME.replace('by = "pga"', 'by = "sa", period = "isolated"')
+    study = parse_job(text.replace("[records]", BEARINGS.format(2.24)), "job", "job").study
+    k = [1e6 * 9.80665 / 2.24, 3e8, 3e8, 3e8, 0.0]
+    stiffness = np.diag(np.add(k[:-1], k[1:])) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    period = 2 * np.pi / np.sqrt(np.linalg.eigvalsh(stiffness / 2.5e5)[0])
+    for i in range(2):
+        (sa,) = spectrum(study.record(i), [period]).acceleration * study.factor[i]
+        assert sa == pytest.approx(1.0, rel=1e-9)
+    with pytest.raises(JobError, match="period = 'isolated': needs a building on bearings"):
+        parse_job(text, "job", "job")
 
 
 def test_heights_in_two_units_are_told_in_place_of_a_column():

@@ -8,9 +8,9 @@ from hpcsweep.earthquakes.stripes import fractiles
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import mesh, responses
 from hpcsweep.figures.options import figure_of
-from hpcsweep.model.buildings import COLUMN
 from hpcsweep.model.isolation import SLAB
 from hpcsweep.model.modes import natural_modes
+from hpcsweep.model.plausibility import springs
 from hpcsweep.model.reduction import physical
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
@@ -222,20 +222,14 @@ def history(
     return style.head(figure, responses.run_title(results, study, i, at), note, fontsize=9)
 
 
-def springs(structure: Structure) -> np.ndarray:
+def elastic_springs(structure: Structure) -> np.ndarray:
     """Return the stiffness of the elastic spring beside each slider of a storey, or of bearings."""
-    stiffness = structure.elastic_stiffness
-    for i, name in enumerate(structure.floor_names):
-        if COLUMN in name:
-            column = stiffness[i] / np.sqrt(stiffness[i, i])
-            stiffness = stiffness - np.outer(column, column)
     rows = dict(zip(structure.storey_names, structure.drift_rows.tolist(), strict=True))
-    elastic = np.zeros(len(structure.sliders))
-    for k, (name, slider) in enumerate(zip(structure.slider_names, structure.sliders, strict=True)):
-        ends = np.flatnonzero(slider.direction)
-        if rows.get(name) == list(slider.direction) or name.endswith(SLAB):
-            # two floors, or one and the ground
-            elastic[k] = -stiffness[ends[0], ends[1]] if ends.size > 1 else stiffness[ends[0]].sum()
+    named = zip(structure.slider_names, structure.sliders, strict=True)
+    is_spring = [rows.get(name) == [*one.direction] or name.endswith(SLAB) for name, one in named]
+    elastic = np.zeros(len(is_spring))
+    directions = structure.slider_directions[is_spring]
+    elastic[is_spring] = springs(structure, structure.elastic_stiffness, directions)
     return elastic
 
 
@@ -262,7 +256,7 @@ def hysteresis(
     shown = [names.index(place)] if place else range(len(names))
     figure, axes = mesh.panels(len(shown), ONE, EACH, MORE, columns=IN_A_ROW)
     elongation = seen.displacement @ structure.slider_directions.T
-    forces = seen.slider_force + springs(structure) * elongation
+    forces = seen.slider_force + elastic_springs(structure) * elongation
     x_unit, length = labels.sized(structure, "length", elongation[:, shown])
     y_unit, force = labels.sized(structure, "force", forces[:, shown])
     for axis, j in zip(axes, shown, strict=True):

@@ -8,8 +8,8 @@ import numpy as np
 from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import Option, positive
-from hpcsweep.model.buildings import COLUMN
 from hpcsweep.model.isolation import SLAB
+from hpcsweep.model.unit_names import COLUMN
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, stripes_of

@@ -9,7 +9,7 @@ import numpy as np
 from hpcsweep.earthquakes.intensity import OWN_PERIOD, average_spectral_acceleration
 from hpcsweep.earthquakes.units import seconds_in
 from hpcsweep.model.isolation import isolated_period
-from hpcsweep.model.plausibility import implausible
+from hpcsweep.model.plausibility import implausible, told
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import known_unit, unit_of
 from hpcsweep.solvers.offers import LINEAR
@@ -45,6 +45,7 @@ def lines(study: RecordGrid) -> Lines:
         f"{scale.size} of {measure}, {scale[0]:.6g} to {scale[-1]:.6g}{unit}; records are "
         f"multiplied by {low:.4g} to {high:.4g}",
     )
+    yield from (("building", text) for text in told(study.structure, study.gravity))
     period = longest_period(study.structure)
     yield (
         "records",
@@ -84,7 +85,7 @@ def warnings(study: RecordGrid) -> Iterator[str]:
         yield (
             f"records are scaled by Sa at T1 = {longest_period(structure):.4g}{unit}, the period "
             f"of stuck bearings; while they slide it is {sliding:.4g}{unit}: "
-            f"records.scale.period = {sliding:.4g}?"
+            'records.scale.period = "isolated"?'
         )
     for facts in study.suite[:MOST]:
         pga = facts.pga / study.gravity

@@ -13,8 +13,9 @@ import numpy as np
 
 from hpcsweep.earthquakes import units
 from hpcsweep.earthquakes.intensity import (
+    ISOLATED_PERIOD,
     MEASURES,
-    OWN_PERIOD,
+    OWN_PERIODS,
     Facts,
     Files,
     Measure,
@@ -24,6 +25,7 @@ from hpcsweep.earthquakes.intensity import (
 )
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
+from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
@@ -65,8 +67,9 @@ KEYS = (
     Key(
         "scale",
         'table: `by` an intensity measure, `"factor"`, `"pga"`, `"pgv"`, `"sa"` with `period`, '
-        'a number or `"T1"`, the longest of each structure, or `"avgsa"` with `periods`, both with '
-        "`damping_ratio`; and the intensities, above 0, a range or `values`",
+        'a number, `"T1"`, the longest of each structure, or `"isolated"`, that while bearings '
+        'slide, or `"avgsa"` with `periods`, both with `damping_ratio`; and the intensities, above '
+        "0, a range or `values`",
         told='`{by = "factor", values = [1.0]}`, 0.05',
     ),
     Key(
@@ -322,8 +325,8 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     values.check_keys("records.scale", table, allowed)
     periods: tuple[float | str, ...] = ()
     for key in needed:
-        if key == "period" and table.get(key) == OWN_PERIOD:
-            periods = (OWN_PERIOD,)
+        if key == "period" and table.get(key) in OWN_PERIODS:
+            periods = (table[key],)
             continue
         most = 1 if key == "period" else variables.MAX_PERIODS
         listed = values.numbers(f"records.scale.{key}", table.get(key), True, most)
@@ -348,6 +351,13 @@ def longest_period(structure: Structure) -> float:
     return 2.0 * math.pi / omega if omega > 0.0 else math.inf
 
 
+def own_period(structure: Structure, measure: Measure) -> float:
+    """Return the period by which a structure is scaled if not by a number; inf: it has none."""
+    if measure.own_period == ISOLATED_PERIOD:
+        return isolated_period(structure) or math.inf
+    return longest_period(structure)
+
+
 def read_found(
     values: Any, structure: Structure | None = None
 ) -> tuple[tuple[Facts, ...], tuple[str, ...]]:
@@ -364,8 +374,8 @@ def read_found(
         records = stored["records"] if isinstance(stored, dict) else stored
         if isinstance(stored, dict):
             periods = stored["periods"]
-            longest = longest_period(structure) if structure else periods[0]
-            at = nearest(periods, longest)
+            sought = own_period(structure, read_scale(values)[0]) if structure else periods[0]
+            at = nearest(periods, sought)
             records = [{**record, "measure": record["measure"][at]} for record in records]
         facts = tuple(Facts(**record) for record in records)
         if not all(each.is_sound for each in facts):

@@ -16,7 +16,7 @@ from hpcsweep.model.reduction import physical
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.ground_motion.keys import longest_period
+from hpcsweep.studies.ground_motion.keys import own_period
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.variables import BESIDE
 from hpcsweep.studies.quantities import QUANTITIES
@@ -198,7 +198,7 @@ def spectral_accelerations(study: Records) -> tuple[float, np.ndarray | None]:
 
     The period is that of the scales if they are of Sa, else the longest of the structure.
     """
-    measure, period = study.measure, longest_period(study.structure)
+    measure, period = study.measure, own_period(study.structure, study.measure)
     second = float(seconds_in(study.structure.unit_names.time or "s") or 1)
     if measure.by == "sa":
         (named,) = measure.periods

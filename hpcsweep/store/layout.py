@@ -39,7 +39,7 @@ from hpcsweep.parallel.one_line import on_one_line
 from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
-LAYOUT_VERSION = 7
+LAYOUT_VERSION = 8
 FORMAT = "hpcsweep campaign"
 CONVENTIONS = "CF-1.8"
 ALIKE = ("study.", "sweep.", "solver.")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # the aliases say that they are public
     from hpcsweep.earthquakes.fragility import capacity_fragility as capacity_fragility
     from hpcsweep.earthquakes.fragility import cloud as cloud
     from hpcsweep.earthquakes.fragility import fragility as fragility
+    from hpcsweep.earthquakes.hazard import annual_frequency as annual_frequency
     from hpcsweep.earthquakes.intensity import intensity as intensity
     from hpcsweep.earthquakes.reading import read_record as read_record
     from hpcsweep.earthquakes.separation import separation as separation

@@ -7,6 +7,7 @@ asks for collapse itself, of which a capacity is the middle between two stripes.
 and yielding, where responses are proportional to the intensity, the exact capacities. It says where
 a median is an extrapolation beyond the stripes.
 Drifts are ratios in percent where the job gives storey heights, else in its unit of length.
+With --hazard, the annual frequencies of a site: how often it is reached, and its margin.
 
 With --demands instead of a threshold: write drift ratios, peak and residual, floor accelerations
 and the spectral acceleration of one building, a row a run, as the CSV table that Pelicun and PBE of
@@ -17,7 +18,7 @@ fragility as Pelicun's configuration has it.
 examples:
   hpcsweep fragility pair.h5 --threshold 1.0 --place A
   hpcsweep fragility pair.h5 --threshold 5.0 --response acceleration
-  hpcsweep fragility frame.h5 --collapse
+  hpcsweep fragility frame.h5 --collapse --hazard site.csv --units g --dispersion 0.4
   hpcsweep fragility pair.h5 --demands demands.csv --place A
   hpcsweep fragility pair.h5 --demands demands.csv --place A --scale 4.0 8.0
   hpcsweep plot pair.h5 --kind fragility --threshold 1.0
@@ -25,6 +26,7 @@ examples:
 
 import contextlib
 import json
+import math
 
 from hpcsweep.commands import CommandError, add_at, add_file, listing
 from hpcsweep.commands.outputs import COLLAPSES, DEMANDS, check_overwriting, writing
@@ -45,6 +47,18 @@ def configure(parser) -> None:
         option.add(parser)
     parser.add_argument(
         *("--scale",), type=positive, nargs="+", help="of the table, or the nearest (default: all)"
+    )
+    parser.add_argument(
+        *("--hazard",),
+        type=file_name,
+        metavar="CSV",
+        help="intensities, in the unit of those printed, and with what frequencies a year they are "
+        "exceeded",
+    )
+    parser.add_argument(
+        *("--dispersion",),
+        type=positive,
+        help="of all that records do not have, as models and construction, added in squares",
     )
     parser.add_argument("--json", action="store_true", help="machine-readable")
     add_at(parser)
@@ -88,6 +102,11 @@ def _threshold(options, results, study) -> int:
         "dispersion_interval": list(fitted.dispersion_interval),
         "caution": fitted.caution,
     }
+    total = math.hypot(fitted.dispersion, options.dispersion or 0.0)
+    if options.dispersion:
+        sums |= {"total_dispersion": total, "added_dispersion": options.dispersion}
+    if options.hazard:
+        sums |= _risk(options.hazard, fitted.median, total)
     if stripes.alone is not None and stripes.alone is not stripes.values:
         sums["alone"] = _counted(capacities(stripes, options.threshold, alone=True))
     if options.json:
@@ -103,6 +122,7 @@ def _threshold(options, results, study) -> int:
         if "alone" in sums
         else None,
         "caution": sums["caution"] or None,
+        "beyond_curve": sums["beyond_curve"] if sums.get("beyond_curve", 0.0) > TOLD else None,
         "without": alone_words(study.structure),
     }
     print(listing(title, rows_of(ROWS, shown)))
@@ -116,8 +136,34 @@ capacity | {fractiles} of {measure}; {never} records never reach it up to {highe
 crossings | {later_crossings} records fall below it again
 fragility | median {median:.4g} ({median_interval[0]:.4g} to {median_interval[1]:.4g}), \
 dispersion {dispersion:.4f} ({dispersion_interval[0]:.4f} to {dispersion_interval[1]:.4f})
+total | dispersion {total_dispersion:.4f} with {added_dispersion:g} of all else
+hazard | {annual_frequency:.3g} a year, {in_50_years:.3g} % in 50 years\
+ | ; {beyond_curve:.2g} % of it beyond the ends of the curve
+margin | the median is {margin:.3g} times the intensity of 2 % in 50 years, {rare:.4g}
 caution | {caution}
 """
+TOLD = 1.0
+"""Percent of a frequency that are told to be beyond the curve."""
+RARE = -math.log(0.98) / 50.0
+"""Annual frequency of an intensity that is exceeded with 2 % in 50 years."""
+
+
+def _risk(path, median: float, dispersion: float) -> dict:
+    """Return how often a threshold is reached at the site of a hazard curve, and its margin."""
+    from hpcsweep.earthquakes.hazard import annual_frequency, intensity_at, read_hazard
+
+    try:
+        curve = read_hazard(path)
+    except (OSError, ValueError) as error:
+        raise CommandError(f"--hazard {path}: {getattr(error, 'strerror', '') or error}") from None
+    parts = annual_frequency(*curve, median, dispersion)
+    total, rare = float(parts.sum()), intensity_at(*curve, RARE)
+    known = {"margin": median / rare, "rare": rare} if math.isfinite(rare) else {}
+    return known | {
+        "annual_frequency": total,
+        "in_50_years": -100.0 * math.expm1(-50.0 * total),
+        "beyond_curve": 100.0 * float(parts[0] + parts[-1]) / total,
+    }
 
 
 def _counted(reached) -> dict:

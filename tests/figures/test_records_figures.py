@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import json
+import math
 import re
 from dataclasses import replace
 
@@ -282,6 +283,26 @@ def test_intensities_in_g_are_those_of_the_structure_over_one_g(folder):
     study = parse_job(TEXT.replace(SCALES, "{values = [1.0]}"), "job", "job").study
     with pytest.raises(StripesError, match="intensities are of scale factor, no acceleration"):
         stripes_of(open_results(folder / "job.h5"), study, units="g")
+
+
+def test_a_hazard_curve_makes_a_fragility_a_frequency(folder):
+    """Of a power law of exponent 2, lambda(theta) exp(2 beta^2), with all dispersion in squares."""
+    x = np.array([0.2, 1.0, 20.0])
+    lines = [f"{a},{b}" for a, b in zip(x, 1e-3 * x**-2, strict=True)]
+    (folder / "site.csv").write_text("\n".join(lines))
+    given = "job.h5", "--threshold", "0.5", "--hazard", "site.csv"
+    told = reported(folder, *given, "--dispersion", "0.3")
+    beta = math.hypot(told["dispersion"], 0.3)
+    rate = 1e-3 / told["median"] ** 2 * math.exp(2 * beta**2)
+    assert told["total_dispersion"] == pytest.approx(beta, rel=1e-14)
+    assert told["annual_frequency"] == pytest.approx(rate, rel=1e-9)
+    assert told["in_50_years"] == pytest.approx(100 * (1 - math.exp(-50 * rate)), rel=1e-9)
+    rare = math.sqrt(1e-3 * 50 / -math.log(0.98))
+    assert told["margin"] == pytest.approx(told["median"] / rare, rel=1e-9)
+    text = hpcsweep(0, "fragility", *given, "--units", "g", cwd=folder).stdout
+    assert "a year, " in text
+    done = hpcsweep(0, "fragility", *given[:-1], "none.csv", cwd=folder)
+    assert (done.returncode, "--hazard none.csv: No such file" in done.stderr) == (2, True)
 
 
 def test_demands_are_those_of_one_building_at_one_intensity(folder):

@@ -10,13 +10,14 @@ from dataclasses import fields
 
 from hpcsweep.commands import FAILURE, CommandError, abort, add_at, add_file, complain
 from hpcsweep.commands.outputs import FILM, check_overwriting
-from hpcsweep.figures.options import BRANCHES, COLOUR, FLOORS, Option, positive, whole_number
+from hpcsweep.figures.options import BRANCHES, COLOUR, FLOORS, ROWS, Option, positive, whole_number
 
 OPTIONS = (
     Option("--fps", "frames per second (default: 25)", type=positive),
     Option("--every", "take every Kth frame", type=whole_number(1), metavar="K"),
     COLOUR,
     FLOORS,
+    ROWS,
     Option(
         "--show",
         "measure drawn in place of stroboscopic displacements: storey_drift, displacement, "

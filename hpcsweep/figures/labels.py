@@ -49,19 +49,14 @@ LEGEND: dict[str, Any] = {"fontsize": SMALL, "frameon": False}
 """Style of legends."""
 
 
-def displacement(structure, floor: int, at: str = "") -> str:
-    """Label a floor's displacement (floor from 0)."""
-    return rf"$u_{{{_name(structure, floor)}}}{at}$" + unit(structure, "length")
+def displacement(structure, symbol: str, at: str = "") -> str:
+    """Label the displacement with the symbol of a `coordinates.Coordinate`."""
+    return f"${symbol.replace('@', 'u')}{at}$" + unit(structure, "length")
 
 
-def _name(structure, floor: int) -> str:
-    names = structure.names.floors
-    return rf"\mathrm{{{names[floor]}}}" if names else str(floor + 1)
-
-
-def velocity(structure, floor: int, at: str = "") -> str:
-    """Label a floor's velocity (floor from 0)."""
-    return rf"$v_{{{_name(structure, floor)}}}{at}$" + unit(structure, "velocity")
+def velocity(structure, symbol: str, at: str = "") -> str:
+    """Label the velocity with the symbol of a `coordinates.Coordinate`."""
+    return f"${symbol.replace('@', 'v')}{at}$" + unit(structure, "velocity")
 
 
 def parameter(structure, name: str, quantity: str = "1") -> str:

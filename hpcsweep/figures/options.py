@@ -149,6 +149,14 @@ FLOORS = Option(
     action="append",
     metavar="FLOOR",
 )
+ROWS = Option(
+    "--row",
+    "another coordinate shown: a difference of two floors, 2-1, the row of a contact, contact:1, "
+    "or of a drift, drift:1; may be given several times",
+    dest="floors",
+    action="append",
+    metavar="ROW",
+)
 UNITS = Option(
     "--units",
     "g: intensities that are accelerations in g (default: in the units of the job)",

@@ -11,6 +11,7 @@ import numpy as np
 from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette
+from hpcsweep.figures.coordinates import Coordinate
 from hpcsweep.figures.style import PlotError, stretches
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
@@ -138,13 +139,13 @@ def line_beneath(study: Branches, under: RunGrid, frame: int) -> int | None:
     return int(lines[0]) if lines.size else None
 
 
-def lay(axis, branches: Iterable[Drawn], floor: int, thick: float = 1.0) -> list[Any]:
+def lay(axis, branches: Iterable[Drawn], coordinate: Coordinate, thick: float = 1.0) -> list[Any]:
     """Draw branches beneath points, stable ones on top, so thick; return the lines."""
     pieces = [(branch, *piece) for branch in branches for piece in branch.pieces()]
     lines: list[Any] = []
     for branch, piece, steady in sorted(pieces, key=lambda entry: entry[-1]):
         colour, width = STABLE if steady else UNSTABLE
-        drawn = branch.value[piece], branch.points[piece, :, floor]
+        drawn = branch.value[piece], coordinate.of(branch.points[piece])
         lines += axis.plot(*drawn, color=colour, lw=thick * width, zorder=1.5)
     return lines
 

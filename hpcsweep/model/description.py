@@ -85,20 +85,6 @@ def as_text(structure: Structure) -> str:
     return json.dumps(describe(structure))
 
 
-def stops(structure: Structure, floor: int) -> tuple[list[float], list[float]]:
-    """Return the displacements of a floor (from 0) at its own right and left stops.
-
-    Only contacts of that floor alone count: where several floors move, no displacement is defined.
-    """
-    right: list[float] = []
-    left: list[float] = []
-    for contact in structure.contacts:
-        share = contact.direction[floor]
-        if share and sum(1 for d in contact.direction if d) == 1:
-            (right if share > 0 else left).append(contact.gap / share)
-    return right, left
-
-
 def in_words(structure: Structure) -> list[tuple[str, str]]:
     """Describe the parameters of a structure: (symbol, value); with an empty symbol in words.
 

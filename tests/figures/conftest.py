@@ -76,7 +76,8 @@ def still_film():
         film = SimpleNamespace(
             study=job.study,
             structure=job.structure,
-            floors=[*range(n_floors)],
+            coordinates=[],
+            words=[f"$u_{floor + 1}$" for floor in range(n_floors)],
             measure=None,
             overlay=None,
             request=SimpleNamespace(color=color, width=960),

@@ -12,11 +12,13 @@ from reference import reference_points
 from scipy.linalg import block_diag
 
 from hpcsweep.dynamics.classify import contact_name
-from hpcsweep.figures import palette, style, view
+from hpcsweep.figures import labels, palette, style, view
+from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.diagrams import maps, mesh, metrics, orbit_diagram, phase, sweep
 from hpcsweep.figures.explorer.page import _structure
 from hpcsweep.figures.labels import MAX_MODES
-from hpcsweep.model.description import in_words, stops
+from hpcsweep.model.buildings import Building, adjacent
+from hpcsweep.model.description import in_words
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.linear import LinearOrbit
@@ -256,12 +258,45 @@ def test_twenty_floors_fit_a_page(tmp_path, drawn_figure):
     assert main(["animate", str(path), "--floor", "0"]) == 2
 
 
-def test_stops_of_a_floor():
+def test_stops_of_a_coordinate():
     structure = Structure(2, gap=(1.0, math.inf), gap_left=(0.5, -0.2))
-    assert [stops(structure, floor) for floor in (0, 1)] == [([1.0], [-0.5]), ([], [0.2])]
-    contacts = [Contact((0, -2), 0.4, 1.0), Contact((1, -1), 0.1, 1.0)]
+    floors = [each.stops(structure) for each in coordinates(structure)]
+    assert floors == [([1.0], [-0.5]), ([], [0.2])]
+    contacts = [Contact((0, -2), 0.4, 1.0), Contact((3, -3), 0.3, 1.0), Contact((-1, 1), 0.2, 1.0)]
     pounding = Structure.from_matrices((1.0, 1.0), np.eye(2), contacts)
-    assert [stops(pounding, floor) for floor in (0, 1)] == [([], []), ([], [-0.2])]
+    rows = coordinates(pounding, ["2-1", "1", "2", "contact:2", "drift:2"])
+    expected = [], [], [], [-0.2], [0.2], [-0.1], [0.3], [-0.6], [], [-0.2]
+    found = [side for each in rows for side in each.stops(pounding)]
+    for values, places in zip(found, expected, strict=True):
+        assert values == pytest.approx(places)
+
+
+def test_coordinates_are_rows_of_the_state():
+    pair = [Building([1.0, 2.0], 9.0, name=name) for name in "AB"]
+    structure = adjacent(pair, gap=0.1, stiffness=1e3)
+    states = np.random.default_rng(0).standard_normal((3, 5, 8))
+    u, v = states[..., :4], states[..., 4:]
+    chosen = ["A2", 3, "A2-B2", "contact:A1-B1", "drift:A2", "A2-B2"]
+    shown = coordinates(structure, chosen)
+    directions = dict(zip(structure.contact_names.values(), structure.directions, strict=True))
+    drifts = dict(zip(structure.storey_names, structure.drift_rows, strict=True))
+    rows = [np.eye(4)[1], np.eye(4)[2], np.eye(4)[1] - np.eye(4)[3]]
+    rows += [directions["A1-B1"], drifts["A2"]]
+    assert len(shown) == len(rows)
+    for each, row in zip(shown, rows, strict=True):
+        np.testing.assert_allclose(each.of(states), u @ row, atol=1e-15)
+        np.testing.assert_allclose(each.of(states, is_velocity=True), v @ row, atol=1e-15)
+    assert labels.displacement(structure, shown[2].symbol).startswith(
+        r"$u_{\mathrm{A2}} - u_{\mathrm{B2}}$"
+    )
+    for word, said in (
+        ("contact:C", r"^--row contact:C: must be one of A1-B1, A2-B2$"),
+        ("drift:7", r"^--row drift:7: must be one of A1, A2, B1, B2$"),
+        ("A2-C2", r"^--floor A2-C2: must be from 1 to 4, or one of A1, A2, B1, B2$"),
+        ("1-1", r"^--floor 1-1: must be from 1"),
+    ):
+        with pytest.raises(style.PlotError, match=said):
+            coordinates(structure, [word])
 
 
 def test_words():

@@ -64,7 +64,7 @@ def test_rounding_is_not_drawn_as_structure(tmp_path):
 
 
 def test_one_floor_has_a_panel_of_its_own_shape():
-    alone, _ = sweep.floor_panels(Structure(1), ())
-    three, _ = sweep.floor_panels(Structure(3), ())
+    alone, _ = sweep.coordinate_panels(Structure(1), ())
+    three, _ = sweep.coordinate_panels(Structure(3), ())
     assert alone.get_size_inches().tolist() == pytest.approx([7.2, 1.2 + sweep.SINGLE])
     assert three.get_size_inches().tolist() == pytest.approx([7.2, 1.2 + 3 * sweep.PANEL])

@@ -26,7 +26,7 @@ from hpcsweep import (
 )
 from hpcsweep.earthquakes.stripes import median_band
 from hpcsweep.figures import labels
-from hpcsweep.figures.diagrams.histories import springs
+from hpcsweep.figures.diagrams.histories import elastic_springs as springs
 from hpcsweep.figures.diagrams.responses import buildings, edge_of, within
 from hpcsweep.figures.options import figures
 from hpcsweep.figures.style import PlotError

@@ -9,7 +9,7 @@ from hpcsweep.dynamics.classify import shakedown_name
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import edges_of
-from hpcsweep.figures.options import AMPLITUDES, BRANCHES, FLOORS, OMEGA, figure_of
+from hpcsweep.figures.options import AMPLITUDES, BRANCHES, FLOORS, OMEGA, ROWS, figure_of
 from hpcsweep.studies.attractors.attractors import AttractorGrid
 from hpcsweep.studies.attractors.search import UNSTORED
 from hpcsweep.studies.report import starting_range
@@ -24,7 +24,7 @@ TALL = 0.75
 """Part of the largest height that the layer has around its name."""
 
 
-@figure_of("attractors", "attractors", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, BRANCHES)
+@figure_of("attractors", "attractors", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, ROWS, BRANCHES)
 def attractors(results, floors: Sequence[int | str] = (), branches: Path | None = None, **_options):
     """Stroboscopic displacement of each floor on all attractors of one frame.
 
@@ -35,7 +35,7 @@ def attractors(results, floors: Sequence[int | str] = (), branches: Path | None 
     results : xarray.Dataset
         The first frame is drawn.
     floors : sequence of int or str, optional
-        Shown, see `style.choose_floors`.
+        Shown, see `coordinates.coordinates`.
     branches : Path, optional
         Results file of branches along the same path, drawn beneath.
 
@@ -45,11 +45,11 @@ def attractors(results, floors: Sequence[int | str] = (), branches: Path | None 
         If there is nothing to draw.
     """
     frame, runs, index = opened(results)
-    figure, axes = sweep.floor_panels(frame.structure, floors, labels.along(frame.study))
+    figure, axes = sweep.coordinate_panels(frame.structure, floors, labels.along(frame.study))
     keys, size = sweep.lay_branches(axes, frame, branches), sweep.orbit_area(runs)
-    for floor, axis in axes.items():
-        sweep.scatter_motions(axis, runs, index, floor, sweep.FINE * size, size)
-        sweep.mark_stops(axis, frame.study.structures, floor, frame.along)
+    for coordinate, axis in axes.items():
+        sweep.scatter_motions(axis, runs, index, coordinate, sweep.FINE * size, size)
+        sweep.mark_stops(axis, frame.study.structures, coordinate, frame.along)
     style.limit_amplitudes(axis, frame.along)
     legend(figure, runs, index, starts_text(runs), MAX_COLUMNS, keys)
     return style.head(figure, frame.caption)

@@ -5,6 +5,7 @@ import numpy as np
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, Shakedown, shakedown_name
 from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.coordinates import floor_coordinate
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS, figure_of
@@ -131,9 +132,8 @@ def _label(structure, component: int) -> str:
     if component >= 2 * n:
         name = structure.slider_names[component - 2 * n]
         return rf"$p_\mathrm{{{name}}}${at}" + labels.unit(structure, "length")
-    if component < n:
-        return labels.displacement(structure, component, at)
-    return labels.velocity(structure, component - n, at)
+    label = labels.displacement if component < n else labels.velocity
+    return label(structure, floor_coordinate(structure, component % n).symbol, at)
 
 
 def _rest(study: SliceGrid) -> str:

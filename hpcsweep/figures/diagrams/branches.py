@@ -10,8 +10,9 @@ import numpy as np
 from hpcsweep.dynamics.classify import ranges
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette, style, view
+from hpcsweep.figures.coordinates import Coordinate
 from hpcsweep.figures.diagrams import sweep
-from hpcsweep.figures.options import FLOORS, SWEEP, Option, figure_of, whole_number
+from hpcsweep.figures.options import FLOORS, ROWS, SWEEP, Option, figure_of, whole_number
 from hpcsweep.figures.overlay import MARKS, Drawn, branches_of, line_beneath, not_beneath, run_of
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
@@ -60,7 +61,7 @@ def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> tuple:
     return dataset, [*branches_of(run_of(dataset), study, line)], runs, study
 
 
-@figure_of("branches", "branches", load, FLOORS, LINE, SWEEP)
+@figure_of("branches", "branches", load, FLOORS, ROWS, LINE, SWEEP)
 def branches(results: tuple, floors: Sequence[int | str] = (), **_options):
     """Branches of periodic orbits along the parameter: stable full, unstable thin.
 
@@ -72,14 +73,14 @@ def branches(results: tuple, floors: Sequence[int | str] = (), **_options):
     if not every:
         raise style.PlotError("no branch of this line is computed")
     structure = study.structure
-    figure, axes = sweep.floor_panels(structure, floors)
+    figure, axes = sweep.coordinate_panels(structure, floors)
     low, high = view.visible("x", *study.span)
     marked = _marked(run, low, high)
-    for floor, axis in axes.items():
+    for coordinate, axis in axes.items():
         if runs is not None:
-            _draw_runs(axis, runs, floor)
-        _draw_branches(axis, every, floor)
-        _draw_specials(axis, run, floor)
+            _draw_runs(axis, runs, coordinate)
+        _draw_branches(axis, every, coordinate)
+        _draw_specials(axis, run, coordinate)
         axis.set_ylim(view.visible("y", *axis.get_ylim()))
     forcing = study.parameter in labels.PARAMETERS
     label = labels.parameter(structure, study.parameter) if forcing else study.parameter
@@ -94,8 +95,8 @@ def branches(results: tuple, floors: Sequence[int | str] = (), **_options):
     title = ",  ".join([style.parameters(structure, omega), *fixed_amplitude, *study.ties])
     style.head(figure, title, fontsize=10)
     figure.draw_without_rendering()  # the panels get their size
-    for floor, axis in axes.items():
-        number(axis, run["special_value"][marked], run["special_point"][marked, floor])
+    for coordinate, axis in axes.items():
+        number(axis, run["special_value"][marked], coordinate.of(run["special_point"][marked]))
     return figure
 
 
@@ -121,24 +122,24 @@ def _list(figure, run: dict, marked: np.ndarray, symbol: str) -> None:
     list_beside(figure, rows, handles, title)
 
 
-def _draw_runs(axis, runs, floor: int) -> None:
+def _draw_runs(axis, runs, coordinate: Coordinate) -> None:
     """Draw the stroboscopic points of all runs: under branches, those of orbits as their rims."""
     for repeats, size in ((False, 0.64), (True, 9.0)):
         chosen = (runs["orbit_period"].values > 0) == repeats
-        sweep.scatter(axis, runs, chosen, floor, s=size, color=RUNS, linewidths=0, zorder=1.5)
+        sweep.scatter(axis, runs, chosen, coordinate, s=size, color=RUNS, linewidths=0, zorder=1.5)
 
 
-def _draw_branches(axis, branches: list[Drawn], floor: int) -> None:
+def _draw_branches(axis, branches: list[Drawn], coordinate: Coordinate) -> None:
     """Draw each branch, cut where its stability changes."""
     for branch in branches:
         unstable = UNSTABLE if branch.stable.any() else NOWHERE_STABLE
         for piece, steady in branch.pieces():
-            drawn = branch.value[piece], branch.points[piece, :, floor]
+            drawn = branch.value[piece], coordinate.of(branch.points[piece])
             width, colour = STABLE if steady else unstable, palette.period_colour(branch.period)
             axis.plot(*drawn, color=colour, lw=width, zorder=2)
 
 
-def _draw_specials(axis, run: dict, floor: int) -> None:
+def _draw_specials(axis, run: dict, coordinate: Coordinate) -> None:
     """Mark special points: finely where no stable part is near, there no grazings.
 
     None of a branch that is unstable all along.
@@ -150,7 +151,7 @@ def _draw_specials(axis, run: dict, floor: int) -> None:
             if near or kind is not Kind.GRAZING:
                 marked = (run["special_kind"] == kind) & (held == near) & partly
                 looks = {**_looks(kind, size), "markeredgewidth": edge, "zorder": 4 if near else 3}
-                at = run["special_value"][marked], run["special_point"][marked, floor]
+                at = run["special_value"][marked], coordinate.of(run["special_point"][marked])
                 axis.plot(*at, **looks)
 
 

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style, view
+from hpcsweep.figures.coordinates import Coordinate
 from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
-from hpcsweep.figures.options import AMPLITUDES, BRANCHES, COLOUR, FLOORS, OMEGA, figure_of
+from hpcsweep.figures.options import AMPLITUDES, BRANCHES, COLOUR, FLOORS, OMEGA, ROWS, figure_of
 from hpcsweep.studies.grid import DOWN
 
 MAX_SHORTENED = 16
@@ -45,7 +46,7 @@ class Group(NamedTuple):
     runs: np.ndarray
 
 
-@figure_of("orbit", "motions", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, BRANCHES, COLOUR)
+@figure_of("orbit", "motions", sweep.load_frame, OMEGA, AMPLITUDES, FLOORS, ROWS, BRANCHES, COLOUR)
 def orbit(
     results,
     color: str = "direction",
@@ -64,7 +65,7 @@ def orbit(
     color : {"direction", "contact", "period"}
         Meaning of the colours; period: the period of orbits, the class of other motions.
     floors : sequence of int or str, optional
-        Shown, see `style.choose_floors`.
+        Shown, see `coordinates.coordinates`.
     branches : Path, optional
         Results file of branches along the same path, drawn beneath.
 
@@ -76,12 +77,12 @@ def orbit(
     needed = ("poincare", *(("contact",) if color == "contact" else ()))
     frame = sweep.open_frame(results, *needed)
     structure = frame.structure
-    figure, axes = sweep.floor_panels(structure, floors, labels.along(frame.study))
+    figure, axes = sweep.coordinate_panels(structure, floors, labels.along(frame.study))
     groups, keys = _groups(color, frame), sweep.lay_branches(axes, frame, branches)
-    for floor, axis in axes.items():
+    for coordinate, axis in axes.items():
         for group in groups:
-            _scatter(axis, frame.runs, group, floor)
-        sweep.mark_stops(axis, frame.study.structures, floor, frame.along)
+            _scatter(axis, frame.runs, group, coordinate)
+        sweep.mark_stops(axis, frame.study.structures, coordinate, frame.along)
     style.limit_amplitudes(axis, frame.along)
     note = ""
     if "contact" in frame.runs:
@@ -115,7 +116,7 @@ def _groups(color: str, frame: sweep.Frame) -> list[Group]:
     ]
 
 
-def _scatter(axis, swept, group: Group, floor: int) -> None:
+def _scatter(axis, swept, group: Group, coordinate: Coordinate) -> None:
     """Draw a group's points.
 
     Points of orbits are large, filled on the way up, hollow on the way down; those of aperiodic
@@ -130,7 +131,8 @@ def _scatter(axis, swept, group: Group, floor: int) -> None:
         large = {"marker": style.MARKERS[str(direction)], **(solid if filled else hollow)}
         runs = group.runs & (np.arange(len(repeats)) == d)[:, None]
         for chosen, looks in ((~repeats, fine), (repeats, large)):
-            sweep.scatter(axis, swept, runs & chosen, floor, zorder=2 if filled else 3, **looks)
+            order = 2 if filled else 3
+            sweep.scatter(axis, swept, runs & chosen, coordinate, zorder=order, **looks)
 
 
 def _mark_regions(axes, frame: sweep.Frame, labels, coexisting) -> str:

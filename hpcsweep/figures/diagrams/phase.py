@@ -7,9 +7,18 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.diagrams.sweep import Frame, load_frame, open_frame
-from hpcsweep.figures.options import ALONG, AMPLITUDES, DIRECTION, FLOORS, OMEGA, PERIOD, figure_of
-from hpcsweep.model.description import stops
+from hpcsweep.figures.options import (
+    ALONG,
+    AMPLITUDES,
+    DIRECTION,
+    FLOORS,
+    OMEGA,
+    PERIOD,
+    ROWS,
+    figure_of,
+)
 from hpcsweep.studies.run_names import SYMBOLS
 
 WIDTH, MIN_WIDTH = 2.4, 4.8
@@ -35,7 +44,7 @@ def load(frames, omega: float | None = None, amplitudes: Sequence[float] = (), *
     return load_frame(frames, omega, of_frame)
 
 
-@figure_of("phase", "motions", load, OMEGA, AMPLITUDES, ALONG, PERIOD, DIRECTION, FLOORS)
+@figure_of("phase", "motions", load, OMEGA, AMPLITUDES, ALONG, PERIOD, DIRECTION, FLOORS, ROWS)
 def phase(
     results,
     amplitudes: Sequence[float] = (),
@@ -58,7 +67,7 @@ def phase(
     direction : {"up", "down"}, optional
         For amplitudes default the first; for periods default any.
     floors : sequence of int or str, optional
-        Shown, see `style.choose_floors`.
+        Shown, see `coordinates.coordinates`.
     along : sequence of float
         Of a sweep along another parameter than the amplitude, its values.
 
@@ -79,7 +88,7 @@ def phase(
     motions = [_at(frame, value, direction, flag) for value in chosen]
     motions += [find_period(runs, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.along, m.direction))
-    shown = style.choose_floors(structure.floor_names, floors)
+    shown = coordinates(structure, floors)
     columns = len(shown)
     size = max(WIDTH * columns, MIN_WIDTH), 1.5 * len(motions) + 1.0 + 0.3 * (columns < 3)
     figure, axes = style.new_grid(len(motions), columns, size, sharex="col")
@@ -87,10 +96,10 @@ def phase(
         label, colour = _label(frame, motion, row), palette.MOTION_COLOURS[index[motion]]
         _row(dict(zip(shown, axes[row], strict=True)), frame, motion, label, colour)
     for motion, row in zip(motions, axes, strict=True):
-        for floor, axis in zip(shown, row, strict=True):
-            _stops(axis, frame.study.structure_at(motion.along), floor)
-    for floor, axis in zip(shown, axes[-1], strict=True):
-        axis.set_xlabel(labels.displacement(structure, floor), fontsize=9)
+        for coordinate, axis in zip(shown, row, strict=True):
+            _stops(axis, coordinate.stops(frame.study.structure_at(motion.along)))
+    for coordinate, axis in zip(shown, axes[-1], strict=True):
+        axis.set_xlabel(labels.displacement(structure, coordinate.symbol), fontsize=9)
     _legend(figure, frame, {index[motion] for motion in motions})
     common = None if np.isnan(frame.omega) else frame.omega
     every = frame.study.structures
@@ -179,28 +188,27 @@ def orbit_curves(frame, motion: DrawnRun, structure) -> tuple[np.ndarray, np.nda
 def _row(axes, frame: Frame, motion: DrawnRun, label: str, colour: str) -> None:
     """Draw one motion on the axes of its floors."""
     points, curves = orbit_curves(frame.runs, motion, frame.study.structure_at(motion.along))
-    n = frame.structure.n_floors
     many = len(points) > 16
     width, alpha = (0.25, 0.6) if many else (0.9, 1.0)
     looks = {"color": colour, "linewidth": width, "alpha": alpha, "rasterized": many}
     dots = {"mfc": "white", "mec": "black", "ms": 2.2 if many else 4, "mew": 0.4 if many else 0.8}
-    for floor, axis in axes.items():
+    for coordinate, axis in axes.items():
         for curve in curves:
-            axis.plot(curve[:, floor], curve[:, n + floor], **looks)
-        axis.plot(points[:, floor], points[:, n + floor], "o", zorder=4, **dots)
+            axis.plot(coordinate.of(curve), coordinate.of(curve, True), **looks)
+        axis.plot(coordinate.of(points), coordinate.of(points, True), "o", zorder=4, **dots)
         style.draw_lattice(axis)
         axis.tick_params(labelsize=8)
-        axis.set_ylabel(labels.velocity(frame.structure, floor), fontsize=8)
+        axis.set_ylabel(labels.velocity(frame.structure, coordinate.symbol), fontsize=8)
     where = {"xycoords": "axes fraction", "textcoords": "offset points", "annotation_clip": False}
     first = next(iter(axes.values()))
     first.annotate(label, (0, 1), (-48, 4), fontsize=8, va="bottom", ha="left", **where)
 
 
-def _stops(axis, structure, floor: int) -> None:
-    """Draw the nearest stops of one floor, hatched beyond."""
+def _stops(axis, stops: tuple[list[float], list[float]]) -> None:
+    """Draw the nearest stops on the right and on the left, hatched beyond."""
     low, high = axis.get_xlim()
     width = high - low
-    for side, places in zip((1, -1), stops(structure, floor), strict=True):
+    for side, places in zip((1, -1), stops, strict=True):
         if not places:
             continue
         place = min(places, key=lambda x: side * x)

@@ -12,10 +12,10 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.attractors import attractor_classes
+from hpcsweep.figures.coordinates import Coordinate, coordinates
 from hpcsweep.figures.diagrams.mesh import COLUMNS, panels
-from hpcsweep.figures.options import DIRECTION, FLOORS, figure_of
+from hpcsweep.figures.options import DIRECTION, FLOORS, ROWS, figure_of
 from hpcsweep.figures.overlay import Overlay, lay, overlay_keys
-from hpcsweep.model.description import stops
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid
@@ -97,16 +97,16 @@ def open_frame(results, *needed: str) -> Frame:
     return Frame(results, runs, classes, done, study, study.structure, omega, path, caption)
 
 
-def lay_branches(axes: Mapping[int, Any], frame: Frame, path: Path | None) -> list[Any]:
-    """Draw the branches of a file beneath the panels of floors, if there is one; return keys."""
+def lay_branches(axes: Mapping[Coordinate, Any], frame: Frame, path: Path | None) -> list[Any]:
+    """Draw the branches of a file beneath the panels, if there is one; return keys."""
     if path is None:
         return []
     with contextlib.closing(Overlay(path, frame.study)) as overlay:
         is_shown = frame.study.frames == frame.results[frame.study.run_dims[-2]].values
         overlay.need(np.flatnonzero(is_shown).tolist())
         branches = overlay.at(int(np.argmax(is_shown)))
-    for floor, axis in axes.items():
-        lay(axis, branches, floor, THIN)
+    for coordinate, axis in axes.items():
+        lay(axis, branches, coordinate, THIN)
     return overlay_keys()
 
 
@@ -121,22 +121,22 @@ def load_frame(
     return frames.gather([*frames], [style.frame_at(study, omega, amplitudes)])
 
 
-def floor_panels(structure, floors: Sequence[int | str], label: str = ""):
-    """Make a figure of floors (see `style.choose_floors`), the top one uppermost.
+def coordinate_panels(structure, floors: Sequence[int | str], label: str = ""):
+    """Make a figure of floors and other `coordinates`, the last one uppermost.
 
     The horizontal axis is that of the amplitude, unless it has another `label`.
 
     Returns
     -------
-    figure, dict of int to axis
-        By floor, from 0, downwards.
+    figure, dict of Coordinate to axis
+        Downwards.
     """
-    shown = style.choose_floors(structure.floor_names, floors)[::-1]
+    shown = coordinates(structure, floors)[::-1]
     height = PANEL * len(shown) if len(shown) > 1 else SINGLE
     figure, axes = style.new_figure(len(shown), 1.2 + min(height, PAGE))
-    for floor, axis in zip(shown, axes, strict=True):
+    for coordinate, axis in zip(shown, axes, strict=True):
         at = "" if height > PAGE else "(jT)"
-        axis.set_ylabel(labels.displacement(structure, floor, at))
+        axis.set_ylabel(labels.displacement(structure, coordinate.symbol, at))
         axis.margins(y=0.08)
     axes[-1].set_xlabel(label or labels.parameter(structure, "amplitude"))
     return figure, dict(zip(shown, axes, strict=True))
@@ -147,26 +147,27 @@ def orbit_area(frame) -> float:
     return float(np.clip(14000 / max(frame["outcome"].shape[-1], 1), 0.4, 7.0))
 
 
-def scatter(axis, frame, runs: np.ndarray, floor: int, **looks) -> None:
-    """Draw the stroboscopic points of some runs of a frame, an array of bool, of a floor."""
+def scatter(axis, frame, runs: np.ndarray, coordinate: Coordinate, **looks) -> None:
+    """Draw the stroboscopic points of some runs of a frame, an array of bool."""
     counts = frame["n_points"].values[runs]
     if counts.size:
         along = frame[frame["outcome"].dims[-1]].broadcast_like(frame["n_points"])
         along = along.transpose(*frame["n_points"].dims).values[runs]
-        points = frame["poincare"].values[..., floor][runs]
+        points = coordinate.of(frame["poincare"].values[runs])
         there = np.arange(points.shape[-1]) < counts[:, None]
         axis.scatter(np.repeat(along, counts), points[there], rasterized=True, **looks)
 
 
-def scatter_motions(axis, frame, index: np.ndarray, floor: int, fine: float, orbit: float) -> None:
+def scatter_motions(
+    axis, frame, index: np.ndarray, coordinate: Coordinate, fine: float, orbit: float
+) -> None:
     """Draw the points of all runs in the colours of their motions: of orbits above, of other area.
 
     Parameters
     ----------
     index : ndarray of int
         Of each run, in `palette.MOTIONS`.
-    floor : int
-        From 0.
+    coordinate : Coordinate
     fine, orbit : float
         Areas of the points of motions that do not repeat, and of orbits (points^2).
     """
@@ -175,7 +176,7 @@ def scatter_motions(axis, frame, index: np.ndarray, floor: int, fine: float, orb
         for repeats, area in ((False, fine), (True, orbit)):
             runs = (index == place) & (orbits == repeats)
             looks = {"s": area, "color": colour, "linewidths": 0, "zorder": 3 if repeats else 2}
-            scatter(axis, frame, runs, floor, **looks)
+            scatter(axis, frame, runs, coordinate, **looks)
 
 
 def motion_keys(structure, index: np.ndarray, marker: str, size: float) -> list:
@@ -187,11 +188,11 @@ def motion_keys(structure, index: np.ndarray, marker: str, size: float) -> list:
     ]
 
 
-def mark_stops(axis, structures: Sequence, floor: int, along=()) -> None:
-    """Draw the floor's stops within the panel, of one structure or of each `along` the axis."""
+def mark_stops(axis, structures: Sequence, coordinate: Coordinate, along=()) -> None:
+    """Draw the stops of a coordinate, of one structure or of each `along` the axis."""
     limits = axis.get_ylim()
     looks = {"color": palette.STOP, "linewidth": 0.8, "linestyle": (0, (5, 3)), "zorder": 1}
-    places = np.array([[*right, *left] for right, left in (stops(s, floor) for s in structures)])
+    places = np.array([np.concatenate(coordinate.stops(each)) for each in structures])
     for stop in places.T:
         if len(stop) == 1 and limits[0] < stop[0] < limits[1]:
             axis.axhline(stop[0], **looks)
@@ -205,7 +206,7 @@ def load_some(reader, **_options):
     return reader.gather([*reader], choose(reader.study.frames).tolist())
 
 
-@figure_of("frames", "motions", load_some, DIRECTION, FLOORS)
+@figure_of("frames", "motions", load_some, DIRECTION, FLOORS, ROWS)
 def frames(results, direction: str | None = None, floors: Sequence[int | str] = ()):
     """Small orbit diagrams of all frames, or of 12 of them, of one floor (default: the top).
 
@@ -215,7 +216,7 @@ def frames(results, direction: str | None = None, floors: Sequence[int | str] = 
     direction : {"up", "down"}, optional
         Default the first.
     floors : sequence of int or str, optional
-        The one floor whose displacement is drawn, from 1; default the top one.
+        The one floor, from 1, or other coordinate that is drawn; default the top one.
 
     Raises
     ------
@@ -228,7 +229,7 @@ def frames(results, direction: str | None = None, floors: Sequence[int | str] = 
     structure, name = study.structure, study.run_dims[-2]
     if len(floors) > 1:
         raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
-    floor = style.choose_floors(structure.floor_names, floors)[-1] + 1
+    coordinate = coordinates(structure, floors)[-1]
     chosen = choose(results[name].values)
     shown = {
         name: chosen,
@@ -239,10 +240,10 @@ def frames(results, direction: str | None = None, floors: Sequence[int | str] = 
     motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
     figure, axes = panels(len(chosen), ONE, (2.4, 1.75), (0.0, 1.0), sharey=False)
     for place, axis in enumerate(axes):
-        _panel(axis, results.isel({name: place, "direction": 0}), motions[place], floor - 1)
+        _panel(axis, results.isel({name: place, "direction": 0}), motions[place], coordinate)
         words = {"omega": r"$\Omega$ = {:.4g}", "amplitude": "$A$ = {:.4g}"}.get(name, "")
         axis.set_title(words.format(float(results[name][place])), fontsize=8.5, pad=3)
-    figure.supylabel(labels.displacement(structure, floor - 1, "(jT)"), fontsize=10)
+    figure.supylabel(labels.displacement(structure, coordinate.symbol, "(jT)"), fontsize=10)
     for axis in axes[-COLUMNS:]:
         axis.set_xlabel(re.sub("^forcing (amplitude|frequency) ", "", labels.along(study)))
         axis.tick_params(labelbottom=True)
@@ -260,11 +261,11 @@ def choose(omegas: np.ndarray) -> np.ndarray:
     ]
 
 
-def _panel(axis, frame, motions, floor: int) -> None:
+def _panel(axis, frame, motions, coordinate: Coordinate) -> None:
     along = frame[frame["outcome"].dims[-1]].values
     size = float(np.clip(300 / max(along.size, 1), 0.5, 4.0))
     done = np.where(frame["outcome"].values == Outcome.COMPLETE, motions, -1)
-    scatter_motions(axis, frame, done, floor, size, ORBIT * size)
+    scatter_motions(axis, frame, done, coordinate, size, ORBIT * size)
     style.draw_lattice(axis)
     axis.tick_params(labelsize=8)
     style.limit_amplitudes(axis, along)

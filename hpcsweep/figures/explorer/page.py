@@ -11,10 +11,11 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette
+from hpcsweep.figures.coordinates import floor_coordinate
 from hpcsweep.figures.explorer import encode
 from hpcsweep.figures.explorer.branches import pack_branches, with_members
 from hpcsweep.figures.explorer.page_data import PageData
-from hpcsweep.model.description import in_words, stops
+from hpcsweep.model.description import in_words
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
@@ -255,7 +256,9 @@ def _structure(structure, each: Sequence = ()) -> dict:
         return [[i, float(value)] for i, value in enumerate(vector) if value]
 
     finite = math.isfinite(structure.sharpness)
-    places = [stops(structure, floor) for floor in range(structure.n_floors)]
+    places = [
+        floor_coordinate(structure, floor).stops(structure) for floor in range(structure.n_floors)
+    ]
     if each:
         places = [([], [])] * structure.n_floors
     words_of = [in_words(step) for step in (*each[:1], *each[-1:])]

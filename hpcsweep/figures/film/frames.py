@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style
+from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.figures.style import PlotError
 from hpcsweep.solvers.outcome import Outcome
@@ -33,7 +34,7 @@ class Request:
     width : int
         In pixels, even; 0 for the default.
     floors : tuple of int or str
-        Shown, see `style.choose_floors`. Of a measure its storeys, floors or contacts.
+        Shown, see `coordinates.coordinates`. Of a measure its storeys, floors or contacts.
     show : str
         Measure that is drawn in place of stroboscopic displacements; empty for these.
     branches : Path or None
@@ -109,7 +110,8 @@ class Film:
         if request.show:
             self.measure = labels.measure_of(self.frames.dataset(0), self.structure, request.show)
         places = [place.partition(" ")[2] for place in self.measure.places] if self.measure else []
-        self.floors = style.choose_floors(places or self.structure.floor_names, request.floors)
+        self.floors = style.choose_floors(places, request.floors) if places else []
+        self.coordinates = [] if places else coordinates(self.structure, request.floors)
         order = np.argsort(self.study.frames, kind="stable")
         self.order = order[:: request.every].tolist()
         self.overlay: Overlay | None = None
@@ -118,6 +120,14 @@ class Film:
                 raise PlotError(f"--branches {request.branches}: does not go with --show")
             self.overlay = Overlay(request.branches, self.study)
             self.overlay.need(self.order)
+
+    @property
+    def words(self) -> list[str]:
+        """Labels of the vertical axes of the panels."""
+        if self.measure:
+            return [self.measure.places[floor] + self.measure.unit for floor in self.floors]
+        symbols = (coordinate.symbol for coordinate in self.coordinates)
+        return [labels.displacement(self.structure, symbol, "(jT)") for symbol in symbols]
 
     def read(self, frame: int) -> dict[str, np.ndarray]:
         """Read one frame.
@@ -136,8 +146,10 @@ class Film:
         variables = {**self.frames.read(frame, tuple(names))}
         values = variables.pop(self._shown)
         if self.measure:
-            values = (values * self.measure.factor)[..., None, :]
-        values = variables["poincare"] = values[..., self.floors]
+            values = (values * self.measure.factor)[..., None, self.floors]
+        else:
+            values = np.stack([each.of(values) for each in self.coordinates], axis=-1)
+        variables["poincare"] = values
         values[variables["outcome"] != Outcome.COMPLETE] = np.nan
         periods = variables["orbit_period"]
         if self.request.color == "period":

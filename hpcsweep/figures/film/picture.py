@@ -59,7 +59,7 @@ class Picture:
             for c, name in zip(sets, names, strict=True)
         }
         self.keys = {key: self._key(key) for key in sorted(survey.keys)}
-        n_panels, n_bands = len(film.floors), len(study.directions) if self.sets else 0
+        n_panels, n_bands = len(film.words), len(study.directions) if self.sets else 0
         tall = float(np.clip(PANELS / n_panels, MIN_PANEL, MAX_PANEL))
         heights = [SCALE, *([BAND * n_bands] if n_bands else []), *[tall] * n_panels]
         pixels = film.request.width or PIXELS[film.request.is_gif]
@@ -71,11 +71,11 @@ class Picture:
         self.figure, axes = style.new_grid(len(heights), 1, inches, **looks)
         scale, *rest = axes[:, 0]
         self.panels = rest[: -n_panels - 1 : -1]
-        for panel, floor, *ends in zip(self.panels, film.floors, *survey[1:3], strict=True):
+        for panel, label, *ends in zip(self.panels, film.words, *survey[1:3], strict=True):
             low, high = view.apart(*ends)
             pad = MARGIN * (high - low) or 1e-6
             style.limit_amplitudes(panel, self._along)
-            panel.set(ylim=(low - pad, high + pad), ylabel=self._name(floor))
+            panel.set(ylim=(low - pad, high + pad), ylabel=label)
             style.draw_lattice(panel)
             panel.tick_params(labelbottom=panel is self.panels[0])
         self.panels[0].set_xlabel(labels.along(study))
@@ -160,8 +160,8 @@ class Picture:
                     yield self.bands.text(*at, name, color=palette.ink(colours[place]), **looks)
 
     def _branches(self, branches: Sequence[Drawn]) -> Iterator[Any]:
-        for floor, panel in zip(self._film.floors, self.panels, strict=True):
-            yield from lay(panel, branches, floor)
+        for coordinate, panel in zip(self._film.coordinates, self.panels, strict=False):
+            yield from lay(panel, branches, coordinate)
 
     def _points(self, frame: Mapping[str, np.ndarray]) -> Iterator[Any]:
         points, large = frame["poincare"], frame["orbit_period"] > 0
@@ -183,13 +183,6 @@ class Picture:
             return self.sets[key]
         name = film.study.directions[key]
         return palette.DIRECTIONS[name], film.study.words[name] + (" (beneath)" if key else "")
-
-    def _name(self, floor: int) -> str:
-        """Label the vertical axis of a panel."""
-        film = self._film
-        if film.measure:
-            return film.measure.places[floor] + film.measure.unit
-        return labels.displacement(film.structure, floor, "(jT)")
 
     def _draw_scale(self, axis, values: np.ndarray):
         """Draw the scale of frequencies, or amplitudes; return the text and the mark that move."""

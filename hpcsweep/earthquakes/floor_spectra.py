@@ -142,13 +142,14 @@ def _signals(structure: Structure, record: Record, run: tuple, parts: int, floor
     forces = structure.contact_forces(seen.states), seen.slider_force
     pushed = scale * np.interp(seen.place, np.arange(last + 1), ground, right=0.0)
     after = np.where(seen.place < last, pushed, 0.0)  # the ground falls still at the last sample
+    moves = structure.shakes * structure.influence
     absolute = [
-        accelerations(structure, seen.states, forces, g) + structure.shakes * g[:, None]
+        accelerations(structure, seen.states, forces, g) + np.outer(g, moves)
         for g in (after, pushed)
     ]
-    shaken = [structure.shakes * g for g in (after[:-1], pushed[1:])]
     for floor in floors:
         u, v = seen.states[:, [floor, structure.n_floors + floor]].T
+        shaken = [moves[floor] * g for g in (after[:-1], pushed[1:])]
         yield Signal(seen.place, dt, (u, v), [a[:, floor] for a in absolute], shaken)
 
 
@@ -164,7 +165,7 @@ class Signal:
     absolute : pair of ndarray, shape (p,)
         Acceleration, just after and just before each knot.
     ground : pair of ndarray, shape (p - 1,)
-        That of the ground at both ends of each piece, along which it is linear.
+        What the base gives it, at both ends of each piece, along which that is linear.
     """
 
     def __init__(self, place, dt, state, absolute, ground):

@@ -92,7 +92,7 @@ def test_by_a_tight_integration_from_contact_to_contact(damping):
 def with_oscillator(structure: Structure, omega: float, mass: float) -> Structure:
     """The structure with an oscillator that weighs next to nothing on a floor."""
     n = structure.n_floors
-    along = np.zeros(n + 1)
+    along, given = np.zeros(n + 1), structure.influence[FLOOR]
     along[[n, FLOOR]] = 1.0, -1.0
 
     def more(matrix, own):
@@ -109,7 +109,7 @@ def with_oscillator(structure: Structure, omega: float, mass: float) -> Structur
         more(structure.elastic_stiffness, omega**2),
         wider[0],
         damping=more(structure.damping_matrix, 2.0 * RATIO * omega),
-        forcing=np.append(structure.forcing_vector, -mass * structure.shakes),
+        forcing=np.append(structure.forcing_vector, -mass * structure.shakes * given),
         drift=[along],
         sharpness=structure.sharpness,
         sliders=wider[1],
@@ -124,6 +124,7 @@ KINDS = {
     "pressed": neighbours(between(-0.01)),
     "yields": neighbours(between(0.01), sliders=SLIDERS),
     "forces": neighbours(between(0.01), forcing=[1.0, 2.0, 0.0, 1.0]),
+    "aslant": neighbours(between(0.01), influence=[0.7, -0.6, 1.0, 0.0]),
 }
 
 

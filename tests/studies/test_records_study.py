@@ -647,6 +647,9 @@ def test_what_yields_yields_without_contacts(tmp_path, calls):
             own = np.concatenate([getattr(one, name) for one in (a, b)])
             found = run[f"{name}_alone"].values
             np.testing.assert_allclose(found, [own] * 3, rtol=1e-10, err_msg=name)
+        np.testing.assert_allclose(run["ductility_alone"].values, [a.ductility] * 3, rtol=1e-10)
+        left = np.concatenate((a.residual_drift, b.residual_drift))
+        np.testing.assert_allclose(run["residual_drift_alone"], [left] * 3, rtol=0, atol=1e-12)
         moved = [history(single[name], SUITE[k], scale, 1.0, 1e-3).displacement for name in "AB"]
         approach = (moved[0] - moved[1][:, :2]).max(axis=0)
         np.testing.assert_allclose(run["gap_needed"].values, [approach] * 3, rtol=2e-4)

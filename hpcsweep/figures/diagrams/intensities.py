@@ -144,7 +144,8 @@ def pounding(results, response: str = "drift"):
         raise style.PlotError("--kind pounding: the structure has no contacts")
     if whole.alone is None:
         raise style.PlotError(
-            "the file holds no responses without contacts: set output.alone = true"
+            f"the file holds no {response} without contacts: output.alone = true adds drift, "
+            "displacement and acceleration, of what yields ductility and residual_drift"
         )
     study = style.study_of(results, Records)
     dim = "storey" if response == "drift" else "floor"
@@ -153,8 +154,10 @@ def pounding(results, response: str = "drift"):
     ratios = {}
     for building in responses.buildings(results[dim].values):
         stripes = stripes_of(results, study, response, building or None)
+        free = np.asarray(stripes.alone)
+        free = np.where(free > 0.0, free, np.nan)
         with np.errstate(invalid="ignore"):  # what collapses without contacts, too, is not counted
-            ratios[building] = median_band(stripes.values / np.asarray(stripes.alone))
+            ratios[building] = median_band(stripes.values / free)
     edge = responses.edge_of(*ratios.values())
     for series, (building, (low, median, high)) in enumerate(ratios.items()):
         ends = [np.minimum(part, edge or np.inf) for part in (low, high)]

@@ -39,9 +39,9 @@ ROUNDING = 1e-12
 """Relative difference of two ways where the conditioning is 1."""
 COMPARED = ("length", "acceleration", "force", "impulse")
 """Quantities of the peaks that are compared."""
-TOGETHER = {"residual_drift": "storey_drift"}
-"""Peaks that are compared with the size of another: where a storey does not yield they are 0, to
-rounding of that."""
+TOGETHER = {"residual_drift": "storey_drift", "residual": "displacement"}
+"""Peaks that are compared with the size of another: where a storey does not yield, or a motion has
+decayed, they are 0, to rounding of that."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,6 +60,7 @@ DIGITS = 15
 """Of a ratio: quotients that are equal but for rounding become so."""
 BELOW = 1.0 - 1e-9
 """Part of the scale of first contact up to which a motion is taken for linear."""
+DUCTILITIES = {"ductility", "ductility_alone"}
 MAX_KEPT = 48_000_000
 """Bytes of responses that a process keeps."""
 
@@ -171,8 +172,8 @@ class RecordResponses:
                 power = POWERS.get(peak.units, 1)
                 grown = factor**power if rule is SkipRule.LINEAR else (factor / scale) ** power
                 rows[peak.name][k] = values[peak.name] * grown
-            if rule is SkipRule.LINEAR and "ductility" in rows:
-                rows["ductility"][k] *= scale  # the elongation grows, that of yielding does not
+            for name in rows.keys() & DUCTILITIES if rule is SkipRule.LINEAR else ():
+                rows[name][k] *= scale  # the elongation grows, that of yielding does not
             self._add_motion(rows, k, record, factor, poll)
         return rows
 
@@ -243,7 +244,8 @@ class RecordResponses:
         ended = respond(structure, record, scale, self._tail, settings, poll, k)
         values, drifts = self._unknown(self._alone), ended.storey_drift
         if ended.outcome is Outcome.COMPLETE:
-            own = replace(ended, storey_drift=drifts[:n])
+            left = ended.residual_drift[:n]
+            own = replace(ended, storey_drift=drifts[:n], residual_drift=left)
             for peak in self._alone:
                 values[peak.name] = drifts[-k:] if peak.source == "reach" else peak.of(own)
         KEPT.put(key, (values, ended.outcome))

@@ -131,7 +131,9 @@ def responses_of(results, study: Records, response: str = "drift") -> Responses:
         values[results["collapsed"].values > 0] = np.inf
     free = values if LINEAR.of(structure) and not structure.contacts else None
     for beside in {f"{name}_{kind}" for kind in BESIDE} & {*results}:
-        free = np.where(falls_alone(results)[..., None], np.inf, results[beside].values * factor)
+        free = np.where(
+            falls_alone(results)[..., None], np.inf, abs(results[beside].values * factor)
+        )
     if response == COLLAPSE and "collapse_time_alone" in results:
         free = np.where(falls_alone(results), np.inf, 0.0)[..., None]
     proportional = LINEAR.of(structure) or not structure.contacts

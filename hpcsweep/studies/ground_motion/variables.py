@@ -132,12 +132,10 @@ TIMES = (
     _time("floor_acceleration", "acceleration", "time of its peak"),
     _time("contact_force", "force", "time of peak force"),
 )
+LINEAR_PEAKS = "storey_drift", "displacement", "floor_acceleration"
 ALONE = (
-    *(
-        _beside(QUANTITIES[name], kind)
-        for kind in BESIDE
-        for name in ("storey_drift", "displacement", "floor_acceleration")
-    ),
+    *(_beside(QUANTITIES[name]) for name in (*LINEAR_PEAKS, "ductility", "residual_drift")),
+    *(_beside(QUANTITIES[name], "elastic") for name in LINEAR_PEAKS),
     _beside(COLLAPSE_TIME),
     real(
         *("gap_needed", ("stop",), "length", "gap that would not have closed"),
@@ -181,7 +179,7 @@ def _absent(structure: Structure) -> set[str]:
     """Return dimensions, variables, and endings of variables, that a structure does not have."""
     absent = {"elastic"} if structure.contacts else {"stop", "alone"}
     if structure.collapse_drift is None:
-        absent |= {"collapsed", "collapse_time", "collapse_time_alone"}
+        absent |= {"collapsed", "collapse_time"}
     linear = {"slider", "residual_drift", "elastic"}
     return absent | linear if LINEAR.of(structure) else absent
 
@@ -196,7 +194,7 @@ def peaks_of(
         return [
             peak
             for peak in peaks
-            if absent.isdisjoint((*peak.dims, peak.name, peak.name.rpartition("_")[2]))
+            if absent.isdisjoint((*peak.dims, peak.name, peak.source, peak.name.split("_")[-1]))
         ]
 
     groups = {name: held(peaks) for name, peaks in GROUPS.items() if name in settings.metrics}

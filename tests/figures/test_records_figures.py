@@ -214,8 +214,24 @@ def test_the_gap_needed_is_that_of_the_motion_without_contacts_and_rules_are_of_
         np.testing.assert_allclose(lines[label][1:], np.sort(values, axis=0)[3], rtol=1e-12)
         short = 100 * (values < need.values * (1 - 1e-9)).mean()
         assert f"too small for {short:.0f} % of them" in label
+    # of a motion that has collapsed, or is not computed, nothing is known
+    falls = np.full(need.shape, np.nan)
+    falls[0, -1] = 3.0
+    lost = {name: results[name].where(results.record != results.record[1]) for name in LOST}
+    part = results.assign(collapse_time_alone=(need.dims, falls), **lost)
+    (axis,) = figures()["separation"].draw(part, place="A2-B2").axes
+    drawn = {line.get_label(): line.get_ydata() for line in axis.get_lines()}
+    rest = np.delete(need.values, 1, axis=0)
+    rest[0, -1] = np.inf
+    np.testing.assert_array_equal(drawn["84 % fractile"][1:], np.sort(rest, axis=0)[5])
+    (label,) = (one for one in drawn if one.startswith("sum"))
+    total = np.where(np.isinf(rest), np.inf, np.delete((u + v), 1, axis=0))
+    np.testing.assert_allclose(drawn[label][1:], np.sort(total, axis=0)[3], rtol=1e-12)
     with pytest.raises(PlotError, match="--place B1: must be one of A1-B1, A2-B2"):
         figures()["separation"].draw(results, place="B1")
+
+
+LOST = "gap_needed", "displacement_alone", "displacement"
 
 
 def approach(study, record: int, factor: float) -> float:

@@ -200,7 +200,7 @@ def needed_gap(results, place: str | None = None):
     name = place or max(pairs, key=lambda pair: needs[pairs[pair][0]])
     k, floors = pairs[name]
     need = gaps[..., k]
-    asked = _rules(structure, floors, results["displacement_alone"].values)
+    asked = _rules(structure, floors, np.nan_to_num(results["displacement_alone"].values))
     figure, (axis,) = style.new_figure(1, 4.6)
     scale = np.append(0.0, whole.intensity)
 
@@ -210,7 +210,9 @@ def needed_gap(results, place: str | None = None):
     responses.draw_suite(curve, need)
     rules = zip(RULES.items(), asked, strict=True)
     for series, ((rule, dashes), values) in enumerate(rules, start=1):
-        over = (values / need)[np.isfinite(need) & (need > 0)]
+        values = np.where(np.isfinite(need), values, need)  # what collapses, or is not computed
+        known = np.isfinite(need) & (need > 0)
+        over = values[known] / need[known]
         label = rule
         if over.size:  # alike buildings need no gap
             label += f": {np.median(over):.2f} of the need, too small for "

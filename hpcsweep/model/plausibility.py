@@ -111,8 +111,12 @@ def springs(structure: Structure, stiffness: np.ndarray, rows: np.ndarray) -> np
         if COLUMN in name:
             column = stiffness[i] / np.sqrt(stiffness[i, i])
             stiffness = stiffness - np.outer(column, column)
-    ends = [np.flatnonzero(row) for row in rows]
-    return np.array([-stiffness[e[0], e[1]] if e.size > 1 else stiffness[e[0]].sum() for e in ends])
+    found = []
+    for row in rows:
+        first, *second = np.flatnonzero(row)[:2].tolist()
+        along = stiffness[first, second[0]] if second else stiffness[first].sum()
+        found.append(along / (row[first] * row[second[0] if second else first]))
+    return np.array(found)
 
 
 def _on_fixed_bases(

@@ -120,6 +120,11 @@ def test_loops_are_of_the_whole_force_of_storeys_and_bearings():
     brace = Slider((-1.0, 1.0), 5.0, 1.0, "brace")
     free = Structure.from_matrices([1, 1], [[2, -1], [-1, 1]], [], sliders=[brace])
     assert springs(free).tolist() == [0.0]
+    rows = np.array([[0.5, 0.0], [-2.0, 2.0]])  # elongations that are no difference of floors
+    sliders = [Slider(row, 5.0, 1.0) for row in rows]
+    stiffness = rows.T @ np.diag([6.0, 7.0]) @ rows
+    levered = Structure.from_matrices([1, 1], stiffness, [], drift=rows, sliders=sliders)
+    assert springs(levered) == pytest.approx([6.0, 7.0])
 
 
 def test_stripes_are_the_largest_of_their_places(folder):
@@ -232,6 +237,35 @@ def test_the_gap_needed_is_that_of_the_motion_without_contacts_and_rules_are_of_
 
 
 LOST = "gap_needed", "displacement_alone", "displacement"
+
+LEVER = """
+[study]
+kind = "records"
+[structure.matrices]
+mass = [1.0, 2.0]
+stiffness = [[300.0, 0.0], [0.0, 400.0]]
+damping = [[1.0, 0.0], [0.0, 2.0]]
+[[structure.contact]]
+direction = [-0.5, 1.5]
+gap = 0.1
+stiffness = 1e4
+[records]
+synthetic = {count = 1, seed = 3, dt = 0.02, duration = 5.0}
+scale = {by = "factor", values = [0.5, 1.0]}
+"""
+
+
+@pytest.mark.slow
+def test_rules_ask_for_the_peaks_that_a_row_makes_of_coordinates(tmp_path):
+    (tmp_path / "lever.toml").write_text(LEVER)
+    assert hpcsweep(0, "run", "lever.toml", cwd=tmp_path).returncode == 0
+    results = open_results(tmp_path / "lever.h5")
+    (axis,) = figures()["separation"].draw(results).axes
+    lines = {line.get_label(): line.get_ydata() for line in axis.get_lines()}
+    (label,) = (one for one in lines if one.startswith("sum"))
+    peaks = results.displacement_alone.values[0] @ [0.5, 1.5]
+    np.testing.assert_allclose(lines[label][1:], peaks, rtol=1e-12)
+    assert (peaks >= results.gap_needed.values[0, :, 0]).all()
 
 
 def approach(study, record: int, factor: float) -> float:

@@ -200,7 +200,8 @@ def needed_gap(results, place: str | None = None):
     name = place or max(pairs, key=lambda pair: needs[pairs[pair][0]])
     k, floors = pairs[name]
     need = gaps[..., k]
-    asked = _rules(structure, floors, np.nan_to_num(results["displacement_alone"].values))
+    peaks = np.abs(structure.directions[k]) * results["displacement_alone"].values
+    asked = _rules(structure, floors, np.nan_to_num(peaks))
     figure, (axis,) = style.new_figure(1, 4.6)
     scale = np.append(0.0, whole.intensity)
 
@@ -232,7 +233,10 @@ def needed_gap(results, place: str | None = None):
 
 
 def _rules(structure, floors: list[int], peaks: np.ndarray) -> Separation:
-    """Return what the rules ask of two floors, whose longest periods are those they move with."""
+    """Return what the rules ask of two floors, whose longest periods are those they move with.
+
+    The peaks of all floors are times what each has in the row of the contact.
+    """
     first = []
     for floor in floors:
         moves = np.abs(structure.modes[floor]) > MOVES * np.abs(structure.modes).max(axis=0)

@@ -42,7 +42,8 @@ class Model(NamedTuple):
     """(R,): f."""
     ground: np.ndarray
     """(n,), with bases these behind: what the absolute acceleration u'' + ground G has
-    of the forcing: -f where a base shakes; 0 where forces act on a structure whose base rests."""
+    of the forcing: -f where a base shakes, and of bases, whose reaction springs and dashpots
+    have; 0 where forces act on a structure whose base rests."""
     harmonics: np.ndarray
     """(H, 3): order, amplitude and phase."""
     ramp: np.ndarray
@@ -157,9 +158,10 @@ def record_model(
     first rows beyond n are those of the buildings; `always` is that of `kernel_elements`.
     """
     model = _at_any_frequency(structure, bases, always)
-    n_rows = structure.n_floors + (len(structure.base_rows) if bases else 0)
+    n = structure.n_floors
+    own = model.forcing[n : n + len(structure.base_rows)] if bases else model.forcing[:0]
     return model._replace(
-        ground=-model.forcing[:n_rows],
+        ground=np.append(model.ground, -own),
         harmonics=np.zeros((0, 3)),
         ramp=np.zeros((1, 3)),
         omega=0.0,

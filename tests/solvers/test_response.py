@@ -438,9 +438,30 @@ def test_a_window_of_time_lies_within_the_record():
             history(oscillator(1.0, 0.0), Record([0.0, 1.0, 0.0], 0.5), **more)
 
 
+SLIPS = {"sliders": [Slider((-1.0, 1.0), 40.0, 0.2)]}
+
+
 def test_forces_on_a_base_at_rest_accelerate_the_floors():
     # u'' = b a(t) of a free mass that a soft spring holds, and 0 after the record
     structure = Structure.from_matrices([2.0], [[1e-12]], [], forcing=[3.0])
     samples = np.array([1.0, -2.0, 4.0])
     seen = history(structure, Record(samples, 0.5), 2.0, tail=1.0)
     np.testing.assert_allclose(seen.acceleration[:, 0], [3, -6, 12, 0, 0], atol=1e-9)
+    found = hpcsweep.response(structure, Record(samples, 0.5), 2.0, tail=1.0, base_shear=True)
+    np.testing.assert_allclose(found.floor_acceleration, [12], rtol=1e-9)
+    assert found.base_shear[0] < 1e-9  # the spring's
+
+
+@together("sharpness, more", [(math.inf, {}), (3e3, {}), (math.inf, SLIPS)])
+def test_peaks_of_what_forces_accelerate_are_those_of_its_history(sharpness, more):
+    stop = [Contact((0.0, -1.5), 0.01, 300.0)]
+    structure = Structure.from_matrices(
+        *([2.0, 1.0], [[300.0, -100.0], [-100.0, 100.0]], stop),
+        **{"forcing": [3.0, -1.0], "sharpness": sharpness, **more},
+    )
+    record = noise(4, 100)
+    found = hpcsweep.response(structure, record)
+    seen = history(structure, record, step=record.dt / 40)
+    assert found.impacts.any()
+    largest = np.abs(seen.acceleration).max(axis=0)
+    np.testing.assert_allclose(found.floor_acceleration, largest, rtol=2e-3)

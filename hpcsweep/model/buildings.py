@@ -158,7 +158,7 @@ class Building:
         """Return the structure with a coordinate for each point of its columns at some heights."""
         fixed = self._with_points(heights) if heights else self.on_fixed_base
         made = fixed if self.isolation is None else self.isolation.beneath(fixed)
-        return made.named(*made.names[:2], fixed.names.storey_heights, fixed.storey_names)
+        return made.named(*made.names[:2], *fixed.names[2:3], fixed.storey_names, fixed.names.taken)
 
     @functools.cached_property
     def on_fixed_base(self) -> Structure:
@@ -305,8 +305,15 @@ def adjacent(
         sliders=[replace(s, name=n) for s, n in zip(sliders, of("slider_names"), strict=True)],
         collapse_drift=limits if falls else None,
     )
+    heights, taken = _heights_and_loads(alone)
+    return made.named(floors, labels + of("names.contacts"), heights, of("storey_names"), taken)
+
+
+def _heights_and_loads(alone: Sequence[Structure]) -> tuple[list[float], list[float]]:
+    """Return the height of each storey, and what P-Delta has taken from its stiffness."""
     heights = [height for structure in alone for height in structure.names.storey_heights]
-    return made.named(floors, labels + of("names.contacts"), heights, of("storey_names"))
+    taken = [p for one in alone for p in one.names.taken or (0.0,) * len(one.drift_rows)]
+    return heights, taken
 
 
 def _rebounding(contact: Contact, e: float, masses: np.ndarray) -> Contact:

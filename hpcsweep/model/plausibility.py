@@ -83,7 +83,7 @@ def told(structure: Structure, gravity: float) -> Iterator[str]:
 
     Its weight W; the force V_y at which its lowest storey yields over that; the largest P / (k h)
     of its storeys of stiffness k, which carry P, theta = P d / (V h) of codes; and its longest
-    period on a fixed base.
+    period on a fixed base. With P-Delta k is that before P / h is taken from it.
     """
     if not _has_storeys(structure):
         return
@@ -94,12 +94,13 @@ def told(structure: Structure, gravity: float) -> Iterator[str]:
         real = [i for i in floors.tolist() if COLUMN not in structure.floor_names[i]]
         above = gravity * np.diag(structure.mass_matrix)[real][::-1].cumsum()[::-1]
         directions = structure.drift_rows[rows]
-        stiffness = springs(structure, structure.stiffness_matrix, directions)
+        taken = np.array(structure.names.taken or np.zeros(len(structure.drift_rows)))[rows]
+        stiffness = springs(structure, structure.stiffness_matrix, directions) + taken
         words = [f"{name}: " * (name != "building") + f"weight {above[0]:.4g}{force}"]
         if (limit := limits.get(tuple(directions[0].tolist()), np.inf)) < np.inf:
             words.append(f"V_y/W {limit * stiffness[0] / above[0]:.3g}")
         if heights:
-            theta = above / (stiffness * np.array(heights)[rows])
+            theta = np.where(taken > 0.0, taken, above / np.array(heights)[rows]) / stiffness
             words.append(f"theta at most {theta.max():.3g}")
         each = f"{period / rows.size:.3g}{time} a storey"
         yield ", ".join([*words, f"period {period:.4g}{time} on a fixed base, {each}"])

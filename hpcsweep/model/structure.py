@@ -143,14 +143,15 @@ class Structure(MeasuredDynamics):
             if -math.inf in self._floors(getattr(self, name)):
                 raise wrong(name, "must not be -inf: the stop would always push")
         self._set("harmonics", read_harmonics(self.harmonics))
-        if self.storey_height is not None and not self.names.storey_heights:
-            heights = np.broadcast_to(self.storey_height, n).tolist()
-            self._set("names", self.names._replace(storey_heights=tuple(heights)))
         self._set("rayleigh", read_rayleigh("rayleigh", self.rayleigh, n))
         self._set("tension", flag("tension", self.tension))
         said_by = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth([*self.all_contacts.values()], self.sharpness, said_by)
         self._set("p_delta", flag("p_delta", self.p_delta))
+        if self.storey_height is not None and not self.names.storey_heights:
+            heights = tuple(np.broadcast_to(self.storey_height, n).tolist())
+            taken = tuple(self.weight_stiffness.tolist() if self.p_delta else ())
+            self._set("names", self.names._replace(storey_heights=heights, taken=taken))
         if (last := max(self.contact_numbers, default=0)) > matrices.MAX_CONTACTS:
             limit = f"stops on the left numbered up to {last}, the most are {matrices.MAX_CONTACTS}"
             raise wrong("gap_left", f": {n} floors have {limit}")

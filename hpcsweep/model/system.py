@@ -192,9 +192,13 @@ class System:
         if self.matrices is not None:
             return frozen(self.elastic_stiffness + self._springs)
         storeys = np.array(self._floors(self.storey_stiffness))
-        if self.p_delta:
-            storeys = storeys - weight_stiffness(storeys.tolist(), self.weight, self.storey_height)
-        return frozen(_of_storeys(storeys))
+        return frozen(_of_storeys(storeys - self.weight_stiffness if self.p_delta else storeys))
+
+    @property
+    def weight_stiffness(self) -> np.ndarray:
+        """P / h of each storey, which P-Delta takes from its stiffness, shape (n,)."""
+        storeys = self._floors(self.storey_stiffness)
+        return weight_stiffness(storeys, self.weight, self.storey_height)
 
     @cached_property
     def storey_dashpots(self) -> np.ndarray:

@@ -40,6 +40,8 @@ class Names(NamedTuple):
     """Height of each storey, of each drift; empty where unknown."""
     storeys: tuple[str, ...] = ()
     """Names of the drifts; empty where they are those of the floors, or numbers."""
+    taken: tuple[float, ...] = ()
+    """What P-Delta has taken from the stiffness of each storey, P / h; empty without."""
 
 
 class UnitNames(NamedTuple):

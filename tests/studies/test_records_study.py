@@ -874,7 +874,8 @@ def test_a_building_is_told_by_weight_yield_force_theta_and_period():
     assert lines(yields.replace("[records]", BEARINGS.format(2.24))) == [told]
     falls = yields.replace("3.2", "3.2\np_delta = true\ncollapse_drift = 0.1")
     (softer,) = lines(falls.replace("[records]", f"[records]\ngravity = {g}"))
-    assert f"theta at most {theta / (1 - theta):.3g}, " in softer
+    assert softer.partition("period")[0] == told.partition("period")[0]
+    assert softer != told
     named = '[units]\nlength = "m"\nmass = "kg"\ntime = "s"\n[records]'
     beside = yields.replace("[records]", BESIDE.format(0.02).replace("[records]", named))
     first, second = lines(beside)

@@ -294,6 +294,10 @@ def test_starts_reach_to_the_widest_gap_with_the_speed_of_a_mode_through_it():
     own = Structure(2, 20.0, mass=(2e5, 1e5), storey_stiffness=(3e7, 2e7), gap=0.02, gap_left=0.05)
     slowest = own.frequencies[0]
     assert usual_reach(own).tolist() == [0.05, 0.05, 0.05 * slowest, 0.05 * slowest]
+    for gaps, reach in (([-0.2, 0.1], 0.1), ([-0.2, -0.3], 0.3), ([0.0, -0.2], 0.2), ([0.0], 1.0)):
+        contacts = [hpcsweep.Contact((1.0,), gap, 1.0) for gap in gaps]
+        pressed = Structure.from_matrices([1.0], [[1.0]], contacts)
+        assert usual_reach(pressed)[0] == reach
 
 
 def test_chaos_that_only_a_seed_reaches_has_no_share():

@@ -5,6 +5,7 @@ from typing import Any
 from hpcsweep.dynamics.classify_motion import classify_motion
 from hpcsweep.dynamics.lyapunov import LyapunovSpectrum, spectrum_of_motion, spectrum_of_orbit
 from hpcsweep.model import arguments
+from hpcsweep.model.confinement import demand_confined
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import TANGENTS
 from hpcsweep.solvers.outcome import Outcome
@@ -81,6 +82,7 @@ def lyapunov_spectrum(
     TANGENTS.demand(structure)
     z = arguments.finite_vector("state", state, structure.state_units.size)
     amplitude = arguments.finite("amplitude", amplitude)
+    demand_confined(structure, amplitude)
     omega = arguments.forcing_frequency("omega", omega)
     error, name = arguments.positive("error", error), arguments.choice("solver", solver, SOLVERS)
     max_cycles = arguments.count("max_cycles", max_cycles, SPECTRUM_CYCLES.limits[0], MAX_CYCLES)

@@ -7,6 +7,7 @@ from scipy.linalg import eigh
 from scipy.special import expit
 
 from hpcsweep.job import Job
+from hpcsweep.model.confinement import unconfined
 from hpcsweep.model.description import SPRINGLESS, few, modes_kept, one_line, slow
 from hpcsweep.model.equilibrium import pressed
 from hpcsweep.model.isolation import isolated_period
@@ -63,6 +64,8 @@ def describe(job: Job) -> Lines:
     if structure.collapse_drift is not None:
         limits, unit = few(structure.drift_limits.tolist()), known_unit(structure, "length")
         yield "collapse", f"beyond a drift of {limits}{unit}"
+    if told := unconfined(structure):
+        yield "free", f"the structure {told}"
     yield from (("at rest", text) for text in _at_rest(structure, study))
     yield from study.lines()
     yield from (("warning", text) for text in warnings(job))
@@ -127,7 +130,7 @@ def _modes(structure) -> Lines:
     """Yield natural frequencies, periods, damping ratios and mode shapes."""
     frequencies = structure.frequencies
     kept = modes_kept(structure)
-    for i, omega in enumerate(frequencies[:MAX_MODES]):
+    for i in range(min(frequencies.size, MAX_MODES)):
         shape = structure.modes[:, i]
         shape = shape / shape[np.argmax(np.abs(shape))] + 0.0
         shape[np.abs(shape) < ROUNDING] = 0.0
@@ -135,13 +138,22 @@ def _modes(structure) -> Lines:
         more = ", ..." if shape.size > MAX_MODES else ""
         yield (
             f"mode {i + 1}",
-            f"omega = {omega:.6g}{_cycles(structure, omega)}, period {2 * np.pi / omega:.6g}, "
-            f"{_damping(structure, i)}, shape ({entries}{more})"
-            + ", stands for those left out"
-            * (i >= kept),
+            f"{_rate(structure, i)}, shape ({entries}{more})"
+            + ", stands for those left out" * (i >= kept),
         )
     if (more := frequencies.size - MAX_MODES) > 0:
         yield "", f"and {more} modes more, up to omega = {frequencies[-1]:.6g}"
+
+
+def _rate(structure, i: int) -> str:
+    """Tell frequency, period and damping of a mode; of a rigid one how its speeds decay."""
+    if i < structure.n_rigid:
+        rate, unit = structure.rigid_rates[i], known_unit(structure, "time")
+        decay = f"speeds decay in {1.0 / rate:.4g}{unit}" if rate > 0.0 else "no damping"
+        return f"no spring, {decay}"
+    omega = structure.frequencies[i]
+    frequency = f"omega = {omega:.6g}{_cycles(structure, omega)}, period {2 * np.pi / omega:.6g}"
+    return f"{frequency}, {_damping(structure, i)}"
 
 
 def _damping(structure, i: int, article: str = "") -> str:
@@ -211,7 +223,7 @@ def _warnings(structure) -> Iterator[str]:
                 f"the modes that are kept have {share:.3g} of the mass that the base moves: "
                 f"structure.model.reduce with more modes, for {ENOUGH_MASS:g} of it"
             )
-        if text := absurd(structure.frequencies[0]):
+        if structure.lowest > 0.0 and (text := absurd(structure.lowest)):
             yield text
     if ratios.max() > 1:
         at = int(ratios.argmax())
@@ -240,13 +252,14 @@ def _sticking_dashpots(structure) -> Iterator[str]:
     squares, shapes = eigh(structure.elastic_stiffness, structure.mass_matrix)
     first = int(np.argmax(squares > ROUNDING * squares[-1]))
     omega, shape = np.sqrt(abs(squares[first])), shapes[:, first]
-    ratio, meant = shape @ structure.damping_matrix @ shape / (2 * omega), structure.damping_ratios
-    if ratio > HEAVIER * meant[0] > 0.0:
+    ratio, mode = shape @ structure.damping_matrix @ shape / (2 * omega), structure.n_rigid
+    meant = structure.damping_ratios[mode]
+    if ratio > HEAVIER * meant > 0.0:
         more = "" if structure.reduction is not None else ", or structure.matrices.damping,"
-        factor = "alpha" if structure.rayleigh else f"{2 * meant[0] * omega:.4g}"
+        factor = "alpha" if structure.rayleigh else f"{2 * meant * omega:.4g}"
         yield (
-            f"the damping ratio {meant[0]:.4g} is that of mode 1 while all sliders stick: its "
-            f"dashpots are {ratio:.3g} of critical while all slip; structure.rayleigh = "
+            f"the damping ratio {meant:.4g} is that of mode {mode + 1} while all sliders stick: "
+            f"its dashpots are {ratio:.3g} of critical while all slip; structure.rayleigh = "
             f"[{factor}, 0.0]{more} gives the frame its own"
         )
 
@@ -258,7 +271,7 @@ def _pulling_contacts(structure) -> Iterator[str]:
         return
     force = structure.contact_stiffness * expit(-structure.sharpness * gaps) * gaps
     rows = structure.directions
-    moved = rows @ np.linalg.pinv(structure.stiffness_matrix) @ rows.T @ force
+    moved = rows @ np.linalg.pinv(structure.held_stiffness) @ rows.T @ force
     if (share := moved[gaps > 0] / gaps[gaps > 0]).max() > PULLED:
         name = [*structure.contact_names.values()][int(force.argmax())]
         yield (
@@ -271,9 +284,9 @@ def _pulling_contacts(structure) -> Iterator[str]:
 def _soft_contacts(structure) -> Iterator[str]:
     """Yield one line if contacts are softer than the structure is to a force along them."""
     directions, stiffness = structure.directions, structure.contact_stiffness
-    flexible = np.linalg.pinv(structure.stiffness_matrix)
+    flexible = np.linalg.pinv(structure.held_stiffness)
     yielding = stiffness * np.einsum("ki,ij,kj->k", directions, flexible, directions)
-    soft = (yielding > 0) & (yielding < 1)
+    soft = (yielding > 0) & (yielding < 1) & ~structure.felt.any(axis=1)
     if soft.any():
         names = ", ".join(np.array([*structure.contact_names.values()])[soft].tolist())
         least = stiffness[soft].min()

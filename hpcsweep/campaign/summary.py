@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hpcsweep.dynamics.classify import tells_chaos
 from hpcsweep.job.paths import path_of
+from hpcsweep.model.confinement import unconfined
 from hpcsweep.model.description import contacts_named, one_line
 from hpcsweep.store import Frames
 from hpcsweep.store.journal import CampaignHistory, read_history, totals
@@ -53,6 +54,7 @@ def summarize(path: str | Path) -> dict:
         "study": study.kind,
         "structure": one_line(structure),
         "n_floors": structure.n_floors,
+        "drifts": unconfined(structure) or None,
         "stiffness_ratio": None if structure.matrices else structure.stiffness_ratio,
         "contacts": len(structure.contacts),
         "contacts_named": contacts_named(structure),

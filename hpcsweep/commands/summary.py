@@ -42,6 +42,7 @@ def run(options) -> int:
 
 ROWS = """\
 structure | {structure} | {first}
+free | the structure {drifts}
 varied | {varied}
 {run_noun}s | {runs_done} of {runs_total} | {grid}
 inferred | {share_inferred:percent} of the map, {inferred}; all shares below are of {of}

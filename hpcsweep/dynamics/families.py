@@ -1,7 +1,8 @@
 r"""Families of orbits of structures that yield, and which orbits are members of one.
 
 A slider that sticks over a whole orbit keeps its lasting elongation p, whatever that is; nor does
-it matter where a structure stands along a direction that no spring opposes (`free_drifts`). With
+it matter where a structure stands along a direction that no spring opposes (`free_drifts`), or one
+without a spring from the first that no contact closes on (`Structure.n_rigid`). With
 the p of the sliders that stick as parameters, the orbits of given p and of a period are isolated,
 and by the implicit function theorem each that attracts transversally
 (`stability.without_families`) lies in a family with as many dimensions as there are parameters.
@@ -64,6 +65,8 @@ def slipping(
     structure: Structure, slid: Mapping[str, np.ndarray], period: int, tolerance: float
 ) -> tuple[int, ...]:
     """Return the sliders, from 0, that slip over an orbit."""
+    if not slid:
+        return ()
     strength = np.array([slider.strength for slider in structure.sliders])
     path = slid["slider_energy"] * period / strength
     return tuple(np.flatnonzero(path > tolerance * structure.length_unit).tolist())
@@ -127,7 +130,7 @@ def moved_inward(solver, state: np.ndarray, amplitude: float, period: int) -> np
         step = np.zeros(state.size)
         step[2 * n + j] = moved = INWARD * slider.limit
         push = structure.slider_directions[j] * (slider.spring * moved)
-        step[:n] = np.linalg.solve(structure.stiffness_matrix, push)
+        step[:n] = np.linalg.solve(structure.held_stiffness, push)
         ends = [
             solver.advance(state + way, amplitude, RELAXED * period).state for way in (step, -step)
         ]

@@ -229,7 +229,7 @@ class KnownMotions:
     def family(self, motion: Motion, seen: Observation, poll=None) -> int | None:
         """Return the index of the family of which a motion, as it was observed, is a member."""
         structure, points, period = self._structure, motion.points, motion.period
-        if not seen.slid:
+        if not (seen.slid or motion.families):
             return None
         slips = slipping(structure, seen.slid, len(seen.points), self._same)
         if not motion.families and len(slips) == len(structure.sliders):

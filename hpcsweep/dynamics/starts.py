@@ -19,13 +19,13 @@ def usual_reach(structure) -> np.ndarray:
     """Return the default reach of the starts of a structure, shape (2n,).
 
     Displacements reach to the widest gap, velocities to that times omega_0; for a structure in the
-    user's units, times its lowest natural frequency: the speed of that mode through the gap. Where
-    all contacts are pressed, as far as the most pressed one.
+    user's units, times its lowest natural frequency: the speed of that mode through the gap, or of
+    a contact where none vibrates. Where all contacts are pressed, as far as the most pressed one.
     """
     n, gaps = structure.n_floors, [contact.gap for contact in structure.contacts]
     gap = max([abs(gap) for gap in gaps if gap > 0.0 or max(gaps) <= 0.0], default=0.0)
     gap = gap or structure.length_unit
-    rate = 1.0 if structure.is_uniform else float(structure.frequencies[0])
+    rate = 1.0 if structure.is_uniform else structure.lowest or structure.frequency_unit
     return np.repeat((gap, gap * rate), n)
 
 

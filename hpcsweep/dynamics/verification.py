@@ -28,8 +28,9 @@ the other side, from which it sees no impact, a move leads past the kink, and th
 from there. Moves need not fall from the first to the last, only in the end.
 
 All points of the orbit are solved for at once, as in `continuation.cycle`: no product of tangent
-maps is formed, and a residual is that of one period. Orbits of sliders come in families: it is the
-nearest one, relative to what drifts along directions that no spring opposes.
+maps is formed, and a residual is that of one period. Orbits of sliders, and of what has no spring,
+come in families: it is the nearest one, relative to what drifts along directions that no spring
+opposes.
 """
 
 import math
@@ -41,7 +42,7 @@ import numpy as np
 from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers, without_families
-from hpcsweep.solvers.offers import ISOLATED
+from hpcsweep.solvers.offers import ALONE, ISOLATED
 from hpcsweep.solvers.polling import Poll
 
 STEPS = 40
@@ -60,6 +61,9 @@ FAR = 1e3
 """Size of a state, in its units, at which Newton's method is lost."""
 FAMILY = 1e-7
 """Singular value, over the largest, that is 0: tangent maps of sliders are differences."""
+FEW = 100
+"""Numbers of an orbit of several periods from which on what has no spring is taken to be held by
+contacts over it: what floats free, in families, has period 1."""
 MANY = 400
 """Numbers of an orbit from which its equations are solved as sparse ones."""
 SAME, UNCERTAIN = 1e-9, 10.0
@@ -169,7 +173,7 @@ def verify_orbit(
             away = min(away, float(np.abs(verified.points[0] - points[0]).max()))
             if away <= reach:
                 orbit = verified._replace(points=verified.points * search.units)
-                if not ISOLATED.of(solver.structure):
+                if not ALONE.of(solver.structure):
                     left = without_families(solver.structure, verified.maps.product)
                     orbit = orbit._replace(transverse=left)
                 return Verdict(orbit, verified.residual, away, search.cycles)
@@ -182,7 +186,7 @@ class _Search:
     def __init__(self, solver, amplitude: float, poll):
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self.units = solver.structure.state_units
-        self._factored = _factored if ISOLATED.of(solver.structure) else self._nearest
+        self._factored = _factored if ALONE.of(solver.structure) else self._nearest
         self.least, self.cycles = math.inf, 0
 
     def closed(self, apart: np.ndarray) -> np.ndarray:
@@ -193,8 +197,10 @@ class _Search:
         return structure.without_drift(apart * self.units) / self.units
 
     def _nearest(self, matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the same as `_factored` of sliders: the shortest d."""
+        """Return the same as `_factored` of families: the shortest d."""
         p, n, _ = matrices.shape
+        if p > 1 and p * n > FEW and ISOLATED.of(self._solver.structure):
+            return _factored(matrices)
         whole = self.closed(jacobian(matrices).T.reshape(-1, p, n)).reshape(-1, p * n).T
         inverse = np.linalg.pinv(whole, rcond=FAMILY)
         return lambda misses: (inverse @ misses.ravel()).reshape(misses.shape)

@@ -24,6 +24,7 @@ from hpcsweep.job.tree import parse_toml, resolve, write
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts, read_followed, read_varied, unused
 from hpcsweep.model import arguments
+from hpcsweep.model.confinement import unconfined
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
@@ -178,6 +179,8 @@ def read_values(values: Values):
     along = {"followed": followed} if followed else {}
     # lengths are in gaps, say, only where they are all along
     structure = min(each, key=lambda step: (step.is_uniform, is_in_gaps(step)))
+    if told := next(filter(None, map(unconfined, each)), "") if study.recurs else "":
+        raise JobError(told, "structure", values.source)
     settings = _settings(values, study.skip_rules)
     if settings.solver == "bdf" and not all(map(BDF.of, each)):
         raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")

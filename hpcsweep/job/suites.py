@@ -127,8 +127,9 @@ def _period(source: str, tree: Mapping) -> float:
     values.check_tables(keys_of(Records), dict)
     measure, _ = keys.read_scale(values)
     period = keys.own_period(read_structure(values), measure)
-    if measure.own_period == keys.ISOLATED_PERIOD and period == math.inf:
-        limit = "needs a building on bearings, building.isolation"
+    if period == math.inf:
+        isolated = measure.own_period == keys.ISOLATED_PERIOD
+        limit = f"needs {'a building on bearings, building.isolation' if isolated else 'springs'}"
         raise values.error("records.scale.period", measure.own_period, limit)
     return period
 

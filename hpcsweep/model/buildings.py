@@ -131,8 +131,9 @@ class Building:
         if self.period is not None:
             wanted = number("building.period", self.period, POSITIVE, *RANGE)
             bare = replace(self, period=None, p_delta=False, isolation=None)
-            bare_period = 2.0 * math.pi / float(bare.structure.frequencies[0])
-            factor = (bare_period / wanted) ** 2
+            factor = (bare.structure.longest_period / wanted) ** 2
+            if math.isinf(factor):
+                raise wrong("building.period", "needs a storey_stiffness above 0")
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
         if self.column is not None:
             object.__setattr__(self, "column", _column(self.column))

@@ -106,6 +106,8 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
             ("g_L", structure.gap_left, math.inf),
         )
         words += [(symbol, few(value)) for symbol, value, usual in parameters if value != usual]
+    if count := structure.n_rigid:
+        words.append(("", f"{count} motion{'' if count == 1 else 's'} without spring"))
     words.append(("rho", f"{structure.sharpness:g}"))
     if structure.p_delta:
         words.append(("", "P-Delta"))
@@ -123,8 +125,8 @@ def in_words(structure: Structure) -> list[tuple[str, str]]:
     elif structure.rayleigh is not None:
         words.append(("", "Rayleigh damping " + few(structure.rayleigh_factors)))
     else:
-        ratios = structure.damping_ratios[: modes_kept(structure)].tolist()
-        if max(ratios) <= SPRINGLESS:
+        ratios = structure.damping_ratios[structure.n_rigid : modes_kept(structure)].tolist()
+        if 0.0 <= max(ratios, default=-1.0) <= SPRINGLESS:
             words.append(("zeta", few([float(f"{ratio:.4g}") for ratio in ratios])))
     if structure.storey_dashpots.any():
         words.append(("", "dashpots of storeys"))
@@ -158,21 +160,24 @@ def modes_kept(structure: Structure) -> int:
 
 def slow(structure) -> Iterator[str]:
     """Yield one line if a mode oscillates or decays so fast that runs take long."""
-    ratios = structure.damping_ratios[: modes_kept(structure)]
-    frequencies = structure.frequencies[: ratios.size]
+    first = structure.n_rigid
+    ratios = structure.damping_ratios[first : modes_kept(structure)]
+    frequencies = structure.frequencies[first : first + ratios.size]
+    if not ratios.size:
+        return
     rates = frequencies
     if not rates[-1] > FAST * rates[0] > 0:
         rates = frequencies * np.maximum(1.0, 2.0 * ratios)
     fastest = int(rates.argmax())
     if not rates[fastest] > FAST * frequencies[0] > 0:
         return
-    place = structure.floor_names[int(np.abs(structure.modes[:, fastest]).argmax())]
+    place = structure.floor_names[int(np.abs(structure.modes[:, first + fastest]).argmax())]
     why, hint = "is", "is its mass right, are the springs beside it?"
     if rates[fastest] > frequencies[fastest]:
         why, hint = "decays", f"its damping ratio is {ratios[fastest]:.3g}"
     if structure.reduction is not None:
         hint = "structure.model.reduce with fewer modes leaves it out"
     yield (
-        f"mode {fastest + 1} {why} {rates[fastest] / frequencies[0]:.2g} times as fast as the "
-        f"first, a motion of {place}: runs take long; {hint}"
+        f"mode {first + fastest + 1} {why} {rates[fastest] / frequencies[0]:.2g} times as fast as "
+        f"the first{' that vibrates' * bool(first)}, a motion of {place}: runs take long; {hint}"
     )

@@ -15,6 +15,9 @@ its line ends there. Between sharp stops r is linear: the first step that leaves
 closed contacts as it is ends at the solution. From there smooth ones are solved, whose equilibrium
 is the one beside it.
 
+Where K is singular what no spring and no closed contact opposes stays where it is: along these
+motions N there is no force either, and Newton's matrix has a spring along each of them.
+
 Contacts with g_k < 0 are *pressed*. Where there is none rest is u = 0, as a job says: that smooth
 stops pull before they are reached is not taken for a state of rest.
 """
@@ -22,6 +25,8 @@ stops pull before they are reached is not taken for a state of rest.
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.special import expit
+
+from hpcsweep.model.linear_dynamics import ROUNDED
 
 MAX_STEPS = 200
 SAME = 1e-15
@@ -53,7 +58,7 @@ def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarr
     load = np.zeros(structure.n_floors)
     for slider, p in zip(structure.sliders, () if plastic is None else plastic, strict=False):
         load += slider.stiffness * p * np.array(slider.direction)
-    u = np.linalg.solve(structure.stiffness_matrix, load) if load.any() else load
+    u = np.linalg.solve(structure.held_stiffness, load) if load.any() else load
     gaps = [contact.gap for contact in structure.contacts]
     is_closed = structure.directions @ u > np.maximum(gaps, 0.0)
     if not pressed(structure).any() and not is_closed.any():
@@ -84,7 +89,8 @@ def _solved(structure, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarra
 
     for _ in range(MAX_STEPS):
         stiff = kappa * law(u)[1]
-        step = _descent(stiffness, rows, stiff, residual(u))
+        held = stiffness + _springs(structure, rows[(stiff > 0.0) & (rows @ u >= gaps)])
+        step = _descent(held, rows, stiff, residual(u))
         share = 1.0
         if step @ residual(u + step) > 0.0 > step @ residual(u):
             share = brentq(lambda t, u=u, step=step: step @ residual(u + t * step), 0.0, 1.0)
@@ -95,6 +101,17 @@ def _solved(structure, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarra
     if np.abs(step).max() <= 1e-12 * np.abs(u).max():
         return u
     raise ArithmeticError("no static equilibrium of the structure with its contacts was found")
+
+
+def _springs(structure, closed: np.ndarray) -> np.ndarray | float:
+    """Return springs along what neither springs nor rows that are closed oppose, (n, n)."""
+    n_rigid = structure.n_rigid
+    if not n_rigid:
+        return 0.0
+    _, sizes, ways = np.linalg.svd(closed @ structure.modes[:, :n_rigid])
+    free = ways[np.count_nonzero(sizes > ROUNDED * sizes.max(initial=0.0)) :]
+    rigid = structure.frequency_unit * free @ structure.modal_transform[:n_rigid]
+    return rigid.T @ rigid
 
 
 def _descent(stiffness, rows, stiff, residual) -> np.ndarray:

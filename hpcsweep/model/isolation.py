@@ -155,7 +155,7 @@ def springs(bearings: Mapping[str, Any], mass: Any) -> tuple[Any, Any]:
 
 
 def isolated_period(structure: Structure) -> float | None:
-    """Return the longest period of what stands on bearings that slide; None without bearings.
+    """Return the longest period of what stands on bearings that slide; None without these.
 
     Storeys that may yield do not: this is the period by which isolation is designed, where the
     modes of the structure are those of stuck bearings.
@@ -169,7 +169,8 @@ def isolated_period(structure: Structure) -> float | None:
     slabs = np.abs(rows).argmax(axis=1)
     isolated = np.ix_(*2 * [np.isin(structure.buildings, structure.buildings[slabs])])
     frequencies, _ = natural_modes(structure.mass_matrix[isolated], sliding[isolated])
-    return 2.0 * math.pi / float(frequencies[0])
+    vibrating = frequencies[frequencies > 0.0]
+    return 2.0 * math.pi / float(vibrating[0]) if vibrating.size else None
 
 
 def _key(name: str) -> str:

@@ -9,16 +9,19 @@ import numpy as np
 from hpcsweep.model import modes
 from hpcsweep.model.arguments import number, wrong
 from hpcsweep.model.forcing import Harmonics
+from hpcsweep.model.natural import NaturalModes
 from hpcsweep.model.rayleigh import Rayleigh
-from hpcsweep.model.system import System, frozen
+from hpcsweep.model.system import frozen
 
 MAX_OMEGA = 1e150
 """Of the closed forms, which square it."""
 ROUNDED = 1e-12
 """Part of a stiffness, of its trace say, that is rounding."""
+NO_SPRING = 1e-10
+"""Least bound of frequencies, in units of these, where there is no spring: kernels divide by it."""
 
 
-class LinearDynamics(System):
+class LinearDynamics(NaturalModes):
     """Linear dynamics from the matrices, the contacts and the forcing of a structure."""
 
     @cached_property
@@ -49,16 +52,17 @@ class LinearDynamics(System):
         """Unit of frequency, a power of two.
 
         Of motions that are longer than a slider is before it slips, its stiffness is F over their
-        length.
+        length. Where there is no spring it is that of the contacts.
         """
         if self.is_uniform:
             return 1.0
         stiffness = float(np.trace(self.stiffness_matrix))
+        stiffness = stiffness or float(self.contact_stiffness @ np.square(self.directions).sum(1))
         if self.motion_length and self.sliders:
             shares = [min(1.0, slider.limit / self.motion_length) for slider in self.sliders]
             elastic = max(float(np.trace(self.elastic_stiffness)), 0.0)
             stiffness = elastic + np.dot(shares, self.slider_stiffness)
-        return modes.power_of_two(math.sqrt(stiffness / np.trace(self.mass_matrix)))
+        return modes.power_of_two(math.sqrt(stiffness / np.trace(self.mass_matrix)) or 1.0)
 
     @cached_property
     def state_units(self) -> np.ndarray:
@@ -75,7 +79,7 @@ class LinearDynamics(System):
     def free_drifts(self) -> np.ndarray:
         """Displacements that neither springs nor contacts oppose once all sliders slip, (n, m).
 
-        With N^T K N = 1. Along these alone a motion can drift for good, its forces periodic.
+        N^T K N = 1 of `held_stiffness`. Along these alone a motion drifts under periodic forces.
         """
         return self._unopposed(self.directions)
 
@@ -90,7 +94,7 @@ class LinearDynamics(System):
 
         size = np.trace(self.stiffness_matrix)
         stiffness = self.elastic_stiffness + size * (held.T / (held**2).sum(axis=1)) @ held
-        values, vectors = eigh(stiffness, self.stiffness_matrix)
+        values, vectors = eigh(stiffness, self.held_stiffness)
         return frozen(vectors[:, np.abs(values) <= ROUNDED])
 
     def without_drift(self, states: np.ndarray) -> np.ndarray:
@@ -98,7 +102,7 @@ class LinearDynamics(System):
         if not self.sliders or not self.free_drifts.size:
             return states
         n, along = self.n_floors, self.free_drifts
-        moved = states[..., :n] @ (self.stiffness_matrix @ along @ along.T)
+        moved = states[..., :n] @ (self.held_stiffness @ along @ along.T)
         drift = (moved, np.zeros_like(moved), moved @ self.slider_directions.T)
         return states - np.concatenate(drift, -1)
 
@@ -117,18 +121,28 @@ class LinearDynamics(System):
 
     @property
     def damping_ratios(self) -> np.ndarray:
-        """zeta_i of every mode, shape (n,); the diagonal part of a damping matrix."""
+        """zeta_i of every mode, shape (n,), 0 of rigid ones; the diagonal of a damping matrix."""
+        over = np.where(self.frequencies > 0.0, self.frequencies, math.inf)
         if not self._is_by_ratios:
-            return 0.5 * np.diag(self.modal_damping) / self.frequencies
+            return 0.5 * np.diag(self.modal_damping) / over
         if self.rayleigh is not None:
             alpha, beta = self.rayleigh_factors
-            return 0.5 * (alpha / self.frequencies + beta * self.frequencies)
+            return 0.5 * (alpha / over + beta * self.frequencies)
         return self.given_ratios
 
     @property
+    def rigid_rates(self) -> np.ndarray:
+        """Phi^T C Phi of the rigid modes, of which speeds decay by these, shape (r,)."""
+        if self._is_by_ratios:
+            return np.full(self.n_rigid, self.rayleigh_factors[0])
+        return np.diag(self.modal_damping)[: self.n_rigid]
+
+    @property
     def given_ratios(self) -> np.ndarray:
-        """Damping ratio of every mode as given, shape (n,)."""
-        return np.array(self._floors(self.damping_ratio))
+        """Damping ratio of every mode as given, 0 of rigid ones, shape (n,)."""
+        ratios = np.zeros(self.n_floors)
+        ratios[self.n_rigid :] = self.damping_ratio
+        return ratios
 
     @property
     def rayleigh_factors(self) -> tuple[float, float]:
@@ -164,7 +178,8 @@ class LinearDynamics(System):
         """
         if self.is_uniform:
             return 4.0
-        return float(self.frequencies[-1] ** 2) * (1.0 + 1e-12)
+        least = (NO_SPRING * self.frequency_unit) ** 2
+        return max(float(self.frequencies[-1] ** 2) * (1.0 + 1e-12), least)
 
     @cached_property
     def directions(self) -> np.ndarray:
@@ -270,42 +285,18 @@ class LinearDynamics(System):
                 raise wrong(f"slider {name}", f"{limit} {force:.4g}, {strength}")
         return frozen(np.concatenate((u, np.zeros(self.n_floors))))
 
-    @cached_property
-    def _modes(self) -> tuple[np.ndarray, np.ndarray]:
-        if self.is_uniform:
-            n = self.n_floors
-            i = np.arange(1, n + 1)
-            frequencies = 2 * np.sin((2 * i - 1) * math.pi / (4 * n + 2))
-            floors, numbers = np.ogrid[1 : n + 1, 1 : n + 1]
-            shapes = np.sin(floors * (2 * numbers - 1) * math.pi / (2 * n + 1))
-            shapes = shapes / np.linalg.norm(shapes, axis=0)
-        else:
-            frequencies, shapes = modes.natural_modes(self.mass_matrix, self.stiffness_matrix)
-        return frozen(frequencies), frozen(shapes)
-
     @property
-    def frequencies(self) -> np.ndarray:
-        """Undamped natural frequencies of the free structure, ascending, shape (n,).
-
-        Closed form of the fixed-free uniform chain: omega_i = 2 sin((2i - 1) pi / (4n + 2)).
-        """
-        return self._modes[0]
-
-    @property
-    def modes(self) -> np.ndarray:
-        """Mode shapes Phi of (11), one a column, shape (n, n), with Phi^T M Phi = 1.
-
-        Closed form of the uniform chain phi_ij ~ sin(i (2j - 1) pi / (2n + 1)); the sign makes the
-        first entry that is not 0 positive.
-        """
-        return self._modes[1]
+    def felt(self) -> np.ndarray:
+        """Whether each contact feels each rigid mode, shape (m, r)."""
+        shapes = self.modes[:, : self.n_rigid]
+        sizes = np.abs(self.directions) @ np.abs(shapes)
+        return np.abs(self.directions @ shapes) > ROUNDED * sizes
 
     @cached_property
-    def modal_transform(self) -> np.ndarray:
-        """Phi^-1 = Phi^T M, shape (n, n): takes displacements to modal coordinates."""
-        if self.is_uniform:
-            return self.modes.T
-        return frozen(self.modes.T @ self.mass_matrix)
+    def held_stiffness(self) -> np.ndarray:
+        """K, to which rigid modes N have a spring each, K + w^2 M N N^T M, w `frequency_unit`."""
+        rigid = self.frequency_unit * self.modal_transform[: self.n_rigid]
+        return self.stiffness_matrix + rigid.T @ rigid if self.n_rigid else self.stiffness_matrix
 
     @cached_property
     def damping_matrix(self) -> np.ndarray:
@@ -332,10 +323,11 @@ class LinearDynamics(System):
             At an undamped resonance, where there is no steady state.
         """
         w = order * number("omega", omega, f"at most {MAX_OMEGA:g}", -MAX_OMEGA, MAX_OMEGA)
-        if not self.is_modal:
+        if not self.is_modal and (w or not self.n_rigid):
             matrices = self.mass_matrix, self.damping_matrix, self.stiffness_matrix
             return modes.damped_response(*matrices, self.forcing_vector, w)
         denominator = self.frequencies**2 - w**2 + 2j * self.damping_ratios * self.frequencies * w
+        denominator[: self.n_rigid] += 1j * self.rigid_rates * w
         if np.any(denominator == 0):
             raise ZeroDivisionError(f"undamped resonance at omega = {omega!r}: no steady state")
         phi = self.modes
@@ -355,8 +347,11 @@ class LinearDynamics(System):
         """Return the amplitude at which the linear steady state first touches a stop.
 
         For stops without layer; 0 if the structure rests at a stop, and at an undamped resonance,
-        where every amplitude reaches one; inf if there is none.
+        where every amplitude reaches one; inf if there is none. NaN where a motion has no spring:
+        where it stands without contact is its history.
         """
+        if self.n_rigid and self.contacts:
+            return math.nan
         try:
             reach = modes.trigonometric_maxima(*self.steady_harmonics(omega), self.directions)
         except ZeroDivisionError:

@@ -17,6 +17,7 @@ import numpy as np
 from hpcsweep.model import arguments
 from hpcsweep.model.arguments import finite, not_negative, number, positive, refused, wrong
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
+from hpcsweep.model.modes import RIGID, scaled_stiffness
 
 MAX_FLOORS = 64
 """Storeys of a building before stops: each may have one."""
@@ -386,15 +387,27 @@ def _several(kind: Any, elements: Any, n: int) -> tuple:
     return listed
 
 
-def check_definite(name: str, array: np.ndarray) -> None:
-    """Refuse a matrix that is not symmetric and positive definite."""
+def check_definite(name: str, array: np.ndarray, n_rigid: int = 0) -> None:
+    """Refuse a matrix that is not symmetric and, but for rigid motions, positive definite."""
     check_symmetric(name, array)
-    values = np.linalg.eigvalsh(array)
-    if not values[0] > 0:
+    values = np.linalg.eigvalsh(array)[n_rigid:]
+    if not values.min(initial=1.0) > 0:
         raise wrong(name, f"must be positive definite, has the eigenvalue {values[0]:.3g}")
-    if values[-1] / MAX_SPREAD > values[0]:
+    if values.size and values[-1] / MAX_SPREAD > values[0]:
         limit = f"has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}"
         raise wrong(name, f"{limit}: a ratio above {MAX_SPREAD:g} looks like mixed units")
+
+
+def rigid_motions(name: str, stiffness: np.ndarray) -> int:
+    """Return how many motions no spring opposes; refuse a stiffness that drives some."""
+    check_symmetric(name, stiffness)
+    scaled = scaled_stiffness(stiffness)
+    if scaled[0] < -RIGID:
+        least = np.linalg.eigvalsh(stiffness)[0]
+        raise wrong(name, f"must not be negative, has the eigenvalue {least:.3g}")
+    n_rigid = int(np.count_nonzero(scaled <= RIGID))
+    check_definite(name, stiffness, n_rigid)
+    return n_rigid
 
 
 def _check_damping(array: np.ndarray) -> None:

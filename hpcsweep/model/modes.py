@@ -9,6 +9,9 @@ SAMPLES = 64
 
 CHAINS = 2**20
 """Entries of the matrices of chains that are solved at a time."""
+RIGID = 1e-13
+"""Stiffness of a motion that is 0, where the diagonal of K is scaled to 1: so that penalty springs,
+which hold supports, count as little as units do."""
 
 
 def power_of_two(value: float) -> float:
@@ -23,13 +26,20 @@ def per_mass(mass: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.linalg.solve(mass, right)
 
 
+def scaled_stiffness(stiffness: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues of K with its diagonal scaled to 1: `RIGID` and less is no spring."""
+    diagonal = np.diag(stiffness)
+    root = np.sqrt(np.where(diagonal > 0.0, diagonal, np.abs(diagonal).max() or 1.0))
+    return np.linalg.eigvalsh(stiffness / np.outer(root, root))
+
+
 def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Solve K phi = omega^2 M phi with Phi^T M Phi = 1.
 
     Returns
     -------
     frequencies : ndarray, shape (n,)
-        Ascending.
+        Ascending; exactly 0 of a rigid motion, which no spring opposes.
     shapes : ndarray, shape (n, n)
         One a column; the first entry that is not negligible is positive.
     """
@@ -41,6 +51,7 @@ def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, 
         first = np.argmax(np.abs(shape) > 1e-8 * np.abs(shape).max())
         if shape[first] < 0:
             shape *= -1.0
+    squares[: np.count_nonzero(scaled_stiffness(stiffness) <= RIGID)] = 0.0
     return np.sqrt(squares), shapes
 
 

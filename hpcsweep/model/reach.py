@@ -33,8 +33,8 @@ since half of c x'^2 outweighs eps c x x' and half of it eps g c |x'|; the last 
 grows, is needed only where F may pull. Once it has let go x' < -kappa x / c, and the energy of the
 spring falls by kappa x |x'| >= eps kappa x^2 / 2. A dashpot without a spring has no bound.
 
-A row d then moves no farther than |d . u| <= sqrt(d . K^-1 d) sqrt(2 H). Without damping, or with
-a negative gap, there is no bound.
+A row d then moves no farther than |d . u| <= sqrt(d . K^-1 d) sqrt(2 H). Without damping, with a
+negative gap, or where a motion has no spring (K is singular) there is no bound.
 """
 
 import math
@@ -80,7 +80,9 @@ def reach_of_motions(structure, amplitude: float, states: np.ndarray) -> np.ndar
     nothing = np.full(len(gaps), math.inf)
     kappa, rho = structure.contact_stiffness, structure.sharpness
     drag = structure.contact_damping
-    if not least > 0 or np.any(gaps < 0) or rho**2 == 0 or np.any((drag > 0) & (kappa == 0)):
+    if not min(least, lowest) > 0 or np.any(gaps < 0) or rho**2 == 0:
+        return nothing
+    if np.any((drag > 0) & (kappa == 0)):
         return nothing
     eps = min(least / (2.0 + (most / lowest) ** 2), lowest / 4.0)
     has = drag > 0
@@ -124,7 +126,8 @@ class MeasuredDynamics(LinearDynamics):
 
         Once a slider may slip, its elongation A |b . L| above F / k, the structure without any is
         what limits motions, and L_i the larger of both: of dry friction by a spring 1e6 times as
-        stiff as the one beside it the former alone is the 1e6th part of the motion.
+        stiff as the one beside it the former alone is the 1e6th part of the motion. What has no
+        spring drifts on to any contact.
 
         Parameters
         ----------
@@ -142,6 +145,7 @@ class MeasuredDynamics(LinearDynamics):
         slips = (size * (np.abs(self.slider_directions) @ sticking) > limits).any(axis=-1)
         response = np.where(slips[..., None], np.maximum(sticking, self._slipping(omega)), sticking)
         reach = REACH * (response @ np.abs(self.directions).T)
+        reach[..., self.felt.any(axis=1)] = LONGEST
         gaps = np.array([abs(contact.gap) for contact in self.contacts])
         close = np.where(gaps <= reach * size, gaps, 0.0).max(axis=-1, initial=0.0)
         length = np.where(close > 0, close, response.max(axis=-1) * size[..., 0])
@@ -170,6 +174,7 @@ class MeasuredDynamics(LinearDynamics):
         for order, size, _ in self.forcing.terms:
             w = order * omega
             denominator = squares - w**2 + 2j * ratios * np.sqrt(np.abs(squares)) * w
+            denominator[denominator == 0.0] = math.inf  # a mean force on what has no spring
             bound += abs(size) * np.abs(shapes @ (push / denominator))
         return bound
 

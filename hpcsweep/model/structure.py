@@ -22,7 +22,7 @@ from hpcsweep.model.dashpot import refuse_smooth
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
 from hpcsweep.model.linear_dynamics import ROUNDED
 from hpcsweep.model.matrices import Matrices, check_definite, one_or_each, read_matrices
-from hpcsweep.model.rayleigh import read_rayleigh
+from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.unit_names import Names, UnitNames
 
@@ -33,14 +33,14 @@ ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
 ANY = "a number", -math.inf, math.inf
 YIELDS = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
 LIMITS = {
-    **dict.fromkeys(("damping_ratio", "stiffness_ratio", "storey_damping"), AT_LEAST_0),
-    **dict.fromkeys(("mass", "storey_stiffness", "weight", "storey_height"), ABOVE_0),
+    **dict.fromkeys(("stiffness_ratio", "storey_stiffness", "storey_damping"), AT_LEAST_0),
+    **dict.fromkeys(("mass", "weight", "storey_height"), ABOVE_0),
     **dict.fromkeys(("gap", "gap_left", "restitution"), ANY),
     **dict.fromkeys(("yield_force", "yield_drift"), YIELDS),
     "hardening": ("from -0.1 to below 1", -0.1, math.nextafter(1.0, 0.0)),
 }
 """Words, least and most of the parameters with one value or one per floor."""
-NOT_OF_FLOORS = {"damping_ratio": "mode", "yield_force": "storey", "yield_drift": "storey"}
+NOT_OF_FLOORS = {"yield_force": "storey", "yield_drift": "storey"}
 """What such a parameter has a value for, besides."""
 COLLAPSE = "above 0 (inf: none)", math.ulp(0.0), math.inf
 
@@ -65,9 +65,9 @@ class Structure(MeasuredDynamics):
     sharpness : float
         rho >= 0 of the sigmoid contact spring (5); ``math.inf`` is the piecewise linear stop,
         0 a pre-tensioned linear spring of half the contact's stiffness.
-    damping_ratio : float or sequence of n floats
-        Damping ratio zeta_i >= 0 of every mode of the free structure, or one per mode, lowest
-        frequency first (12).
+    damping_ratio : float or sequence of floats
+        Damping ratio zeta_i >= 0 of every mode of the free structure that vibrates, or one for
+        each, lowest frequency first (12).
     mass, storey_stiffness : float or sequence of n floats, optional
         Mass of each floor, and stiffness of each storey from the lowest on. Default: 1.
     gap, gap_left : float or sequence of n floats
@@ -145,6 +145,10 @@ class Structure(MeasuredDynamics):
         self._set("harmonics", read_harmonics(self.harmonics))
         self._set("rayleigh", read_rayleigh("rayleigh", self.rayleigh, n))
         self._set("tension", flag("tension", self.tension))
+        free = self.matrices is None and 0.0 in self._floors(self.storey_stiffness)
+        if free and any(not stop.stiffness for stop in self.all_contacts.values()):
+            limit = "must be above 0 at a floor with a stop, whose stiffness is in proportion"
+            raise wrong("storey_stiffness", limit)
         said_by = ("restitution", self.restitution) if self.matrices is None else None
         refuse_smooth([*self.all_contacts.values()], self.sharpness, said_by)
         self._set("p_delta", flag("p_delta", self.p_delta))
@@ -157,8 +161,12 @@ class Structure(MeasuredDynamics):
             raise wrong("gap_left", f": {n} floors have {limit}")
         if not self.is_uniform:
             check_definite("mass" if self.matrices is None else "matrices.mass", self.mass_matrix)
-            name = "storey_stiffness" if self.matrices is None else "matrices.stiffness"
-            check_definite(name, self.stiffness_matrix)
+        vibrate = n - self.n_rigid, "mode" + " that vibrates" * (self.n_rigid > 0)
+        ratios = one_or_each("damping_ratio", self.damping_ratio, *vibrate, AT_LEAST_0)
+        self._set("damping_ratio", ratios)
+        if isinstance(self.rayleigh, Rayleigh) and min(self.rayleigh.modes or (n,)) <= self.n_rigid:
+            limit = f"must be above {self.n_rigid}: modes up to that have no spring"
+            raise wrong("rayleigh.modes", limit)
         for name in self.slider_names:
             if self.slider_names.count(name) > 1:
                 raise wrong("slider.name", f"must differ, {name!r} is given twice")
@@ -189,12 +197,13 @@ class Structure(MeasuredDynamics):
         ----------
         mass, stiffness : array_like, shape (n, n)
             M and K without sliders, symmetric; n masses stand for a diagonal M. M is positive
-            definite, and so is K with the springs of all sliders.
+            definite. K with the springs of all sliders may leave motions free, which contacts then
+            hold, but is not negative.
         contacts : sequence of Contact
             64 at most.
-        damping_ratio : float or sequence of n floats, optional
-            Damping ratio of every mode of the free structure. Default: none, unless `damping` is
-            given.
+        damping_ratio : float or sequence of floats, optional
+            Damping ratio of every mode of the free structure that vibrates. Default: none, unless
+            `damping` is given.
         damping : array_like, shape (n, n), optional
             C, symmetric and positive semidefinite, in place of it.
         forcing : array_like, shape (n,), optional
@@ -291,7 +300,8 @@ class Structure(MeasuredDynamics):
             shown += [f"{len(self.sliders)} sliders"] if self.sliders else []
             hidden |= {"stiffness_ratio", "gap", "gap_left", "matrices"}
             if self.matrices.damping is not None:
-                low, high = self.damping_ratios.min(), self.damping_ratios.max()
+                ratios = self.damping_ratios[min(self.n_rigid, self.n_floors - 1) :]
+                low, high = ratios.min(), ratios.max()
                 shown.append(f"damping matrix, ratios {low:.3g} to {high:.3g}")
                 hidden.add("damping_ratio")
         if self.rayleigh is not None:

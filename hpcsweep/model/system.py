@@ -26,7 +26,7 @@ import numpy as np
 from hpcsweep.model.arguments import wrong
 from hpcsweep.model.dashpot import damping_of_restitution
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact, Matrices, Slider
+from hpcsweep.model.matrices import Contact, Matrices, Slider, rigid_motions
 from hpcsweep.model.rayleigh import Rayleigh
 from hpcsweep.model.reduction import Reduction
 from hpcsweep.model.unit_names import Names, UnitNames
@@ -78,6 +78,8 @@ def storey_sliders(
         return ()
     forces = np.broadcast_to(yield_force if by_force else np.multiply(yield_drift, stiffness), n)
     steps = (np.eye(n) - np.eye(n, k=-1)).tolist()
+    if any(k == 0.0 and force < math.inf for k, force in zip(stiffness, forces, strict=True)):
+        raise wrong("storey_stiffness", "must be above 0 of a storey that yields")
     return tuple(
         Slider(tuple(steps[i]), (1.0 - share) * k, (1.0 - share) * force, str(i + 1))
         for i, (k, share, force) in enumerate(zip(stiffness, shares, forces.tolist(), strict=True))
@@ -199,6 +201,14 @@ class System:
         """P / h of each storey, which P-Delta takes from its stiffness, shape (n,)."""
         storeys = self._floors(self.storey_stiffness)
         return weight_stiffness(storeys, self.weight, self.storey_height)
+
+    @cached_property
+    def n_rigid(self) -> int:
+        """Number of motions that neither springs nor sliders oppose: modes of frequency 0."""
+        if self.is_uniform:
+            return 0
+        name = "storey_stiffness" if self.matrices is None else "matrices.stiffness"
+        return rigid_motions(name, self.stiffness_matrix)
 
     @cached_property
     def storey_dashpots(self) -> np.ndarray:

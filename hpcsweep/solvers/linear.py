@@ -44,12 +44,13 @@ class LinearOrbit:
         gaps = np.array([contact.gap for contact in structure.contacts])
         self.levels = np.append(gaps - structure.layer_half_width, 2 * limits)
         self.is_known = False
-        """Whether there is a steady state, and at rest no contact is in its layer."""
+        """Whether there is one steady state, not many side by side as of what has no spring, and no
+        contact is in its layer at rest."""
         try:
             self._orders, self._responses = structure.steady_harmonics(omega)
         except ZeroDivisionError:
             return
-        self.is_known = not np.any(self.levels <= 0)
+        self.is_known = not (np.any(self.levels <= 0) or structure.n_rigid)
         self.lyapunov_exponent = _slowest_decay(structure)
         """Of every linear motion: the largest real part of the eigenvalues of the free modes."""
         steady = self._orders, self._responses

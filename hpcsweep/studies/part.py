@@ -48,6 +48,8 @@ class Part(ABC):
     grid_fields: ClassVar[tuple[str, ...]] = ()
     axes: ClassVar[tuple[Axis, ...]] = ()
     starts_at_rest: ClassVar[bool] = False
+    recurs: ClassVar[bool] = True
+    """Whether its motions must recur, which no motion does that nothing confines."""
     n_parts: ClassVar[int] = 1
     polls_per_run: ClassVar[int] = 1
     """Least number of calls of `poll` in a run."""

@@ -67,7 +67,8 @@ def ranges(
     places = path or [Driven("Omega", each, structure, each, 0.0) for each in _some(omega)]
     grazes = np.array([each.structure.grazing_amplitude(each.omega) for each in places])
     if not np.isfinite(grazes).any():
-        yield "grazing", "there is no contact"
+        free = "not known: where what has no spring stands without contact is its history"
+        yield "grazing", free if np.isnan(grazes).any() else "there is no contact"
         return
     least, most = int(grazes.argmin()), int(np.where(np.isfinite(grazes), grazes, 0).argmax())
     text = " to ".join(
@@ -100,10 +101,10 @@ def doubts(
         Whether runs start from the end of the one at the amplitude before.
     """
     yield from implausible(structure, seconds_in(structure.unit_names.time))
-    natural = structure.frequencies
+    natural = structure.frequencies[structure.n_rigid :]
     orders = np.array([order for order, _, _ in structure.forcing.terms if order])
     ratio = np.abs(np.log(np.outer(orders, omega).ravel()[:, None] / natural))
-    if ratio.min() > np.log(FAR):
+    if natural.size and ratio.min() > np.log(FAR):
         yield (
             f"every frequency ({few(tuple(np.unique(omega).tolist()))}) is more than {FAR:g} "
             f"times off every natural one (the lowest {natural[0]:.6g})"

@@ -14,6 +14,7 @@ from together import together
 from tools import JOBS
 
 import hpcsweep
+from hpcsweep.campaign.describe import describe as told_of
 from hpcsweep.commands.cli import main
 from hpcsweep.job import JobError, load_job, parse_job
 from hpcsweep.job.keys import every_key
@@ -361,3 +362,64 @@ def test_pounding_buildings_are_those_of_three_and_five_equal_storeys():
     assert np.array_equal(found.drift_rows[3:, 3:], Structure(5).drift_rows)
     lowest = Structure(5).frequencies[0], Structure(3).frequencies[0]
     assert np.allclose(found.frequencies[:2], lowest)
+
+
+LOOSE = """
+[structure]
+damping_ratio = [0.05]
+[structure.matrices]
+mass = [2.0, 1.0]
+stiffness = [[4.0, 0.0], [0.0, 0.0]]
+[[structure.contact]]
+direction = [-1.0, 1.0]
+gap = 0.05
+stiffness = 400.0
+"""
+RECORDS = """
+[study]
+kind = "records"
+[records]
+synthetic = {count = 1, seed = 1, duration = 5.0, rms = 1.0}
+scale = {values = [1.0]}
+"""
+
+
+def test_gears_that_rattle_are_described_without_a_warning():
+    job = load_job(JOBS / "structures/free-play.toml")
+    told = told_of(job)
+    lines = dict(told)
+    assert lines["mode 1"] == "no spring, no damping, shape (0, 1)"
+    assert lines["mode 2"].startswith("omega = 1.41421, period 4.44288, damping ratio 0.05")
+    assert lines["grazing"].startswith("not known")
+    assert "warning" not in lines
+    assert "1 motion without spring, rho = inf, c = 2, zeta = 0.05" in lines["structure"]
+
+
+def test_what_drifts_away_is_refused_in_sweeps_and_told_under_records(tmp_path, capsys):
+    said = "structure lets coordinate 2 drift away: neither springs nor sliders nor contacts"
+    with pytest.raises(JobError, match=said):
+        parse_job(LOOSE + SWEEP, "job", "job")
+    path = tmp_path / "loose.toml"
+    path.write_text(LOOSE + RECORDS)
+    assert dict(told_of(load_job(path)))["free"].startswith("the structure lets coordinate 2")
+    assert main(["run", str(path), "-o", str(path.with_suffix(".h5"))]) == 0
+    capsys.readouterr()
+    assert main(["summary", str(path.with_suffix(".h5"))]) == 0
+    assert "free" in (told := capsys.readouterr().out)
+    assert "the structure lets coordinate 2 drift away" in told
+    assert main(["validate", str(path.with_suffix(".h5"))]) == 0
+
+
+def test_storeys_without_a_spring_are_free_bodies():
+    body = hpcsweep.Building(mass=[1.0], storey_stiffness=0.0)
+    side = hpcsweep.Building(mass=[1.0], storey_stiffness=4.0)
+    made = hpcsweep.adjacent([side, body, side], gap=0.1, stiffness=10.0)
+    assert made.frequencies.tolist() == [0.0, 2.0, 2.0]
+    for wrong, said in (
+        ({"storey_stiffness": 0.0, "period": 1.0}, "building.period needs a storey_stiffness"),
+        ({"storey_stiffness": 0.0, "yield_drift": 1.0}, "must be above 0 of a storey that yields"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            _ = hpcsweep.Building(mass=[1.0], **wrong).structure
+    with pytest.raises(ValueError, match="storey_stiffness must be above 0 at a floor with a stop"):
+        Structure(2, storey_stiffness=(1.0, 0.0))

@@ -202,7 +202,7 @@ def test_a_value_is_what_the_key_itself_takes(key, given, values, job):
     "key, wrong, said",
     [
         ("structure.mass", "1e31", "must be 0 or of a size"),
-        ("structure.storey_stiffness", "-1.0", "must be finite and above 0"),
+        ("structure.storey_stiffness", "-1.0", "must be finite and at least 0"),
         ("structure.stiffness_ratio", "1e13", r"must be at most 1e\+12"),
         ("structure.gap", "nan", "must be numbers"),
     ],

@@ -33,7 +33,6 @@ from hpcsweep.solvers import response as solvers_response
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.ground_motion import responses
-from hpcsweep.studies.ground_motion.keys import longest_period
 from hpcsweep.studies.ground_motion.stripes import capacities, stripes_of
 
 SUITE = synthetic_records(4, seed=3, dt=0.02, duration=10.0)
@@ -915,7 +914,7 @@ def test_demands_have_the_slab_and_no_run_that_collapses(tmp_path):
     (tmp_path / "a.toml").write_text(text.replace("[1.0]", "[2.0, 7.0, 20.0]"))
     assert hpcsweep(0, "run", "a.toml", cwd=tmp_path).returncode == 0
     results, study = open_results(tmp_path / "a.h5"), parse_job(text, "job", "job").study
-    g, period = 9.80665, longest_period(study.structure)
+    g, period = 9.80665, study.structure.longest_period
     records = [study.record(i) for i in range(6)]
     sa = np.array([spectrum(record, [period]).acceleration[0] for record in records])
     given, head = ("fragility", "a.h5", "--demands", "d.csv"), ["1-PFA-0-1"]

@@ -10,6 +10,7 @@ from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count, finite, finite_vector, forcing_frequency, instance
+from hpcsweep.model.confinement import demand_confined
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import MAX_PERIOD
 from hpcsweep.solvers.offers import BATCHES
@@ -139,6 +140,7 @@ def find(
     """Find the orbit near a state, on the map of a parameter."""
     instance("structure", structure, Structure)
     amplitude, omega = finite("amplitude", amplitude), forcing_frequency("omega", omega)
+    demand_confined(structure, amplitude)
     z = finite_vector("state", state, structure.state_units.size)
     period = count("period", period, 1, MAX_PERIOD)
     forced = ForcedMap(structure, amplitude, omega, parameter)

@@ -28,20 +28,21 @@ NEAR = 1.2
 
 def periods_of(structure, dt: float) -> np.ndarray:
     """Return the periods of a spectrum that shows a structure."""
-    longest = 2.0 * np.pi / float(structure.frequencies[0])
+    longest = structure.longest_period if structure.lowest > 0.0 else 100.0 * dt
     return np.geomspace(max(2.0 * dt, longest / 50.0), LONGEST * longest, PERIODS)
 
 
 def natural_periods(structure) -> list[tuple[str, float]]:
     """Return names and values of the longest periods, or of the longest of each building."""
     if structure.buildings.max() == 0:
-        periods = 2.0 * np.pi / structure.frequencies[:MAX_MODES]
+        periods = 2.0 * np.pi / structure.frequencies[structure.n_rigid :][:MAX_MODES]
         return [(f"T_{k + 1}", period) for k, period in enumerate(periods.tolist())]
     named = []
     for number, name in enumerate(structure.building_names):
         block = np.ix_(*2 * [structure.buildings == number])
-        omega = natural_modes(structure.mass_matrix[block], structure.stiffness_matrix[block])[0][0]
-        named.append((rf"T_{{1,\mathrm{{{name}}}}}", 2.0 * np.pi / float(omega)))
+        omegas = natural_modes(structure.mass_matrix[block], structure.stiffness_matrix[block])[0]
+        omegas = omegas[omegas > 0.0][:1]
+        named += [(rf"T_{{1,\mathrm{{{name}}}}}", 2.0 * np.pi / omega) for omega in omegas.tolist()]
     return named
 
 

@@ -240,7 +240,9 @@ def _rules(structure, floors: list[int], peaks: np.ndarray) -> Separation:
     first = []
     for floor in floors:
         moves = np.abs(structure.modes[floor]) > MOVES * np.abs(structure.modes).max(axis=0)
-        first.append(int(np.argmax(moves)))
+        first.append(int(np.argmax(moves & (structure.frequencies > 0.0))))
+    if not structure.frequencies[first].all():
+        raise style.PlotError("--kind separation: a floor that moves without spring has no period")
     period, ratio = 2.0 * np.pi / structure.frequencies[first], structure.damping_ratios[first]
     u, other = (peaks[..., floor] for floor in floors)
     return separation(u, other, *period, *ratio)

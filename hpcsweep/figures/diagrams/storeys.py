@@ -10,7 +10,6 @@ from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.diagrams.vary_map import WIDE
 from hpcsweep.figures.options import Option, figure_of
 from hpcsweep.parallel.counted import counted
-from hpcsweep.studies.ground_motion.keys import longest_period
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, responses_of, stripes_of
 from hpcsweep.studies.study import as_kind
@@ -102,7 +101,7 @@ def load_portfolio(frames, response="drift", place=None, scale=None, against=Non
         stripes = stripes_of(results, study, response, place)
         number = responses.scale_index(results, scale)
         bands.append(median_band(stripes.values[:, number]))
-        keys.append({PERIOD: longest_period(study.structure), **at})
+        keys.append({PERIOD: study.structure.longest_period, **at})
     if np.isnan(bands).all():
         raise style.PlotError("no run is complete yet")
     columns = {name: np.array([key.get(name, "") for key in keys]) for name in (PERIOD, *varied)}

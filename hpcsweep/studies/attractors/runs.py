@@ -11,6 +11,7 @@ from hpcsweep.dynamics.basins import portrait
 from hpcsweep.dynamics.known import matched
 from hpcsweep.dynamics.starts import box_of, starting_states, usual_reach
 from hpcsweep.model import arguments
+from hpcsweep.model.confinement import demand_confined
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.solver import SOLVERS, loaded, make_solver
@@ -257,7 +258,7 @@ def attractors(
         confidence=arguments.number("confidence", confidence, "between 0 and 1", 1e-9, 1 - 1e-9),
         max_cycles=arguments.count("max_cycles", max_cycles, 1),
     )
-    amplitude = arguments.finite("amplitude", amplitude)
+    demand_confined(structure, amplitude := arguments.finite("amplitude", amplitude))
     reach = np.vstack((structure.slipped(np.abs(np.array(limits.box)).max(axis=1)), seeds))
     moving = loaded(structure.within_reach(amplitude, reach), name)
     runs = AttractorRuns(moving, arguments.forcing_frequency("omega", omega), settings, limits)

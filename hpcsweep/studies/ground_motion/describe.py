@@ -1,5 +1,6 @@
 """Describe the records of a study, before anything is computed, and count over its runs after."""
 
+import math
 from collections.abc import Iterator
 from functools import partial
 from typing import Any
@@ -14,7 +15,7 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import known_unit, unit_of
 from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.skip_rule import SkipRule
-from hpcsweep.studies.ground_motion.keys import RecordGrid, longest_period
+from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.study import Lines, Study, as_kind
 from hpcsweep.studies.tally import BaseTally, share
 from hpcsweep.studies.variables import percent_of_height
@@ -46,12 +47,13 @@ def lines(study: RecordGrid) -> Lines:
         f"multiplied by {low:.4g} to {high:.4g}",
     )
     yield from (("building", text) for text in told(study.structure, study.gravity))
-    period = longest_period(study.structure)
+    period = study.structure.longest_period
     yield (
         "records",
         f"PGA in g of {study.gravity:g} {named('acceleration')}, PGV in {named('velocity')}, "
-        f"PGD in {named('length')}, significant duration in {named('time')}, "
-        f"Sa({period:.4g}; 5 %) in g",
+        f"PGD in {named('length')}, significant duration in {named('time')}"
+        + f", Sa({period:.4g}; 5 %) in g"
+        * math.isfinite(period),
     )
     width = max(len(facts.name) for facts in study.suite)
     for i, facts in enumerate(study.suite[:MOST]):
@@ -59,7 +61,7 @@ def lines(study: RecordGrid) -> Lines:
             "",
             f"{facts.name:{width}}  PGA {facts.pga / study.gravity:7.4f}  PGV {facts.pgv:9.4g}  "
             f"PGD {facts.pgd:9.4g}  duration {facts.duration:7.3g}  "
-            f"Sa {_spectral(study, i, period)}  "
+            f"{_spectral(study, i, period)}"
             f"{facts.samples} samples of {facts.dt:g}",
         )
     if len(study.suite) > MOST:
@@ -67,12 +69,14 @@ def lines(study: RecordGrid) -> Lines:
 
 
 def _spectral(study: RecordGrid, i: int, period: float) -> str:
-    """Return Sa(T_1) in g of an available record."""
+    """Return Sa(T_1) in g of an available record, if any mode vibrates."""
+    if math.isinf(period):
+        return ""
     try:
         sa = average_spectral_acceleration(study.record(i), [period])
-        return f"{sa / study.gravity:7.4f}"
+        return f"Sa {sa / study.gravity:7.4f}  "
     except ValueError:
-        return "not known: the record is not there, or T is too short"
+        return "Sa not known: the record is not there, or T is too short  "
 
 
 def warnings(study: RecordGrid) -> Iterator[str]:
@@ -83,7 +87,7 @@ def warnings(study: RecordGrid) -> Iterator[str]:
     if sliding is not None and OWN_PERIOD in study.measure.periods:
         unit = known_unit(structure, "time")
         yield (
-            f"records are scaled by Sa at T1 = {longest_period(structure):.4g}{unit}, the period "
+            f"records are scaled by Sa at T1 = {structure.longest_period:.4g}{unit}, the period "
             f"of stuck bearings; while they slide it is {sliding:.4g}{unit}: "
             'records.scale.period = "isolated"?'
         )

@@ -345,17 +345,11 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
 
 
-def longest_period(structure: Structure) -> float:
-    """Return the longest natural period, of a structure that has not yielded."""
-    omega = float(structure.frequencies[0])
-    return 2.0 * math.pi / omega if omega > 0.0 else math.inf
-
-
 def own_period(structure: Structure, measure: Measure) -> float:
     """Return the period by which a structure is scaled if not by a number; inf: it has none."""
     if measure.own_period == ISOLATED_PERIOD:
         return isolated_period(structure) or math.inf
-    return longest_period(structure)
+    return structure.longest_period
 
 
 def read_found(

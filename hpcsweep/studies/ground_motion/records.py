@@ -60,6 +60,7 @@ class Records(RecordGrid):
     content: ClassVar[str] = "responses"
     status_variables: ClassVar[tuple[str, ...]] = ("skip_rule",)
     starts_at_rest: ClassVar[bool] = True
+    recurs: ClassVar[bool] = False
     lines, warnings = describe.lines, describe.warnings
 
     @classmethod

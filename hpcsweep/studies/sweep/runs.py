@@ -207,7 +207,7 @@ class FrameRuns:
         run `before` was followed for so many forcing periods.
         """
         most = self.settings.classify_cycles or 0
-        if amplitude >= self._grazing_amplitude:
+        if not amplitude < self._grazing_amplitude:  # which need not be known
             return most // (ON_PATH if follow else ALONE)
         return max(before // LESS, most // POOLED) if before >= most // POOLED else most
 

@@ -181,7 +181,8 @@ def _with(tree: Mapping, reduction: Mapping) -> dict:
     model = {**tree["structure"]["model"], "found": reduction}
     ratios = model.get("damping_ratio")
     if isinstance(ratios, list):
-        model["damping_ratio"] = ratios + ratios[-1:] * (reduction["facts"]["modes"] - len(ratios))
+        n = np.count_nonzero(reduction["facts"]["frequencies"])
+        model["damping_ratio"] = ratios + ratios[-1:] * (n - len(ratios))
     return {**tree, "structure": {**tree["structure"], "model": model}}
 
 

@@ -265,13 +265,14 @@ class FiniteElements:
         if not moved > 0:
             raise wrong("influence", "must not be 0 of all coordinates with mass")
         mass, stiffness = _part(self.mass, used), _part(self.stiffness, used)
-        held = sticking(stiffness, _array(slides, used), sliders)
+        held, free = sticking(mass, stiffness, _array(slides, used), sliders, _array(hits, used))
         drag = None if self.damping is None else _part(self.damping, used)
         forced, drift = _array([*hits, *slides], used), _array(drifts, used)
         room = MAX_REDUCED - (np.linalg.matrix_rank(forced) if len(forced) else 0) - bool(alone)
         massless = int((used & ~self._has_mass).sum())
         _refuse_rows(reduce, int(used.sum()) - massless)
-        modes = reduction.find_modes(mass, held, forced, push, reduction.most_modes(reduce, room))
+        most = reduction.most_modes(reduce, room)
+        modes = reduction.find_modes(mass, held, forced, push, most, free)
         if reduce is None:
             k, error = len(modes.squares), 0.0
             x = reduction.condensed(mass, stiffness, drag, push, forced, drift, named[used])

@@ -57,7 +57,8 @@ class Reduced(NamedTuple):
         """Return the structure, from its contacts and sliders, or their tables."""
         if hasattr(damping_ratio, "__len__"):
             n = self.facts["modes"]
-            ratios = each("damping_ratio", damping_ratio, n, "mode")
+            vibrate = n - [*self.facts["frequencies"]].count(0.0)
+            ratios = each("damping_ratio", damping_ratio, vibrate, "mode")
             damping_ratio = ratios + ratios[-1:] * (len(self.names) - n)
         is_given = damping_ratio is not None or others.get("rayleigh") is not None
 

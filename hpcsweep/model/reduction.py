@@ -29,6 +29,9 @@ The *error* is that of one motion: from rest with the speeds K^-1 M r, the shape
 deflects the structure, and all contacts closed, for half the longest period that they leave. It is
 the largest difference of a displacement of the rows from that of three times as many modes and more
 (all, where the matrices are small), over the largest that the rows would reach without contacts.
+
+Where K is singular its rigid modes are kept, K^-1 is that of loads less what moves them (inertia
+relief), and in the motion of the error they have the frequency of the lowest mode that vibrates.
 """
 
 import math
@@ -45,8 +48,6 @@ KINDS = ("modes", "error", "up_to")
 """Of reductions: what says how many modes are kept."""
 TIMES, MORE = 3, 16
 """The error of k modes is taken from `TIMES` k + `MORE` modes."""
-SMALL = 512
-"""Coordinates from which on modes are found by sparse shift-invert."""
 ENTRY, COPIES = 16, 3
 """Bytes of an entry of factors, with its place, and times that modes are there while found."""
 MASSLESS = 1e-13
@@ -137,22 +138,31 @@ class Basis(NamedTuple):
     """(n, k + ...)"""
 
 
-def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -> NaturalModes:
-    """Find the lowest modes of sparse matrices, `most` or all of them.
+def find_modes(
+    mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int, free: np.ndarray | None = None
+) -> NaturalModes:
+    """Find the lowest modes of sparse matrices, `most` or all of them, rigid ones first.
 
-    Massless rows are condensed: 1 / omega^2 is an eigenvalue of M - mu K, of these 0.
+    Massless rows are condensed: 1 / omega^2 is an eigenvalue of M - mu K, of these 0. Beside rigid
+    modes, `free`, (n, r), it is one on what is orthogonal to them.
     """
-    from scipy.linalg import eigh
+    from scipy.linalg import eigh, null_space
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-    from hpcsweep.model.sparse_matrices import factors
+    from hpcsweep.model.sparse_matrices import SMALL, elastic_solve
 
     n = len(push)
+    free = np.zeros((n, 0)) if free is None else free
     is_whole = n <= SMALL or 2 * most >= n
-    factorised = factors(stiffness)
-    solve = factorised.solve
+    solve, factorised = elastic_solve(stiffness, mass, free)
     if is_whole:
-        inverse, shapes = eigh(mass.toarray(), stiffness.toarray())
+        pencil = mass.toarray(), stiffness.toarray()
+        if free.size:
+            rest = null_space((mass @ free).T)
+            inverse, shapes = eigh(*(rest.T @ matrix @ rest for matrix in pencil))
+            shapes = rest @ shapes
+        else:
+            inverse, shapes = eigh(*pencil)
         inverse, shapes = inverse[::-1], shapes[:, ::-1]
         has_mass = inverse > MASSLESS * inverse[0]
         inverse = inverse[has_mass]
@@ -166,18 +176,26 @@ def find_modes(mass, stiffness, rows: np.ndarray, push: np.ndarray, most: int) -
             raise wrong("stiffness", f"and mass: modes are not found ({error})") from None
         order = np.argsort(squares)
         squares, shapes = squares[order], shapes[:, order]
+    squares = np.append(np.zeros(free.shape[1]), squares)
+    shapes = np.hstack((free, shapes))
     static = solve(np.ascontiguousarray(rows.T)) if len(rows) else np.zeros((n, 0))
     memory = float(ENTRY * factorised.nnz + COPIES * shapes.nbytes)
-    speeds = solve(push)
+    speeds = solve(push) + free @ (free.T @ push) / lowest(squares)
     return NaturalModes(
         squares, shapes, is_whole, rows, static, mass, stiffness, push, speeds, memory
     )
 
 
+def lowest(squares: np.ndarray) -> float:
+    """Return the lowest omega^2 of modes that vibrate, where rigid ones come first; 1 of none."""
+    return float(squares[np.flatnonzero(squares)[:1]].sum()) or 1.0
+
+
 def basis_of(modes: NaturalModes, k: int) -> Basis:
     """Return the basis of k modes with their residual flexibility."""
     squares, kept = modes.squares[:k], modes.shapes[:, :k]
-    psi = modes.static - kept @ ((modes.rows @ kept).T / squares[:, None])
+    over = np.where(squares > 0.0, squares, np.inf)[:, None]
+    psi = modes.static - kept @ ((modes.rows @ kept).T / over)
     psi = psi - kept @ (kept.T @ (modes.mass @ psi))
     size, whole = (np.einsum("ij,ij->j", v, modes.mass @ v) for v in (psi, modes.static))
     left = size > DEPENDENT**2 * whole
@@ -218,7 +236,8 @@ def _moves(modes: NaturalModes, basis: Basis, rows, kappa, end: float = 0.0):
     """Return the largest displacement of a motion, its end, and its displacements."""
     along = rows @ basis.shapes
     pushed = along[: len(kappa)] * np.sqrt(kappa)[:, None]
-    squares, turn = np.linalg.eigh(np.diag(basis.squares) + pushed.T @ pushed)
+    held = np.where(basis.squares > 0.0, basis.squares, lowest(basis.squares))
+    squares, turn = np.linalg.eigh(np.diag(held) + pushed.T @ pushed)
     rates = np.sqrt(squares)
     end = end or math.pi / rates[0]
     start = turn.T @ (basis.shapes.T @ (modes.mass @ modes.speeds)) / rates
@@ -251,21 +270,23 @@ def choose(modes: NaturalModes, wanted: Any, room: int, rows: np.ndarray, kappa:
         raise refused("reduce", f"one of {', '.join(KINDS)}", wanted)
     ((by, value),) = wanted.items()
     most = min(room, len(modes.squares))
+    rigid = int(np.count_nonzero(modes.squares == 0.0))
 
     def error(k: int) -> float:
         n_modes = len(modes.squares) if modes.is_whole else TIMES * k + MORE
         return error_of(modes, k, rows, kappa, basis_of(modes, n_modes))
 
     if by == "modes":
-        k = count("reduce.modes", value, 1, most)
+        k = count("reduce.modes", value, max(rigid, 1), most)
     elif by == "up_to":
-        first, last = (np.sqrt(modes.squares[[0, most - 1]]) / (2 * math.pi)).tolist()
+        ends = modes.squares[[min(rigid, most - 1), most - 1]]
+        first, last = (np.sqrt(ends) / (2 * math.pi)).tolist()
         limit = f"from the first frequency, {first:.4g}, to that of mode {most}, {last:.4g}"
         number("reduce.up_to", value, limit, first * (1 - 1e-9), last * (1 + 1e-9))
         k = int(np.sum(modes.squares[:most] <= (2 * math.pi * value) ** 2 * (1 + 1e-9)))
     else:
         positive("reduce.error", value)
-        k = next((k for k in range(1, most + 1) if error(k) <= value), 0)
+        k = next((k for k in range(max(rigid, 1), most + 1) if error(k) <= value), 0)
         if not k:
             limit = f"at least {error(most):.2g}, that of {most} modes"
             raise wrong("reduce.error", f"must be {limit}, is {value:g}")

@@ -12,12 +12,16 @@ import numpy as np
 from scipy import sparse
 
 from hpcsweep.model.arguments import refused, wrong
+from hpcsweep.model.modes import RIGID
 
 ASYMMETRY = 1e-6
 """Largest difference of a matrix from its transpose, over its largest entry: files round."""
-RIGID = 1e-13
-"""Stiffness of a motion that is 0, where the diagonal of K is scaled to 1: so that penalty springs,
-which hold supports, count as little as units do."""
+FELT = 1e-9
+"""Part of the largest displacement of rigid modes that contacts do not feel."""
+SMALL = 512
+"""Coordinates from which on modes are found by sparse shift-invert."""
+SHIFT = 1e-9
+"""Of the eigenvalues of a stiffness whose diagonal is 1, to find those that are 0."""
 MAX_COORDINATES = 300_000
 """Of a model: factors of as many of a solid may take some 10 GB."""
 
@@ -49,15 +53,65 @@ def motions_below(stiffness: Any, side: float) -> int:
     return negative(stiffness - side * sparse.diags_array(shift))
 
 
-def sticking(stiffness: Any, slides: np.ndarray, sliders: Sequence[Any]) -> Any:
-    """Return K with the springs of sliders; refuse one that leaves motions free."""
+def sticking(
+    mass: Any, stiffness: Any, slides: np.ndarray, sliders: Sequence[Any], hits: np.ndarray
+) -> tuple[Any, np.ndarray]:
+    """Return K with the springs of sliders, and the rigid modes N that it leaves free, (n, r).
+
+    With N^T M N = 1. One that no row of a contact feels is a support that was forgotten.
+    """
     springs = np.sqrt([slider.stiffness for slider in sliders])
     tied = sparse.csr_array(springs[:, None] * slides)
     held = sparse.csr_array(stiffness + tied.T @ tied)
-    if n_free := motions_below(held, 1.0):
-        many = f"{n_free} motion{'s' * (n_free > 1)}"
-        raise wrong("stiffness", f"leaves {many} free: fix some coordinates")
-    return held
+    if not (n_free := motions_below(held, 1.0)):
+        return held, np.zeros((held.shape[0], 0))
+    free = _null_space(held, n_free)
+    free = np.linalg.solve(np.linalg.cholesky(free.T @ (mass @ free)), free.T).T
+    felt = hits @ free / np.abs(hits).sum(axis=1, keepdims=True)
+    if lost := n_free - int(np.linalg.matrix_rank(felt, FELT * np.abs(free).max())):
+        many = f"{lost} motion{'s' * (lost > 1)}"
+        raise wrong(
+            "stiffness", f"leaves {many} free, which no contact holds: fix some coordinates"
+        )
+    return held, free
+
+
+def _null_space(stiffness: Any, size: int) -> np.ndarray:
+    """Return motions that a stiffness leaves free, so many, (n, size)."""
+    diagonal = stiffness.diagonal()
+    scale = sparse.diags_array(1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max())))
+    scaled = sparse.csr_array(scale @ stiffness @ scale)
+    if stiffness.shape[0] <= SMALL:
+        return scale @ np.linalg.eigh(scaled.toarray())[1][:, :size]
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    solve = factors(scaled + SHIFT * sparse.eye_array(scaled.shape[0])).solve
+    inverted = LinearOperator(scaled.shape, matvec=solve, dtype=float)
+    first = np.cos(np.arange(scaled.shape[0]))  # any, but always the same
+    return scale @ eigsh(scaled, size, sigma=-SHIFT, OPinv=inverted, v0=first)[1]
+
+
+def elastic_solve(stiffness: Any, mass: Any, free: np.ndarray) -> tuple[Any, Any]:
+    """Return what solves K u = f for the part of f that moves no rigid mode, and its factors.
+
+    That is f - M N N^T f. It is in equilibrium: as many supports as there are rigid modes, springs
+    of any stiffness where these differ most, take none of it. Of u no rigid mode is left.
+    """
+    from scipy.linalg import qr
+
+    if not free.size:
+        return (factorised := factors(stiffness)).solve, factorised
+    places = qr(free.T, mode="r", pivoting=True)[1][: free.shape[1]]
+    springs, diagonal = np.zeros(len(free)), stiffness.diagonal()
+    springs[places] = np.where(diagonal[places] > 0, diagonal[places], diagonal.max())
+    factorised = factors(stiffness + sparse.diags_array(springs))
+    heavy = mass @ free
+
+    def solve(load: np.ndarray) -> np.ndarray:
+        moved = factorised.solve(load - heavy @ (free.T @ load))
+        return moved - free @ (heavy.T @ moved)
+
+    return solve, factorised
 
 
 def negative(matrix: Any) -> int:

@@ -17,7 +17,7 @@ from hpcsweep import (
     stroboscopic_points,
     synthetic_records,
 )
-from hpcsweep.model import reduction
+from hpcsweep.model import reduction, sparse_matrices
 from hpcsweep.model.description import one_line, slow
 from hpcsweep.model.finite_elements import FiniteElements
 from hpcsweep.model.modes import per_mass
@@ -155,7 +155,7 @@ def random_model(seed: int) -> tuple:
     "seeds", [range(3), pytest.param(range(3, 40), marks=pytest.mark.slow)], ids=["few", "many"]
 )
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_three(seeds, monkeypatch):
-    monkeypatch.setattr(reduction, "SMALL", 10)
+    monkeypatch.setattr(sparse_matrices, "SMALL", 10)
     for seed in seeds:
         found, rows, kappa, k = random_model(seed)
         given = found.mass, found.stiffness, rows, found.mass @ np.ones(300)
@@ -221,6 +221,45 @@ def test_a_free_body_on_a_slider_is_a_structure():
         assert found.frequencies == pytest.approx(exact.frequencies, rel=1e-12)
 
 
+FREE_ENDS = np.array([0.0, 0.0, 4.730040745, 7.853204624, 10.995607838]) ** 2
+"""beta^2 of cos(beta) cosh(beta) = 1, behind the two rigid modes."""
+
+
+def between_stops(n: int, reduce, **more) -> Structure:
+    """Return a beam with free ends, each between two stops."""
+    names = [f"{i}.{what}" for i in range(1, n + 2) for what in ("UY", "RZ")]
+    found = FiniteElements(*map(sparse.csr_array, beam(n, free=True)), names=names)
+    ends = ("1.UY", 0.01), ("-1.UY", 0.02), (f"{n + 1}.UY", 0.03), (f"-{n + 1}.UY", 0.015)
+    stops = [Contact(direction=way, gap=gap, stiffness=60.0) for way, gap in ends]
+    return found.structure(stops, influence="UY", reduce=reduce, **more)
+
+
+@together("n, modes", [(30, None), (30, 5), (30, 9), (260, 5)])
+def test_a_beam_with_free_ends_keeps_its_rigid_modes(n, modes):
+    ratios = [0.02] + [0.03] * ((modes or 62) - 3)
+    found = between_stops(n, modes and {"modes": modes}, damping_ratio=ratios)
+    assert (found.n_rigid, found.reduction.frequencies[:2]) == (2, (0.0, 0.0))
+    assert found.frequencies[:5] == pytest.approx(FREE_ENDS, rel=1e-4)
+    assert found.damping_ratios[:4].tolist() == [0.0, 0.0, 0.02, 0.03]
+    # turned about the middle, M = 1 and 1 / 12
+    shapes = found.directions[[0, 2]] @ found.modes[:, :2]
+    assert shapes @ shapes.T == pytest.approx(np.array([[4.0, -2.0], [-2.0, 4.0]]), rel=1e-8)
+
+
+def test_a_reduced_free_beam_moves_as_the_whole_one():
+    whole, errors = between_stops(12, None, damping_ratio=0.02), []
+    start = np.zeros(2 * whole.n_floors)
+    exact = stroboscopic_points(whole, 2.0, 6.0, start, n_periods=3) @ np.eye(52)[:, [0, 24]]
+    for modes in (3, 6, 12):
+        found = between_stops(12, {"modes": modes}, damping_ratio=0.02)
+        points = stroboscopic_points(found, 2.0, 6.0, np.zeros(2 * found.n_floors), n_periods=3)
+        rows = found.directions[[0, 2]]
+        moved = points[:, : found.n_floors] @ rows.T
+        errors.append(np.abs(moved - exact).max() / np.abs(exact).max())
+        assert errors[-1] < 30.0 * found.reduction.error
+    assert errors[2] < 0.1 * errors[0]
+
+
 def test_one_triangle_and_a_vector_of_masses_will_do():
     _, stiffness = beam(3)
     found = FiniteElements(np.ones(6), sparse.csc_array(np.triu(stiffness)))
@@ -251,7 +290,10 @@ WRONG = [
     (lambda: of(stiffness="K"), "stiffness must be a matrix of real numbers, is 'K'"),
     (lambda: of(names=["a", "b"]), "names must be 3, one per coordinate, are 2"),
     (lambda: of(names=["a", "b", "a"]), "names must differ, 'a' is given twice"),
-    (lambda: of(stiffness=FREE).structure(outputs=[1]), "leaves 1 motion free: fix some coord"),
+    (
+        lambda: of(stiffness=FREE).structure(outputs=[1]),
+        "leaves 1 motion free, which no contact holds: fix some coord",
+    ),
     (lambda: of().structure(), "outputs are missing"),
     (lambda: of().structure(outputs=["7"]), "outputs must be one of the 3 coordinates .*, is '7'"),
     (lambda: of().structure(outputs=[[1.0, 2.0]]), "outputs must have 3 entries, has 2"),

@@ -3,8 +3,8 @@
 import numpy as np
 
 
-def beam(n: int = 30, lumped: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Return M and K of a clamped beam of n elements, coordinates 1.UY, 1.RZ, 2.UY, ..."""
+def beam(n: int = 30, lumped: bool = False, free: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Return M and K of a clamped beam of n elements, or free, coordinates 1.UY, 1.RZ, 2.UY, ..."""
     h, size = 1.0 / n, 2 * (n + 1)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
     a, b = 6 * h, 2 * h * h
@@ -15,4 +15,5 @@ def beam(n: int = 30, lumped: bool = False) -> tuple[np.ndarray, np.ndarray]:
     for i in range(0, size - 2, 2):
         mass[i : i + 4, i : i + 4] += moved * h / 420
         stiffness[i : i + 4, i : i + 4] += bent / h**3
-    return mass[2:, 2:], stiffness[2:, 2:]
+    first = 0 if free else 2
+    return mass[first:, first:], stiffness[first:, first:]

@@ -101,10 +101,10 @@ def doubts(
         Whether runs start from the end of the one at the amplitude before.
     """
     yield from implausible(structure, seconds_in(structure.unit_names.time))
-    natural = structure.frequencies[structure.n_rigid :]
+    natural = np.fmax(structure.frequencies, np.finfo(float).tiny)
     orders = np.array([order for order, _, _ in structure.forcing.terms if order])
     ratio = np.abs(np.log(np.outer(orders, omega).ravel()[:, None] / natural))
-    if natural.size and ratio.min() > np.log(FAR):
+    if not structure.n_rigid and ratio.min() > np.log(FAR):
         yield (
             f"every frequency ({few(tuple(np.unique(omega).tolist()))}) is more than {FAR:g} "
             f"times off every natural one (the lowest {natural[0]:.6g})"

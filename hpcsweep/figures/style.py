@@ -35,7 +35,8 @@ class PlotError(ValueError):
 def demand(capability: Capability, structure, what: str, instead: str) -> None:
     """Refuse a figure that needs what is not known of a structure, and name one that does not."""
     if not capability.of(structure):
-        why = f"{capability.why} of springs that yield"
+        what_it_has = "springs that yield" if structure.sliders else "rigid stops"
+        why = f"{capability.why} of {what_it_has}"
         raise PlotError(f"{what}: {why}; --kind {instead} draws them")
 
 

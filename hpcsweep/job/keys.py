@@ -35,8 +35,8 @@ STRUCTURE: Tables = {
         Key("gap_left", SIDES.format("left"), math.inf, units="length"),
         Key(
             "stiffness_ratio",
-            "beta, stiffness of a stop over that of a storey, at least 0; 0: no stop; a number, or "
-            "a list of n",
+            "beta, stiffness of a stop over that of a storey, at least 0; 0: no stop, `inf`: a "
+            "rigid one ([how](rigid.md)); a number, or a list of n",
             1000.0,
         ),
         Key(
@@ -67,8 +67,8 @@ STRUCTURE: Tables = {
         Key(
             "restitution",
             "coefficient of restitution of the stops of a building, above 0 and at most 1: a "
-            "dashpot beside each spring ([dashpots](structures.md#contacts-that-dissipate)); needs "
-            "`sharpness = inf`; a number, or a list of n",
+            "dashpot beside each spring ([dashpots](structures.md#contacts-that-dissipate)); of "
+            "[rigid](rigid.md) ones from 0 on; needs `sharpness = inf`; a number, or a list of n",
             told="no dashpot",
         ),
         Key("tension", "whether these dashpots may pull on the way out", told="false"),
@@ -124,7 +124,8 @@ STRUCTURE: Tables = {
             "contact",
             "tables `[[structure.contact]]`, at most 64, that go with matrices or a model: "
             "`direction`, "
-            "`gap`, `stiffness`, and if wanted `damping`, c of a dashpot, and `tension`",
+            "`gap`, `stiffness`, and if wanted `damping`, c of a dashpot, and `tension`; with "
+            "`stiffness = inf` `restitution` ([rigid stops](rigid.md))",
             told="damping 0, tension false",
         ),
         Key(

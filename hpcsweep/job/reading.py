@@ -184,6 +184,9 @@ def read_values(values: Values):
     settings = _settings(values, study.skip_rules)
     if settings.solver == "bdf" and not all(map(BDF.of, each)):
         raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")
+    if "contact_force" in settings.metrics and any(one.is_rigid.any() for one in each):
+        limit = "must be false where stops are rigid: speeds jump, output.impulse tells by how much"
+        raise values.error("output.contact_force", True, limit)
     if "lyapunov_spectrum" in settings.metrics and not TANGENTS.of(structure):
         raise values.error("output.lyapunov_spectrum", True, f"must be false {TANGENTS.lacks}")
     usual = study.default_block if SOLVERS[settings.solver].follows_orbits else 1

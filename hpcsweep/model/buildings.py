@@ -288,8 +288,8 @@ def adjacent(
     for pairs in levels:
         values = (each(name, value, len(pairs), "level") for name, value in of_levels)
         for (i, j), own_gap, kappa, e, c in zip(pairs, *values, strict=True):
-            contact = Contact(unit[i] - unit[j], own_gap, kappa, c, tension)
-            contacts.append(contact if restitution is None else _rebounding(contact, e, masses))
+            stop = unit[i] - unit[j], own_gap, kappa
+            contacts.append(_contact(stop, c, tension, None if restitution is None else e, masses))
             labels.append(f"{floors[i]}-{floors[j]}")
     refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
     sliders = _beside([structure.sliders for structure in alone], first)
@@ -317,11 +317,13 @@ def _heights_and_loads(alone: Sequence[Structure]) -> tuple[list[float], list[fl
     return heights, taken
 
 
-def _rebounding(contact: Contact, e: float, masses: np.ndarray) -> Contact:
-    """Return a contact with the dashpot of a coefficient of restitution."""
-    read_restitution("pounding.restitution", e)
-    stop = contact.direction, contact.gap, contact.stiffness
-    return Contact.from_restitution(*stop, e, masses, contact.tension)
+def _contact(stop: tuple[Any, float, float], c, tension, e: float | None, masses) -> Contact:
+    """Return a contact, if wanted with the dashpot of a coefficient of restitution, or rigid."""
+    if e is None:
+        return Contact(*stop, c, tension)
+    if stop[2] < math.inf:
+        read_restitution("pounding.restitution", e)
+    return Contact.from_restitution(*stop, e, masses, tension)
 
 
 def _labels(alone: Sequence[Structure], names: Sequence[str], what: str) -> list[str]:

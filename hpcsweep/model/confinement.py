@@ -33,7 +33,7 @@ def unconfined(structure, amplitude: float = 1.0) -> str:
     shapes = structure.modes[:, : structure.n_rigid]
     mean = math.fsum(size for order, size, _ in structure.forcing.terms if order == 0)
     held = structure.felt * (structure.directions @ shapes)
-    held = held[structure.contact_stiffness > 0.0]
+    held = held[(structure.contact_stiffness > 0.0) | structure.is_rigid]
     force = -math.copysign(mean, mean * amplitude) * (structure.forcing_vector @ shapes)
     rows = np.vstack((held, force))
     rows /= np.abs(rows).max(axis=1, initial=ROUNDED, keepdims=True)

@@ -71,6 +71,7 @@ def describe(structure: Structure) -> dict:
                 "gap": contact.gap,
                 "stiffness": contact.stiffness,
                 **({name: getattr(contact, name) for name in DASHPOT} if contact.damping else {}),
+                **({} if contact.restitution is None else {"restitution": contact.restitution}),
             }
             for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
         ],

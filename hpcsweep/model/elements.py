@@ -12,6 +12,8 @@ one march (`hpcsweep.solvers.flow.guard.elements`) serves all:
 
 - a contact, open, pushing or, without tension, past its stop and having let go; it opens and closes
   where y is at its stop, and lets go, or pushes again, where its force is 0 (`dashpot`);
+- a rigid contact, open or resting at its stop: where y is there its speed jumps, and it rests until
+  its reaction is 0, the guard on neither y nor y' (`rigid`);
 - a smooth contact, open, pushing or within its layer, which it enters where y is at an edge of it:
   what happens within is no linear motion (`elements.layers`), and where it leaves is not a guard;
 - a slider, sticking or slipping up or down: a spring k in series with a slider of strength F.
@@ -138,7 +140,7 @@ def kernel_elements(
         Whether elastic contacts, or without any a row on which nothing acts, are elements, too.
     """
     table, sliders = _Table(), structure.sliders
-    if always or sliders or contacts.edges[:, DRAG].any():
+    if always or sliders or contacts.edges[:, DRAG].any() or contacts.bounce.size:
         for k in range(len(contacts.row)):
             table.add((int(contacts.row[k]), -1), *_contact(k, contacts))
     length, rate = structure.length_unit, structure.frequency_unit
@@ -175,6 +177,8 @@ def _contact(k: int, contacts) -> list[tuple[tuple, list[tuple]]]:
         ]
     stop = sign * gap
     opens = (OPEN, -sign, 1.0, 0.0, stop)
+    if contacts.bounce.size and contacts.bounce[k] >= 0.0:
+        opens = (OPEN, -sign, 0.0, 0.0, stop)
     unit = max(law, dashpot) or 1.0
     force = sign * law / unit, sign * dashpot / unit, law / unit * gap
     lets_go = contacts.edges[k, LETS_GO] > 0.0

@@ -10,6 +10,7 @@ from hpcsweep.model import reduction
 from hpcsweep.model.arguments import items, refused, wrong
 from hpcsweep.model.matrices import MAX_ROWS, is_named, shares_of, vector
 from hpcsweep.model.reduced import Reduced, elements_of
+from hpcsweep.model.rigid import springs_of
 from hpcsweep.model.sparse_matrices import motions_below, negative, sticking, symmetric
 from hpcsweep.model.structure import Structure
 
@@ -280,7 +281,7 @@ class FiniteElements:
             massless = int(used.sum()) - len(names)
         else:
             measured = np.vstack((forced, drift))
-            kappa = np.array([contact.stiffness for contact in contacts])
+            kappa = springs_of(contacts)
             k, error = reduction.choose(modes, reduce, room, measured, kappa)
             k = min(k if not more else reduction.TIMES * k + reduction.MORE, len(modes.squares))
             signed = [row * np.sign(row[np.flatnonzero(row)[0]]) for row in (*hits, *slides)]

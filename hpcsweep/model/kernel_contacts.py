@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.model.modes import per_mass
+from hpcsweep.model.rigid import bounces
 from hpcsweep.model.structure import Structure
 
 DRAG, LETS_GO, SPRING, DASHPOT = range(4, 8)
@@ -50,6 +51,8 @@ class Contacts(NamedTuple):
     oblique: np.ndarray
     """(m, m): d_k . e_l for k != l, 0 where contact l does not push contact k; no rows if none
     pushes another."""
+    bounce: np.ndarray
+    """(m,): e of rigid contacts, -1 of others; nothing if none is rigid, see `rigid`."""
 
 
 def kernel_contacts(
@@ -104,6 +107,7 @@ def kernel_contacts(
         bent=wide(_bent(stiffness, damping, kick, damped), extra),
         gain=np.sqrt(np.maximum(flexibility.max() / softness, 1.0)),
         oblique=oblique if oblique.any() else oblique[:0],
+        bounce=bounces(structure.contacts),
     )
 
 

@@ -189,8 +189,9 @@ class LinearDynamics(NaturalModes):
 
     @cached_property
     def contact_stiffness(self) -> np.ndarray:
-        """kappa_k of every contact, shape (m,)."""
-        return frozen(np.array([contact.stiffness for contact in self.contacts], float))
+        """kappa_k of every contact, 0 of rigid ones, shape (m,)."""
+        kappa = np.array([contact.stiffness for contact in self.contacts], float)
+        return frozen(np.where(np.isfinite(kappa), kappa, 0.0))
 
     @cached_property
     def contact_damping(self) -> np.ndarray:
@@ -201,10 +202,17 @@ class LinearDynamics(NaturalModes):
     def force_per_length(self) -> np.ndarray:
         """Force per length by which kernels measure the force of each contact, shape (m,).
 
-        That is kappa; of a dashpot without a spring c times the unit of frequency.
+        That is kappa; of a dashpot without a spring c times the unit of frequency, and of a rigid
+        contact the mass that it feels times the square of that unit.
         """
-        kappa = self.contact_stiffness
-        return np.where(kappa > 0, kappa, self.contact_damping * self.frequency_unit)
+        kappa, unit = self.contact_stiffness, self.frequency_unit
+        found = np.where(kappa > 0, kappa, self.contact_damping * unit)
+        return np.where(self.is_rigid, unit**2 / self.contact_softness, found)
+
+    @property
+    def is_rigid(self) -> np.ndarray:
+        """Which contacts are rigid, shape (m,) of bool."""
+        return np.array([contact.stiffness == math.inf for contact in self.contacts], bool)
 
     def switched(self, force: np.ndarray, past: np.ndarray) -> np.ndarray:
         """Return forces of the contacts, from those of their springs at distances past the stops.
@@ -217,7 +225,7 @@ class LinearDynamics(NaturalModes):
             return force / (1.0 + np.exp(-self.sharpness * past))
 
     def contact_forces(self, states: np.ndarray) -> np.ndarray:
-        """Return the force of each contact at states of shape (k, 2n), shape (k, m)."""
+        """Return the force of each contact at states of shape (k, 2n), shape (k, m); NaN: rigid."""
         moved, speed = np.split(states, 2, axis=-1)
         past = moved @ self.directions.T - [contact.gap for contact in self.contacts]
         force = self.switched(self.contact_stiffness * past, past)
@@ -226,7 +234,8 @@ class LinearDynamics(NaturalModes):
             lets_go = [bool(contact.damping) and not contact.tension for contact in self.contacts]
             force = np.where(past > 0, force + drag, 0.0)
             force = np.where(lets_go, np.maximum(force, 0.0), force)
-        return force + 0.0  # of which -0.0 is 0.0
+        # of rigid ones it is not defined, and of others -0.0 is 0.0
+        return np.where(self.is_rigid, math.nan, force + 0.0)
 
     def contact_energy(self, u: np.ndarray) -> float:
         r"""Return the energy that the springs of the contacts hold at displacements u.

@@ -7,6 +7,7 @@ right has d = e_i, on its left d = -e_i; floors i and j of two buildings pound w
 A sharp stop may have a dashpot beside its spring (`hpcsweep.model.dashpot`).
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from numbers import Real
@@ -18,6 +19,7 @@ from hpcsweep.model import arguments
 from hpcsweep.model.arguments import finite, not_negative, number, positive, refused, wrong
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 from hpcsweep.model.modes import RIGID, scaled_stiffness
+from hpcsweep.model.rigid import read_bounce
 
 MAX_FLOORS = 64
 """Storeys of a building before stops: each may have one."""
@@ -71,11 +73,11 @@ def one_or_each(
 
 
 def each(name: str, value: Any, count: int, what: str) -> Vector:
-    """Read a number for each of `count`, from one finite number or a sequence."""
+    """Read a number for each of `count`, from one number or a sequence."""
     value = arguments.plain(value)
     if hasattr(value, "__len__"):
         return vector(name, value, count, f"numbers, one per {what}")
-    return (finite(name, value),) * count
+    return (number(name, value),) * count
 
 
 def matrix(name: str, value: Any, shape: tuple[int | None, int | None]) -> Matrix:
@@ -154,12 +156,14 @@ class Contact:
     gap : float
         g: of any sign; at 0 the structure rests at the stop, below 0 the stop pushes it.
     stiffness : float
-        kappa >= 0.
+        kappa >= 0; ``math.inf`` for a rigid stop, at which speeds jump, see `hpcsweep.model.rigid`.
     damping : float
         c >= 0 of a dashpot beside the spring: kappa x + c x'. Requires a sharp stop.
     tension : bool
         Whether the dashpot may pull, until x = 0; without it the contact never pulls, and lets go
         where kappa x + c x' falls to 0. See `hpcsweep.model.dashpot`.
+    restitution : float, optional
+        e, from 0 to 1, of a rigid stop, which needs it.
 
     Raises
     ------
@@ -184,6 +188,7 @@ class Contact:
     stiffness: float
     damping: float = field(default=0.0, metadata={"later": True})
     tension: bool = field(default=False, metadata={"later": True})
+    restitution: float | None = field(default=None, metadata={"later": True})
 
     def __post_init__(self) -> None:
         refusal = "such a contact can never be reached"
@@ -191,8 +196,10 @@ class Contact:
         object.__setattr__(self, "direction", direction)
         object.__setattr__(self, "gap", finite("contact.gap", self.gap))
         for name in ("stiffness", "damping"):
-            object.__setattr__(self, name, not_negative(f"contact.{name}", getattr(self, name)))
+            if getattr(self, name) != math.inf or name == "damping":
+                object.__setattr__(self, name, not_negative(f"contact.{name}", getattr(self, name)))
         object.__setattr__(self, "tension", arguments.flag("contact.tension", self.tension))
+        object.__setattr__(self, "restitution", read_bounce(self))
 
     @classmethod
     def from_restitution(
@@ -215,6 +222,8 @@ class Contact:
         mass : array_like, shape (n,) or (n, n)
             M of the structure.
         """
+        if stiffness == math.inf:
+            return cls(direction, gap, stiffness, 0.0, tension, restitution)
         contact = cls(direction, gap, stiffness, 0.0, tension)
         felt = felt_mass(contact.direction, mass)
         damping = damping_of_restitution(restitution, contact.stiffness, felt, contact.tension)

@@ -24,6 +24,7 @@ from hpcsweep.model.linear_dynamics import ROUNDED
 from hpcsweep.model.matrices import Matrices, check_definite, one_or_each, read_matrices
 from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
+from hpcsweep.model.rigid import refuse_beside
 from hpcsweep.model.unit_names import Names, UnitNames
 
 MAX_STIFFNESS = 1e12
@@ -33,7 +34,8 @@ ABOVE_0 = "finite and above 0", math.ulp(0.0), LARGEST
 ANY = "a number", -math.inf, math.inf
 YIELDS = "above 0 (inf: it does not yield)", math.ulp(0.0), math.inf
 LIMITS = {
-    **dict.fromkeys(("stiffness_ratio", "storey_stiffness", "storey_damping"), AT_LEAST_0),
+    "stiffness_ratio": ("at least 0, or inf", 0.0, math.inf),
+    **dict.fromkeys(("storey_stiffness", "storey_damping"), AT_LEAST_0),
     **dict.fromkeys(("mass", "weight", "storey_height"), ABOVE_0),
     **dict.fromkeys(("gap", "gap_left", "restitution"), ANY),
     **dict.fromkeys(("yield_force", "yield_drift"), YIELDS),
@@ -61,7 +63,8 @@ class Structure(MeasuredDynamics):
         Number of storeys n, 1 to 64; of matrices up to 512 rows.
     stiffness_ratio : float or sequence of n floats
         Contact-to-storey stiffness ratio beta >= 0 (7), one or one per floor: the spring behind a
-        stop of floor i has beta_i times the stiffness of storey i. 0 means no stop.
+        stop of floor i has beta_i times the stiffness of storey i. 0 means no stop, ``math.inf`` a
+        rigid one, which needs `restitution`, see `hpcsweep.model.rigid`.
     sharpness : float
         rho >= 0 of the sigmoid contact spring (5); ``math.inf`` is the piecewise linear stop,
         0 a pre-tensioned linear spring of half the contact's stiffness.
@@ -81,7 +84,8 @@ class Structure(MeasuredDynamics):
         Coefficient c >= 0 of a dashpot in each storey, besides.
     restitution : float or sequence of n floats, optional
         Coefficient of restitution of the stops of every floor, above 0 and at most 1: a dashpot
-        beside the spring, see `hpcsweep.model.dashpot`. It needs sharpness = inf.
+        beside the spring, see `hpcsweep.model.dashpot`; of rigid stops from 0 to 1. It needs
+        sharpness = inf.
     tension : bool
         Whether these dashpots may pull, see `Contact`.
     yield_force, yield_drift : float or sequence of n floats, optional
@@ -145,6 +149,7 @@ class Structure(MeasuredDynamics):
         self._set("harmonics", read_harmonics(self.harmonics))
         self._set("rayleigh", read_rayleigh("rayleigh", self.rayleigh, n))
         self._set("tension", flag("tension", self.tension))
+        refuse_beside(self)
         free = self.matrices is None and 0.0 in self._floors(self.storey_stiffness)
         if free and any(not stop.stiffness for stop in self.all_contacts.values()):
             limit = "must be above 0 at a floor with a stop, whose stiffness is in proportion"

@@ -250,16 +250,24 @@ class System:
         if self.matrices is not None:
             return dict(enumerate(self.matrices.contacts, 1))
         n, storeys = self.n_floors, self._floors(self.storey_stiffness)
-        kappa = np.multiply(self._floors(self.stiffness_ratio), storeys).tolist()
+        ratios = self._floors(self.stiffness_ratio)
+        kappa = [r if r == math.inf else r * k for r, k in zip(ratios, storeys, strict=True)]
         stops = self._floors(self.restitution), kappa, self._floors(self.mass)
-        damping = [damping_of_restitution(*stop, self.tension) for stop in zip(*stops, strict=True)]
+        damping = [
+            0.0 if stop[1] == math.inf else damping_of_restitution(*stop, self.tension)
+            for stop in zip(*stops, strict=True)
+        ]
+        rebounds = [None] * n if self.restitution is None else self._floors(self.restitution)
         contacts = {}
         for k, gap in enumerate((*self._floors(self.gap), *self._floors(self.gap_left))):
             if gap < math.inf:
                 sign, floor = (1.0, k) if k < n else (-1.0, k - n)
                 direction = tuple(sign if i == floor else 0.0 for i in range(n))
-                c = damping[floor]
-                contacts[k + 1] = Contact(direction, gap, kappa[floor], c, self.tension and c > 0)
+                c, stiffness = damping[floor], kappa[floor]
+                e = rebounds[floor] if stiffness == math.inf else None
+                contacts[k + 1] = Contact(
+                    direction, gap, stiffness, c, self.tension and c > 0, restitution=e
+                )
         return contacts
 
     @cached_property

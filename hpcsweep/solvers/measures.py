@@ -34,7 +34,8 @@ def peaks_of(structure: Structure, model: Model, peaks: np.ndarray) -> dict[str,
     # of a contact the distance past its stop; that of a dashpot is the one at which the spring
     # alone exerts its force
     past = values["contact_force"]
-    values["contact_force"] = structure.switched(structure.force_per_length * past, past)
+    force = structure.switched(structure.force_per_length * past, past)
+    values["contact_force"] = np.where(structure.is_rigid, np.nan, force)
     return values
 
 

@@ -22,6 +22,8 @@ class Capability(NamedTuple):
     """Where it is not, in words."""
     why: str = ""
     """What is told of structures of which it is not known."""
+    without: str = "sliders"
+    """What those of which it is known do not have."""
 
     def demand(self, structure: Structure) -> None:
         """Refuse a structure, as an argument, of which it is not known.
@@ -32,16 +34,21 @@ class Capability(NamedTuple):
         """
         instance("structure", structure, Structure)
         if not self.of(structure):
-            raise ValueError(f"structure must be without sliders: {self.why}")
+            raise ValueError(f"structure must be without {self.without}: {self.why}")
 
 
 def _never_yields(structure: Structure) -> bool:
     return not structure.sliders
 
 
+def _is_elastic(structure: Structure) -> bool:
+    return not (structure.sliders or structure.is_rigid.any())
+
+
+BOTH = "sliders and rigid stops"
 BDF = Capability(
-    lambda one: not (one.contact_damping.any() or one.sliders or one.reduction),
-    "where contacts have dashpots, springs yield, or a model is reduced",
+    lambda one: _is_elastic(one) and not (one.contact_damping.any() or one.reduction),
+    "where contacts have dashpots or are rigid, springs yield, or a model is reduced",
 )
 """Motions by the solver `bdf`, that of the published study. With the fast modes of a reduced model
 it takes minutes for a run."""
@@ -59,7 +66,7 @@ ALONE = Capability(lambda one: not (one.sliders or one.n_rigid))
 """Orbits that are isolated; else they come in families."""
 LINEAR = Capability(_never_yields, why="knows no free drift")
 """The motion without contacts in closed form, in proportion to A; else only while nothing slips."""
-CURVES = Capability(_never_yields, why="curves of theirs are not followed")
+CURVES = Capability(_is_elastic, why="curves of theirs are not followed", without=BOTH)
 """Curves of special points and of limits over two parameters."""
-PAGES = Capability(_never_yields, why="follows no motion")
+PAGES = Capability(_is_elastic, why="follows no motion", without=BOTH)
 """Motions that pages and portraits follow."""

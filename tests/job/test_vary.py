@@ -138,7 +138,7 @@ def test_it_is_set_and_extended_as_any_key_is(tmp_path):
         ("structure.gap = [1.0, inf]", "gap"),
         (
             "structure.stiffness_ratio = [1.0, -1.0]",
-            "structure.stiffness_ratio must be finite and at least 0, is -1.0",
+            "structure.stiffness_ratio must be at least 0, or inf, is -1.0",
         ),
         ("structure.n_floors = [2, 3]", "n_floors = 3: all parts must be of one shape"),
         (

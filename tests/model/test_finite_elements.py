@@ -326,7 +326,7 @@ WRONG = [
     ),
     (
         lambda: of().structure([{"direction": 1, "gap": 0.0, "stiffness": 1.0, "force": 1.0}]),
-        r"^contact\[0\] must be of direction, gap, stiffness, damping, tension, the first three at",
+        r"^contact\[0\] must be of direction, gap, stiffness, damping, tension, restitution, the f",
     ),
     (
         lambda: of().structure(sliders=[{"direction": 1, "stiffness": 1.0}]),

@@ -206,7 +206,7 @@ WRONG = [
     (lambda: Structure(2, gap_left=(1.0, 2.0, 3.0)), "gap_left must have 2 numbers, one per floor"),
     (lambda: Structure(2, gap_left=True), "gap_left must be a number, is True"),
     (lambda: Structure(40, gap_left=1.0), "gap_left: 40 floors have stops on the left"),
-    (lambda: Structure(2, (1.0, -1.0)), "stiffness_ratio must be finite and at least 0, is -1.0"),
+    (lambda: Structure(2, (1.0, -1.0)), "stiffness_ratio must be at least 0, or inf, is -1.0"),
     (lambda: Structure(2, rayleigh=(0.1,)), "rayleigh must have 2 numbers: alpha, beta, has 1"),
     (lambda: Structure(2, rayleigh=(0.1, -1.0)), "rayleigh must be at least 0, is -1.0"),
     (lambda: Structure(2, storey_damping=-1.0), "storey_damping must be finite and at least 0"),

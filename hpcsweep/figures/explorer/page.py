@@ -278,9 +278,14 @@ def _structure(structure, each: Sequence = ()) -> dict:
                 "name": structure.contact_names[number],
                 "direction": entries(contact.direction),
                 "gap": contact.gap,
-                "push": entries(contact.stiffness * per_mass(mass, np.array(contact.direction))),
+                "push": entries(kappa * per_mass(mass, np.array(contact.direction))),
             }
-            for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
+            for number, contact, kappa in zip(
+                structure.contact_numbers,
+                structure.contacts,
+                structure.contact_stiffness,
+                strict=True,
+            )
         ],
         "stops": [[*right, *left] for right, left in places],
         "units": structure.state_units[[0, -1]].tolist(),

@@ -18,6 +18,7 @@ from hpcsweep.model.elements import LET_GO, OPEN, PUSHING
 from hpcsweep.model.kernel_contacts import DASHPOT, DRAG, LETS_GO, SPRING
 from hpcsweep.model.observed import ROUNDING
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance, start
+from hpcsweep.solvers.flow.step.constraint import rigid_of
 from hpcsweep.solvers.flow.step.forcing import forcing_at
 from hpcsweep.solvers.flow.step.series import accelerations_of
 
@@ -110,6 +111,7 @@ def rest_at_stops(tau, past, key, z, amplitude, model, pairs, series):
         x, w = distance(k, z, contacts), approach_speed(k, z, contacts)
         if abs(x) <= ROUNDING * scale and abs(w) <= AT_REST * scale and (x != 0.0 or w != 0.0):
             resting |= contact_bit(k)
+    resting ^= rigid_of(resting, contacts)  # see `march.impact`
     if resting == np.uint64(0):
         return past, key
     forcing_at(tau, amplitude, model, pairs, 0)

@@ -22,6 +22,12 @@ from hpcsweep.kernels.simd.vectors import LANES, fma, load, local_matrix, modulu
 from hpcsweep.model.elements import LEVEL, SHARE, SHIFT, SIGN, SPEED, SPRING, TAKES
 from hpcsweep.model.observed import ROUNDING
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK, row_at_ends
+from hpcsweep.solvers.flow.guard.rigid import (
+    divide_by_time,
+    hops,
+    is_reaction,
+    write_reaction,
+)
 from hpcsweep.solvers.flow.guard.search import (
     HERMITE_MIDDLE,
     HERMITE_SLOPE,
@@ -37,6 +43,7 @@ from hpcsweep.solvers.flow.guard.search import (
     rising_root,
 )
 from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
+from hpcsweep.solvers.flow.step.constraint import is_rigid
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.step import expand, state_at, write_row
 
@@ -84,7 +91,7 @@ def offset_of(g, modes, elements):
 def write_windows(modes, elements, proof):
     """Write within which elongations and speeds the guards of each element are not passed.
 
-    That of a guard on both is empty. Elements that are as they were are left alone.
+    That of a guard on both, or on neither, is empty. Elements that are as they were are left alone.
     """
     windows, written = proof.windows, proof.written
     for e in range(windows.shape[1]):
@@ -102,7 +109,7 @@ def write_windows(modes, elements, proof):
             guard = elements.guard[g]
             first, slope = 0 if guard[SPEED] == 0.0 else 2, guard[SPRING] + guard[SPEED]
             end = offset_of(g, modes, elements) / slope
-            if guard[SPRING] != 0.0 and guard[SPEED] != 0.0:
+            if (guard[SPRING] != 0.0) == (guard[SPEED] != 0.0):
                 windows[0, e] = math.inf
             elif guard[SIGN] * slope > 0.0:
                 windows[first + 1, e] = min(windows[first + 1, e], end)
@@ -186,12 +193,12 @@ def drifts_stay(d, elements, peaks, ends):
 
 
 @kernel
-def _passage(g, segment, end, modes, tables, elements, ends, step):
+def _passage(g, segment, end, modes, tables, model, ends, step):
     """Return when guard g is first passed up to `end`.
 
     -1 if it is not (proved), `UNDECIDED` if rounding forbids to tell.
     """
-    e, h = elements.owner[g], segment.h
+    elements, e, h = model.elements, model.elements.owner[g], segment.h
     i, below = elements.rows[e]
     guard = elements.guard[g]
     offset = offset_of(g, modes, elements)
@@ -199,7 +206,12 @@ def _passage(g, segment, end, modes, tables, elements, ends, step):
     unit = guard[SIGN] / max(1.0, abs(offset), size)
     law = (guard[SPRING] * unit, guard[SPEED] * unit, offset * unit)
     rows = local_matrix(1, N_COEFFICIENTS)
-    bound4 = write_row((i, below), law, segment, tables, step, rows)
+    if is_reaction(guard):
+        bound4 = write_reaction(e, True, segment, model, tables, step, rows)
+    else:
+        bound4 = write_row((i, below), law, segment, tables, step, rows)
+        if hops(e, step.x, model.contacts):
+            bound4 = divide_by_time(law[0] * ends[1, e], h, rows)
     curve, level = Trace(rows, 0, h), Level(1.0, 0.0)
     g0, slope0 = value_and_slope(curve.rows, 0, h, 0.0)
     g1, slope1 = value_and_slope(curve.rows, 0, h, end)
@@ -207,6 +219,8 @@ def _passage(g, segment, end, modes, tables, elements, ends, step):
     if guard[SHARE] != 0.0 and max(abs(law[0] * y - law[2]), abs(law[0] * w) * h) < ROUNDING:
         # it has just stuck; the polynomial is at its guard and at rest but for its own rounding
         g0, slope0 = min(g0, 0.0), min(slope0, 0.0)
+    if is_rigid(e, model.contacts) and max(abs(g0), abs(slope0) * h) < ROUNDING:
+        g0, slope0 = min(g0, 0.0), min(slope0, 0.0)  # likewise, at its stop or without a reaction
     if not may_reach(end, g0, slope0, g1, slope1, bound4) or leaves(
         end, g0, slope0, g1, slope1, bound4
     ):
@@ -225,11 +239,13 @@ def _out_of_reach(g, d, modes, elements, ends):
     way, end = guard[SIGN] * guard[SPRING], guard[SIGN] * offset_of(g, modes, elements)
     g0, slope0 = way * ends[0, e] - end, way * ends[1, e]
     g1, slope1 = way * ends[2, e] - end, way * ends[3, e]
-    return guard[SPEED] == 0.0 and not may_reach(d, g0, slope0, g1, slope1, ends[4, e])
+    if guard[SPEED] != 0.0 or is_reaction(guard):
+        return False
+    return not may_reach(d, g0, slope0, g1, slope1, ends[4, e])
 
 
 @inlined
-def first_change(segment, span, modes, tables, elements, proof, step):
+def first_change(segment, span, modes, tables, model, proof, step):
     """Find the first guard that is passed along a step, from ``step.x`` to ``step.z_end``.
 
     Returns
@@ -239,7 +255,7 @@ def first_change(segment, span, modes, tables, elements, proof, step):
     time : float
         When, or `span`. ``step.z_end`` is the state then, but inside a layer.
     """
-    first, time = -1, span
+    first, time, elements = -1, span, model.elements
     write_ends(elements, proof, step)
     for block in range(0, proof.ends.shape[1], LANES):
         kept = modes_kept(block, span, proof)
@@ -251,7 +267,7 @@ def first_change(segment, span, modes, tables, elements, proof, step):
             for g in range(elements.guards[mode], elements.guards[mode + 1]):
                 if _out_of_reach(g, span, modes, elements, proof.ends):
                     continue
-                s = _passage(g, segment, time, modes, tables, elements, proof.ends, step)
+                s = _passage(g, segment, time, modes, tables, model, proof.ends, step)
                 if s == UNDECIDED:
                     return UNDECIDED, time
                 if s >= 0.0:
@@ -270,7 +286,7 @@ def pass_guard(g, z, modes, elements):
     if guard[SPEED] == 0.0:
         level = offset_of(g, modes, elements)
         z[i] = level + z[below] if below >= 0 else level
-    elif guard[SPRING] == 0.0:
+    if guard[SPRING] == 0.0:
         z[half + i] = z[half + below] if below >= 0 else 0.0
     if guard[TAKES] > 0.0:
         state = difference(e, 0, elements, z) + guard[SHIFT]

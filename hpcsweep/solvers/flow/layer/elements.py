@@ -132,7 +132,7 @@ def _step(interval, fine, z, amplitude, shared, pairs):
             fine = Fine(most, tau + h)
             continue
         segment = layer_segment(tau, h)
-        place, span = first_change(segment, h, modes, tables, elements, proof, step)
+        place, span = first_change(segment, h, modes, tables, model, proof, step)
         if place < 0 or span >= end - tau:
             # what changes at the end does so at the start of what follows
             return Taken(min(place, -1), h, h, fine, COMPLETE, steps)

@@ -51,6 +51,7 @@ from hpcsweep.solvers.flow.layer.passage.tangent import coast_on
 from hpcsweep.solvers.flow.layer.visit import Interval, inside_layer, visit_layer
 from hpcsweep.solvers.flow.march.ending import end_at_event, passing_contacts
 from hpcsweep.solvers.flow.march.gather import gather, gather_passing, segment_tangent
+from hpcsweep.solvers.flow.march.impact import at_stops, collide, hold, rest_of
 from hpcsweep.solvers.flow.state.shared import (
     LAYER_STEPS,
     LINEAR_STEPS,
@@ -66,6 +67,7 @@ from hpcsweep.solvers.flow.state.state import (
     start,
     time_of,
 )
+from hpcsweep.solvers.flow.step.constraint import rigid_of
 from hpcsweep.solvers.flow.step.forcing import forcing_after, forcing_at, turn_forcing
 from hpcsweep.solvers.flow.step.step import is_series, series_step, step_of, table_of
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, NON_FINITE, SOLVER_FAILED, STEP_LIMIT
@@ -97,7 +99,11 @@ def begin(tau, z, amplitude, elements, shared):
     else:
         write_loads(modes, model.elements, pairs)
         past = past_stops(tau, z, amplitude, model, pairs, step.series)
+        past ^= rigid_of(past, model.contacts)
         key = pushing(past, z, model)
+        if model.contacts.bounce.shape[0] > 0:
+            key = rest_of(tau, key, at_stops(z, model.contacts), z, amplitude, shared, False)
+            past |= rigid_of(key, model.contacts)
         set_contacts(past, key, modes, model.contacts)
         past, key = sets_of(modes, model.elements)
         past, key = settle(tau, past, key, z, amplitude, model, modes, pairs, step.series, proof)
@@ -183,16 +189,14 @@ def _ending(segment, span, ahead, promised, z, amplitude, elements, packed, shar
         if event[0] >= 0:
             return end_at_event(segment, event, promised, z, amplitude, packed, shared)
         return Ending(span, event[0], False, False, False, 0.0, promised)
-    guard, span = first_change(
-        segment, span, shared.modes, tables, model.elements, work.proof, work.step
-    )
+    guard, span = first_change(segment, span, shared.modes, tables, model, work.proof, work.step)
     if guard >= 0 and span >= segment.end - segment.tau:
         guard = -1  # what changes at the end does so at the start of what follows
     return Ending(span, guard, False, False, False, 0.0, promised)
 
 
 @inlined
-def _pass_guard(segment, ending, past, z, amplitude, elements, tangent, shared):
+def _pass_guard(segment, ending, past, z, amplitude, wanted, elements, tangent, shared):
     """Pass the guard at the end of a step, in state z.
 
     Returns
@@ -222,6 +226,9 @@ def _pass_guard(segment, ending, past, z, amplitude, elements, tangent, shared):
     past, key = sets_of(modes, rules)
     pairs, series, tau = work.forcing, work.step.series, segment.tau + ending.span
     write_loads(modes, rules, pairs)
+    if model.contacts.bounce.shape[0] > 0:
+        key = collide(tau, before, key, z, amplitude, wanted, tangent, shared)
+        past ^= rigid_of(past ^ key, model.contacts)
     past, key = settle(tau, past, key, z, amplitude, model, modes, pairs, series, proof)
     passing = past ^ before
     if tangent is not None:
@@ -292,6 +299,8 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
         if begins:
             past, key = begin(tau, z, amplitude, elements, shared)
             index = -1
+            if elements is not None and tangent is not None:
+                hold(key, model.contacts, tangent)
         if steps >= shared.max_steps:
             return STEP_LIMIT, UNKNOWN
         interval = Interval(tau, end, shared.max_steps - steps)
@@ -321,7 +330,7 @@ def march_interval(packed, shared, length, sets, z, amplitude, wanted, elements,
         if ending.contact >= 0:
             before, changed, index = past, True, -1
             past, key, begins, passing, outcome = _pass_guard(
-                segment, ending, past, work.step.z_end, amplitude, elements, tangent, shared
+                segment, ending, past, work.step.z_end, amplitude, wanted, elements, tangent, shared
             )
             if outcome != COMPLETE:
                 copy_state(work.step.z_end, z)

@@ -42,6 +42,7 @@ from hpcsweep.solvers.flow.state.state import (
     distance,
     renew_rows,
 )
+from hpcsweep.solvers.flow.step.constraint import rigid_of
 from hpcsweep.solvers.flow.step.forcing import forcing_at, total_forcing
 from hpcsweep.solvers.outcome import COMPLETE
 
@@ -143,7 +144,8 @@ def _sample_peaks(j, z, amplitude, shared):
     else:
         key = contact_key(model.period, z, amplitude, model, work.forcing, a)
         _, sliding = sets_of(modes, model.elements)
-        key = pushing(key, z, model) | sliding >> m << m
+        key = pushing(key & ~rigid_of(key, model.contacts), z, model) | sliding >> m << m
+        key |= rigid_of(sliding, model.contacts)
         write_loads(modes, model.elements, work.forcing)
         field_accelerations(key, z, work.forcing, model, work.step.series, padded)
     for p in range(tally.peaks.shape[0]):

@@ -18,8 +18,10 @@ from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, fma, load, total
 from hpcsweep.model.kernel_contacts import DASHPOT, SPRING
 from hpcsweep.model.observed import CLOSINGS, DISSIPATED, FLOOR, FORCE, ROUNDING, SPEED, TIME
+from hpcsweep.solvers.flow.guard.rigid import reaction_on_segment
 from hpcsweep.solvers.flow.state.state import approach_speed, contact_bit, distance
 from hpcsweep.solvers.flow.state.tables import MODAL_NODES, MODAL_WEIGHTS, N_MODAL
+from hpcsweep.solvers.flow.step.constraint import is_rigid
 from hpcsweep.solvers.flow.step.polynomials import evaluate, integral, value_and_slope
 from hpcsweep.solvers.flow.step.step import expand
 
@@ -38,6 +40,9 @@ def impacts_on_segment(segment, past, span, model, tables, tally, step):
             contacts.edges[k, SPRING],
             contacts.edges[k, DASHPOT],
         )
+        if is_rigid(k, contacts):
+            tally.impacts[FORCE, k] += reaction_on_segment(k, segment, span, model, tables, step)
+            continue
         x0, x1 = distance(k, step.x, contacts), distance(k, step.z_end, contacts)
         if segment.key & contact_bit(k) == np.uint64(0):
             tally.impacts[DISSIPATED, k] += 0.5 * spring * (x0 - x1) * (x0 + x1)

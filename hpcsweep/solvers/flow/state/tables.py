@@ -102,6 +102,7 @@ def sizes_of(model: Model) -> dict[str, int]:
     m, n_loads = model.contacts.row.size, model.elements.stiffness.size
     constant = forcing + n_loads
     sizes = {"L": n_loads, "n": n, "R": rows, "2R": 2 * rows, "2H": forcing, "m": m}
+    sizes["rigid"] = model.contacts.bounce.size
     sizes |= {"N": 2 * rows + constant + 1, "2H+L": constant}
     sizes |= {"T": min(2 ** (m + n_loads), MAX_TABLES), "W": len(model.watched)}
     sizes |= {"E": model.elements.first.size, "n+1": n + 1, "F": len(model.ground)}
@@ -113,6 +114,7 @@ def sizes_of(model: Model) -> dict[str, int]:
     apart = not spared and are_apart(model)
     spared = spared or (model.layer > 0.0 and not apart)
     large = rows >= (LARGE if apart else LARGE_SPARED if spared else LARGE_COUPLED)
+    large = large and not sizes["rigid"]
     volterra = apart and model.layer > 0.0
     for name in ("2R", "N"):
         sizes[f"tabled {name}"] = 0 if large else sizes[name]

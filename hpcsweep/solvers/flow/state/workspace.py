@@ -42,6 +42,8 @@ class SeriesWorkspace(NamedTuple):
     """... for this set, if the second is 1 ..."""
     free: np.ndarray = zeros("N", "padded R")
     """... and for the empty one."""
+    reactions: np.ndarray = zeros("rigid", "N")
+    """Of the contacts that rest in that set, by the augmented state, see `constraint`."""
     terms: np.ndarray = zeros(N_TERMS, "padded R+padded R")
     """Term k of all rows of y, then of y' ..."""
     count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]

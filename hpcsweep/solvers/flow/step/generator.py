@@ -7,6 +7,7 @@ import numpy as np
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.state.state import contact_bit, is_oblique
+from hpcsweep.solvers.flow.step.constraint import constrain_generator
 
 
 @kernel
@@ -31,6 +32,7 @@ def write_generator(key, model, scale, out):
             out[n + i, h] = model.forcing[i] / unit[i]
     _add_contacts(key, model, scale, out)
     _add_elements(key, model, scale, out)
+    constrain_generator(key, model, out)
     for h in range(model.harmonics.shape[0]):
         at = 2 * n + 2 * h
         out[at, at + 1] = model.harmonics[h, 0] * model.omega

@@ -22,6 +22,7 @@ from hpcsweep.kernels.simd.vectors import (
     fma,
     greatest,
     load,
+    local_matrix,
     local_vector,
     maximum,
     modulus,
@@ -32,6 +33,7 @@ from hpcsweep.model.kernel_contacts import DRAG
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state
 from hpcsweep.solvers.flow.state.tables import ECONOMISATION, N_COEFFICIENTS, ZERO
 from hpcsweep.solvers.flow.state.workspace import N_TERMS
+from hpcsweep.solvers.flow.step.constraint import constrain_field
 
 NEGLIGIBLE = 1e-17
 """Size of a term, in the largest of the first ones, from which on they are left out."""
@@ -52,8 +54,10 @@ FOURTH_OF_TERMS = np.array([math.perm(k, 4) for k in range(N_TERMS)], float)
 @kernel
 def write_field(key, model, out):
     """Write y'' of all rows in the augmented state, (N, R) or more columns, for a set."""
+    reactions = local_matrix(model.contacts.bounce.shape[0], out.shape[0])
     _write_free_field(model, out)
     _add_set(key, model, out)
+    constrain_field(key, model, out, reactions)
 
 
 @kernel
@@ -102,14 +106,14 @@ def _add_set(key, model, out):
 @kernel
 def accelerations_of(x, key, model, series, out):
     """Evaluate y'' of all rows, padded, in an augmented state for a set."""
-    _renew(key, model, series)
+    renew(key, model, series)
     width = out.shape[0]
     for i in range(0, width, LANES):
         combine(out, i, ZERO, 0, 1.0, series.field, i, width, x, 0, x.shape[0])
 
 
 @inlined
-def _renew(key, model, series):
+def renew(key, model, series):
     """Write the field of a set, if it is not there."""
     if series.key[0] != key or series.key[1] == np.uint64(0):
         if series.key[1] == np.uint64(0):
@@ -117,6 +121,7 @@ def _renew(key, model, series):
         for at in range(0, series.free.size, LANES):
             store(series.field, at, load(series.free, at))
         _add_set(key, model, series.field)
+        constrain_field(key, model, series.field, series.reactions)
         series.key[0], series.key[1] = key, np.uint64(1)
 
 
@@ -130,7 +135,7 @@ def expand_series(key, h, model, step):
         Its length.
     """
     series, terms, size = step.series, step.series.terms, step.expanded.shape[0]
-    _renew(key, model, series)
+    renew(key, model, series)
     start, flat = size // 2, terms.shape[1]
     copy_state(step.x[:size], terms[0])
     _write_term(1, h, step.x, series, size)

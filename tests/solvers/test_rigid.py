@@ -15,6 +15,8 @@ from hpcsweep.model.observed import IMPACT
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
 from hpcsweep.solvers.flow.record_map import RecordMap
+from hpcsweep.studies.ground_motion.variables import peaks_of
+from hpcsweep.studies.settings import SweepSettings
 
 MEAN = (0, 1.0, math.pi / 2)
 
@@ -55,6 +57,9 @@ def test_floors_pairs_and_matrices_have_the_same_stops():
     pair = [hpcsweep.Building([1.0], 1.0, damping_ratio=0.05) for _ in range(2)]
     found = hpcsweep.adjacent(pair, gap=0.1, stiffness=math.inf, restitution=0.0)
     assert found.contacts == (Contact((1.0, -1.0), 0.1, math.inf, restitution=0.0),)
+    names = [variable.name for variable in peaks_of(found, SweepSettings())[0]]
+    assert "impulse" in names
+    assert "contact_force" not in names
 
 
 @together("e", (0.0, 0.3, 0.7, 0.9))

@@ -69,7 +69,7 @@ def refuse_beside(structure: Any) -> None:
     if of_building and np.inf in np.atleast_1d(structure.stiffness_ratio):
         name = "stiffness_ratio"
         if structure.restitution is None:
-            raise wrong("restitution", "is missing: stiffness_ratio = inf needs it, from 0 to 1")
+            raise wrong("stiffness_ratio", "= inf must have restitution beside it, from 0 to 1")
         for e in np.atleast_1d(structure.restitution).tolist():
             number("restitution", e, *FROM_0_TO_1)
         for side in ("gap", "gap_left"):

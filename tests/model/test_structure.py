@@ -105,7 +105,7 @@ def test_matrices_cannot_be_changed():
         ("n_floors", True, "n_floors must be a whole number from 1 to 64, is True"),
         ("n_floors", "3", "n_floors must be a whole number from 1 to 64, is '3'"),
         ("stiffness_ratio", -1.0, "stiffness_ratio must be at least 0, or inf, is -1.0"),
-        ("stiffness_ratio", math.inf, "restitution is missing: stiffness_ratio = inf needs it"),
+        ("stiffness_ratio", math.inf, "stiffness_ratio = inf must have restitution beside it"),
         ("stiffness_ratio", math.nan, "stiffness_ratio must be a number, is nan"),
         ("stiffness_ratio", "stiff", "stiffness_ratio must be a number, is 'stiff'"),
         ("sharpness", -1, "sharpness must be at least 0 (inf is allowed), is -1.0"),

@@ -38,7 +38,7 @@ REFUSED = [
     (lambda: Contact((1.0,), 0.1, math.inf, 1.0, restitution=0.5), "contact.damping"),
     (lambda: one(0.5, -0.1), "contact.gap must be at least 0"),
     (lambda: stops(sharpness=1e4), "stiffness_ratio = inf needs sharpness"),
-    (lambda: stops(restitution=None), "restitution is missing"),
+    (lambda: stops(restitution=None), "stiffness_ratio = inf must have restitution"),
     (lambda: one(0.5, sliders=[Slider((1.0,), 1.0, 1.0)]), "springs that yield"),
     (lambda: BdfMap(one(0.5), 1.0), "are rigid"),
 ]

@@ -56,8 +56,9 @@ def reference_peaks(case: Case, record: Record, state: np.ndarray) -> list[np.nd
     middle = starts + 0.5 * sizes
     j = np.minimum((middle / dt).astype(int), len(samples) - 2)
     slope = (samples[j + 1] - samples[j]) / dt
-    own[..., 0] -= (samples[j] + slope * (starts - j * dt))[:, None] * parts.forcing
-    own[..., 1] -= (slope * sizes)[:, None] * parts.forcing
+    ground = parts.forcing * structure.shakes  # forces on a structure whose base rests: |u''|
+    own[..., 0] -= (samples[j] + slope * (starts - j * dt))[:, None] * ground
+    own[..., 1] -= (slope * sizes)[:, None] * ground
     peaks = [np.maximum(largest(one), largest(-one)) for one in (structure.drift_rows @ u, u, own)]
     if parts.drag.any():
         return peaks

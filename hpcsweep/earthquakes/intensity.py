@@ -39,8 +39,9 @@ OWN_PERIOD, ISOLATED_PERIOD = OWN_PERIODS = "T1", "isolated"
 """In place of a period: the longest natural one of each structure."""
 DIGITS = 12
 """Of measures: the last ones depend on the libraries, and a job must mean the same everywhere."""
-SAME = 1e-9
-"""Relative difference of a period that is known again."""
+SAME = 1e-7
+"""Relative difference of a period that is known again: eigenvalues are rounded by the square of the
+ratio of frequencies, which in a reduced model with more modes is 1e-9 of the lowest."""
 KEPT = 16
 """Records that a process keeps, of those that are read from files."""
 

@@ -35,9 +35,8 @@ class PlotError(ValueError):
 def demand(capability: Capability, structure, what: str, instead: str) -> None:
     """Refuse a figure that needs what is not known of a structure, and name one that does not."""
     if not capability.of(structure):
-        what_it_has = "springs that yield" if structure.sliders else "rigid stops"
-        why = f"{capability.why} of {what_it_has}"
-        raise PlotError(f"{what}: {why}; --kind {instead} draws them")
+        kind = "rigid stops" if structure.is_rigid.any() else "springs that yield"
+        raise PlotError(f"{what}: {capability.why} of {kind}; --kind {instead} draws them")
 
 
 def grazing_amplitude(structure, omega: float) -> float:

@@ -13,7 +13,7 @@ from hpcsweep.dynamics.continuation.periodic import find
 from hpcsweep.model.arguments import count, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
-from hpcsweep.solvers.offers import ISOLATED
+from hpcsweep.solvers.offers import CLOSING
 from hpcsweep.store.layout import attributes_of
 from hpcsweep.studies.branches.runs import store_branches
 from hpcsweep.studies.branches.variables import variables_of
@@ -93,7 +93,7 @@ def branch(
     """
     check_hardening(instance("structure", structure, Structure))
     forced, nearby = find(structure, amplitude, omega, state, period, parameter)
-    if nearby.families and ISOLATED.of(structure):
+    if nearby.families and CLOSING.of(structure):
         raise ValueError("state is on one of many orbits: nothing keeps the place of a free motion")
     value = forced.value
     low, high = span_of(span, parameter, value)

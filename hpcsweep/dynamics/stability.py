@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.offers import ALONE
+from hpcsweep.solvers.offers import ISOLATED
 
 STICKS = 1e-6
 """Difference from 1 of what is 1: derivatives of p of sliders that stick, which are differences."""
@@ -219,7 +219,7 @@ def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> 
     structure, units = solver.structure, solver.structure.state_units
     try:
         _, matrix = solver.monodromy(state, amplitude, period)
-        if not ALONE.of(structure):
+        if not ISOLATED.of(structure):
             matrix = without_families(structure, matrix * units / units[:, None])
         largest = float(abs(floquet_multipliers(matrix)[0]))
     except (ArithmeticError, np.linalg.LinAlgError):

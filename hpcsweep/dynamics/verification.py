@@ -42,7 +42,7 @@ import numpy as np
 from hpcsweep.dynamics.continuation.cycle import jacobian
 from hpcsweep.dynamics.orbit import smallest_period
 from hpcsweep.dynamics.stability import TangentMaps, floquet_multipliers, without_families
-from hpcsweep.solvers.offers import ALONE, ISOLATED
+from hpcsweep.solvers.offers import CLOSING, ISOLATED
 from hpcsweep.solvers.polling import Poll
 
 STEPS = 40
@@ -173,7 +173,7 @@ def verify_orbit(
             away = min(away, float(np.abs(verified.points[0] - points[0]).max()))
             if away <= reach:
                 orbit = verified._replace(points=verified.points * search.units)
-                if not ALONE.of(solver.structure):
+                if not ISOLATED.of(solver.structure):
                     left = without_families(solver.structure, verified.maps.product)
                     orbit = orbit._replace(transverse=left)
                 return Verdict(orbit, verified.residual, away, search.cycles)
@@ -186,20 +186,20 @@ class _Search:
     def __init__(self, solver, amplitude: float, poll):
         self._solver, self._amplitude, self._poll = solver, amplitude, poll
         self.units = solver.structure.state_units
-        self._factored = _factored if ALONE.of(solver.structure) else self._nearest
+        self._factored = _factored if ISOLATED.of(solver.structure) else self._nearest
         self.least, self.cycles = math.inf, 0
 
     def closed(self, apart: np.ndarray) -> np.ndarray:
         """Return differences of states, (..., N), relative to what drifts."""
         structure = self._solver.structure
-        if ISOLATED.of(structure):
+        if CLOSING.of(structure):
             return apart
         return structure.without_drift(apart * self.units) / self.units
 
     def _nearest(self, matrices: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return the same as `_factored` of families: the shortest d."""
         p, n, _ = matrices.shape
-        if p > 1 and p * n > FEW and ISOLATED.of(self._solver.structure):
+        if p > 1 and p * n > FEW and CLOSING.of(self._solver.structure):
             return _factored(matrices)
         whole = self.closed(jacobian(matrices).T.reshape(-1, p, n)).reshape(-1, p * n).T
         inverse = np.linalg.pinv(whole, rcond=FAMILY)

@@ -60,9 +60,9 @@ TANGENTS = Capability(
 """Exact tangent maps of every motion; else differences of smooth ones, which have kinks."""
 BATCHES = Capability(_never_yields)
 """Many runs, or points of a branch, by one call of a kernel; else one after the other."""
-ISOLATED = Capability(_never_yields)
+CLOSING = Capability(_never_yields)
 """Orbits that close; else they may ratchet."""
-ALONE = Capability(lambda one: not (one.sliders or one.n_rigid))
+ISOLATED = Capability(lambda one: not (one.sliders or one.n_rigid))
 """Orbits that are isolated; else they come in families."""
 LINEAR = Capability(_never_yields, why="knows no free drift")
 """The motion without contacts in closed form, in proportion to A; else only while nothing slips."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from hpcsweep.model.arguments import choice, finite, finite_vector, forcing_frequency, instance
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.offers import BATCHES, BDF, ISOLATED
+from hpcsweep.solvers.offers import BATCHES, BDF, CLOSING
 from hpcsweep.solvers.outcome import Outcome
 
 
@@ -95,7 +95,7 @@ def make_solver(
         If there is no solver of that name, or another argument is outside its range.
     """
     kind = SOLVERS[choice("solver", name, SOLVERS)]
-    if yields and kind.follows_orbits and not ISOLATED.of(structure):
+    if yields and kind.follows_orbits and not CLOSING.of(structure):
         from hpcsweep.solvers.yielding_map import YieldingMap
 
         return YieldingMap(structure, omega, rtol)

@@ -38,7 +38,7 @@ from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solut
 from hpcsweep.dynamics.continuation.events import Kind, Special
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.offers import ISOLATED
+from hpcsweep.solvers.offers import CLOSING
 
 NEAR = 1e-4
 """Step, in units of y, from which on a border is sought within it."""
@@ -56,7 +56,7 @@ def check_hardening(structure: Structure) -> None:
     ------
     ValueError
     """
-    if not ISOLATED.of(structure) and structure.mechanisms.size:
+    if not CLOSING.of(structure) and structure.mechanisms.size:
         raise ValueError(
             "structure must have hardening for branches: no spring keeps its place while sliders "
             "slip"
@@ -65,7 +65,7 @@ def check_hardening(structure: Structure) -> None:
 
 def catalogue_of(forced: ForcedMap, *settings) -> Catalogue:
     """Return an empty catalogue of branches of a structure; `settings` as for `Catalogue`."""
-    kind: Any = Catalogue if ISOLATED.of(forced.structure) else YieldingCatalogue
+    kind: Any = Catalogue if CLOSING.of(forced.structure) else YieldingCatalogue
     return kind(forced, *settings, costly=forced.is_costly)
 
 

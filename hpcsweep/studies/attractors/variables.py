@@ -5,7 +5,7 @@ from enum import IntEnum
 
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.offers import ISOLATED
+from hpcsweep.solvers.offers import CLOSING
 from hpcsweep.studies import quantities, variables
 from hpcsweep.studies.attractors.search import MAX_ATTRACTORS, UNSTORED
 from hpcsweep.studies.settings import SweepSettings
@@ -119,7 +119,7 @@ def attractor_variables(
     out = set(OPTIONAL) - set(settings.metrics) | variables.without_contacts(structure)
     if "lyapunov_spectrum" in settings.metrics:
         out -= set(OF_SPECTRUM)
-    if ISOLATED.of(structure):
+    if CLOSING.of(structure):
         out |= {*variables.OF_SLIDERS, "families"}
     return [variable for variable in every if variable.name not in out]
 

@@ -20,7 +20,7 @@ from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
 from hpcsweep.dynamics.classify_motion import LONGEST, SETTLED, classify_motion
 from hpcsweep.dynamics.lyapunov import LyapunovSpectrum, spectrum_of_motion, spectrum_of_orbit
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
-from hpcsweep.solvers.offers import ISOLATED
+from hpcsweep.solvers.offers import CLOSING
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Observation
 from hpcsweep.studies.blocks import Poll
@@ -88,7 +88,7 @@ def classify_window(
     points = structure.without_drift(seen.points) / structure.state_units
     longest, same = settings.max_orbit_period, settings.period_tolerance
     window = orbit_period(points, longest, same)
-    if not ISOLATED.of(structure):
+    if not CLOSING.of(structure):
         return _classify_yielding(solver, amplitude, seen, settings, points, poll)
     if settings.classify_cycles:
         motion = classify_motion(

@@ -42,7 +42,7 @@ from hpcsweep.dynamics.classify_motion import SETTLED
 from hpcsweep.dynamics.families import told_of_sliders
 from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.offers import BATCHES, ISOLATED, TANGENTS
+from hpcsweep.solvers.offers import BATCHES, CLOSING, TANGENTS
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -239,7 +239,7 @@ class FrameRuns:
         if seen.outcome is not Outcome.COMPLETE:
             store_failure(row, seen.points[-1] if len(seen.points) else z, cycles, seen.outcome)
             return
-        if end.period and not ISOLATED.of(self.structure):
+        if end.period and not CLOSING.of(self.structure):
             kind = MotionClass.NO_CONTACT if seen.is_free else MotionClass.PERIODIC
             exponent = classification.interval_of_orbit(
                 self.solver, seen.points[-1], amplitude, end.period, settings

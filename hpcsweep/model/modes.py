@@ -33,8 +33,16 @@ def scaled_stiffness(stiffness: np.ndarray) -> np.ndarray:
     return np.linalg.eigvalsh(stiffness / np.outer(root, root))
 
 
-def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def natural_modes(
+    mass: np.ndarray, stiffness: np.ndarray, n_rigid: int | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Solve K phi = omega^2 M phi with Phi^T M Phi = 1.
+
+    Parameters
+    ----------
+    mass, stiffness : ndarray, shape (n, n)
+    n_rigid : int, optional
+        Number of rigid motions, where it is known.
 
     Returns
     -------
@@ -51,7 +59,9 @@ def natural_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, 
         first = np.argmax(np.abs(shape) > 1e-8 * np.abs(shape).max())
         if shape[first] < 0:
             shape *= -1.0
-    squares[: np.count_nonzero(scaled_stiffness(stiffness) <= RIGID)] = 0.0
+    if n_rigid is None:
+        n_rigid = int(np.count_nonzero(scaled_stiffness(stiffness) <= RIGID))
+    squares[:n_rigid] = 0.0
     return np.sqrt(squares), shapes
 
 

@@ -22,7 +22,9 @@ class NaturalModes(System):
             shapes = np.sin(floors * (2 * numbers - 1) * math.pi / (2 * n + 1))
             shapes = shapes / np.linalg.norm(shapes, axis=0)
         else:
-            frequencies, shapes = natural_modes(self.mass_matrix, self.stiffness_matrix)
+            frequencies, shapes = natural_modes(
+                self.mass_matrix, self.stiffness_matrix, self.n_rigid
+            )
         return frozen(frequencies), frozen(shapes)
 
     @property

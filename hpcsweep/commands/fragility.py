@@ -46,17 +46,17 @@ def configure(parser) -> None:
     for option in (responses.RESPONSE, responses.PLACE, UNITS):
         option.add(parser)
     parser.add_argument(
-        *("--scale",), type=positive, nargs="+", help="of the table, or the nearest (default: all)"
+        "--scale", type=positive, nargs="+", help="of the table, or the nearest (default: all)"
     )
     parser.add_argument(
-        *("--hazard",),
+        "--hazard",
         type=file_name,
         metavar="CSV",
         help="intensities, in the unit of those printed, and with what frequencies a year they are "
         "exceeded",
     )
     parser.add_argument(
-        *("--dispersion",),
+        "--dispersion",
         type=positive,
         help="of all that records do not have, as models and construction, added in squares",
     )

@@ -64,7 +64,7 @@ def configure(parser) -> None:
         "which the advised ranks are done (default: 1)",
     )
     parser.add_argument(
-        *("-q", "--quiet"), action="store_true", help="show no progress; how it ends is told"
+        "-q", "--quiet", action="store_true", help="show no progress; how it ends is told"
     )
     parser.add_argument(
         "--dry-run",

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpcsweep.figures.style import PlotError, choose_floors
+from hpcsweep.figures.style import PlotError, choose_floors, place_of
 from hpcsweep.model.structure import Structure
 
 PARALLEL = 1e-9
@@ -50,12 +50,9 @@ class Coordinate(NamedTuple):
 
 def floor_coordinate(structure: Structure, floor: int) -> Coordinate:
     """Return that of a floor, from 0."""
-    name = _math(structure.floor_names[floor], bool(structure.names.floors))
-    return Coordinate(tuple(np.eye(structure.n_floors)[floor].tolist()), f"@_{{{name}}}")
-
-
-def _math(name: str, is_given: bool) -> str:
-    return rf"\mathrm{{{name}}}" if is_given else name
+    name = structure.floor_names[floor]
+    symbol = rf"@_{{\mathrm{{{name}}}}}" if structure.names.floors else f"@_{{{name}}}"
+    return Coordinate(tuple(np.eye(structure.n_floors)[floor].tolist()), symbol)
 
 
 def coordinates(structure: Structure, chosen: Sequence[int | str] = ()) -> list[Coordinate]:
@@ -87,21 +84,21 @@ def coordinates(structure: Structure, chosen: Sequence[int | str] = ()) -> list[
 def _other(structure: Structure, word: str) -> Coordinate | None:
     """Return a coordinate that is no floor; None for the name or the number of one."""
     names = structure.floor_names
-    numbers = [str(i + 1) for i in range(len(names))]
     kind, colon, name = word.partition(":")
-    if word in (*names, *numbers):
+    if place_of(names, word) is not None:
         return None
     if colon and kind in ("contact", "drift"):
         labels, rows = [*structure.storey_names], structure.drift_rows
         if kind == "contact":
             labels = [structure.contact_names[k] for k in structure.contact_numbers]
             rows = structure.directions
-        listed = labels if name in labels else [str(i + 1) for i in range(len(rows))]
-        if name not in listed:
+        place = place_of(labels, name)
+        if place is None:
             limit = f"must be one of {', '.join(labels)}" if labels else f"there is no {kind}"
             raise PlotError(f"--row {word}: {limit}")
         symbol = rf"@\ \mathrm{{of\ {kind}\ {re.sub(' ', chr(92) + ' ', name)}}}\ "
-        return Coordinate(tuple(rows[listed.index(name)].tolist()), symbol)
+        return Coordinate(tuple(rows[place].tolist()), symbol)
+    numbers = [str(i + 1) for i in range(len(names))]
     for dash in (match.start() for match in re.finditer("-", word)):
         pair = word[:dash], word[dash + 1 :]
         listed = next(([*each] for each in (names, numbers) if {*pair} <= {*each}), [])

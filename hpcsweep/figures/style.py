@@ -190,13 +190,19 @@ def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = Non
     if not chosen:
         return list(range(n)) if n <= MAX_FLOORS else [0, (n - 1) // 2, n - 1]
     for floor in map(str, chosen):
-        numbers = [str(i) for i in range(1, n + 1)]
-        listed = names if floor in names else numbers
-        if floor not in listed:
-            named = "" if [*names] == numbers else f", or one of {', '.join(names)}"
+        place = place_of(names, floor)
+        if place is None:
+            is_numbered = [*names] == [str(i) for i in range(1, n + 1)]
+            named = "" if is_numbered else f", or one of {', '.join(names)}"
             raise PlotError(f"--floor {floor}: must be from 1 to {n}{named}")
-        places.add(listed.index(floor))
+        places.add(place)
     return sorted(places)
+
+
+def place_of(names: Sequence[str], word: str) -> int | None:
+    """Return the place of a name, or of a number from 1 that is none; None of another word."""
+    listed = [*names] if word in names else [str(i) for i in range(1, len(names) + 1)]
+    return listed.index(word) if word in listed else None
 
 
 def need(results, *names: str) -> None:

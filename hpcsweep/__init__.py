@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # the aliases say that they are public
     from hpcsweep.earthquakes.intensity import intensity as intensity
     from hpcsweep.earthquakes.reading import read_record as read_record
     from hpcsweep.earthquakes.separation import separation as separation
+    from hpcsweep.earthquakes.spectrum import pair_spectrum as pair_spectrum
     from hpcsweep.earthquakes.spectrum import spectrum as spectrum
     from hpcsweep.earthquakes.stripes import capacity as capacity
     from hpcsweep.earthquakes.stripes import fractiles as fractiles

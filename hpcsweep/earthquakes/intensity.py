@@ -17,24 +17,24 @@ records are not, and a rank's memory does not grow with their number.
 """
 
 import math
-from dataclasses import astuple, dataclass
-from functools import lru_cache
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.earthquakes.reading import read_record
-from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, spectrum
-from hpcsweep.earthquakes.synthetic import synthetic_records
-from hpcsweep.earthquakes.units import STANDARD_GRAVITY, in_unit_of_time
+from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, pair_spectrum, spectrum
+from hpcsweep.earthquakes.units import STANDARD_GRAVITY
 from hpcsweep.model.arguments import instance, positive, wrong
 from hpcsweep.model.record import Record
 
 START, END = 0.05, 0.95
 """Parts of the Arias intensity between which the significant duration lies."""
-MEASURES = ("factor", "pga", "pgv", "sa", "avgsa")
+MEASURES = ("factor", "pga", "pgv", "sa", "avgsa", "target")
 """Intensity measures by which records are scaled."""
+COMPONENTS = {"geometric mean": None, "rotd50": 50.0, "rotd100": 100.0}
+"""What two components are scaled by together; of rotated ones the percentile."""
+MOST_PERIODS = 4
+"""Of the name of a measure, unless it has the first and the last."""
 OWN_PERIOD, ISOLATED_PERIOD = OWN_PERIODS = "T1", "isolated"
 """In place of a period: the longest natural one of each structure."""
 DIGITS = 12
@@ -42,8 +42,6 @@ DIGITS = 12
 SAME = 1e-7
 """Relative difference of a period that is known again: eigenvalues are rounded by the square of the
 ratio of frequencies, which in a reduced model with more modes is 1e-9 of the lowest."""
-KEPT = 16
-"""Records that a process keeps, of those that are read from files."""
 
 
 class Intensity(NamedTuple):
@@ -161,6 +159,12 @@ def _energy(record: Record) -> np.ndarray:
     return np.append(0.0, np.cumsum(steps))
 
 
+def arias_shares(record: Record) -> np.ndarray:
+    """Return the share of the Arias intensity that has come by each sample, shape (m,)."""
+    grown = _energy(record)
+    return grown / (grown[-1] or 1.0)
+
+
 def _reached(record: Record, grown: np.ndarray, level: float) -> float:
     """Return the first time at which int a^2 dt reaches a level."""
     after = int(np.searchsorted(grown, level))
@@ -193,14 +197,24 @@ class Measure:
     by : str
         One of `MEASURES`; ``factor`` is 1 of every record as it is.
     periods : tuple of float or str
-        Of ``sa`` one, or the name of that of each structure, of `OWN_PERIODS`; of ``avgsa`` one or
-        more; of others none.
+        Of ``sa`` one, or the name of that of each structure, of `OWN_PERIODS`; of ``avgsa`` and
+        ``target`` one or more; of others none.
     damping_ratio : float
+    target : tuple of float
+        Sa of the target spectrum at the periods. The factor f of least squares, over the periods,
+        of ln f S - ln S_target is the geometric mean of S_target over that of S.
+    least : float
+        Share of the target below which the mean of the scaled suite is nowhere.
+    components : str
+        What pairs of records have in common, of `COMPONENTS`; empty without pairs.
     """
 
     by: str = "factor"
     periods: tuple[float | str, ...] = ()
     damping_ratio: float = DAMPING_RATIO
+    target: tuple[float, ...] = field(default=(), metadata={"later": True})
+    least: float = field(default=0.0, metadata={"later": True})
+    components: str = field(default="", metadata={"later": True})
 
     @property
     def own_period(self) -> str:
@@ -210,30 +224,47 @@ class Measure:
     @property
     def quantity(self) -> str:
         """Dimension of the measure."""
-        return {"factor": "1", "pgv": "velocity"}.get(self.by, "acceleration")
+        return {"factor": "1", "target": "1", "pgv": "velocity"}.get(self.by, "acceleration")
 
     def __str__(self) -> str:
         return self.named()
 
     def named(self, time: str = "") -> str:
         """Return the name with its periods, in a unit of time."""
-        periods = ", ".join(
+        listed = [
             period if isinstance(period, str) else f"{period:.6g} {time}".strip()
             for period in self.periods
-        )
-        names = {"factor": "scale factor", "avgsa": "AvgSA", "sa": "Sa"}
+        ]
+        few = len(listed) <= MOST_PERIODS
+        periods = ", ".join(listed if few else (listed[0], "...", listed[-1]))
+        names = {"factor": "scale factor", "avgsa": "AvgSA", "sa": "Sa", "target": "target factor"}
         name = names.get(self.by, self.by.upper())
-        return f"{name}({periods}; {100 * self.damping_ratio:g} %)" if periods else name
+        periods += f"; {100 * self.damping_ratio:g} %" * bool(periods)
+        inside = ", ".join(filter(None, (self.components, periods)))
+        return f"{name}({inside})" if inside else name
 
-    def of(self, record: Record) -> float:
-        """Return the measure of a record."""
-        if self.by == "factor":
-            return 1.0
-        if self.by == "pga":
-            return record.peak
-        if self.by == "pgv":
-            return intensity(record).pgv
-        return average_spectral_acceleration(record, self.periods, self.damping_ratio)
+    def ordinates(self, record: Record, other: Record | None = None) -> np.ndarray:
+        """Return the numbers of a record, or of a pair, of which the measure is the mean."""
+        if self.periods:
+            of = self.periods, self.damping_ratio
+            if other is not None and (percentile := COMPONENTS[self.components]) is not None:
+                return pair_spectrum(record, other, *of, percentile).acceleration
+            numbers = spectrum(record, *of).acceleration
+        elif self.by == "pgv":
+            numbers = np.array([intensity(record).pgv])
+        else:
+            numbers = np.array([record.peak if self.by == "pga" else 1.0])
+        return numbers if other is None else np.sqrt(numbers * self.ordinates(other))
+
+    def of(self, ordinates: np.ndarray) -> np.ndarray:
+        """Return the measures of records with some ordinates, (records, p): geometric means."""
+        with np.errstate(divide="ignore"):
+            measures = np.exp(np.log(ordinates).mean(axis=1))
+        if self.target:
+            measures /= np.exp(np.log(self.target).mean())
+            mean = (ordinates / measures[:, None]).mean(axis=0)
+            measures /= max(float((self.least * np.array(self.target) / mean).max()), 1.0)
+        return measures
 
 
 class Facts(NamedTuple):
@@ -261,10 +292,10 @@ class Facts(NamedTuple):
         return typed and all(isinstance(word, float) for word in numbers) and self.dt > 0
 
 
-def facts_of(record: Record, measure: Measure, gravity: float) -> Facts:
-    """Return what is known of a record."""
-    numbers = (*intensity(record, gravity), measure.of(record))
-    return Facts(record.name, record.digest, record.n_samples, record.dt, *map(rounded, numbers))
+def facts_of(record: Record, gravity: float) -> Facts:
+    """Return what is known of a record, but for its measure."""
+    numbers = map(rounded, (*intensity(record, gravity), 1.0))
+    return Facts(record.name, record.digest, record.n_samples, record.dt, *numbers)
 
 
 def nearest(periods: list[float], sought: Any) -> Any:
@@ -286,82 +317,3 @@ def nearest(periods: list[float], sought: Any) -> Any:
 def rounded(number: float) -> float:
     """Return a number of `DIGITS` digits."""
     return float(f"{number:.{DIGITS - 1}e}")
-
-
-@dataclass(frozen=True)
-class Files:
-    """Records in files, read when they are needed; see `read_record`."""
-
-    paths: tuple[str, ...]
-    unit: str
-    gravity: float
-    dt: float | None = None
-    time: str = "s"
-    channel: int | None = None
-
-    def record(self, i: int) -> Record:
-        """Read record i.
-
-        Raises
-        ------
-        ValueError, OSError
-            If the file is no record, or cannot be read.
-        """
-        path = self.paths[i]
-        state = Path(path).stat()
-        changed = state.st_mtime_ns, state.st_size
-        return _read(path, self.unit, self.gravity, self.dt, self.time, self.channel, changed)
-
-
-@dataclass(frozen=True)
-class Synthetic:
-    """A synthetic suite, made when it is needed; see `synthetic_records`."""
-
-    count: int
-    seed: int = 0
-    dt: float = 0.01
-    duration: float = 30.0
-    rms: float = 1.0
-    soil: str = "firm"
-    time: str = "s"
-    """Unit of time of the structure, to which seconds are converted."""
-
-    def record(self, i: int) -> Record:
-        """Return record i.
-
-        Raises
-        ------
-        ValueError
-            If an attribute is outside its range.
-        """
-        return _made(self)[i]
-
-
-def checked_record(source: Files | Synthetic, facts: Facts, i: int) -> Record:
-    """Return record i of a source.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be read, or differs from the record of the facts.
-    """
-    try:
-        record = source.record(i)
-    except OSError as error:
-        said = f"records.files: {error.filename}: cannot be read: {error.strerror}"
-        raise ValueError(said) from None
-    if record.digest != facts.digest:
-        raise ValueError(f"record {facts.name} is not the one the job was made with")
-    return record
-
-
-@lru_cache(maxsize=KEPT)
-def _read(*given: Any) -> Record:
-    return read_record(*given[:-1])  # a file that has been rewritten is read again
-
-
-@lru_cache(maxsize=2)
-def _made(suite: Synthetic) -> list[Record]:
-    dt = in_unit_of_time(suite.dt, suite.time)
-    made = synthetic_records(*astuple(suite)[:-1])
-    return [Record(record.acceleration, dt, record.name) for record in made]

@@ -73,7 +73,7 @@ def read_record(
     unit : str
         Unit of the values in the file, in any spelling: ``g``, ``%g``, ``mg``, ``m/s2``, ``cm/s2``
         or ``gal``, ``mm/s2``, ``in/s2``, ``ft/s2``; or ``structure``. A file that names another
-        unit is refused; an AT2 file must name one.
+        unit is refused; an AT2 file must name one. With ``file`` every file must.
     gravity : float
         One g in the structure's units. The acceleration is ``values * gravity`` in g. Other units
         are converted exactly, by the units of length and time in which the standard g is `gravity`
@@ -106,7 +106,7 @@ def read_record(
     >>> hpcsweep.read_record("somewhere.txt", unit="g")
     Record('somewhere', 3 samples, dt=0.01, peak=1.9613)
     """
-    asked = None if unit == units.OWN else units.acceleration_unit("unit", unit)
+    asked = None if unit in units.NO_UNITS else units.acceleration_unit("unit", unit)
     factor = units.factor_of(asked, unit, gravity) if asked else 1.0
     units.in_unit_of_time(1.0, time)
     if dt is not None:
@@ -114,6 +114,9 @@ def read_record(
     file = Path(file_name("path", path))
     try:
         values, step, header = _parse(file, dt, channel)
+        if unit == units.NAMED:
+            asked, unit = _named_unit(header)
+            factor = units.factor_of(asked, unit, gravity)
         if asked:
             _compare_units(header, asked, unit)
         # of K-NET the ending is the direction
@@ -124,6 +127,13 @@ def read_record(
         raise ValueError(f"{file}: {error}") from None
 
 
+def _named_unit(header: Header) -> tuple[units.Unit, str]:
+    """Return the unit that a file names."""
+    if not header.units and header.unknown is None:
+        raise ValueError(f"must name its unit, where unit = {units.NAMED!r}, does not")
+    return next(iter(header.units.items()), (units.Unit(units.STANDARD, 1, -2), units.NAMED))
+
+
 def _compare_units(header: Header, asked: units.Unit, name: str) -> None:
     """Refuse a unit that is not the one that the file names."""
     if header.unknown is not None:
@@ -131,7 +141,7 @@ def _compare_units(header: Header, asked: units.Unit, name: str) -> None:
         raise ValueError(f"{limit}: with unit = {units.OWN!r} values are taken as they are")
     for unit, words in header.units.items():
         if unit != asked:
-            spellings = (each for each in units.UNITS[:-1] if units.unit_of(each) == unit)
+            spellings = (each for each in units.UNITS if units.unit_of(each) == unit)
             said = next(spellings, units.plain(words))
             raise ValueError(f"unit must be that of the file, {said}, is {name}")
 

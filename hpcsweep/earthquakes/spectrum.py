@@ -22,6 +22,7 @@ times: they cut the step into pieces in which u' is monotone and has at most one
 8; few steps remain to be searched.
 """
 
+import copy
 import math
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -41,6 +42,10 @@ BATCH = 2**16
 """Samples, or pieces of steps, of all oscillators at a time: a megabyte each array."""
 DAMPING_RATIO = 0.05
 """Of the spectra of codes and of published records."""
+ANGLES = 180
+"""Directions, one a degree."""
+TOGETHER = 2**20
+"""Samples of all directions at a time."""
 SHORTEST, LONGEST = 0.01, 1e6
 """Periods in steps of the record: shorter oscillators stand still, longer ones do not move."""
 
@@ -99,10 +104,7 @@ def spectrum(
     >>> spectrum.acceleration.round(12)
     array([2., 2.])
     """
-    instance("record", record, Record)
-    wanted = periods_of(periods, record.dt, (SHORTEST * record.dt, LONGEST * record.dt))
-    ratio = number("damping_ratio", damping_ratio, "from 0 to below 1", 0.0, math.nextafter(1, 0))
-    omegas = 2.0 * math.pi / wanted
+    omegas, ratio = _omegas(record, periods, damping_ratio)
     displacement = np.empty_like(omegas)
     n_pieces = math.ceil(record.dt * omegas.max(initial=0.0) / math.pi)
     size = max(BATCH // (record.n_samples * max(n_pieces, 1)), 1)
@@ -111,6 +113,71 @@ def spectrum(
         oscillators = Oscillators(record.acceleration, record.dt, omegas[batch], ratio)
         displacement[batch] = oscillators.peaks(bool(at_samples))
     return ResponseSpectrum(displacement, omegas * displacement, omegas**2 * displacement)
+
+
+def pair_spectrum(
+    first: Record,
+    second: Record,
+    periods: Any,
+    damping_ratio: float = DAMPING_RATIO,
+    percentile: float = 50.0,
+) -> ResponseSpectrum:
+    """Compute the spectrum of two horizontal components, rotated to `ANGLES` directions: RotDnn.
+
+    Of each period the percentile over the directions of the largest displacements, over continuous
+    time; RotD50 by default, with 100 that of the direction in which it is largest.
+
+    Parameters
+    ----------
+    first, second : Record
+        At right angles, with equal steps; the shorter one goes on with 0.
+    periods, damping_ratio
+        As of `spectrum`.
+    percentile : float
+        From 0 to 100.
+
+    Returns
+    -------
+    ResponseSpectrum
+
+    Raises
+    ------
+    ValueError
+        If an argument is of the wrong kind or outside its range.
+
+    References
+    ----------
+    Boore, Bulletin of the Seismological Society of America 100 (2010) 1830.
+
+    Examples
+    --------
+    Of equal components the largest response is sqrt(2) that of each:
+
+    >>> step = hpcsweep.Record(np.ones(301), dt=0.01)
+    >>> spectrum = hpcsweep.pair_spectrum(step, step, [1.0], damping_ratio=0.0, percentile=100.0)
+    >>> spectrum.acceleration.round(6)
+    array([2.828427])
+    """
+    if first.dt != second.dt:
+        raise refused("second", f"at steps of {first.dt!r}, as the first", second.dt)
+    part = number("percentile", percentile, "from 0 to 100", 0.0, 100.0)
+    omegas, ratio = _omegas(first, periods, damping_ratio)
+    size, displacement = max(first.n_samples, second.n_samples), np.empty((ANGLES, omegas.size))
+    samples = [np.pad(each.acceleration, (0, size - each.n_samples)) for each in (first, second)]
+    angles = np.array_split(math.pi / ANGLES * np.arange(ANGLES), -(-ANGLES * size // TOGETHER))
+    for k in range(omegas.size):
+        one, other = (Oscillators(each, first.dt, omegas[k : k + 1], ratio) for each in samples)
+        displacement[:, k] = np.hstack([one.turned(other, some).peaks() for some in angles])
+    rotated = np.percentile(displacement, part, axis=0)
+    return ResponseSpectrum(rotated, omegas * rotated, omegas**2 * rotated)
+
+
+def _omegas(record: Record, periods: Any, damping_ratio: float) -> tuple[np.ndarray, float]:
+    """Take periods and a damping ratio; return frequencies and this."""
+    instance("record", record, Record)
+    wanted = periods_of(periods, record.dt, (SHORTEST * record.dt, LONGEST * record.dt))
+    ratio = number("damping_ratio", damping_ratio, "from 0 to below 1", 0.0, math.nextafter(1, 0))
+    return 2.0 * math.pi / wanted, ratio
 
 
 def periods_of(values: Any, dt: float, limits: tuple[float, float]) -> np.ndarray:
@@ -187,6 +254,15 @@ class Oscillators:
             block += free * before[-1]
         return np.concatenate((np.zeros((1, x.size)), q.reshape(-1, x.size)[:n]))
 
+    def turned(self, other: "Oscillators", angles: np.ndarray) -> "Oscillators":
+        """Return one under this record and another, at a right angle, in directions (k,)."""
+        made, c, s = copy.copy(self), np.cos(angles), np.sin(angles)
+        made.roots = np.repeat(self.roots, angles.size)
+        for name in ("acceleration", "slopes", "q"):
+            own, of_other = (getattr(each, name).reshape(-1, 1) for each in (self, other))
+            setattr(made, name, own * c + of_other * s)
+        return made
+
     @property
     def displacement(self) -> np.ndarray:
         """Displacement u at the samples, shape (m, p)."""
@@ -209,7 +285,8 @@ class Oscillators:
         most += np.abs(a).max() / w + np.abs(b).max(initial=0.0) / w**2
         high = u > largest - curve * most  # a first choice, without c of each step
         at, k = np.nonzero(high[:-1] | high[1:])
-        motion = Motions(s[k], self.q[at, k], a[at], b[at])
+        a, b = (np.broadcast_to(x.reshape(len(x), -1), (len(x), s.size))[at, k] for x in (a, b))
+        motion = Motions(s[k], self.q[at, k], a, b)
         bulge = curve[k] * np.abs(motion.free)
         chosen = np.maximum(u[at, k], u[at + 1, k]) + bulge > largest[k]
         motion, k = motion.of(chosen), k[chosen]

@@ -19,9 +19,9 @@ STANDARD = Fraction(980665, 100000)
 STANDARD_GRAVITY = float(STANDARD)
 NEAR = 0.02
 """Relative difference between g as people round it, 9.8 or 10, and the standard one."""
-OWN = "structure"
-"""Says that values are in the structure's unit as they are."""
-UNITS = ("g", "m/s2", "cm/s2", "mm/s2", "in/s2", "ft/s2", OWN)
+OWN, NAMED = NO_UNITS = "structure", "file"
+"""Say that values are in the structure's unit as they are, or in the one that each file names."""
+UNITS = ("g", "m/s2", "cm/s2", "mm/s2", "in/s2", "ft/s2", *NO_UNITS)
 """Those that messages list; every other spelling is as good."""
 
 
@@ -68,7 +68,7 @@ BASE = {
     "mgal mgals": Unit(Fraction(1, 10**5), 1, -2),
     "%": Unit(Fraction(1, 100)),
 }
-NAMED = {name: unit for names, unit in BASE.items() for name in names.split()}
+BY_NAME = {name: unit for names, unit in BASE.items() for name in names.split()}
 WRITTEN = {
     r"[·⋅×]": "*",
     r"[−–]": "-",
@@ -103,11 +103,11 @@ def unit_of(text: str) -> Unit | None:
     size, powers, sign, at = Fraction(1), [0, 0, 0], 1, 0
     while at < len(text):
         match = FACTOR.match(text, at)
-        if match is None or match[2] not in NAMED:
+        if match is None or match[2] not in BY_NAME:
             return None
         sign = -1 if match[1] == "/" else sign
         power = sign * int(match[3] or 1)
-        named = NAMED[match[2]]
+        named = BY_NAME[match[2]]
         size *= named.size**power
         powers = [old + power * new for old, new in zip(powers, named[1:], strict=True)]
         at = match.end()

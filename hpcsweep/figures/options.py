@@ -159,7 +159,7 @@ ROWS = Option(
 )
 UNITS = Option(
     "--units",
-    "g: intensities that are accelerations in g (default: in the units of the job)",
+    "g: intensities, and responses, that are accelerations in g (default: in the units of the job)",
     choices=("g",),
 )
 BRANCHES = Option(

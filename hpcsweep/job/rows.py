@@ -45,19 +45,29 @@ def with_rows(values: Values, tree: dict, folder: Path | None) -> tuple[dict, st
     vary = tree.get("vary")
     if not isinstance(vary, Mapping) or not isinstance(file := vary.get(ROWS), str):
         return tree, ""
+    rows, place = read_rows(values, f"vary.{ROWS}", file, folder)
+    return {**tree, "vary": {**vary, ROWS: rows}}, place
+
+
+def read_rows(values: Values, key: str, file: str, folder: Path | None) -> tuple[list[dict], str]:
+    """Read the CSV file of a key; return its rows, each by its columns, and where they are from.
+
+    Raises
+    ------
+    JobError
+    """
     path = (folder or Path()) / file
     try:
         text = decoded(read_bytes(path, MAX_BYTES))
     except OSError as error:
-        raise values.error(f"vary.{ROWS}", file, f"cannot be read: {error.strerror}") from None
+        raise values.error(key, file, f"cannot be read: {error.strerror}") from None
     except ValueError as error:
-        raise values.error(f"vary.{ROWS}", file, str(error)) from None
+        raise values.error(key, file, str(error)) from None
     head, _, below = text.partition("\n")
     said, place = re.fullmatch(r'"?sep=([,;\t])"?[,;\s]*', head), f"{path}"
     if said:  # as spreadsheets are told it
         text, place = below, f"{path}, below its line sep={said[1]}"
-    rows = _table(text, said[1] if said else max(SEPARATORS, key=head.count), place)
-    return {**tree, "vary": {**vary, ROWS: rows}}, place
+    return _table(text, said[1] if said else max(SEPARATORS, key=head.count), place), place
 
 
 def _table(text: str, separator: str, path: str) -> list[dict]:

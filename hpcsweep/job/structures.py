@@ -26,7 +26,7 @@ from hpcsweep.model.matrices import MAX_LABEL, Contact, Slider
 from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
-from hpcsweep.studies.ground_motion.keys import known_gravity
+from hpcsweep.studies.ground_motion.scales import known_gravity
 
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
 MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")

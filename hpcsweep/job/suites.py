@@ -12,16 +12,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hpcsweep.earthquakes.intensity import Facts, Files, Measure, facts_of, rounded
-from hpcsweep.earthquakes.spectrum import spectrum
+import numpy as np
+
+from hpcsweep.earthquakes.intensity import ISOLATED_PERIOD, Facts, facts_of, rounded
 from hpcsweep.job.job import JobError
 from hpcsweep.job.keys import keys_of
+from hpcsweep.job.rows import read_rows
 from hpcsweep.job.structures import read_structure
 from hpcsweep.job.values import Values
 from hpcsweep.job.vary import parts_of
 from hpcsweep.model.arguments import InputError
 from hpcsweep.parallel.counted import counted
-from hpcsweep.studies.ground_motion import keys
+from hpcsweep.studies.ground_motion import keys, scales
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.study import Study, as_kind
 
@@ -49,51 +51,89 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
     is_ours = isinstance(study, Mapping) and study.get("kind") == Records.kind
     if not is_ours or not isinstance(table, dict) or (folder is None and "found" in table):
         return tree
-    source = keys.read_source(values)
-    paths: tuple[str, ...] = ()
-    if isinstance(source, Files):
-        paths = _paths(values, folder or Path())
-        source = replace(source, paths=paths)
-    measure, _ = keys.read_scale(values)
-    gravity = keys.read_gravity(values)
+    tree, table = _with_tables(values, tree, folder)
+    values = Values(values.source, tree)
+    keys.read_source(values)
+    paths = _paths(values, folder or Path()) if "files" in table else ()
+    source = keys.read_source(values, paths)
+    measure, _ = scales.read_scale(values)
+    gravity = scales.read_gravity(values)
     periods: list[float] = []
-    n_records = len(paths) if isinstance(source, Files) else source.count
+    n_records = source.count
     if measure.own_period:
         periods = _periods(values, tree, file, gravity)
         if len(periods) * n_records > keys.MAX_MEASURES:
             limit = f"needs {n_records} x {len(periods)} measures, {keys.MAX_MEASURES} at most"
             raise values.error("records.scale.period", measure.own_period, limit)
+        measure = replace(measure, periods=tuple(periods))
     suite: dict[str, Facts] = {}
-    measures: dict[str, list[float]] = {}
+    ordinates: list[np.ndarray] = []
     for i in counted(range(n_records), n_records, "reading record"):
         try:
             record = source.record(i)
         except (ValueError, OSError) as error:
-            said = f"{paths[i]}: {error.strerror}" if isinstance(error, OSError) else str(error)
+            said = (
+                f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
+            )
             raise JobError(f"{values.source}: records: {said}") from None
         if record.name in suite:
             raise JobError(f"{values.source}: records.files: two records are named {record.name}")
         try:
-            if periods:
-                spectral = spectrum(record, periods, measure.damping_ratio).acceleration
-                measures[record.name] = [rounded(ordinate) for ordinate in spectral.tolist()]
-            facts = facts_of(record, Measure() if periods else measure, gravity)
+            suite[record.name] = facts_of(record, gravity)
+            ordinates.append(measure.ordinates(record))
         except InputError as error:
-            key = next(iter(keys.SCALED_BY[measure.by])) if error.key == "periods" else error.key
+            key = next(iter(scales.SCALED_BY[measure.by])) if error.key == "periods" else error.key
             limit = f"{error.limit} ({record.name})"
             raise JobError(limit, f"records.scale.{key}", values.source) from None
-        if not min(measures.get(record.name, [facts.measure])) > 0:
+        if not ordinates[-1].min() > 0:
             shown = f"{values.source}: records: the {measure} of {record.name}"
-            raise JobError(f"{shown} is {facts.measure:g}, must be above 0")
-        suite[record.name] = facts
+            raise JobError(f"{shown} is 0, must be above 0")
     if "found" in table:
         _compare(values, suite)
+    names = [*suite]
+    if measure.components:
+        pairs = _pairs(values, names)
+        for i, k in counted(pairs, len(pairs), "measuring pair"):
+            ordinates[i] = ordinates[k] = measure.ordinates(source.record(i), source.record(k))
+    every = np.array(ordinates)
+    measures = every.tolist() if periods else measure.of(every).tolist()
     facts_found: Any = [facts._asdict() for facts in suite.values()]
+    for found, numbers in zip(facts_found, measures, strict=True):
+        found["measure"] = [*map(rounded, numbers)] if periods else rounded(numbers)
+    if "factors" in values.table("records").get("scale", {}):
+        for found, factor in zip(facts_found, scales.read_factors(values, names), strict=True):
+            found["measure"] = 1.0 / factor
     if periods:
-        records = [{**record, "measure": measures[record["name"]]} for record in facts_found]
-        facts_found = {"periods": periods, "records": records}
+        facts_found = {"periods": periods, "records": facts_found}
     stored = {**table, "found": facts_found}
     return {**tree, "records": {**stored, "files": list(paths)} if paths else stored}
+
+
+def _with_tables(values: Values, tree: dict, folder: Path | None) -> tuple[dict, dict]:
+    """Return a job, and its table of records, with what the files hold that these name."""
+    table = dict(tree["records"])
+    if isinstance(table.get("columns"), str):
+        table["columns"], _ = read_rows(values, "records.columns", table["columns"], folder)
+    scale = table.get("scale")
+    if isinstance(scale, dict) and isinstance(scale.get("target"), str):
+        rows, _ = read_rows(values, "records.scale.target", scale["target"], folder)
+        table["scale"] = {**scale, "target": [[*row.values()] for row in rows]}
+    return {**tree, "records": table}, table
+
+
+def _pairs(values: Values, names: list[str]) -> list[list[int]]:
+    """Return the places of records that are components of one motion."""
+    pairs = values.get("records.pairs")
+    known = {name: i for i, name in enumerate(names)}
+    try:
+        places = [[known[name] for name in pair] for pair in pairs]  # type: ignore[attr-defined]
+    except (TypeError, KeyError):
+        places = []
+    listed = sorted(place for pair in places for place in pair)
+    if any(len(pair) != 2 for pair in places) or listed != [*range(len(names))]:
+        limit = f'must have each record once, [["a-EW", "a-NS"]], of {", ".join(names)}'
+        raise values.error("records.pairs", pairs, limit)
+    return places
 
 
 def _periods(values: Values, tree: dict, file: str, gravity: float) -> list[float]:
@@ -101,7 +141,7 @@ def _periods(values: Values, tree: dict, file: str, gravity: float) -> list[floa
     parts = parts_of(values, tree, _period, file)
     first, periods = (0,) * len(parts.axes), list[float]()
     parts.visit(lambda place: periods.append(parts(place)), [first])
-    is_isolated = keys.read_scale(values)[0].own_period == keys.ISOLATED_PERIOD
+    is_isolated = scales.read_scale(values)[0].own_period == ISOLATED_PERIOD
     known_periods = None if is_isolated else parts.table.longest_periods(gravity)
     if known_periods is None:
         parts.visit(lambda place: periods.append(parts(place)))
@@ -125,10 +165,10 @@ def with_own_period(tree: dict, study: Study) -> dict:
 def _period(source: str, tree: Mapping) -> float:
     values = Values(source, tree)
     values.check_tables(keys_of(Records), dict)
-    measure, _ = keys.read_scale(values)
+    measure, _ = scales.read_scale(values)
     period = keys.own_period(read_structure(values), measure)
     if period == math.inf:
-        isolated = measure.own_period == keys.ISOLATED_PERIOD
+        isolated = measure.own_period == ISOLATED_PERIOD
         limit = f"needs {'a building on bearings, building.isolation' if isolated else 'springs'}"
         raise values.error("records.scale.period", measure.own_period, limit)
     return period

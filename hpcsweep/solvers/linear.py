@@ -51,7 +51,7 @@ class LinearOrbit:
         except ZeroDivisionError:
             return
         self.is_known = not (np.any(self.levels <= 0) or structure.n_rigid)
-        self.lyapunov_exponent = _slowest_decay(structure)
+        self.lyapunov_exponent = slowest_decay(structure)
         """Of every linear motion: the largest real part of the eigenvalues of the free modes."""
         steady = self._orders, self._responses
         self.largest = np.array(
@@ -159,7 +159,7 @@ def period_map(structure: Structure, period: float) -> np.ndarray:
     return matrix
 
 
-def _slowest_decay(structure: Structure) -> float:
+def slowest_decay(structure: Structure) -> float:
     """Return max Re(lambda), lambda^2 + 2 zeta omega lambda + omega^2 = 0, over all modes."""
     if not structure.is_modal:
         return float(np.log(np.abs(np.linalg.eigvals(period_map(structure, 1.0)))).max())

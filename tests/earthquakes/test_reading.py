@@ -221,7 +221,7 @@ def test_what_is_too_long_is_refused(read):
 @together(
     "given, message",
     [
-        ({"unit": "furlongs"}, "unit must be one of g, m/s2, .*, structure, is 'furlongs'"),
+        ({"unit": "furlongs"}, "unit must be one of g, m/s2, .*, structure, file, is 'furlongs'"),
         ({"gravity": 0.0}, "gravity must be finite and positive, is 0.0"),
         ({"dt": -1.0}, "dt must be finite and positive, is -1.0"),
     ],

@@ -1,5 +1,7 @@
 """Response spectra of records and of floors; motions under a record: over time, loops, energies."""
 
+from functools import partial
+
 import numpy as np
 
 from hpcsweep.earthquakes.floor_spectra import floor_spectra
@@ -75,18 +77,27 @@ def finish(axis, study: Records, periods: np.ndarray, curves: np.ndarray, *insid
 def of_records(results):
     """Response spectra of the records as they are, 5 % damping, with fractiles; needs the records.
 
-    Marked are the natural periods of the structure, or of each building.
+    Scaled to a target, if there is one, with their mean. Marked are the natural periods of the
+    structure, or of each building.
     """
     n = min(results.sizes["record"], responses.MAX_GREY)
     study = style.study_of(results, Records)
     periods = periods_of(study.structure, responses.samples_of(study, 0).dt)
-    spectra = [spectrum(responses.samples_of(study, i), periods).acceleration for i in range(n)]
+    ratio = study.measure.damping_ratio
+    of = partial(spectrum, periods=periods, damping_ratio=ratio)
+    spectra = [of(responses.samples_of(study, i)).acceleration for i in range(n)]
     curves = np.array(spectra) / study.gravity
     figure, (axis,) = style.new_figure(1, 4.2)
+    if target := study.measure.target:
+        curves /= study.measures[:n, None]
+        axis.plot(periods, curves.mean(axis=0), color=palette.series_colour(2), lw=2, label="mean")
+        fitted = np.array(study.measure.periods), np.array(target) / study.gravity
+        axis.plot(*fitted, color="0.1", lw=2, label="target, where fitted", zorder=3)
     responses.draw_suite(lambda *curve, **looks: axis.plot(periods, *curve, **looks), curves)
     beyond = finish(axis, study, periods, curves)
-    axis.set_ylabel("pseudo-acceleration, 5 %  [g]")
-    responses.legend(axis, f"{n} records as they are", handlelength=3.5)
+    axis.set_ylabel(f"pseudo-acceleration, {100 * ratio:g} %  [g]")
+    how = "scaled to the target" if target else "as they are"
+    responses.legend(axis, f"{n} records {how}", handlelength=3.5)
     return style.head(figure, str(results.attrs["name"]), beyond, fontsize=9)
 
 

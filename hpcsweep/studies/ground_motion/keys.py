@@ -12,25 +12,16 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.earthquakes import units
-from hpcsweep.earthquakes.intensity import (
-    ISOLATED_PERIOD,
-    MEASURES,
-    OWN_PERIODS,
-    Facts,
-    Files,
-    Measure,
-    Synthetic,
-    checked_record,
-    nearest,
-)
-from hpcsweep.earthquakes.spectrum import DAMPING_RATIO
+from hpcsweep.earthquakes.intensity import ISOLATED_PERIOD, Facts, Measure, nearest, rounded
+from hpcsweep.earthquakes.sources import Chosen, Files, Synthetic, checked_record
 from hpcsweep.earthquakes.synthetic import MAX_RECORDS, SOILS
 from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
+from hpcsweep.solvers.linear import slowest_decay
 from hpcsweep.studies.blocks import Place
-from hpcsweep.studies.ground_motion import variables
+from hpcsweep.studies.ground_motion import scales, variables
 from hpcsweep.studies.ground_motion.responses import RecordResponses
 from hpcsweep.studies.keys import BLOCK, Key
 from hpcsweep.studies.part import Part
@@ -53,7 +44,7 @@ KEYS = (
     Key(
         "unit",
         "unit of the numbers in the files: `g`, `%g`, `mg`, `m/s2`, `cm/s2`, `mm/s2`, `in/s2`, "
-        "`ft/s2`, `structure`",
+        "`ft/s2`, `structure`, or `file`, the one that each file names",
         "g",
     ),
     Key(
@@ -63,13 +54,33 @@ KEYS = (
     ),
     Key("dt", "time in seconds between samples, for files that do not say it"),
     Key("channel", "which channel of acceleration of files with several, from 1 on"),
-    Key("tail", "time of free motion after each record", 0.0),
+    Key(
+        "arias",
+        "two shares of the Arias intensity, such as `[0.0005, 0.9995]`, between which records are "
+        "kept",
+        told="whole",
+    ),
+    Key(
+        "sequence",
+        'in place of single records: `[["a", 30.0, "b"]]`, names and the rest between two, with '
+        "the state kept ([suites](earthquakes.md#suites-of-codes))",
+        told="none",
+    ),
+    Key("pairs", 'components that have one factor: `[["a-EW", "a-NS"]]`', told="none"),
+    Key(
+        "columns",
+        "CSV file with a column `record` and columns of numbers, such as `magnitude`, that the "
+        "file of results holds",
+        told="none",
+    ),
+    Key("tail", 'time of free motion after each record, or `"until rest"`', 0.0),
     Key(
         "scale",
         'table: `by` an intensity measure, `"factor"`, `"pga"`, `"pgv"`, `"sa"` with `period`, '
         'a number, `"T1"`, the longest of each structure, or `"isolated"`, that while bearings '
-        'slide, or `"avgsa"` with `periods`, both with `damping_ratio`; and the intensities, above '
-        "0, a range or `values`",
+        'slide, or `"avgsa"` with `periods`, both with `damping_ratio`, or `"target"` '
+        "([how](earthquakes.md#suites-of-codes)); and the intensities, above 0, a range or "
+        '`values`, with `unit = "g"` in g',
         told='`{by = "factor", values = [1.0]}`, 0.05',
     ),
     Key(
@@ -106,18 +117,14 @@ OUTPUT = (
     BLOCK,
 )
 MAX_FILES = 10_000
-MAX_SCALES = 1_000_000
-SCALES = 1e-250, 1e250
-"""Smallest and largest scale."""
 MAX_MEASURES = 500_000
 """Measures of records by the longest periods of structures."""
 MAX_INSTANTS = 10 * MAX_SAMPLES
 """Of the histories."""
-SCALED_BY = {"sa": ("period",), "avgsa": ("periods",)}
-"""Keys of ``scale`` that a measure needs."""
-RANGE = ("values", "from", "to", "count", "step")
+REST = "until rest"
+LEFT = 1e-3
+"""Part of a free motion, or less, that is left when it is said to rest."""
 SUITE = {"count": int, "seed": int, "dt": float, "duration": float, "rms": float, "soil": str}
-DEFAULT_SCALE = {"by": "factor", "values": [1.0]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +159,8 @@ class RecordGrid(Part):
         Spectra of floors that are stored.
     numbers : tuple of int
         Of the records in their source; empty: all.
+    columns : tuple of (str, tuple of float)
+        What `records.columns` says of each record.
     """
 
     structure: Structure
@@ -159,7 +168,7 @@ class RecordGrid(Part):
     settings: SweepSettings
     block_size: int
     suite: tuple[Facts, ...]
-    source: Files | Synthetic
+    source: Files | Synthetic | Chosen
     measure: Measure
     scale: np.ndarray
     tail: float
@@ -168,6 +177,7 @@ class RecordGrid(Part):
     history: float
     floors: variables.FloorSpectra
     numbers: tuple[int, ...] = ()
+    columns: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     @cached_property
     def factor(self) -> np.ndarray:
@@ -205,13 +215,33 @@ class RecordGrid(Part):
         return {"time": Coordinate(values, "time", "time since the first sample")}
 
 
-def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
+def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic | Chosen:
     """Read the source of the records; `paths` are those of the files found.
 
     Raises
     ------
     JobError
     """
+    source, table = _read_source(values, paths), values.table("records")
+    if not {"arias", "sequence"} & {*table}:
+        return source
+    arias = tuple(table.get("arias", ()))
+    if "arias" in table:
+        values.spans("records.arias", [*arias], [[*arias]], limit := "must be [0.0005, 0.9995]")
+        if not 0.0 <= arias[0] < arias[1] <= 1.0:
+            raise values.error("records.arias", [*arias], f"{limit}, two shares from 0 to 1")
+    listed = table.get("sequence", [])
+    for each in listed if isinstance(listed, list) else [listed]:
+        is_list = isinstance(each, list) and len(each) % 2 and len(each) > 1
+        if not is_list or not all(isinstance(name, str) for name in each[::2]):
+            limit = 'must be names with times between them, [["a", 30.0, "b"]]'
+            raise values.error("records.sequence", listed, limit)
+        for rest in each[1::2]:
+            values.within("records.sequence", rest, 0.0, MAX_SAMPLES)
+    return Chosen(source, arias, tuple(map(tuple, listed)))
+
+
+def _read_source(values: Any, paths: tuple[str, ...]) -> Files | Synthetic:
     table = values.table("records")
     if "files" in table and "synthetic" in table:
         limit = "does not go with records.synthetic: one of the two must go"
@@ -219,7 +249,7 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
     if "files" in table:
         unit: Any = values.get("records.unit", "g")
         try:
-            if unit != units.OWN:
+            if unit not in units.NO_UNITS:
                 units.acceleration_unit("unit", unit)
         except ValueError:
             limit = f"must be one of {', '.join(units.UNITS)}"
@@ -228,7 +258,9 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic:
         channel = table.get("channel")
         if channel is not None:
             values.whole("records.channel", channel, 1, MAX_FILES)
-        return Files(paths, unit, read_gravity(values), dt, _units(values)[1], channel)
+        return Files(
+            paths, unit, scales.read_gravity(values), dt, scales.read_units(values)[1], channel
+        )
     if "synthetic" not in table:
         raise values.error("records", sorted(table), "must have files, or synthetic")
     for key in ("unit", "dt", "channel"):
@@ -254,45 +286,25 @@ def _synthetic(values: Any, table: Any) -> Synthetic:
     if not 100 <= steps < MAX_SAMPLES:
         limit = f"must be 100 to {MAX_SAMPLES - 1} times dt = {read['dt']:g}"
         raise values.error("records.synthetic.duration", read["duration"], limit)
-    return Synthetic(**read, time=_units(values)[1])
+    return Synthetic(**read, time=scales.read_units(values)[1])
 
 
-def _units(values: Any) -> tuple[str, str, float]:
-    """Read the structure's units of length and time, m and s where not named, and one g."""
-    named = values.table("units")
-    length, time = named.get("length", "m"), named.get("time", "s")
-    if not isinstance(time, str) or units.seconds_in(time) is None:
-        limit = "must be a known unit of time, as s or ms, since records are in seconds"
-        raise values.error("units.time", time, limit)
-    gravity = units.standard_gravity(length, time) if isinstance(length, str) else None
-    if gravity is None:
-        limit = "must be a known unit of length, as m or mm, since records have accelerations"
-        raise values.error("units.length", length, limit)
-    return length, time, gravity
+def read_tail(values: Any, suite: tuple[Facts, ...], structure: Structure) -> float:
+    """Read the time of free motion after each record.
 
-
-def read_gravity(values: Any) -> float:
-    """Read one g in the structure's units: by default it follows from their names."""
-    length, time, standard = _units(values)
-    value = values.get("records.gravity", standard)
-    gravity = values.positive("records.gravity", value)
-    if "length" in values.table("units") and abs(gravity / standard - 1.0) > units.NEAR:
-        limit = f"one g is {standard:.10g} {length}/{time}^2, by the names in units"
-        raise values.error("records.gravity", value, limit)
-    return gravity
-
-
-def known_gravity(values: Any, key: str, value: Any) -> float:
-    """Read one g for weights, which nothing but its units or itself makes known."""
-    if "length" not in values.table("units") and "gravity" not in values.table("records"):
-        raise values.error(key, value, "needs one g: give [units] or records.gravity")
-    return read_gravity(values)
-
-
-def read_tail(values: Any, suite: tuple[Facts, ...]) -> float:
-    """Read the time of free motion after each record."""
+    Until rest: until the free motion without contacts has decayed to `LEFT` in its slowest mode.
+    """
     longest = MAX_SAMPLES * min(facts.dt for facts in suite)
-    return values.within("records.tail", values.get("records.tail", 0.0), 0.0, longest)
+    tail = values.get("records.tail", 0.0)
+    if tail != REST:
+        return values.within("records.tail", tail, 0.0, longest)
+    if values.get("output.history", False) is not False:
+        raise values.error("records.tail", tail, "does not go with output.history: give a time")
+    rate = -slowest_decay(structure)
+    if not -math.log(LEFT) <= rate * longest:
+        decays = f"decays by exp(-{rate:.3g} t): must decay to {LEFT:g} in {longest:g}"
+        raise values.error("records.tail", tail, f"{decays}, or tail be a time")
+    return rounded(-math.log(LEFT) / rate)
 
 
 def read_history(values: Any, suite: tuple[Facts, ...], tail: float) -> float:
@@ -306,43 +318,6 @@ def read_history(values: Any, suite: tuple[Facts, ...], tail: float) -> float:
         if not steps_in(facts.dt, step):
             raise values.error("output.history", step, f"{WHOLE.format(facts.dt)} of {facts.name}")
     return step
-
-
-def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
-    """Read the measure by which records are scaled, and its values, ascending.
-
-    Raises
-    ------
-    JobError
-    """
-    table = values.get("records.scale", DEFAULT_SCALE)
-    if not isinstance(table, dict):
-        limit = 'must be a table such as {by = "pga", from = 0.5, to = 5.0, count = 10}'
-        raise values.error("records.scale", table, limit)
-    by = values.choice("records.scale.by", table.get("by", "factor"), MEASURES)
-    needed = SCALED_BY.get(by, ())
-    allowed = ("by", *needed, *(("damping_ratio",) if needed else ()), *RANGE)
-    values.check_keys("records.scale", table, allowed)
-    periods: tuple[float | str, ...] = ()
-    for key in needed:
-        if key == "period" and table.get(key) in OWN_PERIODS:
-            periods = (table[key],)
-            continue
-        most = 1 if key == "period" else variables.MAX_PERIODS
-        listed = values.numbers(f"records.scale.{key}", table.get(key), True, most)
-        if listed.min() <= 0:
-            raise values.error(f"records.scale.{key}", table[key], "must be above 0")
-        periods = tuple(listed.tolist())
-    damping = table.get("damping_ratio", DAMPING_RATIO)
-    ratio = variables.read_damping_ratio(values, "records.scale.damping_ratio", damping)
-    grid = {key: table[key] for key in RANGE if key in table}
-    if "values" in grid and len(grid) > 1:
-        raise values.error("records.scale.values", grid["values"], "goes without from and to")
-    name = "records.scale.values" if "values" in grid else "records.scale"
-    scale = values.numbers(name, grid.get("values", grid), True, MAX_SCALES)
-    for end in (scale[0], scale[-1]):
-        values.positive(name, float(end), *SCALES)
-    return Measure(by, periods, ratio if needed else Measure.damping_ratio), scale
 
 
 def own_period(structure: Structure, measure: Measure) -> float:
@@ -368,14 +343,17 @@ def read_found(
         records = stored["records"] if isinstance(stored, dict) else stored
         if isinstance(stored, dict):
             periods = stored["periods"]
-            sought = own_period(structure, read_scale(values)[0]) if structure else periods[0]
+            sought = (
+                own_period(structure, scales.read_scale(values)[0]) if structure else periods[0]
+            )
             at = nearest(periods, sought)
             records = [{**record, "measure": record["measure"][at]} for record in records]
         facts = tuple(Facts(**record) for record in records)
         if not all(each.is_sound for each in facts):
             raise TypeError
         is_scaled = all(isinstance(each.measure, float) and each.measure > 0 for each in facts)
-        if not facts or not is_scaled or len(paths) not in (0, len(facts)):
+        in_order = "sequence" in values.table("records") or len(paths) in (0, len(facts))
+        if not facts or not is_scaled or not in_order:
             raise TypeError
     except (TypeError, KeyError, ValueError, AttributeError, IndexError):
         limit = "must be as hpcsweep wrote it; delete records.found to look for the records again"

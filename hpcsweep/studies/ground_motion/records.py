@@ -21,14 +21,14 @@ from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Block, Poll, Rows, Timed
-from hpcsweep.studies.ground_motion import describe, keys, variables
+from hpcsweep.studies.ground_motion import describe, keys, scales, variables
 from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.responses import KEPT, SKIP_RULES, respond
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import RunAgain
-from hpcsweep.studies.variable import Coordinate, Variable
+from hpcsweep.studies.variable import Coordinate, Variable, real
 from hpcsweep.studies.variables import named, numbered, states, storey_heights
 
 AT_MOST = 1.0 + 1e-9
@@ -77,26 +77,37 @@ class Records(RecordGrid):
         flags = {name: values.get(f"output.{name}", flag) for name, flag in default.items()}
         wanted = frozenset(name for name in flags if values.flag(f"output.{name}", flags[name]))
         common["settings"] = replace(settings, metrics=wanted)
-        measure, scale = keys.read_scale(values)
+        measure, scale = scales.read_scale(values)
         suite, paths = keys.read_found(values, structure)
-        tail = keys.read_tail(values, suite)
-        return cls(
+        tail = keys.read_tail(values, suite, structure)
+        names = [facts.name for facts in suite]
+        made = cls(
             suite=suite,
             source=keys.read_source(values, paths),
             measure=measure,
             scale=scale,
             tail=tail,
             storey_height=structure.names.storey_heights,
-            gravity=keys.read_gravity(values),
+            gravity=scales.read_gravity(values),
             history=keys.read_history(values, suite, tail),
             floors=variables.read_floor_spectra(values, suite, structure),
+            columns=tuple(scales.read_columns(values, names)),
             **common,
         )
+        given = [variable for variable, _ in made.given]
+        held = [*made.dimensions, *(each.name for each in [*given, *made.variables])]
+        for name, _ in made.columns:
+            if held.count(name) > 1:
+                raise values.error("records.columns", name, "is a name of something else in a file")
+        return made
 
     def cut(self, frames: slice) -> dict[str, Any]:
         """Return the fields of a study of some records; none where all share their instants."""
         numbers = tuple(range(self.n_frames)[frames])
-        return {} if self.history else {"suite": self.suite[frames], "numbers": numbers}
+        if self.history:
+            return {}
+        columns = tuple((name, column[frames]) for name, column in self.columns)
+        return {"suite": self.suite[frames], "numbers": numbers, "columns": columns}
 
     @property
     def n_frames(self) -> int:
@@ -133,6 +144,10 @@ class Records(RecordGrid):
         facts = [
             (variable, np.array([getattr(facts, variable.name) for facts in self.suite]))
             for variable in variables.FACTS
+        ]
+        facts += [
+            (real(name, ("record",), "1", "as records.columns has it", None), np.array(column))
+            for name, column in self.columns
         ]
         return [*facts, (variables.FACTOR, self.factor), *storey_heights(self.structure)]
 

@@ -164,7 +164,7 @@ def stripes_of(
         A storey, floor or contact by its name, or a building, whose storeys or floors are its name
         with a number. Default: all.
     units : str, optional
-        ``g`` of intensities that are accelerations; default: the structure's.
+        ``g`` of intensities and responses that are accelerations; default: the structure's.
 
     Raises
     ------
@@ -173,24 +173,25 @@ def stripes_of(
     """
     responses = responses_of(results, study, response)
     chosen = places_of([*responses.names], place)
-    values, alone = responses.values[..., chosen].max(axis=-1), responses.alone
+    quantities = study.measure.quantity, getattr(RESPONSES.get(response), "units", "")
+    in_g = [units == "g" and quantity == "acceleration" for quantity in quantities]
+    if units == "g" and not any(in_g):
+        raise StripesError(f"--units g: the intensities are of {study.measure}, no acceleration")
+    over, of = (study.gravity if each else 1.0 for each in in_g)
+    values, alone = responses.values[..., chosen].max(axis=-1) / of, responses.alone
     if alone is responses.values:
         alone = values
     elif alone is not None:
-        alone = alone[..., chosen].max(axis=-1)
-    in_g, measure = units == "g", study.measure
-    if in_g and measure.quantity != "acceleration":
-        raise StripesError(f"--units g: the intensities are of {measure}, no acceleration")
+        alone = alone[..., chosen].max(axis=-1) / of
+    unit = "g" if in_g[1] else responses.unit
     return Stripes(
-        intensity=results["scale"].values / (study.gravity if in_g else 1.0),
-        measure=intensity_label(study, units),
+        intensity=results["scale"].values / over,
+        measure=intensity_label(study, "g" if in_g[0] else None),
         values=values,
         alone=alone,
         proportional=responses.proportional,
-        label=responses.label
-        + f" of {place}" * (place is not None)
-        + _label(responses.unit or "1"),
-        unit=responses.unit,
+        label=responses.label + f" of {place}" * (place is not None) + _label(unit or "1"),
+        unit=unit,
         records=tuple(str(record) for record in results["record"].values),
     )
 

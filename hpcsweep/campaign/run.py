@@ -228,6 +228,7 @@ def _check_earlier(layout: store.Layout, output: Path, reuse: Sequence[Path], sa
 def _check_same_job(layout: store.Layout, output: Path, inputs: Inputs) -> None:
     """Check that a file is of this job, plain, and sound apart from its results."""
     stored = store.opening.read_layout(output)  # a `DamagedError` if it is not of any job
+    store.opening.check_own(output, stored, "resumes")
     if stored.fingerprint != layout.fingerprint:
         raise store.StoreError(
             f"{output}: holds the results of another job (named {stored.name!r}); give "

@@ -15,10 +15,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hpcsweep.store.layout import Layout, StoreError, attributes_of, refusing
+from hpcsweep.store.layout import Layout, StoreError, refusing
 from hpcsweep.studies.run_names import amount
 
-NOTES = ("units", "long_name")
+NOTES = ("units", "long_name", "flag_values", "flag_masks", "flag_meanings")
 CHECKSUM = "metadata_checksum"
 """Attribute: the checksum of everything but results; blocks have checksums of their own
 (`hpcsweep.store.commit`)."""
@@ -111,7 +111,7 @@ def fill(
             data = (allocate or _dataset)(file, variable.name, *form)
         for axis, dim in enumerate(variable.dims):
             data.dims[axis].attach_scale(file[dim])
-        data.attrs.update(attributes_of(variable, layout.study.structure))
+        data.attrs.update(layout.notes(variable))
     for variable, values in layout.given:
         file[variable.name][...] = values
     for checksums in (layout.commit, *layout.derived[-1:]):
@@ -144,6 +144,11 @@ def scales_of(data: h5py.Dataset) -> list[list[str]]:
     return [list(axis.keys()) for axis in data.dims]
 
 
+def notes_of(data: h5py.Dataset) -> dict[str, object]:
+    """Return the attributes that say what the numbers of a dataset mean."""
+    return {key: data.attrs[key] for key in NOTES if key in data.attrs}
+
+
 def metadata_checksum(file: h5py.File) -> str:
     """Hash everything in a campaign file but its results.
 
@@ -163,7 +168,7 @@ def metadata_checksum(file: h5py.File) -> str:
             add(key, _plain(attributes[key]))
     for name in sorted(file):
         data = file[name]
-        notes = [_plain(data.attrs.get(key)) for key in NOTES]
+        notes = [(key, _plain(note)) for key, note in notes_of(data).items()]
         add(name, str(data.dtype), data.shape, place_of(data), *notes)
         is_text = data.dtype == object
         if data.is_scale or is_text or len(data.shape) == 1:
@@ -180,6 +185,8 @@ def _plain(value: object) -> object:
         return float(value).hex()
     if isinstance(value, int | np.integer):
         return int(value)
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     return value if isinstance(value, str) else repr(value)
 
 

@@ -25,7 +25,7 @@ from hpcsweep.store.inferred import Inferred
 from hpcsweep.store.journal import Journal
 from hpcsweep.store.layout import Layout, StoreError, refusing
 from hpcsweep.store.lock import Lock
-from hpcsweep.store.opening import check_file, check_new, open_layout, reading
+from hpcsweep.store.opening import check_file, check_new, check_own, open_layout, reading
 from hpcsweep.store.rows import is_packed, open_for_reading
 
 COMPRESSION = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
@@ -47,6 +47,8 @@ def merge(paths: Sequence[Path], output: Path) -> int:
     """
     check_new(output)
     layouts = [open_layout(path) for path in paths]
+    for path, layout in zip(paths, layouts, strict=True):
+        check_own(path, layout, "merges")
     wholes = [whole_of(x.text, str(path), x.name) for path, x in zip(paths, layouts, strict=True)]
     order = _order(paths, wholes)
     whole, study = Layout(wholes[0].job), wholes[0].job.study

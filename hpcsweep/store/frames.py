@@ -13,7 +13,7 @@ from hpcsweep.job.paths import path_of
 from hpcsweep.model import arguments
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.inferred import Inferred, frame_variables
-from hpcsweep.store.layout import Layout, StoreError, attributes_of
+from hpcsweep.store.layout import StoreError
 from hpcsweep.store.opening import open_layout
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.grid import RunGrid
@@ -87,7 +87,8 @@ class Frames:
         self.study = self.job.study
         axes = self.whole.study.axes
         self.at = {axis.name: axis.values[at] for axis, at in zip(axes, place, strict=True)}
-        self._own = self._layout if self.study is self.whole.study else Layout(self.job)
+        is_whole = self.study is self.whole.study
+        self._own = self._layout if is_whole else self._layout.of(self.job, place)
         self._variables = {v.name: v for v in (*self._own.variables, *frame_variables(self._own))}
 
     @property
@@ -207,12 +208,12 @@ class Frames:
             variable.name: (
                 variable.dims,
                 values[chosen.get(variable.dims[0], slice(None))],
-                attributes_of(variable, study.structure),
+                layout.notes(variable),
             )
             for variable, values in layout.given
         }
         for name in arrays.keys() & self._variables.keys():
-            arrays[name] = (*arrays[name], attributes_of(self._variables[name], study.structure))
+            arrays[name] = (*arrays[name], layout.notes(self._variables[name]))
         coordinates = {}
         for name, (values, units, long_name) in layout.coordinates.items():
             values = values[chosen.get(name, slice(None))]

@@ -12,10 +12,11 @@ amplitude.
 
 Versions
 --------
-Until release 1.0 a file belongs to the ``layout_version`` it was written with: another version is
-refused with one line that names both, and the program that wrote the file. A change that a reader
-would misread gets a new number; where the same job comes to mean other results, so does
-`MEANING_VERSION` of `hpcsweep.job.job`.
+A file of the ``layout_version`` of this program must be what its job says. From `OLDEST` on, one
+of an earlier version is read as it says itself (`hpcsweep.store.written`), and resumed, merged and
+reused by the program that wrote it alone. A change of what is in the files of the same job gets a
+new number; where the job comes to mean other results, so does `MEANING_VERSION` of
+`hpcsweep.job.job`.
 
 A file may be packed (`hpcsweep.store.copying`): the same datasets, chunked and compressed, with the
 same values, attributes and checksums. It is read like any other, but no longer written.
@@ -36,10 +37,13 @@ from hpcsweep.model import description
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.parallel.one_line import on_one_line
+from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.report import starting_range
 from hpcsweep.studies.variable import CONTACT_SET, Variable
 
-LAYOUT_VERSION = 8
+LAYOUT_VERSION = 9
+OLDEST = 9
+"""Least layout that is read."""
 FORMAT = "hpcsweep campaign"
 CONVENTIONS = "CF-1.8"
 ALIKE = ("study.", "sweep.", "solver.")
@@ -121,6 +125,9 @@ class Layout:
         How a study grows that does not compute all of its runs.
     """
 
+    is_own = True
+    """Whether it is of this version, which then writes it, too."""
+
     def __init__(self, job: Job):
         self.job = job
         self.study = job.study
@@ -161,6 +168,14 @@ class Layout:
         """All variables that campaigns write."""
         return [*self.variables, *self.derived, self.commit]
 
+    def notes(self, variable: Variable) -> dict[str, object]:
+        """Return the attributes of a variable."""
+        return attributes_of(variable, self.study.structure)
+
+    def of(self, job: Job, _place: Place) -> "Layout":
+        """Return the layout of a part of the job."""
+        return Layout(job)
+
     def shape(self, variable) -> tuple[int, ...]:
         """Return the shape of a variable."""
         return tuple(self.sizes[dim] for dim in variable.dims)
@@ -186,6 +201,8 @@ class Layout:
             "name": self.name,
             "job": self.text,
             "resolved_job": resolved(self.job),
+            "variables": " ".join(variable.name for variable in self.variables),
+            **({"derived": " ".join(v.name for v in self.derived)} if self.derived else {}),
             "equation": description.MOTION.format(forcing=forcing),
             "signs": description.SIGNS,
             "structure": description.as_text(structure),

@@ -9,6 +9,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,8 +25,9 @@ from hpcsweep.store import layout as layouts
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.contents import CHECKSUM, scales_of
 from hpcsweep.store.inferred import Inferred
-from hpcsweep.store.layout import DamagedError, Layout, StoreError, flags_of, refusing
+from hpcsweep.store.layout import DamagedError, Layout, StoreError, refusing
 from hpcsweep.store.rows import open_for_reading
+from hpcsweep.store.written import WrittenLayout
 from hpcsweep.studies.refine.audit import AUDIT
 
 if TYPE_CHECKING:
@@ -153,11 +155,12 @@ def check_file(path: Path) -> dict:
     if str(attributes.get("format")) != layouts.FORMAT:
         raise StoreError(f"{path}: an HDF5 file, but no results of hpcsweep; it is left as it is")
     version = attributes.get("layout_version", -1)
-    if str(version) != str(layouts.LAYOUT_VERSION):
+    read = range(layouts.OLDEST, layouts.LAYOUT_VERSION + 1)
+    if str(version) not in map(str, read):
         wrote = attributes.get("hpcsweep_version", "of unknown version")
         raise StoreError(
             f"{path}: has layout version {version}, which hpcsweep {wrote} reads; this one reads "
-            f"version {layouts.LAYOUT_VERSION}"
+            f"version {' and '.join(map(str, read))}"
         )
     return attributes
 
@@ -172,15 +175,31 @@ def read_layout(path: str | Path) -> Layout:
     """
     path = path_of("path", path)
     attributes = check_file(path)
+    is_own = attributes["layout_version"] == layouts.LAYOUT_VERSION
     try:
         text, name = attributes["job"], attributes["name"]
-        job = parse_job(text, f"{path} (job)", name, is_stored=True)
+        # defaults may have changed since
+        said = text if is_own else attributes["resolved_job"]
+        job = replace(parse_job(said, f"{path} (job)", name, is_stored=True), text=text)
     except (KeyError, TypeError, JobError) as error:
         what = "it is missing" if isinstance(error, KeyError | TypeError) else error
         raise DamagedError(path, f"its job cannot be read: {what}") from None
+    if not is_own:
+        with reading(path) as file:
+            return WrittenLayout(job, file)
     if job.fingerprint != attributes.get("fingerprint"):
         raise DamagedError(path, f"its job and its fingerprint do not agree; {REMEDY}")
     return Layout(job)
+
+
+def check_own(path: Path, layout: Layout, does: str) -> None:
+    """Raise a `StoreError` if a file is of an earlier layout, which this version only reads."""
+    if not layout.is_own:
+        version, wrote = (layout.attributes[key] for key in ("layout_version", "hpcsweep_version"))
+        raise StoreError(
+            f"{path}: has layout version {version}, which hpcsweep {wrote} {does}; this one reads "
+            f"it, but {does} version {layouts.LAYOUT_VERSION} only"
+        )
 
 
 def layout_problems(path: Path, layout: Layout) -> list[str]:
@@ -266,7 +285,7 @@ def open_results(path: str | Path) -> "xarray.Dataset":
     with reading(path) as file:
         for name, data in file.items():
             dims = (name,) if data.is_scale else tuple(names[0] for names in scales_of(data))
-            arrays[name] = (dims, _read(data), {note: data.attrs[note] for note in contents.NOTES})
+            arrays[name] = (dims, _read(data), contents.notes_of(data))
         attributes = {key: value for key, value in file.attrs.items() if key != CHECKSUM}
     with Blocks(path, layout) as blocks:
         missing = ~blocks.valid_runs()
@@ -277,8 +296,6 @@ def open_results(path: str | Path) -> "xarray.Dataset":
                     arrays[variable.name][1][place] = variable.missing
             if inferred.look() is None:
                 arrays[AUDIT][1][...] = np.nan
-    for variable in (*layout.variables, *layout.derived):
-        arrays[variable.name][2].update(flags_of(variable, layout.study.structure))
     for place in map(tuple, np.argwhere(missing.any(axis=-1))):  # a frame at a time
         for variable in layout.variables:
             arrays[variable.name][1][place][missing[place]] = variable.missing

@@ -25,7 +25,7 @@ import numpy as np
 from hpcsweep.job.job import meaning_but_grid
 from hpcsweep.store.commit import Blocks
 from hpcsweep.store.layout import Layout, StoreError
-from hpcsweep.store.opening import open_layout
+from hpcsweep.store.opening import check_own, open_layout
 from hpcsweep.studies.blocks import Block, Place
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import Study, as_kind
@@ -58,6 +58,7 @@ class Earlier:
     def __init__(self, path: Path, layout: Layout):
         self.path = path
         self.layout = open_layout(path)
+        check_own(path, self.layout, "reuses")
         self._study = layout.study
         old = self.layout.study
         for study in (old, self._study):

@@ -73,7 +73,7 @@ def of_each(
     complete = rows["outcome"] == Outcome.COMPLETE
     unknown = ~np.uint64(sum(1 << (k - 1) for k in structure.contact_numbers))
     broken: Broken = {}
-    for v in variables:
+    for v in (v for v in variables if v.name in rows):  # not all in a file of an earlier version
         values, slot = rows[v.name], next((dim for dim in v.dims if dim in slots), "")
         held = rows[slots[slot]] > 0 if slot else complete
         inner, outer = tuple(range(held.ndim, values.ndim)), tuple(range(1, held.ndim))

@@ -201,6 +201,11 @@ def _judge_metrics(
             return
 
 
+def is_equal(run: dict, whole: Rows) -> bool:
+    """Return whether all that a stored run and one computed again both hold is the same."""
+    return all(whole[name][0].tobytes() == run[name].tobytes() for name in run.keys() & whole)
+
+
 def _short(values: np.ndarray | float) -> str:
     return " ".join(f"{value:.9g}" for value in np.ravel(values))
 
@@ -208,7 +213,7 @@ def _short(values: np.ndarray | float) -> str:
 def _compare_whole(study: Study, again: RunAgain, run: dict, whole: Rows) -> None:
     """Compare the whole run, recomputed by `flow`."""
     is_flow = study.settings.solver == "flow"
-    if is_flow and all(whole[name][0].tobytes() == run[name].tobytes() for name in run):
+    if is_flow and is_equal(run, whole):
         again.whole_run = "equal"
         return
     again.whole_run = "other"

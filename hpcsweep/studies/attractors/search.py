@@ -149,7 +149,7 @@ def store_attractor(
 
 def attractors_as_runs(variables: list[Variable], run: Rows) -> list[Rows]:
     """Return each attractor of a run as a motion of a run; `final_state` is its `point`."""
-    named = [v.name for v in variables if "attractor" in v.dims]
+    named = [v.name for v in variables if "attractor" in v.dims and v.name in run]
     motions = []
     for k in np.flatnonzero(run["attractor_id"]):
         motion = {name: run[name][k] for name in named}

@@ -26,6 +26,7 @@ from hpcsweep.studies.ground_motion.keys import RecordGrid
 from hpcsweep.studies.ground_motion.responses import KEPT, SKIP_RULES, respond
 from hpcsweep.studies.invariants import Broken
 from hpcsweep.studies.keys import Tables
+from hpcsweep.studies.recompute import is_equal
 from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import RunAgain
 from hpcsweep.studies.variable import Coordinate, Variable, real
@@ -262,8 +263,7 @@ def response_again(study: RecordGrid, block: Block, row: int, run: Rows) -> RunA
             f"are {again.allowed:.2g}"
         )
     result = study.compute_run(block, row, study.initial_state)
-    equal = all(result[name][0].tobytes() == run[name].tobytes() for name in run)
-    again.whole_run = "equal" if equal else "same" if not again.problem else "other"
+    again.whole_run = "equal" if is_equal(run, result) else "same" if not again.problem else "other"
     return again
 
 

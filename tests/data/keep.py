@@ -13,6 +13,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import h5py
+
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 sys.path[:0] = [str(ROOT / folder) for folder in ("tests/support", "tests/docs", "docs")]
@@ -111,18 +113,33 @@ KEPT = {
 
 
 def keep(name: str) -> None:
-    """Write a results file, and a packed one of the vary study."""
+    """Write a results file, packed but for one, unless it would have the same in it."""
     from tools import made
 
     from hpcsweep.store import pack
 
-    path = Path(f"{name}.h5")
-    path.unlink(missing_ok=True)
-    made(KEPT[name], path)
-    Path(f"{path}.journal").unlink()
+    path, new = Path(f"{name}.h5"), Path(f"{name}.h5.new")
+    made(KEPT[name], new)
+    Path(f"{new}.journal").unlink()
     if name != "seeds":
-        pack(path)
-    print(f"{path}: {path.stat().st_size} bytes", flush=True)
+        pack(new)
+    differs = contents(path) != contents(new)
+    new.replace(path) if differs else new.unlink()
+    print(f"{path}: {path.stat().st_size} bytes{'' if differs else ', as before'}", flush=True)
+
+
+def contents(path: Path) -> dict[str, object]:
+    """Return what does not depend on when, where and with which libraries a file was written."""
+    if not path.exists():
+        return {}
+    with h5py.File(path) as file:
+        said = ("fingerprint", "layout_version", "resolved_job", "variables", "derived")
+        held: dict[str, object] = {key: str(file.attrs.get(key)) for key in said}
+        for name, data in file.items():
+            notes = {k: str(v) for k, v in data.attrs.items() if not k.isupper()}
+            held[name] = data[...].tobytes() if data.dtype != object else [*data.asstr()[...].flat]
+            held[f"{name}:"] = [data.dtype, data.shape, notes]
+    return held
 
 
 def shown() -> dict[str, str]:

@@ -105,12 +105,30 @@ def unit(structure, quantity: str) -> str:
 
 def sized(structure, quantity: str, *numbers) -> tuple[str, float]:
     """Return the unit that suits numbers, formatted as `unit` does, and by what to divide them."""
-    choices = SIZES.get(unit_of(structure, quantity))
-    if choices is None:
+    name = unit_of(structure, quantity)
+    if name not in SIZES:
         return unit(structure, quantity), 1.0
     largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in numbers)
-    name, size = next((c for c in choices[::-1] if largest >= c[1]), choices[0])
+    name, size = _suiting(name, largest)
     return f"  [{name}]", size
+
+
+def _suiting(unit: str, largest: float) -> tuple[str, float]:
+    choices = SIZES[unit]
+    return next((choice for choice in choices[::-1] if largest >= choice[1]), choices[0])
+
+
+def suit(figure) -> None:
+    """Write the numbers of all axes in units that suit them, where labels name those they are in.
+
+    A reader with a log scale finds powers of ten in any unit.
+    """
+    for axis in (a for panel in figure.axes for a in (panel.xaxis, panel.yaxis)):
+        words, _, name = axis.get_label_text().rpartition("  [")
+        if name.removesuffix("]") in SIZES and axis.get_scale() == "linear":
+            name, size = _suiting(name.removesuffix("]"), max(map(abs, axis.get_view_interval())))
+            axis.set_major_formatter(lambda value, _, size=size: f"{value / size:g}")
+            axis.set_label_text(f"{words}  [{name}]")
 
 
 def named(structure, quantity: str) -> str:

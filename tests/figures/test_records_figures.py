@@ -499,6 +499,21 @@ def test_numbers_are_in_units_that_suit_them():
 
 
 @pytest.mark.slow
+def test_axes_name_what_they_count_and_are_in_units_that_suit_them(folder):
+    kinds = figures()
+    with contextlib.closing(Frames(folder / "job.h5", "responses")) as frames:
+        results = frames.gather([*frames])
+        chart = kinds["ida"].draw(results, response="force")
+        shares = kinds["fragility"].draw(results, threshold=0.5)
+    (axis,) = chart.axes
+    assert axis.get_xlabel() == "peak contact force  [MN]"
+    chart.canvas.draw()
+    ticks = {tick.get_text(): tick.get_position()[0] for tick in axis.get_xticklabels()}
+    assert all(float(text.replace("−", "-")) * 1e6 == at for text, at in ticks.items())
+    words = [text.get_text() for text in shares.axes[0].get_legend().get_texts()]
+    assert words[:2] == ["counted at each stripe", "95 % confidence"]
+
+
 def test_drifts_at_which_frames_yield_are_told_of_storeys_that_stay_elastic(folder):
     """0.5 % of 3.2 m are 16 mm: told of all storeys in one file, of B's in the other."""
     for name, places in (("job.h5", "AB"), ("hysteresis.h5", "B")):

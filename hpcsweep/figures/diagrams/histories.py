@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcsweep.earthquakes.floor_spectra import floor_spectra
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, spectrum
-from hpcsweep.earthquakes.stripes import fractiles
+from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import mesh, responses
 from hpcsweep.figures.options import figure_of
@@ -108,8 +108,9 @@ FLOORS = responses.loading("floor_spectrum", "floor_spectrum_alone", "outcome")
 def of_floors(results, scale: float | None = None, place: str | None = None):
     """Response spectra of a floor at one intensity, 5 % damping, with fractiles.
 
-    Of the floor --place (default: the top of the first building), also the 50 % without contacts;
-    those of the file (output.floor_spectra), or computed from the records, a second or two of each.
+    Of the floor --place (default: the top of the first building), without contacts also 50 and
+    84 %; those of the file (output.floor_spectra), or computed from the records, a second or two of
+    each.
     """
     study, at = style.study_of(results, Records), responses.scale_index(results, scale)
     structure, stored = study.structure, study.floors
@@ -123,7 +124,7 @@ def of_floors(results, scale: float | None = None, place: str | None = None):
         held = results.isel(scale=at, place=stored.places.index(place), record=slice(n))
         acceleration = held["floor_spectrum"].values
         if "floor_spectrum_alone" in held:
-            (alone,) = fractiles(held["floor_spectrum_alone"], (0.5,)) / study.gravity
+            alone = held["floor_spectrum_alone"].values
     else:
         samples = [responses.samples_of(study, i) for i in range(n)]
         periods, ratio = periods_of(structure, samples[0].dt), DAMPING_RATIO
@@ -139,16 +140,16 @@ def of_floors(results, scale: float | None = None, place: str | None = None):
 
         acceleration = spectra(structure)
         if structure.contacts:
-            (alone,) = fractiles(spectra(structure.without_contacts()), (0.5,)) / study.gravity
+            alone = spectra(structure.without_contacts())
     curves = acceleration[np.isfinite(acceleration).all(axis=1)] / study.gravity
     if not len(curves):
         raise style.PlotError("no run is complete yet")
     figure, (axis,) = style.new_figure(1, 4.4)
     responses.draw_suite(lambda *curve, **looks: axis.plot(periods, *curve, **looks), curves)
-    inside = [] if alone is None else [alone]
-    if alone is not None:
-        looks = {"color": palette.STOP, "linewidth": 2.0, "label": "50 %, no contact"}
-        axis.plot(periods, alone, ":", **looks)
+    inside = () if alone is None else fractiles(alone / study.gravity, PARTS[1:])
+    for width, part, values in zip((2.0, 1.0), PARTS[1:], inside, strict=False):
+        looks = {"color": "0.1", "linewidth": width, "label": f"{100 * part:g} %, no contact"}
+        axis.plot(periods, values, ":", **looks)
     beyond = finish(axis, study, periods, curves, *inside)
     axis.set_ylabel(f"pseudo-acceleration on {place}, {100 * ratio:g} %  [g]")
     responses.legend(axis, f"{len(curves)} records", handlelength=3.5)
@@ -165,7 +166,7 @@ EACH, MORE = (2.6, 2.3), (1.0, 0.6)
 """Inches of a panel, and of what is beside all ..."""
 ONE = EACH[0] + MORE[0], EACH[1] + MORE[1]
 """... of a figure of one."""
-PARTS = {"sliders": [5], "contacts": [4], "damping": [3], "kinetic and strain": [1, 2]}
+TAKEN = {"sliders": [5], "contacts": [4], "damping": [3], "kinetic and strain": [1, 2]}
 """Fields of an `Energy`, from below."""
 
 
@@ -266,21 +267,29 @@ def hysteresis(
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
     seen = responses.history_of(study, (i, at), time)
     shown = [names.index(place)] if place else range(len(names))
-    figure, axes = mesh.panels(len(shown), ONE, EACH, MORE, columns=IN_A_ROW)
+    is_base = [name.endswith(SLAB) for name in names]
+    apart = len({is_base[j] for j in shown}) > 1
+    figure, axes = mesh.panels(len(shown), ONE, EACH, MORE, not apart, IN_A_ROW, not apart)
     elongation = seen.displacement @ structure.slider_directions.T
     forces = seen.slider_force + elastic_springs(structure) * elongation
-    x_unit, length = labels.sized(structure, "length", elongation[:, shown])
-    y_unit, force = labels.sized(structure, "force", forces[:, shown])
     for axis, j in zip(axes, shown, strict=True):
+        alike = [k for k in shown if is_base[k] == is_base[j]]
+        x_unit, length = labels.sized(structure, "length", elongation[:, alike])
+        y_unit, force = labels.sized(structure, "force", forces[:, alike])
         ductility = np.abs(elongation[:, j]).max() / structure.sliders[j].limit
         loop = elongation[:, j] / length, forces[:, j] / force
         axis.plot(*loop, color=palette.series_colour(0), lw=0.7)
+        if apart:
+            most = [1.1 * abs(x[:, alike]).max() for x in (elongation / length, forces / force)]
+            axis.set(xlim=(-most[0], most[0]), ylim=(-most[1], most[1]))
+            axis.set_xlabel("drift" + x_unit, fontsize=8)
+            axis.set_ylabel("force" + y_unit, fontsize=8)
         name = f"storey {names[j]}" if names[j].isdigit() else names[j]
         axis.set_title(f"{name}, ductility {ductility:.1f}", fontsize=9)
         axis.grid(True, color="0.92", linewidth=0.6)
-    for axis in axes[::IN_A_ROW]:
+    for axis in axes[::IN_A_ROW] if not apart else ():
         axis.set_ylabel("force" + y_unit, fontsize=8)
-    for axis in axes[(len(axes) - 1) // IN_A_ROW * IN_A_ROW :]:
+    for axis in axes[(len(axes) - 1) // IN_A_ROW * IN_A_ROW :] if not apart else ():
         axis.set_xlabel("drift" + x_unit, fontsize=8)
     return style.head(figure, responses.run_title(results, study, i, at), fontsize=9)
 
@@ -304,7 +313,7 @@ def energy(results, record: str | None = None, scale: float | None = None):
     steps = solver.energies(samples.acceleration.copy(), float(study.factor[i, at]), count)
     energies, time = np.array(steps), samples.dt * np.arange(len(steps))
     unit, size = labels.sized(structure, "energy", energies)
-    parts = {name: energies[:, fields].sum(axis=1) / size for name, fields in PARTS.items()}
+    parts = {name: energies[:, fields].sum(axis=1) / size for name, fields in TAKEN.items()}
     parts = {name: values for name, values in parts.items() if values.any()}
     figure, (axis,) = style.new_figure(1, 4.2)
     colours = [palette.series_colour(series) for series in range(len(parts))]

@@ -59,6 +59,7 @@ def ida(results, response: str = "drift", place: str | None = None, units: str |
         curve(median, ":", color=palette.STOP, linewidth=2.0, label=label)
     axis.set(xlabel=stripes.label, ylabel=stripes.measure, xlim=(0, edge), ylim=(0, intensity[-1]))
     responses.legend(axis, responses.counted(stripes), handlelength=3.5)
+    labels.suit(figure)
     return style.head(figure, responses.title(results), beyond, fontsize=9)
 
 
@@ -93,7 +94,8 @@ def fragility(
     colour = palette.series_colour(0)
     n_runs = (~np.isnan(stripes.values)).sum(axis=0)
     shares = (stripes.values >= threshold).sum(axis=0) / np.maximum(n_runs, 1)
-    axis.plot(stripes.intensity, shares, "o", color=colour, markersize=3)
+    at_stripes = {"color": colour, "markersize": 3, "label": "counted at each stripe"}
+    axis.plot(stripes.intensity, shares, "o", **at_stripes)
     last, exact = stripes.intensity[-1], stripes.alone is stripes.values
     middles = [fitted.median]
     if touches:
@@ -105,17 +107,23 @@ def fragility(
     edge = max(last, farthest)
     fine = np.linspace(stripes.intensity[0] / 10, edge, POINTS)
     low, high = fitted.band(fine)
-    axis.fill_between(fine, low, high, color=colour, alpha=0.2, linewidth=0)
+    looks = {"color": colour, "alpha": 0.2, "linewidth": 0, "label": "95 % confidence"}
+    axis.fill_between(fine, low, high, **looks)
     label = rf"median {fitted.median:.4g}, $\beta$ = {fitted.dispersion:.3f}"
     curve, inside = fitted.probability(fine), (fine <= last) | exact
     axis.plot(fine[inside], curve[inside], color=colour, label=label)
     axis.plot(fine[~inside], curve[~inside], "--", color=colour)
-    _count(axis, reached, edge if exact else last, color=colour, linewidth=0.6)
+    looks = {"color": colour, "linewidth": 0.6, "label": "counted at it or below"}
+    _count(axis, reached, edge if exact else last, **looks)
     if touches:
         name = f"{responses.alone(results)}, counted, 50 % at {middles[-1]:.4g}"
         _count(axis, free, edge if stripes.proportional else last, color=palette.STOP, label=name)
     reach = f"share of records that reach {threshold:g} {stripes.unit}".rstrip()
-    reach = "share of records that collapse" if collapse else reach
+    if collapse:
+        limits = np.unique(style.structure_of(results).drift_limits)
+        some = ", ".join(f"{limit:g}" for limit in limits[limits < np.inf])
+        unit = labels.named(style.structure_of(results), "length")
+        reach = f"share of records that collapse,\ndrift beyond {some}{unit}"
     axis.set(xlabel=stripes.measure, ylabel=reach)
     axis.set(xlim=(0, edge), ylim=(0, 1.02))
     never = int(np.isinf(reached.scale).sum())
@@ -229,6 +237,7 @@ def needed_gap(results, place: str | None = None):
     axis.set(xlabel=whole.measure, ylabel=ylabel, xlim=(0, scale[-1]), ylim=(0, top))
     words = f"{responses.counted(whole)}, no contact; rules at 50 %"
     responses.legend(axis, words, handlelength=3.0)
+    labels.suit(figure)
     return style.head(figure, responses.title(results), fontsize=9)
 
 

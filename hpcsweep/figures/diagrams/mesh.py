@@ -97,6 +97,7 @@ def panels(
     more: tuple[float, float] = (0.0, 0.0),
     sharey: bool = True,
     columns: int = COLUMNS,
+    sharex: bool = True,
 ):
     """Make a figure of equal panels with common axes, row by row.
 
@@ -110,6 +111,7 @@ def panels(
     sharey : bool
     columns : int
         At most so many beside each other.
+    sharex : bool
 
     Returns
     -------
@@ -118,7 +120,7 @@ def panels(
     columns = min(count, columns)
     rows = -(-count // columns)
     size = single if count == 1 else (each[0] * columns + more[0], each[1] * rows + more[1])
-    figure, axes = style.new_grid(rows, columns, size, sharex=True, sharey=sharey)
+    figure, axes = style.new_grid(rows, columns, size, sharex=sharex, sharey=sharey)
     for axis in axes.flat[count:]:
         axis.set_visible(False)
     return figure, list(axes.flat[:count])

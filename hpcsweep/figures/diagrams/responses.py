@@ -1,5 +1,6 @@
 """Common parts of the figures of responses to records: options and data."""
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -108,9 +109,17 @@ def legend(axis, title: str | None = None, **looks) -> None:
 
 def title(results) -> str:
     """Write the name of the job, the part that is drawn, and whether it is elastic too long."""
-    part, name = results.attrs.get("part"), str(results.attrs["name"])
+    part, name = _part(results), str(results.attrs["name"])
     elastic = elastic_words(elastic_drift(results, style.structure_of(results)))
     return (f"{name}:  {part}" if part else name) + f"\n{elastic}" * bool(elastic)
+
+
+def _part(results) -> str:
+    """Return the keys of the part that is drawn, of buildings by their names."""
+    names = [name.removeprefix("building") for name in style.structure_of(results).building_names]
+    part = str(results.attrs.get("part") or "")
+    part = re.sub(r"building_(\d+)_", lambda found: f"{names[int(found[1])]} ".lstrip(), part)
+    return part.replace("_", " ")
 
 
 def alone(results) -> str:
@@ -261,7 +270,7 @@ def heights(names: Sequence[str]) -> list[tuple[str, list[int], list[int]]]:
 def run_title(results, study: Records, i: int, at: int) -> str:
     """Write which run is drawn, and when it collapses."""
     run = results.isel(record=i, scale=at)
-    words = [results.attrs.get("part"), samples_of(study, i).name, at_scale(study, at)]
+    words = [_part(results), samples_of(study, i).name, at_scale(study, at)]
     if run.get("collapsed"):
         unit = labels.named(study.structure, "time")
         words.append(f"collapses at {float(run['collapse_time']):.4g}{unit}")

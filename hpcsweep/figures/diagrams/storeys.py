@@ -59,7 +59,7 @@ def profile(results, response: str = "drift", scale: float | None = None):
             looks = {"color": palette.STOP, "markersize": 3, "label": responses.alone(results)}
             axis.plot(free, level, "s:", **looks)
         axis.set_title(f"building {building}" if building else "", fontsize=9)
-        axis.set_yticks(level)
+        axis.set_yticks(level, ["slab" if at == 0 else at for at in level])
         axis.grid(True, color="0.92", linewidth=0.6)
         axis.set_xlabel(whole.label, fontsize=8)
     ends = [tick for axis in axes[0] for tick in axis.get_yticks()]
@@ -71,6 +71,7 @@ def profile(results, response: str = "drift", scale: float | None = None):
     where = f"{responses.at_scale(study, at)}, {len(whole.records)} records"
     if fallen := int(np.isinf(whole.values[:, at]).sum()):
         where += f", {fallen} of which collapse, beyond the edge"
+    labels.suit(figure)
     return style.head(figure, f"{where}\n{responses.title(results)}", fontsize=9)
 
 
@@ -152,6 +153,7 @@ def portfolio(results: Portfolio, **_options):
         figure.colorbar(points, ax=axis, label=hue[1])
     axis.set(xlabel=label, ylabel=results.label, xscale=_scale(over), ylim=(0, None))
     labels.legend_below(figure, keys, "")
+    labels.suit(figure)
     return style.head(figure, results.title, fontsize=9)
 
 

@@ -29,7 +29,7 @@ from hpcsweep.figures import labels
 from hpcsweep.figures.diagrams.histories import elastic_springs as springs
 from hpcsweep.figures.diagrams.responses import buildings, edge_of, within
 from hpcsweep.figures.options import figures
-from hpcsweep.figures.style import PlotError
+from hpcsweep.figures.style import PlotError, new_figure
 from hpcsweep.job import parse_job
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.solvers.history import history
@@ -503,9 +503,10 @@ def test_axes_name_what_they_count_and_are_in_units_that_suit_them(folder):
     kinds = figures()
     with contextlib.closing(Frames(folder / "job.h5", "responses")) as frames:
         results = frames.gather([*frames])
-        chart = kinds["ida"].draw(results, response="force")
         shares = kinds["fragility"].draw(results, threshold=0.5)
-    (axis,) = chart.axes
+    chart, (axis,) = new_figure(1, 3.0)
+    axis.set(xlabel="peak contact force  [N]", xlim=(0.0, 6.4e7))
+    labels.suit(chart)
     assert axis.get_xlabel() == "peak contact force  [MN]"
     chart.canvas.draw()
     ticks = {tick.get_text(): tick.get_position()[0] for tick in axis.get_xticklabels()}

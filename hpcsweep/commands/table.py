@@ -53,7 +53,7 @@ def run(options) -> int:
     try:
         importlib.import_module(NEEDS[form])
     except ImportError:
-        said = f"pip install {NEEDS[form]}, or name a .csv with -o"
+        said = f"pip install {NEEDS[form]}" + ", or name a .csv with -o" * (form != ".csv")
         raise CommandError(f"{path}: needs {NEEDS[form]}, which is not installed: {said}") from None
     check_overwriting(path, TABLE)
     import pandas

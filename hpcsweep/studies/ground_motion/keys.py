@@ -19,7 +19,6 @@ from hpcsweep.model.isolation import isolated_period
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, WHOLE, steps_in
-from hpcsweep.solvers.linear import slowest_decay
 from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.ground_motion import scales, variables
 from hpcsweep.studies.ground_motion.responses import RecordResponses
@@ -294,6 +293,8 @@ def read_tail(values: Any, suite: tuple[Facts, ...], structure: Structure) -> fl
 
     Until rest: until the free motion without contacts has decayed to `LEFT` in its slowest mode.
     """
+    from hpcsweep.solvers.linear import slowest_decay  # scipy, which jobs need not
+
     longest = MAX_SAMPLES * min(facts.dt for facts in suite)
     tail = values.get("records.tail", 0.0)
     if tail != REST:

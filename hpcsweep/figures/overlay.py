@@ -11,8 +11,8 @@ import numpy as np
 from hpcsweep.dynamics.continuation.cycle import continued
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette
-from hpcsweep.figures.coordinates import Coordinate
 from hpcsweep.figures.style import PlotError, stretches
+from hpcsweep.model.coordinates import Coordinate
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.path_grid import FORCING

@@ -10,6 +10,7 @@ from hpcsweep.dynamics.classify import contact_name
 from hpcsweep.figures.labels import broken, fitter, legend_below
 from hpcsweep.figures.palette import contact_colour
 from hpcsweep.job import Job, parse_job, part_of
+from hpcsweep.model.coordinates import place_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.offers import LINEAR, Capability
 from hpcsweep.studies.grid import DOWN, UP, RunGrid
@@ -197,12 +198,6 @@ def choose_floors(names: Sequence[str], chosen: Sequence[int | str] | None = Non
             raise PlotError(f"--floor {floor}: must be from 1 to {n}{named}")
         places.add(place)
     return sorted(places)
-
-
-def place_of(names: Sequence[str], word: str) -> int | None:
-    """Return the place of a name, or of a number from 1 that is none; None of another word."""
-    listed = [*names] if word in names else [str(i) for i in range(1, len(names) + 1)]
-    return listed.index(word) if word in listed else None
 
 
 def need(results, *names: str) -> None:

@@ -12,7 +12,7 @@ from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies import settings
 from hpcsweep.studies.keys import BLOCK, Key, Tables, names
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS, STUDIES
-from hpcsweep.studies.quantities import METRIC_KEYS
+from hpcsweep.studies.quantities import METRIC_KEYS, ROW_KEYS
 from hpcsweep.studies.variables import STOREY_HEIGHT
 
 OF_STOREYS = ", above 0: a number, or a list of n, from the lowest on"
@@ -278,6 +278,7 @@ KEYS: Tables = {
     ),
     "output": (
         *METRIC_KEYS,
+        *ROW_KEYS,
         Key(
             "max_points",
             "stroboscopic points, the last ones, stored of a run without an orbit: at least 2 "

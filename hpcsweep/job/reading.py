@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from hpcsweep.job.values import Values
 from hpcsweep.job.vary import Parts, read_followed, read_varied, unused
 from hpcsweep.model import arguments
 from hpcsweep.model.confinement import unconfined
+from hpcsweep.model.coordinates import coordinate_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
@@ -35,7 +37,7 @@ from hpcsweep.studies.blocks import Place
 from hpcsweep.studies.keys import BLOCK, Key
 from hpcsweep.studies.kinds import DEFAULT_KIND, KINDS
 from hpcsweep.studies.path_grid import ALONG
-from hpcsweep.studies.quantities import METRIC_KEYS
+from hpcsweep.studies.quantities import METRIC_KEYS, ROW_KEYS
 from hpcsweep.studies.run_names import count
 from hpcsweep.studies.study import Study, as_kind
 from hpcsweep.studies.vary import Varied
@@ -187,6 +189,13 @@ def read_values(values: Values):
     if "contact_force" in settings.metrics and any(one.is_rigid.any() for one in each):
         limit = "must be false where stops are rigid: speeds jump, output.impulse tells by how much"
         raise values.error("output.contact_force", True, limit)
+    if settings.rows and settings.solver == "bdf":
+        raise values.error("output.rows", [*settings.rows], "must be empty with solver.method bdf")
+    for word, one in product(settings.rows, each):
+        try:
+            coordinate_of(one, word)
+        except ValueError as error:
+            raise values.error("output.rows", word, str(error)) from None
     if "lyapunov_spectrum" in settings.metrics and not TANGENTS.of(structure):
         raise values.error("output.lyapunov_spectrum", True, f"must be false {TANGENTS.lacks}")
     usual = study.default_block if SOLVERS[settings.solver].follows_orbits else 1
@@ -320,7 +329,9 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> sweep.SweepSetting
     if type(n_points) is not int or not least <= n_points <= sweep.MAX_CYCLES:
         limit = f"must be a whole number from 2 max_orbit_period = {least} to {sweep.MAX_CYCLES}"
         raise values.error("output.max_points", n_points, limit)
-    cycles = SOLVERS[method].classify_cycles
+    cycles, rows = SOLVERS[method].classify_cycles, values.get("output.rows", [])
+    if not isinstance(rows, list) or not all(type(row) in (int, str) for row in rows):
+        raise values.error("output.rows", rows, 'must be a list such as ["1", "2-1"]')
     return sweep.SweepSettings(
         transient_cycles=values.read("sweep", sweep.TRANSIENT),
         sampling_cycles=sampling,
@@ -334,6 +345,8 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> sweep.SweepSetting
         classify_cycles=read("sweep.classify_cycles", cycles, 0, sweep.MAX_CYCLES),
         spectrum_error=values.read("sweep", sweep.SPECTRUM_ERROR),
         spectrum_cycles=values.read("sweep", sweep.SPECTRUM_CYCLES),
+        rows=tuple(dict.fromkeys(map(str, rows))),
+        harmonics=values.read("output", ROW_KEYS[1]),
     )
 
 

@@ -11,9 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-DRIFT, FLOOR, ACCELERATION, CONTACT, IMPACT, ENERGY = 4, 8, 16, 32, 64, 128
+DRIFT, FLOOR, ACCELERATION, CONTACT, IMPACT, ENERGY, ROWS = 4, 8, 16, 32, 64, 128, 256
 """Flags that request: peaks of drifts, of floors, of absolute accelerations of floors and of the
-distances of contacts past their stops; impacts; the integrals of the energy of a response."""
+distances of contacts past their stops; impacts; the integrals of the energy of a response; what
+any rows of displacements do, see `hpcsweep.solvers.flow.observe.rows`."""
+MAX_ORDER = 16
+"""Highest harmonic of a row."""
 CLOSINGS, SPEED, FORCE, TIME, DISSIPATED = range(5)
 N_IMPACTS = 5
 """Rows of impacts: closings of a contact, largest closing speed, integral of its force over its

@@ -198,6 +198,31 @@ class Growth:
         return replace(self, points=points, logarithms=logarithms)
 
 
+class RowMotion(NamedTuple):
+    """What rows y = d . u of the displacements do over forcing periods, shape (r,) each.
+
+    Attributes
+    ----------
+    low, high : ndarray
+        Smallest and largest value.
+    mean, rms : ndarray
+        Means of y, and the root of that of y^2.
+    amplitude, phase : ndarray, shape (r, H)
+        a and phi of the harmonics a sin(h Omega tau + phi), h = 1 .. H, as those of the forcing.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    mean: np.ndarray
+    rms: np.ndarray
+    amplitude: np.ndarray
+    phase: np.ndarray
+
+    def times(self, unit: float) -> "RowMotion":
+        """Return it in another unit of y."""
+        return RowMotion(*(values * unit for values in self[:-1]), self.phase)
+
+
 def window_growth(logarithms: np.ndarray) -> float:
     """Return the growth of a tangent vector over a window from its growth in each period.
 

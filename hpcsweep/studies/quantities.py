@@ -8,7 +8,7 @@ same names from `hpcsweep.solvers.measures` and `hpcsweep.solvers.record_respons
 
 from dataclasses import replace
 
-from hpcsweep.model.observed import MOTIONS, TABLE, Quantity
+from hpcsweep.model.observed import MAX_ORDER, MOTIONS, TABLE, Quantity
 from hpcsweep.studies.keys import Key, names
 from hpcsweep.studies.variable import BELOW_INFINITY, FINITE, SHARE, SIZE, Variable, contacts, real
 
@@ -27,6 +27,31 @@ LYAPUNOV_SPECTRUM = real(
     "Lyapunov exponents, largest first",
     BELOW_INFINITY,
     optional=True,
+)
+
+HARMONIC = "coordinate", "harmonic"
+ROWS = tuple(
+    real(f"row_{name}", dims, units, long_name, limits, optional=True, label=label)
+    for name, dims, units, long_name, limits, label in (
+        ("low", ("coordinate",), "length", "smallest value of a row", FINITE, "smallest value"),
+        ("high", ("coordinate",), "length", "largest value of a row", FINITE, "largest value"),
+        ("range", ("coordinate",), "length", "its half peak-to-peak", SIZE, "half peak-to-peak"),
+        ("mean", ("coordinate",), "length", "its mean", FINITE, "mean"),
+        ("rms", ("coordinate",), "length", "its root mean square", SIZE, "root mean square"),
+        ("amplitude", HARMONIC, "length", "amplitude of a harmonic of a row", SIZE, "amplitude"),
+        ("phase", HARMONIC, "1", "its phase in radians, as of `forcing.harmonics`", FINITE, ""),
+    )
+)
+"""What rows of displacements do over the orbit or the window: those of `output.rows`."""
+ROW_KEYS = (
+    Key(
+        "rows",
+        "rows of the displacements of which smallest and largest value, half peak-to-peak, mean, "
+        'rms and harmonics are stored: `"1"` a floor, `"2-1"` a difference, `"contact:1"`, '
+        '`"drift:1"`, `"slider:1"`',
+        [],
+    ),
+    Key("harmonics", "of these rows, amplitudes and phases of so many", 1, (1, MAX_ORDER)),
 )
 
 FLAGS = {quantity.name: quantity.flag for quantity in MOTIONS}

@@ -64,6 +64,10 @@ class SweepSettings:
         Requested error of Lyapunov exponents, per unit of time.
     spectrum_cycles : int
         Most forcing periods over which they are averaged.
+    rows : tuple of str
+        Words of `model.coordinates` of which `quantities.ROWS` are stored ...
+    harmonics : int
+        ... and how many harmonics of each.
     """
 
     transient_cycles: int = TRANSIENT.default
@@ -78,11 +82,18 @@ class SweepSettings:
     classify_cycles: int | None = None
     spectrum_error: float = SPECTRUM_ERROR.default
     spectrum_cycles: int = SPECTRUM_CYCLES.default
+    rows: tuple[str, ...] = ()
+    harmonics: int = 1
 
     @property
     def measures(self) -> int:
         """Flags of the requested measures, 0 for none."""
         return sum({flag for name, flag in FLAGS.items() if name in self.metrics})
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the dimensions of what rows do."""
+        return {"coordinate": len(self.rows), "harmonic": self.harmonics}
 
     @property
     def stored_points(self) -> int:

@@ -69,6 +69,7 @@ RUN_VARIABLES = (
     quantities.DRIFT,
     quantities.MODAL_NORM,
     *map(quantities.of_motions, quantities.MEASURES),
+    *quantities.ROWS,
     *map(quantities.of_motions, ("ductility", "plastic", "slider_energy")),
     code(
         *("shakedown", (), Shakedown),
@@ -131,6 +132,8 @@ def run_variables(settings: SweepSettings, structure: Structure) -> list[Variabl
         wanted.add("n_points")
     if "lyapunov_spectrum" in wanted:
         wanted |= {each.name for each in SPECTRUM}
+    if settings.rows:
+        wanted |= {each.name for each in quantities.ROWS}
     if settings.classify_cycles is not None:
         wanted.add("window_period")
         if "lyapunov" in wanted:
@@ -242,6 +245,9 @@ def measure_coordinates(structure: Structure, settings: SweepSettings) -> dict[s
     contacts = set(quantities.CONTACT_MEASURES) - without_contacts(structure)
     if not settings.metrics.isdisjoint(contacts):
         made["stop"] = named(tuple(structure.contact_names.values()), "contact")
+    if settings.rows:
+        made["coordinate"] = named(settings.rows, "row of displacements")
+        made["harmonic"] = numbered(settings.harmonics, "harmonic of the forcing", first=1)
     return made
 
 
@@ -262,7 +268,9 @@ def empty_rows(structure: Structure, n_runs: int, settings: SweepSettings) -> Ro
         The variables requested by `settings.metrics`, first axis the run.
     """
     variables = run_variables(settings, structure)
-    return empty_results(variables, structure, n_runs, point=settings.stored_points)
+    return empty_results(
+        variables, structure, n_runs, **settings.sizes, point=settings.stored_points
+    )
 
 
 def store(

@@ -149,6 +149,8 @@ OTHER = {
     "classify_cycles": 7,
     "spectrum_error": 0.07,
     "spectrum_cycles": 77,
+    "rows": ("1",),
+    "harmonics": 3,
     "motion_length": 2.0,
     "unreached": (1,),
     "omega": np.array([0.7]),

@@ -5,10 +5,10 @@ import numpy as np
 from hpcsweep.dynamics.attractor import ELSEWHERE, FAILED, UNDECIDED
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass, Shakedown, shakedown_name
 from hpcsweep.figures import labels, palette, style
-from hpcsweep.figures.coordinates import floor_coordinate
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS, figure_of
+from hpcsweep.model.coordinates import floor_coordinate
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.refine.audit import SOURCE
 

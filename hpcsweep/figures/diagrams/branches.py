@@ -10,10 +10,10 @@ import numpy as np
 from hpcsweep.dynamics.classify import ranges
 from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette, style, view
-from hpcsweep.figures.coordinates import Coordinate
 from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.options import FLOORS, ROWS, SWEEP, Option, figure_of, whole_number
 from hpcsweep.figures.overlay import MARKS, Drawn, branches_of, line_beneath, not_beneath, run_of
+from hpcsweep.model.coordinates import Coordinate
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind

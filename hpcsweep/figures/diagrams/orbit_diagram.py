@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.figures import labels, palette, style, view
-from hpcsweep.figures.coordinates import Coordinate
 from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
 from hpcsweep.figures.options import AMPLITUDES, BRANCHES, COLOUR, FLOORS, OMEGA, ROWS, figure_of
+from hpcsweep.model.coordinates import Coordinate
 from hpcsweep.studies.grid import DOWN
 
 MAX_SHORTENED = 16

@@ -12,10 +12,11 @@ import numpy as np
 from hpcsweep.dynamics.classify import MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.attractors import attractor_classes
-from hpcsweep.figures.coordinates import Coordinate, coordinates
+from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.diagrams.mesh import COLUMNS, panels
 from hpcsweep.figures.options import DIRECTION, FLOORS, ROWS, figure_of
 from hpcsweep.figures.overlay import Overlay, lay, overlay_keys
+from hpcsweep.model.coordinates import Coordinate
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.studies.grid import RunGrid

@@ -11,10 +11,10 @@ import numpy as np
 
 from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette
-from hpcsweep.figures.coordinates import floor_coordinate
 from hpcsweep.figures.explorer import encode
 from hpcsweep.figures.explorer.branches import pack_branches, with_members
 from hpcsweep.figures.explorer.page_data import PageData
+from hpcsweep.model.coordinates import floor_coordinate
 from hpcsweep.model.description import in_words
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.unit_names import unit_of

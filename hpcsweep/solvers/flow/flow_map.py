@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from hpcsweep.model.observed import CLOSINGS, IMPACT
+from hpcsweep.model.observed import CLOSINGS, IMPACT, ROWS
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import (
@@ -16,7 +16,7 @@ from hpcsweep.solvers.arguments import (
     solver_arguments,
     tangent_column,
 )
-from hpcsweep.solvers.flow.observe.gathered import gathered, reset
+from hpcsweep.solvers.flow.observe.gathered import gathered, reset, rows_gathered
 from hpcsweep.solvers.flow.orbit import batch, chain, contract
 from hpcsweep.solvers.flow.specialised import FOR_ANY, kernels_for
 from hpcsweep.solvers.flow.state.shared import (
@@ -34,7 +34,7 @@ from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Polling
-from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observation
+from hpcsweep.solvers.records import Advance, Approach, Followed, Growth, Observation, RowMotion
 
 MAX_STEPS = 2_000_000
 """Most steps in one forcing period."""
@@ -258,6 +258,29 @@ class FlowMap:
         """
         z, outcome = self._march_each(states, amplitude, self._wanted(False, measures), poll)
         return self._gathered(self._units.out_of(z), outcome, False, measures)
+
+    def rows_of(self, states, amplitude, rows, n_orders: int, poll=None) -> RowMotion:
+        """Return what rows do in a forcing period from each state, all together; see `RowMotion`.
+
+        Parameters
+        ----------
+        states : ndarray, shape (p, 2n)
+        amplitude : float
+            A.
+        rows : ndarray, shape (r, n)
+        n_orders : int
+            Harmonics of each, at most `MAX_ORDER`.
+
+        Raises
+        ------
+        ArithmeticError
+            If the solver fails.
+        """
+        march = partial(self._march_each, states, amplitude, self._wanted(False, ROWS), poll)
+        span = len(states) * self._shared.model.period
+        return rows_gathered(self._shared.asked, rows, n_orders, march, span).times(
+            self.structure.length_unit
+        )
 
     def closings(self, states, amplitude, poll=None) -> tuple[int, ...]:
         """Count how often each contact closes in a forcing period from each state, all together."""

@@ -19,7 +19,7 @@ from hpcsweep.studies.attractors.search import UNSTORED, SearchLimits, store_att
 from hpcsweep.studies.attractors.variables import LIFETIME, attractor_variables
 from hpcsweep.studies.blocks import Amplitudes, Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.classification import spectrum_variables
+from hpcsweep.studies.sweep.classification import more_variables
 from hpcsweep.studies.variables import empty_results
 
 
@@ -108,6 +108,7 @@ class AttractorRuns:
             len(amplitudes),
             attractor=self._limits.max_attractors,
             cycle=self._settings.stored_points,
+            **self._settings.sizes,
         )
         for index, amplitude in enumerate(amplitudes):
             if poll is not None:
@@ -131,7 +132,7 @@ class AttractorRuns:
         for slot, (attractor, orbit, number) in enumerate(zip(kept, points, ids, strict=True)):
             values = {"attractor_id": number, "point": orbit[-1], "n_points": len(orbit)}
             moved = self._solver, amplitude, attractor.points, attractor.orbit_period
-            values |= spectrum_variables(*moved, self._settings, poll)
+            values |= more_variables(*moved, self._settings, poll)
             store_attractor(result, (index, slot), self._measured, attractor, **values)
             result["poincare"][index, slot, : len(orbit)] = orbit
         for name, label in UNSTORED.items():

@@ -46,6 +46,7 @@ ATTRACTOR = (
         replace(quantities.of_motions(name), optional=True).along(EACH)
         for name in quantities.MEASURES
     ),
+    *(variable.along(EACH) for variable in quantities.ROWS),
     *(
         variable.along(EACH)
         for variable in variables.RUN_VARIABLES
@@ -69,7 +70,8 @@ VARIABLES = (
     variables.OUTCOME,
 )
 OF_SPECTRUM = tuple(each.name for each in variables.SPECTRUM)
-OPTIONAL = ("contact", "drift", "modal_norm", *quantities.MEASURES, *OF_SPECTRUM)
+OF_ROWS = tuple(each.name for each in quantities.ROWS)
+OPTIONAL = ("contact", "drift", "modal_norm", *quantities.MEASURES, *OF_SPECTRUM, *OF_ROWS)
 """Variables that a job may leave out."""
 RUN = ("direction", "row", "amplitude")
 """Dimensions of a row."""
@@ -89,7 +91,7 @@ OWN = {
 """Long names of what is otherwise in studies of attractors."""
 NOT_HERE = (
     *("share", "share_low", "share_high", "lyapunov_low", "lyapunov_high"),
-    *OF_SPECTRUM,
+    *(*OF_SPECTRUM, *OF_ROWS),
 )
 NUMBERS = range(1, int(MAX_ATTRACTORS.limits[1]) + 1)
 Label = IntEnum(  # type: ignore[misc]
@@ -119,6 +121,8 @@ def attractor_variables(
     out = set(OPTIONAL) - set(settings.metrics) | variables.without_contacts(structure)
     if "lyapunov_spectrum" in settings.metrics:
         out -= set(OF_SPECTRUM)
+    if settings.rows:
+        out -= set(OF_ROWS)
     if CLOSING.of(structure):
         out |= {*variables.OF_SLIDERS, "families"}
     return [variable for variable in every if variable.name not in out]

@@ -153,6 +153,9 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     if "lyapunov_spectrum" in settings.metrics:
         limit = "must be false: spectra are of sweeps, points and attractors"
         raise values.error("output.lyapunov_spectrum", True, limit)
+    if settings.rows:
+        limit = "must be empty: rows are of sweeps, points and attractors"
+        raise values.error("output.rows", [*settings.rows], limit)
     metrics = frozenset(settings.metrics) | {"lyapunov"}
     components = _components(values, structure)
     reach = np.append(usual_reach(structure), [structure.length_unit] * len(structure.sliders))

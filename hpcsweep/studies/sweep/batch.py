@@ -16,7 +16,7 @@ from hpcsweep.solvers.records import Followed, Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.blocks import Poll, Rows
 from hpcsweep.studies.settings import SweepSettings
-from hpcsweep.studies.sweep.classification import spectrum_variables
+from hpcsweep.studies.sweep.classification import more_variables
 from hpcsweep.studies.variables import EXPONENTS, NOT_TESTED, store
 
 AT_ONCE = 256
@@ -129,7 +129,7 @@ class Batch:
                     getattr(measures, name)[free] = values
         no_contact = orbits.contact == 0
         return {
-            **self._spectra(orbits, amplitudes, poll),
+            **self._more(orbits, amplitudes, poll),
             "orbit_period": orbits.period,
             "cycles": orbits.cycles,
             "final_state": orbits.points[np.arange(len(orbits.rule)), orbits.length - 1],
@@ -144,15 +144,13 @@ class Batch:
             **dict.fromkeys(EXPONENTS, exponents),
         }
 
-    def _spectra(self, orbits: Orbits, amplitudes: np.ndarray, poll: Poll) -> dict[str, Any]:
-        """Return the variables of the Lyapunov spectra of the orbits, where they are requested."""
+    def _more(self, orbits: Orbits, amplitudes: np.ndarray, poll: Poll) -> dict[str, Any]:
+        """Return the variables of rows and spectra of the orbits, where they are requested."""
         variables: dict[str, list] = {}
         for run, amplitude in enumerate(amplitudes.tolist()):
             points, period = orbits.points[run, : orbits.length[run]], int(orbits.period[run])
-            spectrum = spectrum_variables(
-                self._solver, amplitude, points, period, self._settings, poll
-            )
-            for name, value in spectrum.items():
+            values = more_variables(self._solver, amplitude, points, period, self._settings, poll)
+            for name, value in values.items():
                 variables.setdefault(name, []).append(value)
         return variables
 

@@ -20,9 +20,10 @@ from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
 from hpcsweep.dynamics.classify_motion import LONGEST, SETTLED, classify_motion
 from hpcsweep.dynamics.lyapunov import LyapunovSpectrum, spectrum_of_motion, spectrum_of_orbit
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
+from hpcsweep.model.coordinates import coordinate_of
 from hpcsweep.solvers.offers import CLOSING
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Observation
+from hpcsweep.solvers.records import Observation, RowMotion
 from hpcsweep.studies.blocks import Poll
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.variables import NOT_TESTED
@@ -210,16 +211,33 @@ def interval_of_orbit(
     return stability.MeanInterval.exact(stability.orbit_exponent(solver, z, amplitude, period))
 
 
-def spectrum_variables(
+def more_variables(
     solver, amplitude: float, points: np.ndarray, period: int, settings: SweepSettings, poll: Poll
 ) -> dict[str, Any]:
-    """Return the variables of the Lyapunov spectrum of a motion; NaN where the solver fails.
+    """Return the variables of rows and of the Lyapunov spectrum of a motion, if requested.
 
-    Nothing where they are not requested. `points` are the last ones of the motion, at least one
-    turn of its period, 0 if it has none.
+    NaN where the solver fails. `points` are the last ones of the motion, at least one turn of its
+    period, 0 if it has none.
     """
-    if "lyapunov_spectrum" not in settings.metrics:
-        return {}
+    values = {}
+    if settings.rows:
+        rows = [coordinate_of(solver.structure, word).row for word in settings.rows]
+        try:
+            asked = np.array(rows), settings.harmonics, poll
+            seen = solver.rows_of(points[-period:], amplitude, *asked)
+        except ArithmeticError:
+            each = np.full((len(rows), settings.harmonics), math.nan)
+            one = each[:, 0]
+            seen = RowMotion(one, one, one, one, each, each)
+        values = {f"row_{name}": value for name, value in seen._asdict().items()}
+        values["row_range"] = 0.5 * (seen.high - seen.low)
+    if "lyapunov_spectrum" in settings.metrics:
+        values |= _spectrum_variables(solver, amplitude, points, period, settings, poll)
+    return values
+
+
+def _spectrum_variables(solver, amplitude: float, points, period: int, settings, poll):
+    """Return those of the spectrum."""
     try:
         if period:
             spectrum = spectrum_of_orbit(solver, points[-period:], amplitude)

@@ -272,7 +272,7 @@ class FrameRuns:
             result |= told_of_sliders(self.structure, *slid)
         result |= {"points": seen.points[-n_points:], "n_points": n_points}
         moved = self.solver, amplitude, seen.points, classified.orbit_period
-        result |= classification.spectrum_variables(*moved, self.settings, poll)
+        result |= classification.more_variables(*moved, self.settings, poll)
         store(row, self.structure, self.solver.omega, amplitude, result)
 
 

@@ -19,7 +19,7 @@ from hpcsweep.kernels.simd.vectors import (
     store,
     total,
 )
-from hpcsweep.model.observed import DRIFT, IMPACT
+from hpcsweep.model.observed import DRIFT, IMPACT, ROWS
 from hpcsweep.solvers.flow.guard.extremum import Peak
 from hpcsweep.solvers.flow.layer.impacts import impacts_in_layer, may_change
 from hpcsweep.solvers.flow.observe.modal_norm import TINY
@@ -29,6 +29,7 @@ from hpcsweep.solvers.flow.observe.peaks import (
     peaks_may_rise,
     raise_row,
 )
+from hpcsweep.solvers.flow.observe.rows import rows_on_segment
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES, NODES, WEIGHTS
 from hpcsweep.solvers.flow.state.shared import MAXIMA, NORMS, read_shared, wants_norms
 from hpcsweep.solvers.flow.state.state import (
@@ -190,6 +191,8 @@ def measure_layer_step(packed, step, wanted):
     tau, h, _, before, after = step
     segment = layer_segment(tau, h)
     changes = peaks_may_rise(segment, before, after, wanted, shared)
+    if wanted & ROWS:
+        rows_on_segment(segment, h, model, shared.tables, shared.asked, work.step)
     if wanted & IMPACT:
         for k in range(model.contacts.row.shape[0]):
             changes = changes or may_change(k, h, model.contacts, tally, work)

@@ -17,7 +17,15 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import LANES, local_matrix, local_vector
-from hpcsweep.model.observed import ACCELERATION, ANY_PEAK, DRIFT, ENERGY, IMPACT, WITHIN_PASSAGES
+from hpcsweep.model.observed import (
+    ACCELERATION,
+    ANY_PEAK,
+    DRIFT,
+    ENERGY,
+    IMPACT,
+    ROWS,
+    WITHIN_PASSAGES,
+)
 from hpcsweep.solvers.flow.guard.elements import drifts_stay
 from hpcsweep.solvers.flow.guard.extremum import SAME_PEAK
 from hpcsweep.solvers.flow.layer.passage.passage import Arrival, passage_at_end
@@ -30,6 +38,7 @@ from hpcsweep.solvers.flow.observe.impacts import (
 )
 from hpcsweep.solvers.flow.observe.modal_norm import modal_norm_on_segment
 from hpcsweep.solvers.flow.observe.peaks import drift_on_segment, peaks_on_segment
+from hpcsweep.solvers.flow.observe.rows import rows_on_segment
 from hpcsweep.solvers.flow.state.shared import NO_TALLY, wants_norms
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, distance
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
@@ -162,6 +171,8 @@ def gather(segment, past, span, whole, amplitude, wanted, elements, measures, sh
             )
         if wanted & IMPACT:
             impacts_on_segment(segment, past, span, model, tables, tally, step)
+        if wanted & ROWS:
+            rows_on_segment(segment, span, model, tables, shared.asked, step)
         if elements is not None and wanted & ENERGY:
             energies_on_segment(segment, span, tables, tally, step)
     if wants_norms(wanted) and past == np.uint64(0):

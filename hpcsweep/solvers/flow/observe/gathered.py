@@ -1,20 +1,45 @@
 """What a motion has gathered, in the units of the structure."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
+from hpcsweep.kernels.simd import LANES
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.state.shared import Shared, Tally
+from hpcsweep.solvers.flow.state.shared import Asked, Shared, Tally
 from hpcsweep.solvers.measures import measures_of
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.records import Observation, window_growth
+from hpcsweep.solvers.records import Observation, RowMotion, window_growth
 
 
 def reset(tally: Tally) -> None:
     """Reset a tally, as `hpcsweep.solvers.flow.state.shared.clear` does within kernels."""
     for array in tally:
         array.fill(0)
+
+
+def rows_gathered(asked: Asked, rows, n_orders: int, march: Callable, span: float) -> RowMotion:
+    """Return what rows do along a march over a time `span`, which returns a state and an outcome.
+
+    Raises
+    ------
+    ArithmeticError
+        If the solver fails.
+    """
+    values = []
+    for first in range(0, len(rows), LANES):
+        some = rows[first : first + LANES]
+        asked.counts[:] = len(some), n_orders
+        asked.rows[: len(some)], asked.ends[:], asked.sums[:] = some, -math.inf, 0.0
+        _, outcome = march()
+        if outcome is not Outcome.COMPLETE:
+            raise ArithmeticError(f"flow: {outcome.name}")
+        values.append(np.hstack((asked.ends.T, asked.sums))[: len(some)])
+    high, low, mean, square, *sums = np.vstack(values)[:, : 4 + 2 * n_orders].T
+    cosine, sine = np.reshape(sums, (n_orders, 2, -1)).transpose(1, 2, 0) * (2.0 / span)
+    size, phase = np.hypot(cosine, sine), np.arctan2(cosine, sine)
+    return RowMotion(-low, high, mean / span, np.sqrt(square / span), size, phase)
 
 
 def gathered(

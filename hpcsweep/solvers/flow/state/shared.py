@@ -20,8 +20,9 @@ import numpy as np
 from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.compile.places import Pattern, Words, allocate, part, zeros
+from hpcsweep.kernels.simd import LANES
 from hpcsweep.model.kernel_model import Model, kernel_model, model_at_frequency
-from hpcsweep.model.observed import ANY_PEAK, IMPACT, N_IMPACTS
+from hpcsweep.model.observed import ANY_PEAK, IMPACT, MAX_ORDER, N_IMPACTS, ROWS
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.flow.state.tables import (
     Outputs,
@@ -33,7 +34,7 @@ from hpcsweep.solvers.flow.state.tables import (
 from hpcsweep.solvers.flow.state.workspace import Volterra, Workspace
 
 NO_TALLY, MAXIMA, NORMS = range(3)
-ANY_MEASURE = ANY_PEAK | IMPACT
+ANY_MEASURE = ANY_PEAK | IMPACT | ROWS
 """What to gather: nothing; contact set and drift; these and the modal norms. To the latter two
 flags of `hpcsweep.model.observed` may be added, `ENERGY` of motions of elements under a record."""
 
@@ -67,6 +68,18 @@ class Tally(NamedTuple):
     """... by the rounding of this largest displacement or speed, see `measures.ROUNDING`."""
     energy: np.ndarray = zeros("n+1", "n")
     """Integrals of u_i' u_j', and below of G u_i'."""
+
+
+class Asked(NamedTuple):
+    """Rows of displacements that are asked for, `LANES` at once, and what they do."""
+
+    counts: np.ndarray = zeros(2, dtype=int)
+    """Rows, and harmonics of each."""
+    rows: np.ndarray = zeros(LANES, "n")
+    ends: np.ndarray = zeros(2, LANES)
+    """Largest value of each, and of minus it."""
+    sums: np.ndarray = zeros(LANES, 2 + 2 * MAX_ORDER)
+    """Integrals of y, of y^2, and of y cos and y sin of each harmonic."""
 
 
 class Modes(NamedTuple):
@@ -116,6 +129,7 @@ class Shared(NamedTuple):
     tables: Tables = part(Tables)
     work: Workspace = part(Workspace)
     tally: Tally = part(Tally)
+    asked: Asked = part(Asked)
     modes: Modes = part(Modes)
     volterra: Volterra = part(Volterra)
     counts: np.ndarray = zeros(5, dtype=int)

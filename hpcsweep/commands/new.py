@@ -21,9 +21,9 @@ def configure(parser) -> None:
     parser.add_argument("file", type=file_name, metavar="FILE.toml", help="must not exist")
     parser.add_argument(
         "--kind",
-        choices=tuple(STUDIES),
+        choices=(*STUDIES, "response"),
         default=DEFAULT_KIND,
-        help="kind of study (default: %(default)s)",
+        help="kind of study, or a frequency response (default: %(default)s)",
     )
 
 

@@ -69,8 +69,7 @@ attractors | {attractors}
 basins: starts to {key}, {value[name]} | {value:share}
 boundaries: basin entropy {key} | {value[entropy]:.4g}, on the boundary \
 {value[boundary_entropy]:.4g}
-boundaries: uncertainty exponent {key} | {value[exponent][0]:.4g} \
-(95 %: {value[exponent][1]:.4g} to {value[exponent][2]:.4g})
+told: uncertainty exponent {key} | {value}
 parameter | {parameter}
 branches | {branches}
 sources: branches by {key} | {value:share}
@@ -87,6 +86,7 @@ P{value[period]}: {value[reason]}
 more seeds on none | {more_missed}
 file | {file_bytes:size}, {disk_bytes:size} on disk
 kinds: {key} | {value}
+undecided: undecided {key} | {value}
 shakedown: shakedown {key} | {value:share}
 chaotic | {untold}
 window test | of {tested[runs]} windows it claims {tested[wrong]} wrong periods and misses \
@@ -137,6 +137,14 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
         "searched": None if summary["run_noun"] == "start" else summary.get("starts"),
         "missed": dict(enumerate(missed[:MAX_ROWS], 1)),
         "more_missed": len(missed) - MAX_ROWS if len(missed) > MAX_ROWS else None,
+        "told": {
+            name: f"{mean:.4g} (95 %: {low:.4g} to {high:.4g})"
+            if low > 0.0
+            else "not known: these starts are too few"
+            for name, (mean, low, high) in (
+                (name, entry["exponent"]) for name, entry in summary.get("boundaries", {}).items()
+            )
+        },
         "kinds": {n: share(entry) + _by_direction(summary, n) for n, entry in classes.items()},
         "named": (summary.get("contact_sets") and summary["contacts_named"]) or None,
         "tested": window if window and window["runs"] else None,

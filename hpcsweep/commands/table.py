@@ -27,6 +27,8 @@ NEEDS = {".csv": "pandas", ".xlsx": "openpyxl", ".parquet": "pyarrow"}
 """Libraries that write a table, by the end of its name."""
 MAX_ROWS = 2**20 - 1
 """Of a sheet, below its header."""
+DONE = " done"
+"""Name of the outcomes by which rows are chosen."""
 
 
 def configure(parser) -> None:
@@ -36,7 +38,7 @@ def configure(parser) -> None:
         "--what",
         metavar="NAMES",
         help="responses, as of plot --response, or variables of the file, divided by commas "
-        "(default: drift,acceleration; of other studies all with one value a run)",
+        "(default: drift,acceleration; of others all with one value a run, and what was asked for)",
     )
     parser.add_argument("--place", metavar="NAME", help="one storey, floor, contact or building")
     add_at(parser, "all values")
@@ -109,6 +111,7 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
     """Return the columns that are asked for, by their names."""
     from hpcsweep.model.unit_names import unit_of
     from hpcsweep.studies.ground_motion.stripes import RESPONSES
+    from hpcsweep.studies.quantities import METRIC_KEYS, ROWS
     from hpcsweep.studies.variables import STOREY_HEIGHT
 
     study, is_records = frames.study, frames.study.content == "responses"
@@ -117,7 +120,10 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
     offered = {key: each.name for key, each in RESPONSES.items() if is_records and each.name in fit}
     offered |= {name: name for name in fit if name not in offered}
     if what is None:
-        names = (name for name in fit if name in frames and held[name].dims == study.run_dims)
+        asked = {key.name for key in METRIC_KEYS if not key.default} & study.settings.metrics
+        asked |= {each.name for each in ROWS} if study.settings.rows else set()
+        of_runs = {name for name in fit if held[name].dims == study.run_dims} | asked
+        names = (name for name in fit if name in frames and name in of_runs)
         what = "drift,acceleration" if is_records else ",".join(names)
     wanted: dict[str, Column] = {}
     for column in map(str.strip, what.split(",")):
@@ -132,6 +138,7 @@ def _wanted(frames, what: str | None) -> dict[str, Column]:
 
 def _table(results, study, wanted: dict[str, Column], place: str | None, keys: dict, units: dict):
     """Return the table of a part's results: a row a computed run and place."""
+    from hpcsweep.store import meanings
     from hpcsweep.studies.ground_motion.stripes import places_of
     from hpcsweep.studies.variables import percent_of_height
 
@@ -139,6 +146,8 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
     percent = percent_of_height(results)
     for column, (name, is_response, is_ratio, _) in wanted.items():
         array = abs(results[name]) if is_response else results[name]
+        if "flag_meanings" in array.attrs:
+            array = meanings(array)
         if is_ratio and percent is not None:
             array = array.copy(data=array.values * percent)
         for dim in {*array.dims} - {*runs}:
@@ -150,8 +159,9 @@ def _table(results, study, wanted: dict[str, Column], place: str | None, keys: d
     for name, array in columns.items():
         columns[name] = array.reindex(place=[*places]) if "place" in array.dims else array
     along = ["place"] if places else []
-    table = results[["outcome"]].assign(columns).to_dataframe([*runs, *along])
-    table = table[table["outcome"] > 0].reset_index().assign(**keys)
+    done = results[["outcome"]].rename(outcome=DONE)
+    table = done.assign(columns).to_dataframe([*runs, *along])
+    table = table[table[DONE] > 0].reset_index().assign(**keys)
     by_formula = [name for name in ("omega", "amplitude") if name in results.coords]
     shown = dict.fromkeys([*keys, *runs, *by_formula, *along, *wanted])
     return table[[*shown]].rename(columns=lambda name: name + units.get(name, ""))

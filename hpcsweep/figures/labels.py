@@ -15,8 +15,13 @@ WORD = r"$\omega_0$"
 PARAMETERS = {
     "amplitude": ("forcing amplitude $A$", "acceleration"),
     "omega": (r"forcing frequency $\Omega$", "frequency"),
+    "gap": ("gap $g$", "length"),
+    "damping_ratio": (r"damping ratio $\zeta$", "1"),
+    "stiffness_ratio": (r"stiffness ratio $\beta$", "1"),
+    "sharpness": (r"sharpness $\rho$", "1"),
 }
-"""Of the forcing: label, and quantity."""
+"""Label, and quantity."""
+SYMBOLS = {"omega": r"\Omega", "amplitude": "A"}
 MAX_MODES = 5
 """Modes that are shown: the lowest."""
 SIZES = {
@@ -79,6 +84,18 @@ def along(study) -> str:
     return parameter(study.structure, name, units)
 
 
+def typeset(text: str) -> str:
+    r"""Typeset a name or formula of a job: ``0.7 * omega**2`` is 0.7\,\Omega^{2}."""
+    words = re.sub(r"\*\* *(-?[\w.]+|\(.*?\))", r"^{\1}", text)
+    words = re.sub(r"sqrt\(([^()]*)\)", r"\\sqrt{\1}", words).replace("*", r"\,")
+    words = re.sub(r"\b(?<!\\)([a-z]\w+)", lambda name: _symbol(name[0]), words)
+    return f"${words}$"
+
+
+def _symbol(name: str) -> str:
+    return SYMBOLS.get(name, rf"\mathrm{{{name}}}".replace("_", r"\ "))
+
+
 def common(values: np.ndarray) -> float | None:
     """Return the value that all have, None where they differ."""
     return float(values.flat[0]) if np.all(values == values.flat[0]) else None
@@ -89,7 +106,7 @@ def path_words(study, runs) -> str:
     amplitude = common(runs["amplitude"].values)
     over = study.run_dims[-2:] == ("omega", "amplitude")
     words = [] if amplitude is None or over else [f"$A$ = {amplitude:.6g}"]
-    return ",  ".join([*words, *study.ties])
+    return ",  ".join([*words, *map(typeset, study.ties)])
 
 
 def unit(structure, quantity: str) -> str:

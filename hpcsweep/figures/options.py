@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 MODULES = (
     "orbit_diagram phase sweep attractors maps metrics vary_map intensities storeys histories "
-    "branches basins"
+    "branches basins motion response"
 )
 """Of `hpcsweep.figures.diagrams`; the first figure that draws what a file holds is the default."""
 

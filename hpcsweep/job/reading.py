@@ -346,7 +346,7 @@ def _settings(values: Values, skip_rules: tuple[str, ...]) -> sweep.SweepSetting
         spectrum_error=values.read("sweep", sweep.SPECTRUM_ERROR),
         spectrum_cycles=values.read("sweep", sweep.SPECTRUM_CYCLES),
         rows=tuple(dict.fromkeys(map(str, rows))),
-        harmonics=values.read("output", ROW_KEYS[1]),
+        n_harmonics=values.read("output", ROW_KEYS[1]),
     )
 
 

@@ -18,6 +18,8 @@ TABLES = ("study", "structure", "forcing", "sweep", "solver", "output")
 OF_SWEEP = {"sweep.omega": "0.445", "sweep.amplitude": OMEGA[2].example}
 SLICE = "{from = -1.0, to = 1.0, count = 40}"
 SCALE = '{by = "sa", period = 0.78, from = 1.0, to = 12.0, count = 12}'
+RESPONSE = "response"
+"""Kind of a job: sweeps along the frequency, of a frequency response."""
 FEW = {"sweep.amplitude": "{from = 0.1, to = 0.2, count = 3}"}
 GIVEN: dict[str, dict[str, str]] = {
     DEFAULT_KIND: OF_SWEEP,
@@ -26,6 +28,8 @@ GIVEN: dict[str, dict[str, str]] = {
     "basins": {**OF_SWEEP, "sweep.amplitude": "0.128"}
     | {"study.components": '["u_1", "u_2"]', "study.horizontal": SLICE, "study.vertical": SLICE},
     "records": {"records.synthetic": "{count = 5, seed = 1}", "records.scale": SCALE},
+    RESPONSE: {"sweep.along": '"omega"', "sweep.omega": "{from = 0.3, to = 0.9, count = 61}"}
+    | {"sweep.amplitude": "[0.1, 0.2, 0.4]", "output.rows": '["1"]'},
     "branches": {**OF_SWEEP, "branches.seeds": '"study.h5"', "branches.max_branches": "8"},
 }
 """Values of keys, by kind of study, that make the job complete."""
@@ -41,8 +45,9 @@ POINTERS = (
 
 def template(kind: str = DEFAULT_KIND) -> str:
     """Write a job for a kind of study, with all its keys."""
-    every, shaken = declared(KINDS[kind]), kind == "records"
-    completing = GIVEN[kind] if kind == DEFAULT_KIND else {"study.kind": f'"{kind}"', **GIVEN[kind]}
+    every, shaken = declared(KINDS.get(kind, KINDS[DEFAULT_KIND])), kind == "records"
+    named = {"study.kind": f'"{kind}"'} if kind not in (DEFAULT_KIND, RESPONSE) else {}
+    completing = named | GIVEN[kind]
     units = TEXTS["in_own" if shaken else "in_gaps"]
     parts = [TEXTS["head"].format(TEXTS["seeds"] * (kind == "branches") + units)]
     parts += _given("", (key for key in every[""] if key.name in OF_FILE), {})

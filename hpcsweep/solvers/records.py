@@ -218,10 +218,6 @@ class RowMotion(NamedTuple):
     amplitude: np.ndarray
     phase: np.ndarray
 
-    def times(self, unit: float) -> "RowMotion":
-        """Return it in another unit of y."""
-        return RowMotion(*(values * unit for values in self[:-1]), self.phase)
-
 
 def window_growth(logarithms: np.ndarray) -> float:
     """Return the growth of a tangent vector over a window from its growth in each period.

@@ -66,7 +66,7 @@ class SweepSettings:
         Most forcing periods over which they are averaged.
     rows : tuple of str
         Words of `model.coordinates` of which `quantities.ROWS` are stored ...
-    harmonics : int
+    n_harmonics : int
         ... and how many harmonics of each.
     """
 
@@ -83,7 +83,7 @@ class SweepSettings:
     spectrum_error: float = SPECTRUM_ERROR.default
     spectrum_cycles: int = SPECTRUM_CYCLES.default
     rows: tuple[str, ...] = ()
-    harmonics: int = 1
+    n_harmonics: int = 1
 
     @property
     def measures(self) -> int:
@@ -93,7 +93,7 @@ class SweepSettings:
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes of the dimensions of what rows do."""
-        return {"coordinate": len(self.rows), "harmonic": self.harmonics}
+        return {"coordinate": len(self.rows), "harmonic": self.n_harmonics}
 
     @property
     def stored_points(self) -> int:

@@ -11,6 +11,7 @@ from hpcsweep.model.reduction import physical
 from hpcsweep.model.unit_names import unit_of
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.skip_rule import SkipRule
+from hpcsweep.studies.run_names import run_name
 from hpcsweep.studies.study import Study
 from hpcsweep.studies.variable import Variable
 
@@ -87,6 +88,10 @@ class BaseTally:
         }
 
 
+MOST_UNDECIDED = 5
+"""Undecided runs of which it is told what they are near to."""
+
+
 class RunTally(BaseTally):
     """Tally of runs; the classes of their motions are counted by direction.
 
@@ -95,12 +100,17 @@ class RunTally(BaseTally):
     ``wrong``, and those ``missed``.
     """
 
+    def __init__(self, study: Study):
+        super().__init__(study)
+        self.undecided: dict[str, str] = {}
+
     def add(self, frame, study: Study) -> None:
         """Count the runs of one frame; see `BaseTally.add`."""
         super().add(frame, study)
         classes = classify(frame, study.settings, study.units_at)[:, 0]
         for direction, kinds in zip(study.directions, classes, strict=True):
             self.count(direction, kinds)
+        self._add_undecided(frame, classes == MotionClass.UNDECIDED, study)
         outcome = frame["outcome"].values[:, 0]
         self.count("skip_rule", frame["skip_rule"].values[:, 0][outcome != Outcome.NOT_COMPUTED])
         if "motion" in frame:
@@ -110,6 +120,22 @@ class RunTally(BaseTally):
         for name in ("shakedown", "contact"):
             if name in frame:
                 self.count(name, frame[name].values[:, 0][outcome == Outcome.COMPLETE])
+
+    def _add_undecided(self, frame, undecided: np.ndarray, study: Study) -> None:
+        """Tell of the first undecided runs what they are near to: exponent, nearest return."""
+        for place in np.argwhere(undecided)[: MOST_UNDECIDED - len(self.undecided)].tolist():
+            run = frame.isel(dict(zip(study.run_dims, (place[0], 0, place[1]), strict=True)))
+            where = {name: run[name].item() for name in dict.fromkeys((*study.run_dims, "omega"))}
+            told = []
+            if "lyapunov" in run and np.isfinite(run["lyapunov"]):
+                told.append(f"exponent {run['lyapunov'].item():.2g}")
+            if "poincare" in run and (count := int(run["n_points"])) > 1:
+                points = run["poincare"].values[:count] / study.structure.state_units
+                lags = range(1, min(study.settings.max_orbit_period, count - 1) + 1)
+                apart = [float(np.abs(points[-1] - points[-1 - p]).max()) for p in lags]
+                p = int(np.argmin(apart))
+                told.append(f"returns within {apart[p]:.1g} after {p + 1} periods")
+            self.undecided[run_name(where)] = ", ".join(told) or "near to what is not stored"
 
     def _compare(self, frame) -> None:
         """Compare the window test with the classification, where there is a whole window."""
@@ -135,6 +161,7 @@ class RunTally(BaseTally):
             },
             "classes": class_shares(classes, study),
             "by_direction": {name: class_shares(counts[name], study) for name in study.directions},
+            "undecided": self.undecided,
             "periods": shares(counts["orbit_period"], self.done),
             "shakedown": shakedown_shares(counts["shakedown"], self.done, study),
             "window_test": window if study.settings.classify_cycles else None,

@@ -247,7 +247,7 @@ def measure_coordinates(structure: Structure, settings: SweepSettings) -> dict[s
         made["stop"] = named(tuple(structure.contact_names.values()), "contact")
     if settings.rows:
         made["coordinate"] = named(settings.rows, "row of displacements")
-        made["harmonic"] = numbered(settings.harmonics, "harmonic of the forcing", first=1)
+        made["harmonic"] = numbered(settings.n_harmonics, "harmonic of the forcing", first=1)
     return made
 
 

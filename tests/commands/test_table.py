@@ -8,7 +8,7 @@ import pytest
 from together import together
 from tools import RECORDS, SMALL
 
-from hpcsweep import open_results
+from hpcsweep import meanings, open_results
 from hpcsweep.campaign import run as campaign
 from hpcsweep.commands.cli import main
 from hpcsweep.earthquakes.demands import as_cell
@@ -97,16 +97,18 @@ def test_motions_have_a_row_a_run_and_what_is_not_computed_has_none(tmp_path):
     assert campaign.run(parse_job(text, "job", "a"), file, Serial()) == 0
     assert main(["table", str(file)]) == 0
     rows, found = read(path), open_results(file)
-    assert len(rows) == found.outcome.size
+    assert len(rows) == found.storey_drift.size  # which was asked for
     assert [*rows[0]][:3] == ["direction", "omega", "amplitude"]
     header = path.read_text().partition("n_points")[0]
-    assert header == "direction,omega [omega_0],amplitude [gaps omega_0^2],"
+    assert header == "direction,omega [omega_0],amplitude [gaps omega_0^2],place,"
     assert main(["table", str(file)]) == 0  # over a table
     for row in rows[::7]:
         at = {"omega": float(row["omega"]), "amplitude": float(row["amplitude"])}
         one = found.sel(direction=row["direction"], **at)
         assert int(row["orbit_period"]) == one.orbit_period.item()
         assert float(row["drift"]) == one.drift.item()
+        assert float(row["storey_drift"]) == one.storey_drift.sel(storey=row["place"]).item()
+        assert row["motion"] == meanings(one.motion).item()
 
 
 def test_lasting_drifts_are_in_the_unit_and_sense_of_drifts(tmp_path):

@@ -150,7 +150,7 @@ OTHER = {
     "spectrum_error": 0.07,
     "spectrum_cycles": 77,
     "rows": ("1",),
-    "harmonics": 3,
+    "n_harmonics": 3,
     "motion_length": 2.0,
     "unreached": (1,),
     "omega": np.array([0.7]),

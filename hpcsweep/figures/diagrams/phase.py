@@ -19,7 +19,6 @@ from hpcsweep.figures.options import (
     ROWS,
     figure_of,
 )
-from hpcsweep.studies.run_names import SYMBOLS
 
 WIDTH, MIN_WIDTH = 2.4, 4.8
 """Width of a panel, and the least of the figure (inches)."""
@@ -85,7 +84,7 @@ def phase(
     frame = open_frame(results, "poincare")
     runs, classes, structure = frame.runs, frame.classes, frame.structure
     index = palette.motion_index(classes, runs["orbit_period"].values)
-    motions = [_at(frame, value, direction, flag) for value in chosen]
+    motions = [run_at(frame, value, direction, flag) for value in chosen]
     motions += [find_period(runs, classes, period, direction) for period in periods]
     motions = sorted(dict.fromkeys(motions), key=lambda m: (m.along, m.direction))
     shown = coordinates(structure, floors)
@@ -150,7 +149,8 @@ def find_period(frame, classes: np.ndarray, period: int, direction: str | None =
     )
 
 
-def _at(frame: Frame, value: float, direction: str | None, flag: str) -> DrawnRun:
+def run_at(frame: Frame, value: float, direction: str | None, flag: str) -> DrawnRun:
+    """Return the run of a frame nearest to a value along its path."""
     along = frame.along
     step = float(np.diff(along).max()) if along.size > 1 else 0.0
     if not along[0] - step <= value <= along[-1] + step:
@@ -222,7 +222,8 @@ def _stops(axis, stops: tuple[list[float], list[float]]) -> None:
     axis.set_xlim(low, high)
 
 
-def _label(frame: Frame, motion: DrawnRun, row: int) -> str:
+def words_of_run(frame: Frame, motion: DrawnRun) -> str:
+    """Return where a run is, and what its motion is."""
     runs, period = frame.runs, int(frame.runs["orbit_period"].values[motion])
     name = f"P{period}" if period else CLASS_NAMES[MotionClass(int(frame.classes[motion]))]
     if "contact" in runs:
@@ -230,9 +231,13 @@ def _label(frame: Frame, motion: DrawnRun, row: int) -> str:
         name += f", {style.set_name(contact, frame.structure.contact_labels)}"
     direction = str(runs["direction"].values[motion.direction])
     dim = frame.study.run_dims[-1]
+    where = f"{labels.typeset(dim)} = {float(frame.along[motion.along]):.5g}"
+    return f"{where}, {direction}: {name}"
+
+
+def _label(frame: Frame, motion: DrawnRun, row: int) -> str:
     letter = chr(ord("a") + row) if row < 26 else str(row + 1)
-    where = f"{SYMBOLS.get(dim, dim)} = {float(frame.along[motion.along]):.5g}"
-    return f"({letter}) {where}, {direction}: {name}"
+    return f"({letter}) {words_of_run(frame, motion)}"
 
 
 def _legend(figure, frame: Frame, drawn: set[int]) -> None:

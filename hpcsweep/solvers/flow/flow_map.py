@@ -260,27 +260,13 @@ class FlowMap:
         return self._gathered(self._units.out_of(z), outcome, False, measures)
 
     def rows_of(self, states, amplitude, rows, n_orders: int, poll=None) -> RowMotion:
-        """Return what rows do in a forcing period from each state, all together; see `RowMotion`.
+        """Return what rows do in a forcing period from each state, all together.
 
-        Parameters
-        ----------
-        states : ndarray, shape (p, 2n)
-        amplitude : float
-            A.
-        rows : ndarray, shape (r, n)
-        n_orders : int
-            Harmonics of each, at most `MAX_ORDER`.
-
-        Raises
-        ------
-        ArithmeticError
-            If the solver fails.
+        `rows` is of shape (r, n); of each up to `MAX_ORDER` harmonics.
         """
         march = partial(self._march_each, states, amplitude, self._wanted(False, ROWS), poll)
-        span = len(states) * self._shared.model.period
-        return rows_gathered(self._shared.asked, rows, n_orders, march, span).times(
-            self.structure.length_unit
-        )
+        units = len(states) * self._shared.model.period, self.structure.length_unit
+        return rows_gathered(self._shared.asked, rows, n_orders, march, units)
 
     def closings(self, states, amplitude, poll=None) -> tuple[int, ...]:
         """Count how often each contact closes in a forcing period from each state, all together."""

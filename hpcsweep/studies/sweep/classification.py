@@ -223,10 +223,10 @@ def more_variables(
     if settings.rows:
         rows = [coordinate_of(solver.structure, word).row for word in settings.rows]
         try:
-            asked = np.array(rows), settings.harmonics, poll
+            asked = np.array(rows), settings.n_harmonics, poll
             seen = solver.rows_of(points[-period:], amplitude, *asked)
         except ArithmeticError:
-            each = np.full((len(rows), settings.harmonics), math.nan)
+            each = np.full((len(rows), settings.n_harmonics), math.nan)
             one = each[:, 0]
             seen = RowMotion(one, one, one, one, each, each)
         values = {f"row_{name}": value for name, value in seen._asdict().items()}

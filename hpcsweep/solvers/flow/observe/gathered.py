@@ -19,8 +19,10 @@ def reset(tally: Tally) -> None:
         array.fill(0)
 
 
-def rows_gathered(asked: Asked, rows, n_orders: int, march: Callable, span: float) -> RowMotion:
-    """Return what rows do along a march over a time `span`, which returns a state and an outcome.
+def rows_gathered(asked: Asked, rows, n_orders: int, march: Callable, units) -> RowMotion:
+    """Return what rows do along a march, which returns a state and an outcome.
+
+    `units` are the time of it, and the length in which states are.
 
     Raises
     ------
@@ -36,10 +38,11 @@ def rows_gathered(asked: Asked, rows, n_orders: int, march: Callable, span: floa
         if outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {outcome.name}")
         values.append(np.hstack((asked.ends.T, asked.sums))[: len(some)])
+    span, unit = units
     high, low, mean, square, *sums = np.vstack(values)[:, : 4 + 2 * n_orders].T
-    cosine, sine = np.reshape(sums, (n_orders, 2, -1)).transpose(1, 2, 0) * (2.0 / span)
-    size, phase = np.hypot(cosine, sine), np.arctan2(cosine, sine)
-    return RowMotion(-low, high, mean / span, np.sqrt(square / span), size, phase)
+    cosine, sine = np.reshape(sums, (n_orders, 2, -1)).transpose(1, 2, 0) * (2.0 * unit / span)
+    peaks, means = (-low * unit, high * unit), (mean * unit / span, np.sqrt(square / span) * unit)
+    return RowMotion(*peaks, *means, np.hypot(cosine, sine), np.arctan2(cosine, sine))
 
 
 def gathered(

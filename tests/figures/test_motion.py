@@ -1,0 +1,87 @@
+"""Figures of one run, and frequency responses: `plot --kind time`, `loop`, `section` ..."""
+
+import contextlib
+import math
+
+import numpy as np
+import pytest
+
+from hpcsweep.figures.diagrams import motion, response
+from hpcsweep.figures.labels import typeset
+from hpcsweep.figures.style import PlotError
+from hpcsweep.store import Frames
+from tests.support import tools
+
+JENKINS = """
+[structure]
+damping_ratio = 0.02
+[structure.matrices]
+mass = [1.0]
+stiffness = [[1.0]]
+forcing = [1.0]
+[[structure.slider]]
+direction = [1.0]
+stiffness = 1.0
+strength = 0.5
+[sweep]
+along = "omega"
+omega = [0.8, 1.2]
+amplitude = [0.1, 1.0]
+directions = ["up", "down"]
+[output]
+rows = ["1"]
+"""
+RUN = {"amplitudes": [1.0], "along": [1.2]}
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("jenkins")
+    (folder / "job.toml").write_text(JENKINS)
+    tools.hpcsweep(0, "run", folder / "job.toml", "-o", folder / "job.h5")
+    return folder / "job.h5"
+
+
+def drawn(figure, path, **options):
+    with contextlib.closing(Frames(path, figure.draws)) as frames:
+        return figure.draw(figure.load(frames, **options), **options)
+
+
+@pytest.mark.slow
+def test_a_loop_encloses_what_the_slider_dissipates_in_a_period(swept):
+    (axis,) = drawn(motion.loop, swept, **RUN).axes
+    u, force = axis.lines[0].get_data()
+    turn = u.max() - u.min()
+    enclosed = abs(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(u)))
+    # a parallelogram: 4 F (amplitude - F / k)
+    assert math.isclose(enclosed, 4 * 0.5 * (0.5 * turn - 0.5), rel_tol=1e-3)
+
+
+@pytest.mark.slow
+def test_time_section_and_spectrum_are_of_the_run_that_is_asked_for(swept):
+    over = drawn(motion.time, swept, **RUN, count=2)
+    assert over.axes[0].lines[0].get_xdata()[-1] == 2.0
+    points = drawn(motion.section, swept, **RUN, count=7).axes[0].collections[0].get_offsets()
+    assert len(points) == 7
+    assert np.ptp(points, axis=0).max() < 1e-9  # an orbit of period 1
+    lines = drawn(motion.spectrum, swept, **RUN).axes[0].collections[0].get_segments()
+    tops = np.array([line[1, 1] for line in lines])
+    with contextlib.closing(Frames(swept, "motions")) as frames:
+        held = frames.dataset(1).row_amplitude.values[0, 0, 1, 0, 0]
+    assert math.isclose(tops[1], held, rel_tol=1e-5)
+    with pytest.raises(PlotError, match="--kind time needs --along, one value"):
+        drawn(motion.time, swept)
+
+
+@pytest.mark.slow
+def test_a_response_has_what_the_file_holds_or_its_points_give(swept):
+    axis = drawn(response.response, swept).axes[0]
+    held = axis.lines[0].get_ydata()
+    given = drawn(response.response, swept, floors=["slider:1"]).axes[0].lines[0].get_ydata()
+    assert np.allclose(held, given, rtol=1e-9)
+    assert drawn(response.response, swept, log="xy").axes[0].get_yscale() == "log"
+
+
+def test_formulas_are_typeset():
+    assert typeset("amplitude = 0.7 * omega**2") == r"$A = 0.7 \, \Omega^{2}$"
+    assert typeset("sqrt(gap)") == r"$\sqrt{\mathrm{gap}}$"

@@ -1,5 +1,6 @@
 """A branch of periodic orbits as a dataset: points, multipliers, special points."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from hpcsweep.dynamics.continuation.catalogue import Catalogue
 from hpcsweep.dynamics.continuation.cycle import Solution
 from hpcsweep.dynamics.continuation.forced import ForcedMap
 from hpcsweep.dynamics.continuation.periodic import find
+from hpcsweep.job.formula import formula
 from hpcsweep.model.arguments import count, finite_vector, instance, positive
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import unit_of
@@ -27,8 +29,8 @@ MAX_STEPS = 100_000
 
 def branch(
     structure: Structure,
-    amplitude: float,
-    omega: float,
+    amplitude: float | str,
+    omega: float | str,
     state: Any,
     period: int,
     parameter: str = "amplitude",
@@ -42,7 +44,8 @@ def branch(
     ----------
     structure : Structure
     amplitude, omega, state, period
-        Of a nearby orbit, as in `orbit`.
+        Of a nearby orbit, as in `orbit`; amplitude or frequency also a formula of the parameter,
+        ``"0.7 * omega**2"``.
     parameter : {"amplitude", "omega", "stiffness_ratio", "gap", "sharpness", "damping_ratio"}
         Parameter that changes along the branch.
     span : (float, float)
@@ -92,7 +95,12 @@ def branch(
     ('grazing', 0.1)
     """
     check_hardening(instance("structure", structure, Structure))
-    forced, nearby = find(structure, amplitude, omega, state, period, parameter)
+    ties = _ties(parameter, amplitude=amplitude, omega=omega)
+    given: dict[str, Any] = {"amplitude": amplitude, "omega": omega}
+    at = given.get(parameter, getattr(structure, parameter, None))
+    given |= {name: of(**{parameter: at}) for name, of in ties.items()}
+    forcing = given["amplitude"], given["omega"]
+    forced, nearby = find(structure, *forcing, state, period, parameter, ties)
     if nearby.families and CLOSING.of(structure):
         raise ValueError("state is on one of many orbits: nothing keeps the place of a free motion")
     value = forced.value
@@ -103,7 +111,21 @@ def branch(
     catalogue = catalogue_of(forced, limits, scale, nearby.period, 1)
     catalogue.add(nearby.points / forced.units, value)
     catalogue.grow()
-    return _of_branch(catalogue, forced)
+    return _of_branch(catalogue, forced).assign_attrs(formulas=", ".join(ties))
+
+
+def _ties(parameter: str, **given: Any) -> dict[str, Callable[..., float]]:
+    """Return the formulas of a parameter among what is given of the forcing, by name."""
+    ties = {}
+    for name, text in given.items():
+        if isinstance(text, str):
+            if name == parameter:
+                raise ValueError(f"{name} must be a number: the branch is along it, is {text!r}")
+            try:
+                ties[name] = formula(text, (parameter,))[0]
+            except ValueError as error:
+                raise ValueError(f"{name} {error}, is {text!r}") from None
+    return ties
 
 
 def span_of(span: Any, parameter: str, value: float) -> tuple[float, float]:

@@ -96,7 +96,7 @@ def curve(
     """
     CURVES.demand(structure)
     kind = None if measure is not None else _kind(special)
-    period = int(special.attrs["period"])
+    period = _period(special)
     along = ForcedMap(structure, *map(special.attrs.get, ("amplitude", "omega", "parameter")))
     level = math.nan if kind else finite("limit", limit)
     if kind is None:
@@ -157,6 +157,13 @@ def _variables(arc: Arc, forced: ForcedMap) -> dict[str, Any]:
         "special_step": ("special", np.array([place for place, _ in arc.specials], int)),
         "special_kind": ("special", np.array(kinds, str)),
     }
+
+
+def _period(special: Any) -> int:
+    """Return the period of the orbits of a branch, along one number alone."""
+    if special.attrs.get("formulas"):
+        raise ValueError("special must be of a branch without formulas: a curve has two numbers")
+    return int(special.attrs["period"])
 
 
 def _kind(special: Any) -> Kind:

@@ -8,9 +8,12 @@ import numpy as np
 
 from hpcsweep.model.description import contacts_named
 from hpcsweep.model.unit_names import is_in_gaps, is_in_own_units, unit_of
-from hpcsweep.studies.quantities import MEASURES, of_motions
+from hpcsweep.studies.quantities import MEASURES, ROWS, of_motions
 from hpcsweep.studies.variables import percent_of_height
 
+SHOWN = {name: of_motions(name) for name in MEASURES}
+SHOWN |= {each.name: each for each in ROWS if len(each.dims) == 1}
+"""Measures of motions that have a value for each storey, floor, contact or row."""
 WORD = r"$\omega_0$"
 PARAMETERS = {
     "amplitude": ("forcing amplitude $A$", "acceleration"),
@@ -176,7 +179,7 @@ class ShownMeasure(NamedTuple):
 
 def held_measures(results) -> list[str]:
     """Return the names of the measures that results hold."""
-    return [name for name in MEASURES if name in results]
+    return [name for name in SHOWN if name in results]
 
 
 def measure_of(results, structure, name: str) -> ShownMeasure:
@@ -189,9 +192,9 @@ def measure_of(results, structure, name: str) -> ShownMeasure:
     name : str
         One of `held_measures`.
     """
-    variable = of_motions(name)
+    variable = SHOWN[name]
     (dim,) = variable.dims
-    word = "contact" if dim == "stop" else dim
+    word = {"stop": "contact", "coordinate": "row"}.get(dim, dim)
     places = tuple(f"{word} {place}" for place in results[dim].values.tolist())
     percent = percent_of_height(results)
     if name == "storey_drift" and percent is not None:

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+import hpcsweep
 from hpcsweep.figures.diagrams import motion, response
 from hpcsweep.figures.labels import typeset
 from hpcsweep.figures.style import PlotError
@@ -85,3 +86,18 @@ def test_a_response_has_what_the_file_holds_or_its_points_give(swept):
 def test_formulas_are_typeset():
     assert typeset("amplitude = 0.7 * omega**2") == r"$A = 0.7 \, \Omega^{2}$"
     assert typeset("sqrt(gap)") == r"$\sqrt{\mathrm{gap}}$"
+
+
+@pytest.mark.slow
+def test_a_branch_along_a_formula_grazes_where_its_closed_form_does():
+    stop = hpcsweep.Structure(1, sharpness=math.inf, damping_ratio=0.05, stiffness_ratio=20.0)
+    start = hpcsweep.stroboscopic_points(stop, 0.3 * 0.25, 0.5, [0.0, 0.0], 300)[-1]
+    given = start, 1, "omega", (0.4, 1.0)
+    branch = hpcsweep.branch(stop, "0.3 * omega**2", 0.5, *given)
+    omega = float(branch.special_value[0])
+    assert hpcsweep.meanings(branch.special_kind)[0] == "grazing"
+    assert math.isclose(0.3 * omega**2 / abs(1 - omega**2 + 0.1j * omega), 1.0, rel_tol=1e-10)
+    with pytest.raises(ValueError, match="special must be of a branch without formulas"):
+        hpcsweep.curve(stop, branch.isel(special=0))
+    with pytest.raises(ValueError, match="omega must be a number: the branch is along it"):
+        hpcsweep.branch(stop, 0.1, "omega", *given)

@@ -35,6 +35,8 @@ DIFFERENCE = 1e-8
 """Share of a parameter over which differences are taken for the slopes by it."""
 KEPT_SOLVERS, KEPT_SEEN = 8, 10_000
 FORCING_PARAMETERS = ("amplitude", "omega")
+Ties = Mapping[str, Callable[..., float]]
+NO_TIES: Ties = MappingProxyType({})
 PARAMETERS = (*FORCING_PARAMETERS, "stiffness_ratio", "gap", "sharpness", "damping_ratio")
 
 
@@ -87,7 +89,7 @@ class ForcedMap:
         parameter: str | tuple[str, ...] = "amplitude",
         rtol: float = 1e-9,
         poll: Poll = None,
-        ties: Mapping[str, Callable[..., float]] = MappingProxyType({}),
+        ties: Ties = NO_TIES,
     ):
         self._ties = ties
         self.parameters = parameter if isinstance(parameter, tuple) else (parameter,)

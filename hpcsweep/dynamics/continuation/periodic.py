@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.dynamics.continuation.forced import ForcedMap
+from hpcsweep.dynamics.continuation.forced import NO_TIES, ForcedMap, Ties
 from hpcsweep.dynamics.stability import floquet_multipliers
 from hpcsweep.dynamics.verification import REACH, VerifiedOrbit, verify_orbit
 from hpcsweep.model.arguments import count, finite, finite_vector, forcing_frequency, instance
@@ -137,14 +137,15 @@ def find(
     state: Any,
     period: int,
     parameter: str = "amplitude",
+    ties: Ties = NO_TIES,
 ) -> tuple[ForcedMap, VerifiedOrbit]:
-    """Find the orbit near a state, on the map of a parameter."""
+    """Find the orbit near a state, on the map of a parameter and what it gives."""
     instance("structure", structure, Structure)
     amplitude, omega = finite("amplitude", amplitude), forcing_frequency("omega", omega)
     demand_confined(structure, amplitude)
     z = finite_vector("state", state, structure.state_units.size)
     period = count("period", period, 1, MAX_PERIOD)
-    forced = ForcedMap(structure, amplitude, omega, parameter)
+    forced = ForcedMap(structure, amplitude, omega, parameter, ties=ties)
     solver, amplitude = forced.solver(forced.value)
     if BATCHES.of(structure):
         loaded(structure, branches=True)

@@ -82,7 +82,7 @@ def branches(results: tuple, floors: Sequence[int | str] = (), **_options):
         _draw_branches(axis, every, coordinate)
         _draw_specials(axis, run, coordinate)
         axis.set_ylim(view.visible("y", *axis.get_ylim()))
-    forcing = study.parameter in labels.PARAMETERS
+    forcing = study.parameter in labels.SYMBOLS
     label = labels.parameter(structure, study.parameter) if forcing else study.parameter
     axis.set(xlabel=label, xlim=(low, high))
     fixed = float(line["omega"].values[0])

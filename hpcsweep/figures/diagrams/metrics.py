@@ -140,7 +140,8 @@ def measures(results, direction: str | None = None, **_options):
     shown = labels.held_measures(results)
     if not shown:
         asked = ", ".join(f"output.{name}" for name in MEASURES)
-        raise style.PlotError(f"the file holds none of them: set one of {asked} to true in the job")
+        limit = f"set one of {asked} to true, or output.rows, in the job"
+        raise style.PlotError(f"the file holds none of them: {limit}")
     swept = [style.direction_index(results["direction"].values, direction)]
     frame = open_frame(results.isel(direction=swept))
     structure, runs, done = frame.structure, frame.runs.isel(direction=0), frame.done[0]
@@ -155,7 +156,8 @@ def measures(results, direction: str | None = None, **_options):
             looks = {"markersize": 3, "linewidth": 0.8, "color": palette.series_colour(place)}
             axis.plot(frame.along, values, ".-", label=measure.places[place], **looks)
         axis.set_ylabel(measure.label + measure.unit)
-        axis.set_ylim(bottom=0)
+        if not any((line.get_ydata() < 0.0).any() for line in axis.lines):
+            axis.set_ylim(bottom=0)
         axis.legend(fontsize=7, frameon=False, ncols=2)
         if grazes:
             axis.axvline(graze, color=palette.STOP, linewidth=0.8, linestyle="--")

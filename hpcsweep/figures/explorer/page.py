@@ -240,8 +240,8 @@ def _grazing(structure, omega: float) -> float | None:
 
 def _axis(name: str, quantity: str) -> dict[str, str]:
     """Return label, unit, noun and, of a key of the structure, the name of an axis."""
-    key = "" if name in labels.PARAMETERS else name.replace("_", " ")
-    label, unit = labels.PARAMETERS.get(name, (key, quantity))
+    key = "" if name in labels.SYMBOLS else name.replace("_", " ")
+    label, unit = (key, quantity) if key else labels.PARAMETERS[name]
     return {"label": _plain(label), "quantity": unit, "noun": key or name, "key": key}
 
 

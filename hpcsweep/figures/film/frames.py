@@ -15,7 +15,6 @@ from hpcsweep.figures.style import PlotError
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
-from hpcsweep.studies.quantities import MEASURES
 from hpcsweep.studies.study import as_kind
 
 
@@ -98,8 +97,8 @@ class Film:
     """
 
     def __init__(self, request: Request):
-        if request.show and request.show not in MEASURES:
-            raise PlotError(f"--show {request.show}: must be one of {', '.join(MEASURES)}")
+        if request.show and request.show not in labels.SHOWN:
+            raise PlotError(f"--show {request.show}: must be one of {', '.join(labels.SHOWN)}")
         self.request = request
         self.frames = Frames(request.file, at=request.at)
         self._shown = request.show or "poincare"

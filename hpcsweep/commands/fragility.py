@@ -229,7 +229,7 @@ def _demands(options, results, study) -> int:
         raise CommandError(f"{options.file}: holds no response of some records at {where}")
     names = [[one.name + f", {each}" * (len(at) > 1) for one in study.suite] for each in at]
     listed = np.array(names, object)
-    notes = [f"PFA-0 is that of the slab {results['floor'].values[i]}" for i in slab]
+    notes = [f"PFA-0 is that of {results['floor'].values[i]}" for i in slab]
     if spectral is None:
         notes.append("no spectral acceleration, the records are not at hand")
     else:
@@ -248,9 +248,9 @@ def _demands(options, results, study) -> int:
 
 
 def _places(results, study, place: str | None) -> tuple[list[int], list[int], list[int]]:
-    """Return the places of a building's storeys, of its floors, and of its slab on bearings."""
+    """Return the places of a building's storeys, of its floors, and of what carries them."""
     from hpcsweep.model.isolation import SLAB
-    from hpcsweep.model.unit_names import COLUMN
+    from hpcsweep.model.unit_names import OF_SOIL, is_level
     from hpcsweep.studies.ground_motion.stripes import places_of
 
     buildings = study.structure.building_names
@@ -259,13 +259,13 @@ def _places(results, study, place: str | None) -> tuple[list[int], list[int], li
         raise CommandError(f"--place {place or 'is missing'}: {limit}")
     storeys, floors = ([*map(str, results[dim].values)] for dim in ("storey", "floor"))
     own = place if len(buildings) > 1 else None
-    slab = f"{own or ''} {SLAB}".strip()
+    bases = [f"{own or ''} {name}".strip() for name in (SLAB, OF_SOIL[0])]
 
     def of_building(names: list[str]) -> list[int]:
         chosen = places_of(names, own)
-        return [i for i in chosen if not names[i].endswith(SLAB) and COLUMN not in names[i]]
+        return [i for i in chosen if not names[i].endswith(SLAB) and is_level(names[i])]
 
-    slabs = [i for i, name in enumerate(floors) if name == slab]
+    slabs = [i for i, name in enumerate(floors) if name in bases]
     return of_building(storeys), of_building(floors), slabs
 
 

@@ -179,6 +179,12 @@ STRUCTURE: Tables = {
             units="damping",
         ),
         Key("tension", "whether the dashpots may pull", told="false"),
+        Key(
+            "bumper",
+            "further straight lines of its force, `[[0.01, 5e8]]`: from which closing on it has "
+            "which stiffness, above that before",
+            told="none",
+        ),
     ),
 }
 KEYS: Tables = {
@@ -206,8 +212,9 @@ KEYS: Tables = {
             "([how](structures.md#buildings-that-pound-each-other)), "
             "`yield_drift` or `yield_force`, `hardening`, `p_delta`, `weight` and `collapse_drift` "
             "([storeys that yield](yielding.md)), and tables `[building.isolation]` "
-            "([base isolation](yielding.md#base-isolation)) and `[building.column]` "
-            "([floors that hit columns](structures.md#floors-that-hit-columns))",
+            "([base isolation](yielding.md#base-isolation)), `[building.column]` "
+            "([floors that hit columns](structures.md#floors-that-hit-columns)) and "
+            "`[building.soil]` ([soil](structures.md#foundations-and-bumpers))",
         ),
         *(Key(table, "") for table in ("pounding", "records")),
         Key(
@@ -298,6 +305,8 @@ UNITS = {
     **{key.name: key.units for table in ("pounding", "structure") for key in STRUCTURE[table]},
     **{"period": "time", "slab_mass": "mass", "stiffness": "stiffness", "radius": "length"},
     **{"strength": "force", "initial_stiffness": "stiffness", "wall_stiffness": "stiffness"},
+    **{"sway_stiffness": "stiffness", "rocking_stiffness": "energy", "sway_damping": "damping"},
+    **{"sway_strength": "force", "rocking_strength": "energy"},
 }
 """Quantity of a key of a structure, a building, a contact, a slider or bearings, by its name."""
 

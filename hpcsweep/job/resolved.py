@@ -78,7 +78,8 @@ def _defaults(tree: Mapping[str, Any]) -> dict[str, object]:
         usual = {field.name: field.default for field in fields(kind)}
         places += [(f"{name}[{k}]", table, usual) for k, table in enumerate(tables)]
     if len(buildings) > 1:
-        places.append(("pounding", tree["pounding"], {"sharpness": np.inf, "tension": False}))
+        usual, each = {"sharpness": np.inf, "tension": False}, tree["pounding"]
+        places += [("pounding", each, usual)] if isinstance(each, Mapping) else []
     for place, table, usual in places:
         without = (*table, *(("damping_ratio",) if "rayleigh" in table else ()))
         for name, default in usual.items():

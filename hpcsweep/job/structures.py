@@ -17,16 +17,19 @@ import numpy as np
 
 from hpcsweep.job.forcing import read_forcing
 from hpcsweep.job.job import JobError
-from hpcsweep.job.keys import UNITS, bare
-from hpcsweep.job.values import Values
+from hpcsweep.job.keys import STRUCTURE, UNITS, bare
+from hpcsweep.job.values import PAIRS, Values
+from hpcsweep.model.adjacent import adjacent
 from hpcsweep.model.arguments import InputError
-from hpcsweep.model.buildings import Building, Column, adjacent
+from hpcsweep.model.buildings import Building, Column
 from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import MAX_LABEL, Contact, Slider
 from hpcsweep.model.reduced import Reduced, elements_of
+from hpcsweep.model.soil import Soil
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import UnitNames
 from hpcsweep.studies.ground_motion.scales import known_gravity
+from hpcsweep.studies.keys import names
 
 UNIT_NAME = re.compile(r"[A-Za-z%°µμ]{1,12}")
 MATRICES = ("mass", "stiffness", "damping", "forcing", "drift")
@@ -72,7 +75,7 @@ def read_structure(values: Values) -> Structure:
     side_by_side = values.top("building", None) is not None
     _check_sizes(values)
     try:
-        if side_by_side or values.table("pounding"):
+        if side_by_side or values.top(PAIRS, None):
             structure = _of_buildings(values, table, harmonics)
         elif by_matrices is None:
             table = _weighed(values, "structure", table)
@@ -219,8 +222,7 @@ def _of_buildings(values: Values, structure: dict, harmonics) -> Structure:
     """Read buildings side by side: the tables ``building`` and ``pounding``."""
     tables = values.top("building", None)
     if tables is None:
-        key, value = next(iter(values.table("pounding").items()))
-        raise values.error(f"pounding.{key}", value, "goes with [[building]]")
+        raise values.error(PAIRS, values.top(PAIRS, None), "goes with [[building]]")
     if not isinstance(tables, list):
         raise values.error("building", tables, "must be tables, [[building]]")
     for key in structure:
@@ -240,19 +242,24 @@ def _of_buildings(values: Values, structure: dict, harmonics) -> Structure:
             raise values.error(f"{place}.name", name, limit)
         if "column" in table:
             values.check_table(f"{place}.column", table["column"], *(Column._fields,) * 2)
+        if "soil" in table:
+            soil = [field.name for field in fields(Soil)]
+            values.check_table(f"{place}.soil", table["soil"], soil, soil[:4])
         table = _weighed(values, place, table)
         buildings.append(_building(place, _with_isolation(values, place, table)))
-    pounding = dict(values.table("pounding"))
+    pounding: Any = values.top(PAIRS, {})
     if len(buildings) == 1:
-        for key, value in pounding.items():
-            raise values.error(f"pounding.{key}", value, "goes with two [[building]] or more")
+        if pounding:
+            raise values.error(PAIRS, pounding, "goes with two [[building]] or more")
         return replace(buildings[0].structure, harmonics=harmonics)
-    for key in ("gap", "stiffness"):
-        if key not in pounding:
-            raise values.missing(f"pounding.{key}")
-    sharpness = values.number("pounding.sharpness", pounding.pop("sharpness", math.inf))
-    gap, stiffness = pounding.pop("gap"), pounding.pop("stiffness")
-    return adjacent(buildings, gap, stiffness, sharpness=sharpness, harmonics=harmonics, **pounding)
+    each = pounding if isinstance(pounding, list) else [pounding]
+    for k, table in enumerate(each):
+        place, keys = f"{PAIRS}[{k}]" if each is pounding else PAIRS, names(STRUCTURE[PAIRS])
+        values.check_table(place, table, keys, ("gap", "stiffness"))
+    if each is pounding:
+        return adjacent(buildings, between=each, harmonics=harmonics)
+    sharpness = values.number("pounding.sharpness", pounding.get("sharpness", math.inf))
+    return adjacent(buildings, **{**pounding, "sharpness": sharpness}, harmonics=harmonics)
 
 
 def _with_isolation(values: Values, place: str, table: Mapping) -> Mapping:

@@ -149,6 +149,8 @@ class Table:
             If it is not known of numbers of ordinary sizes.
         """
         bearings = table.get("isolation")
+        if "soil" in table:
+            raise ValueError
         if "period" in table:
             period = self._values(f"{name}.period", table["period"], 1)
             if bearings is None:

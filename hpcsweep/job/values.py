@@ -14,6 +14,8 @@ from hpcsweep.model.arguments import MAX_OMEGA, MIN_OMEGA
 from hpcsweep.studies.keys import Key
 from hpcsweep.studies.path_grid import Tie
 
+PAIRS = "pounding"
+"""Name of a table that may be one for each two neighbours."""
 RANGE_KEYS = ("from", "to", "count", "step")
 MAX_VALUES = 10_000_000
 """Frames or amplitudes of one job."""
@@ -127,8 +129,10 @@ class Values:
         return name in self.tree.get(table, {})
 
     def table(self, name: str) -> Mapping:
-        """Return a whole table, empty if it is absent."""
+        """Return a whole table, empty if it is absent, or several of `PAIRS`."""
         table = self.tree.get(name, {})
+        if name == PAIRS and isinstance(table, list):
+            return {}
         if not isinstance(table, Mapping):
             raise self.error(name, table, "must be a table")
         return table

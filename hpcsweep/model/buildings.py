@@ -1,29 +1,21 @@
-"""Buildings side by side, in an engineer's terms: masses, storeys, gaps between floors."""
+"""A building in an engineer's terms: masses, storeys, what stands beneath."""
 
 import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.arguments import instance, items, number, plain, refused, wrong
-from hpcsweep.model.dashpot import read_restitution, refuse_smooth
-from hpcsweep.model.forcing import ONE_HARMONIC
+from hpcsweep.model.arguments import instance, number, plain, refused, wrong
 from hpcsweep.model.isolation import POSITIVE, RANGE, Isolation
-from hpcsweep.model.matrices import Contact, each, vector
-from hpcsweep.model.plausibility import heights_apart
+from hpcsweep.model.matrices import each, vector
 from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
+from hpcsweep.model.soil import Soil
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import COLUMN
 
-SAME_HEIGHT = 1e-6
-"""Relative difference of heights that count as equal."""
-SHARE_AND_MASS = "the share of a storey's stiffness that it has, and the mass that moves with it"
-"""What is asked of a column that is hit."""
 OF_STOREYS = (
     *("mass", "storey_stiffness", "damping_ratio", "rayleigh", "storey_damping", "yield_force"),
     *("yield_drift", "hardening", "p_delta", "weight", "storey_height", "collapse_drift"),
@@ -86,6 +78,8 @@ class Building:
         that is hit, see `Column`. It needs `storey_height`.
     isolation : Isolation or dict, optional
         Bearings and slab beneath it; `period` and damping remain those on a fixed base.
+    soil : Soil or dict, optional
+        Foundation that sways and rocks beneath it, in place of `isolation`; likewise.
 
     Examples
     --------
@@ -113,6 +107,7 @@ class Building:
     isolation: Isolation | None = None
     storey_damping: float | Sequence[float] = 0.0
     column: Column | Mapping[str, float] | None = None
+    soil: Soil | None = None
 
     def __post_init__(self) -> None:
         mass = plain(self.mass)
@@ -130,20 +125,25 @@ class Building:
         stiffness = each("building.storey_stiffness", self.storey_stiffness, self.n_floors, "mass")
         if self.period is not None:
             wanted = number("building.period", self.period, POSITIVE, *RANGE)
-            bare = replace(self, period=None, p_delta=False, isolation=None)
+            bare = replace(self, period=None, p_delta=False, isolation=None, soil=None)
             factor = (bare.structure.longest_period / wanted) ** 2
             if math.isinf(factor):
                 raise wrong("building.period", "needs a storey_stiffness above 0")
             object.__setattr__(self, "storey_stiffness", tuple(k * factor for k in stiffness))
         if self.column is not None:
             object.__setattr__(self, "column", _column(self.column))
-        bearings: Any = self.isolation
-        if isinstance(bearings, Mapping):
-            for key in set(bearings) - {field.name for field in fields(Isolation)}:
-                raise wrong("building.isolation", f"must not have {key!r}")
-            object.__setattr__(self, "isolation", Isolation(**bearings))
-        elif bearings is not None:
-            instance("building.isolation", bearings, Isolation)
+        for name, kind in (("isolation", Isolation), ("soil", Soil)):
+            beneath: Any = getattr(self, name)
+            if isinstance(beneath, Mapping):
+                for key in set(beneath) - {field.name for field in fields(kind)}:
+                    raise wrong(f"building.{name}", f"must not have {key!r}")
+                object.__setattr__(self, name, kind(**beneath))
+            elif beneath is not None:
+                instance(f"building.{name}", beneath, kind)
+        if self.soil is not None and self.isolation is not None:
+            raise wrong("building.soil", "does not go with isolation")
+        if self.soil is not None and self.storey_height is None:
+            raise wrong("building.soil", "needs storey_height")
 
     @property
     def n_floors(self) -> int:
@@ -159,6 +159,8 @@ class Building:
         """Return the structure with a coordinate for each point of its columns at some heights."""
         fixed = self._with_points(heights) if heights else self.on_fixed_base
         made = fixed if self.isolation is None else self.isolation.beneath(fixed)
+        if self.soil is not None:
+            made = self.soil.beneath(fixed, (*self.heights, *heights), self.heights[-1])
         return made.named(*made.names[:2], *fixed.names[2:3], fixed.storey_names, fixed.names.taken)
 
     @functools.cached_property
@@ -196,7 +198,7 @@ class Building:
             sliders=[replace(s, direction=np.dot(s.direction, kept)) for s in fixed.sliders],
             collapse_drift=fixed.collapse_drift,
         )
-        names = (*fixed.floor_names, *map(_floor, heights))
+        names = (*fixed.floor_names, *map(floor_name, heights))
         return made.named(names, (), fixed.names.storey_heights, fixed.floor_names)
 
     @property
@@ -207,209 +209,9 @@ class Building:
         return tuple(np.cumsum(self.storey_height).tolist())
 
 
-def adjacent(
-    buildings: Sequence[Building],
-    gap: float | Sequence[float],
-    stiffness: float | Sequence[float],
-    *,
-    sharpness: float = math.inf,
-    restitution: float | Sequence[float] | None = None,
-    damping: float | Sequence[float] | None = None,
-    tension: bool = False,
-    harmonics: Sequence[tuple[int, float, float]] = ONE_HARMONIC,
-) -> Structure:
-    """Return the structure of buildings that pound each other, from left to right.
-
-    Floors of equal height, or number without `storey_height`, touch; one that faces a column of a
-    building hits that (`Building`, column). Units are those of the
-    buildings.
-
-    Parameters
-    ----------
-    buildings : sequence of Building
-        At least two.
-    gap, stiffness : float or sequence of float
-        Of all contacts, or of each level at which floors face each other, from the lowest on, the
-        same between all neighbours of that level.
-    restitution : float or sequence of float, optional
-        Of the contacts, above 0 and at most 1, for two floors that collide as if alone.
-    damping : float or sequence of float, optional
-        Coefficient of their dashpots, in place of `restitution`.
-    tension : bool
-        Whether the dashpots may pull, see `Contact`.
-    sharpness, harmonics
-        See `Structure`.
-
-    Returns
-    -------
-    Structure
-        Its `names` identify building and floor.
-
-    Raises
-    ------
-    ValueError
-        If a value is outside its range, or a floor faces a column of which nothing is known.
-
-    References
-    ----------
-    Anagnostopoulos, Earthquake Engineering & Structural Dynamics 16 (1988) 443, of `restitution`.
-
-    Examples
-    --------
-    A building of two storeys, 20 mm from one of a single storey: the lower floors face each other.
-
-    >>> left = hpcsweep.Building(mass=[2.0, 1.0], storey_stiffness=[3000.0, 2000.0], name="A")
-    >>> right = hpcsweep.Building(mass=1.5, storey_stiffness=900.0, name="B")
-    >>> pair = hpcsweep.adjacent([left, right], gap=0.02, stiffness=1e5, restitution=0.65)
-    >>> pair.names.floors
-    ('A1', 'A2', 'B1')
-    >>> pair.names.contacts
-    ('A1-B1',)
-    """
-    from scipy.linalg import block_diag  # takes 0.1 s to load
-
-    listed = items("building", buildings, "a list of buildings")
-    buildings = [instance("building", building, Building) for building in listed]
-    names = _names(buildings)
-    alone, first, levels = _side_by_side(buildings, names)
-    of = functools.partial(_labels, alone, names)
-    floors = of("floor_names")
-    unit = np.eye(first[-1])
-    if restitution is not None and damping is not None:
-        raise wrong("pounding.restitution and pounding.damping", "must not be given both")
-    masses = np.concatenate([np.diag(structure.mass_matrix) for structure in alone])
-    of_levels = (
-        ("pounding.gap", gap),
-        ("pounding.stiffness", stiffness),
-        ("pounding.restitution", 1.0 if restitution is None else restitution),
-        ("pounding.damping", 0.0 if damping is None else damping),
-    )
-    contacts, labels = [], []
-    for pairs in levels:
-        values = (each(name, value, len(pairs), "level") for name, value in of_levels)
-        for (i, j), own_gap, kappa, e, c in zip(pairs, *values, strict=True):
-            stop = unit[i] - unit[j], own_gap, kappa
-            contacts.append(_contact(stop, c, tension, None if restitution is None else e, masses))
-            labels.append(f"{floors[i]}-{floors[j]}")
-    refuse_smooth(contacts, sharpness, of_levels[2 if damping is None else 3])
-    sliders = _beside([structure.sliders for structure in alone], first)
-    falls = any(structure.collapse_drift is not None for structure in alone)
-    limits = np.concatenate([structure.drift_limits for structure in alone]).tolist()
-    made = Structure.from_matrices(
-        block_diag(*(structure.mass_matrix for structure in alone)),
-        block_diag(*(structure.elastic_stiffness for structure in alone)),
-        contacts + _beside([structure.contacts for structure in alone], first),
-        damping=block_diag(*(structure.damping_matrix for structure in alone)),
-        drift=block_diag(*(structure.drift_rows for structure in alone)),
-        sharpness=sharpness,
-        harmonics=harmonics,
-        sliders=[replace(s, name=n) for s, n in zip(sliders, of("slider_names"), strict=True)],
-        collapse_drift=limits if falls else None,
-    )
-    heights, taken = _heights_and_loads(alone)
-    return made.named(floors, labels + of("names.contacts"), heights, of("storey_names"), taken)
-
-
-def _heights_and_loads(alone: Sequence[Structure]) -> tuple[list[float], list[float]]:
-    """Return the height of each storey, and what P-Delta has taken from its stiffness."""
-    heights = [height for structure in alone for height in structure.names.storey_heights]
-    taken = [p for one in alone for p in one.names.taken or (0.0,) * len(one.drift_rows)]
-    return heights, taken
-
-
-def _contact(stop: tuple[Any, float, float], c, tension, e: float | None, masses) -> Contact:
-    """Return a contact, if wanted with the dashpot of a coefficient of restitution, or rigid."""
-    if e is None:
-        return Contact(*stop, c, tension)
-    if stop[2] < math.inf:
-        read_restitution("pounding.restitution", e)
-    return Contact.from_restitution(*stop, e, masses, tension)
-
-
-def _labels(alone: Sequence[Structure], names: Sequence[str], what: str) -> list[str]:
-    """Return labels of buildings, of floors for instance, behind the buildings' names."""
-    pairs = zip(names, map(attrgetter(what), alone), strict=True)
-    return [
-        f"{name}{label}" if label.isdigit() else f"{name} {label}"
-        for name, labels in pairs
-        for label in labels
-    ]
-
-
-def _beside(elements: Sequence[Sequence[Any]], first: Sequence[int]) -> list[Any]:
-    """Return contacts or sliders of buildings in the coordinates of all."""
-    n = first[-1]
-    return [
-        replace(element, direction=(0.0,) * before + element.direction + (0.0,) * (n - after))
-        for of_building, (before, after) in zip(elements, pairwise(first), strict=True)
-        for element in of_building
-    ]
-
-
-def _names(buildings: Sequence[Building]) -> list[str]:
-    """Return the names of two or more buildings, by default letters."""
-    if len(buildings) < 2:
-        raise wrong("building", f"must be given at least twice, is given {len(buildings)} times")
-    names = [building.name or chr(ord("A") + k) for k, building in enumerate(buildings)]
-    if len(set(names)) < len(names):
-        raise wrong("building.name", f"must be of one building each, are {names}")
-    return names
-
-
-def _facing(first: tuple[Building, str], second: tuple[Building, str]) -> list[list[Any]]:
-    """Return what meets between two buildings, upwards: floors, and heights on columns."""
-    (left, _), (right, _) = first, second
-    if (left.storey_height is None) != (right.storey_height is None):
-        raise wrong("building.storey_height", "must be given of all buildings or of none")
-    meets: list[tuple[float, list[Any]]] = [
-        (height, [i, j])
-        for i, height in enumerate(left.heights)
-        for j, met in enumerate(right.heights)
-        if abs(met - height) <= SAME_HEIGHT * height
-    ]
-    floors = [ends for _, ends in meets]
-    lower = min(left.heights[-1], right.heights[-1])
-    apart = heights_apart(np.hstack([np.diff(b.heights, prepend=0) for b in (left, right)]))
-    for side, ((building, name), (hit, hit_name)) in enumerate(((first, second), (second, first))):
-        met = {ends[side] for ends in floors}
-        for i, height in enumerate(building.heights):
-            if i in met or height > lower * (1.0 + SAME_HEIGHT):
-                continue
-            if hit.column is None:
-                faces = f": floor {i + 1} of {name} at height {height:g} faces a column of"
-                remedy = apart or f"give {hit_name} column = {{share, mass}}, {SHARE_AND_MASS}"
-                raise wrong("building.storey_height", f"{faces} {hit_name}: {remedy}")
-            meets.append((height, [height, i] if side else [i, height]))
-    return [ends for _, ends in sorted(meets, key=lambda level: level[0])]
-
-
-def _floor(end: int | float) -> str:
+def floor_name(end: int | float) -> str:
     """Return the name of a floor, from its number, or of a point of a column."""
     return f"{COLUMN} {end:g}" if isinstance(end, float) else str(end + 1)
-
-
-def _side_by_side(
-    buildings: Sequence[Building], names: Sequence[str]
-) -> tuple[list[Structure], list[int], list[list[list[int]]]]:
-    """Return the structures alone, their first coordinates, and pairs of coordinates that meet."""
-    levels = [_facing(*pair) for pair in pairwise(zip(buildings, names, strict=True))]
-    points: list[set[float]] = [set() for _ in buildings]
-    for k, ends in enumerate(levels):
-        for side in (0, 1):
-            points[k + side] |= {end[side] for end in ends if isinstance(end[side], float)}
-    alone = [
-        building.struck(sorted(heights)) if heights else building.structure
-        for building, heights in zip(buildings, points, strict=True)
-    ]
-    first = np.cumsum([0, *(structure.n_floors for structure in alone)]).tolist()
-    meets = [
-        [
-            [first[k + s] + alone[k + s].floor_names.index(_floor(end[s])) for s in (0, 1)]
-            for end in ends
-        ]
-        for k, ends in enumerate(levels)
-    ]
-    return alone, first, meets
 
 
 def _column(column: Any) -> Column:

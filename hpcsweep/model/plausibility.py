@@ -13,7 +13,7 @@ import numpy as np
 from hpcsweep.model.isolation import SLAB, isolated_period
 from hpcsweep.model.modes import natural_modes
 from hpcsweep.model.structure import Structure
-from hpcsweep.model.unit_names import COLUMN, known_unit
+from hpcsweep.model.unit_names import COLUMN, OF_SOIL, is_level, known_unit
 
 PERIOD = 0.02, 0.5
 """Longest period of a building on a fixed base over its number of storeys, in seconds."""
@@ -91,7 +91,7 @@ def told(structure: Structure, gravity: float) -> Iterator[str]:
     limits = {slider.direction: slider.limit for slider in structure.sliders}
     heights = structure.names.storey_heights
     for name, floors, rows, period in _on_fixed_bases(structure):
-        real = [i for i in floors.tolist() if COLUMN not in structure.floor_names[i]]
+        real = [i for i in floors.tolist() if is_level(structure.floor_names[i])]
         above = gravity * np.diag(structure.mass_matrix)[real][::-1].cumsum()[::-1]
         directions = structure.drift_rows[rows]
         taken = np.array(structure.names.taken or np.zeros(len(structure.drift_rows)))[rows]
@@ -112,8 +112,9 @@ def springs(structure: Structure, stiffness: np.ndarray, rows: np.ndarray) -> np
         if COLUMN in name:
             column = stiffness[i] / np.sqrt(stiffness[i, i])
             stiffness = stiffness - np.outer(column, column)
-    found = []
-    for row in rows:
+    kept = [k for k, name in enumerate(structure.floor_names) if not name.endswith(OF_SOIL)]
+    stiffness, found = stiffness[np.ix_(kept, kept)], []
+    for row in rows[:, kept]:
         first, *second = np.flatnonzero(row)[:2].tolist()
         along = stiffness[first, second[0]] if second else stiffness[first].sum()
         found.append(along / (row[first] * row[second[0] if second else first]))
@@ -124,7 +125,7 @@ def _on_fixed_bases(
     structure: Structure,
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray, float]]:
     """Yield name, places of floors and of storeys, and longest period of each building."""
-    fixed = np.array([not name.endswith(SLAB) for name in structure.floor_names])
+    fixed = np.array([not name.endswith((SLAB, *OF_SOIL)) for name in structure.floor_names])
     for number, name in enumerate(structure.building_names):
         floors = (structure.buildings == number) & fixed
         if not floors.any():

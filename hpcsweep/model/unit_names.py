@@ -29,6 +29,13 @@ NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
 
 COLUMN = "column at"
 """In the name of a point of a column, before its height."""
+OF_SOIL = "foundation", "rocking"
+"""Names of the coordinates of a foundation, and of what yields beneath it."""
+
+
+def is_level(name: str) -> bool:
+    """Return whether a coordinate is a floor, or the slab on bearings, by its name."""
+    return COLUMN not in name and not name.endswith(OF_SOIL)
 
 
 class Names(NamedTuple):

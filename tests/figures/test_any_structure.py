@@ -17,7 +17,8 @@ from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.diagrams import maps, mesh, metrics, orbit_diagram, phase, sweep
 from hpcsweep.figures.explorer.page import _structure
 from hpcsweep.figures.labels import MAX_MODES
-from hpcsweep.model.buildings import Building, adjacent
+from hpcsweep.model.adjacent import adjacent
+from hpcsweep.model.buildings import Building
 from hpcsweep.model.description import in_words
 from hpcsweep.model.matrices import Contact
 from hpcsweep.model.structure import Structure

@@ -8,7 +8,8 @@ from mpmath import mp, mpf
 from together import together
 
 import hpcsweep
-from hpcsweep.model.buildings import Building, adjacent
+from hpcsweep.model.adjacent import adjacent
+from hpcsweep.model.buildings import Building
 from hpcsweep.model.dashpot import ratio_of_restitution, restitution_of
 from hpcsweep.model.description import describe, in_words
 

@@ -932,7 +932,7 @@ def test_demands_have_the_slab_and_no_run_that_collapses(tmp_path):
         with (tmp_path / "d.csv").open(newline="") as stream:
             (note, *columns), units, *rows = csv.reader(stream)
         fallen = (~stands).sum()
-        said = "PFA-0 is that of the slab isolation; "
+        said = "PFA-0 is that of isolation; "
         said += f"{fallen} of {stands.size} runs collapse, see d.json"
         assert (note, columns, said in done.stdout) == (said, head, True)
         assert units == ["Units", *["g"] * 4, *["rad"] * 6, "g"]
@@ -1031,7 +1031,11 @@ WRONG_ISOLATION = [
         "isolation = 3\n",
         "building[0].isolation = 3: must be",
     ),
-    ("[units]", "[pounding]\ngap = 1.0\n[units]", "pounding.gap = 1.0: goes with two [[building]]"),
+    (
+        "[units]",
+        "[pounding]\ngap = 1.0\n[units]",
+        "pounding = {'gap': 1.0}: goes with two [[building]]",
+    ),
     ('length = "mm"', 'length = "pt"', "units.length = 'pt': must be a known unit of length"),
     ('"records"', '"points"', "study.kind = "),
 ]

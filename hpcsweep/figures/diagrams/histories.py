@@ -267,7 +267,7 @@ def hysteresis(
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
     seen = responses.history_of(study, (i, at), time)
     shown = [names.index(place)] if place else range(len(names))
-    is_base = [name.endswith(SLAB) for name in names]
+    is_base = [not name[-1].isdigit() for name in names]
     apart = len({is_base[j] for j in shown}) > 1
     figure, axes = mesh.panels(len(shown), ONE, EACH, MORE, not apart, IN_A_ROW, not apart)
     elongation = seen.displacement @ structure.slider_directions.T

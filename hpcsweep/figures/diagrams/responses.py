@@ -10,7 +10,7 @@ from hpcsweep.earthquakes.stripes import PARTS, fractiles
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.options import Option, positive
 from hpcsweep.model.isolation import SLAB
-from hpcsweep.model.unit_names import COLUMN
+from hpcsweep.model.unit_names import is_level
 from hpcsweep.studies.ground_motion.describe import alone_words, elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import RESPONSES, Stripes, stripes_of
@@ -258,7 +258,7 @@ def heights(names: Sequence[str]) -> list[tuple[str, list[int], list[int]]]:
 
     Points of columns are left out; the slab on bearings has the level 0.
     """
-    kept = [i for i, name in enumerate(names) if COLUMN not in name]
+    kept = [i for i, name in enumerate(names) if is_level(name)]
     rows = []
     for building, members in buildings(names[i] for i in kept).items():
         places = [kept[k] for k in members]

@@ -177,12 +177,14 @@ def reference_measures(case, state=None):
         found[SPEED],
         spring * found[FORCE],
         found[TIME],
+        np.zeros_like(past),
     )
 
 
 def over_springs(structure, measures):
-    """Return measures by name, forces and impulses over the stiffness of their contacts."""
+    """Return measures of springs by name, forces and impulses over the stiffness of contacts."""
     values = dict(vars(measures))
+    assert not values.pop("simultaneous").any()
     for name in ("contact_force", "impulse"):
         values[name] = values[name] / structure.force_per_length
     return values

@@ -25,6 +25,8 @@ class Rigid:
     ----------
     counts : ndarray, shape (m,)
         Impacts, after hops above rounding.
+    together : ndarray, shape (m,)
+        Those of them while others that they push were at their stops.
     impulse, lost : ndarray, shape (m,)
         Impulses at impacts and their energy.
     closed : ndarray, shape (m,)
@@ -39,7 +41,7 @@ class Rigid:
         self.push, self.omega, self.harmonics = push, omega, harmonics
         self.amplitude, self.n = amplitude, len(mass)
         self.counts, self.t, self.resting = np.zeros(len(gaps)), 0.0, ()
-        self.impulse, self.lost, self.closed = (np.zeros(len(gaps)) for _ in range(3))
+        self.impulse, self.lost, self.closed, self.together = np.zeros((4, len(gaps)))
         self.apart, self.coupled, self.size = np.ones(len(gaps), bool), 0, 0.0
 
     @lru_cache(maxsize=64)  # noqa: B019
@@ -207,12 +209,14 @@ class Rigid:
         self.size = max(self.size, size)
         touching = {k for k in range(len(self.gaps)) if self._at_stop(k, u)} | {hit}
         touching |= set(self.resting)
+        several = False
         for _ in range(10_000):
             speeds = self.rows @ v
             closing = [k for k in sorted(touching) if speeds[k] > ROUNDING * size]
             if not closing:
                 break
             group = self._group(closing[0], touching, speeds, size)
+            several = several or len(group) > 1
             asked = np.array([(1.0 + self.e[k]) * max(speeds[k], 0.0) for k in group])
             p = np.linalg.solve(self.gram[np.ix_(group, group)], asked)
             if p.min() < 0.0:
@@ -226,6 +230,7 @@ class Rigid:
             for k in group:
                 if speeds[k] > ROUNDING * size and self.apart[k]:
                     self.counts[k] += 1
+                    self.together[k] += several
                 self.apart[k] = False
         return self._rest(touching, u, v, size)
 

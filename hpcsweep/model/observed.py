@@ -17,11 +17,12 @@ distances of contacts past their stops; impacts; the integrals of the energy of 
 any rows of displacements do, see `hpcsweep.solvers.flow.observe.rows`."""
 MAX_ORDER = 16
 """Highest harmonic of a row."""
-CLOSINGS, SPEED, FORCE, TIME, DISSIPATED = range(5)
-N_IMPACTS = 5
+CLOSINGS, SPEED, FORCE, TIME, DISSIPATED, TOGETHER = range(6)
+N_IMPACTS = 6
 """Rows of impacts: closings of a contact, largest closing speed, integral of its force over its
 unit (`LinearDynamics.force_per_length`), time in which it is closed, that is where its distance
-past the stop is 0 or more, and energy that its dashpot has taken, over the unit of its force."""
+past the stop is 0 or more, energy that its dashpot has taken, over the unit of its force, and
+closings of a rigid one while others that it pushes were at their stops."""
 ROUNDING = 2.0**-46
 """Part of the size of a motion, 64 units of rounding, below which its distances and speeds tell
 nothing: a closing counts that is faster, of a contact that has come apart by more since it has last
@@ -81,6 +82,14 @@ TABLE = (
         CONTACT,
     ),
     Quantity("impacts", "stop", "1", "closings of each contact", "impacts", IMPACT),
+    Quantity(
+        "simultaneous",
+        "stop",
+        "1",
+        "closings of each rigid stop with others that it pushes at theirs",
+        "simultaneous impacts",
+        IMPACT,
+    ),
     Quantity(
         "impact_velocity",
         "stop",
@@ -163,6 +172,9 @@ class Measures:
         Integral of its force over time.
     contact_share : ndarray, shape (..., k)
         Share of the time in which it was closed.
+    simultaneous : ndarray, shape (..., k)
+        How often it has closed while others that it pushes were at their stops, all rigid: there is
+        no law of nature for it (`hpcsweep.model.rigid`).
     """
 
     storey_drift: np.ndarray
@@ -173,3 +185,4 @@ class Measures:
     impact_velocity: np.ndarray
     impulse: np.ndarray
     contact_share: np.ndarray
+    simultaneous: np.ndarray

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from hpcsweep.model.kernel_model import Model
-from hpcsweep.model.observed import CLOSINGS, FORCE, PEAKS, SPEED, TIME, Measures
+from hpcsweep.model.observed import CLOSINGS, FORCE, PEAKS, SPEED, TIME, TOGETHER, Measures
 from hpcsweep.model.structure import Structure
 
 
@@ -58,6 +58,7 @@ def measures_of(structure: Structure, model: Model, gathered: Any, n_periods) ->
     return Measures(
         **of_structure(structure, peaks_of(structure, model, gathered.peaks)),
         impacts=impacts[..., CLOSINGS, :] * a_period,
+        simultaneous=impacts[..., TOGETHER, :] * a_period,
         impact_velocity=impacts[..., SPEED, :] * (structure.length_unit * rate),
         impulse=impacts[..., FORCE, :] * a_period * impulse,
         contact_share=impacts[..., TIME, :] * a_period / model.period,

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpcsweep.model.kernel_model import Model
-from hpcsweep.model.observed import CLOSINGS, DISSIPATED, FORCE, SPEED, TIME, Measures
+from hpcsweep.model.observed import CLOSINGS, DISSIPATED, FORCE, SPEED, TIME, TOGETHER, Measures
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import along_rows, of_structure, peaks_of
 from hpcsweep.solvers.outcome import Outcome
@@ -81,7 +81,7 @@ class Response(Measures):
     ----------
     displacement, storey_drift, floor_acceleration : ndarray, shapes (n,), (D,) and (n,)
         See `hpcsweep.model.observed.Measures`, ...
-    contact_force, impacts, impact_velocity, impulse, contact_share : ndarray, shape (k,)
+    contact_force, impacts, simultaneous, impact_velocity, impulse, contact_share : ndarray, (k,)
         ... with sums over the record and its tail.
     drift, force
         `storey_drift` and `contact_force`.
@@ -205,6 +205,7 @@ def response_of(
     return Response(
         **of_structure(structure, peaks),
         impacts=impacts[CLOSINGS].astype(int),
+        simultaneous=impacts[TOGETHER].astype(int),
         impact_velocity=impacts[SPEED] * (length * rate),
         contact_share=impacts[TIME] / rate / (ended.duration or 1.0),
         contact_time=impacts[TIME] / rate,

@@ -156,6 +156,7 @@ def linear_response(
         contact_force=nothing,
         contact_share=nothing,
         impacts=nothing.astype(int),
+        simultaneous=nothing.astype(int),
         impact_velocity=nothing,
         contact_time=nothing,
         impulse=nothing,

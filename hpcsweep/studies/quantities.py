@@ -56,7 +56,7 @@ ROW_KEYS = (
 
 FLAGS = {quantity.name: quantity.flag for quantity in MOTIONS}
 """Those of motions that jobs request, and their flags, see `Observation.measures`."""
-SUMS = ("impacts", "impulse", "plastic", "slider_energy")
+SUMS = ("impacts", "simultaneous", "impulse", "plastic", "slider_energy")
 """Those that grow with time: of motions they are those of a forcing period, and mean values."""
 LIMITS = {
     **dict.fromkeys(("impulse", "dissipated", "plastic", "residual_drift"), FINITE),
@@ -65,7 +65,7 @@ LIMITS = {
 """What is valid, if not sizes: a contact with a layer also pulls as it closes."""
 OPTIONAL = ("residual_drift",)
 """What may be missing in a complete run; summaries do not tell it."""
-WHOLE = ("impacts", "excursions")
+WHOLE = ("impacts", "simultaneous", "excursions")
 """Whole numbers of a response."""
 A_PERIOD = " a forcing period"
 POWERS = {"1": 0, "time": 0, "energy": 2}

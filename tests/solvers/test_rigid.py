@@ -94,6 +94,21 @@ def test_energy_is_kept_at_e_1_and_momentum_between_masses():
     assert_allclose(energy, energy[0], rtol=1e-12)
 
 
+def test_closings_beside_a_mass_that_rests_are_simultaneous():
+    """Both are pressed by 1; one rests at the wall, the other bounces off it as off a wall."""
+    wall, pair = (
+        Contact(d, g, math.inf, restitution=0.5) for d, g in (((0.0, 1.0), 0.0), ((1.0, -1.0), 0.1))
+    )
+    structure = Structure.from_matrices(
+        np.ones(2), np.eye(2), [wall, pair], damping_ratio=0.0, harmonics=(MEAN, (1, 1e-3, 0.0))
+    )
+    seen = FlowMap(structure, 1.0).observe(
+        np.array([-0.5, 0.0, 0.0, 0.0]), -1.0, 1, measures=IMPACT
+    )
+    assert seen.measures.impacts[1] > 10.0
+    assert_allclose(seen.measures.simultaneous, [0.0, seen.measures.impacts[1]])
+
+
 @together("n", (1, 2))
 def test_a_table_bounces_a_ball_with_n_of_its_periods(n):
     """The phase of the impact has cos = -pi n (1 - e) / ((1 + e) Gamma): Gamma is that at least."""
@@ -177,6 +192,8 @@ def against_reference(seed: int, periods: int, most: int) -> None:
     moves = reference.closed == 0.0
     closings = np.round(seen.measures.impacts * periods)
     assert (closings[moves] == reference.counts[moves]).all(), (seed, closings, reference.counts)
+    together = np.round(seen.measures.simultaneous * periods)
+    assert (together[moves] == reference.together[moves]).all(), (seed, together)
     at_rest = seen.measures.contact_share * periods * 2 * math.pi / omega
     assert_allclose(at_rest, reference.closed, rtol=0, atol=1e-4)
 

@@ -180,8 +180,8 @@ def _absent(structure: Structure) -> set[str]:
     absent = {"elastic"} if structure.contacts else {"stop", "alone"}
     if structure.collapse_drift is None:
         absent |= {"collapsed", "collapse_time"}
-    if structure.is_rigid.any():
-        absent |= {"contact_force", "contact_force_time"}
+    rigid = structure.is_rigid.any()
+    absent |= {"contact_force", "contact_force_time"} if rigid else {"simultaneous"}
     linear = {"slider", "residual_drift", "elastic"}
     return absent | linear if LINEAR.of(structure) else absent
 

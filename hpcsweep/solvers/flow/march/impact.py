@@ -4,7 +4,7 @@ import numpy as np
 
 from hpcsweep.kernels.compile import inlined, kernel
 from hpcsweep.kernels.simd.vectors import local_vector
-from hpcsweep.model.observed import DISSIPATED, FORCE, IMPACT, ROUNDING, TIME
+from hpcsweep.model.observed import CLOSINGS, DISSIPATED, FORCE, IMPACT, ROUNDING, TIME, TOGETHER
 from hpcsweep.solvers.flow.guard.contacts import AT_REST, accelerations
 from hpcsweep.solvers.flow.observe.impacts import record
 from hpcsweep.solvers.flow.state.shared import NO_TALLY
@@ -92,17 +92,20 @@ def rest_of(tau, key, touching, z, amplitude, shared, told):
             tally.impacts[TIME, k] += values[k]
     put_at_rest(resting | slow, z, contacts, values)
     if told:
-        _tell(values, speeds, z, model, tally)
+        _tell(values, speeds, False, z, model, tally)
     return key | resting
 
 
 @inlined
-def _tell(values, speeds, z, model, tally):
+def _tell(values, speeds, together, z, model, tally):
     """Tell of impulses and the energy lost, by the speeds before and in state z."""
     contacts = model.contacts
     for k in range(values.shape[0]):
         if values[k] > 0.0:
+            counted = tally.impacts[CLOSINGS, k]
             record(k, True, speeds[k], z, model, tally)
+            if together:
+                tally.impacts[TOGETHER, k] += tally.impacts[CLOSINGS, k] - counted
         tally.impacts[FORCE, k] += values[k]
         w = speeds[k] + approach_speed(k, z, contacts)
         tally.impacts[DISSIPATED, k] += 0.5 * values[k] * w
@@ -191,7 +194,7 @@ def collide(tau, past, key, z, amplitude, wanted, tangent, shared):
         return key
     key, told = key & ~touching | past & touching, wanted & IMPACT != 0
     speeds, values, a = local_vector(m), local_vector(m), local_vector(series.field.shape[1])
-    before, rates = local_vector(n), local_vector(n)
+    before, rates, together = local_vector(n), local_vector(n), False
     for _ in range(MOST):
         first, (_, least, _) = -1, sizes_of(z)
         for k in range(m - 1, -1, -1):
@@ -205,6 +208,7 @@ def collide(tau, past, key, z, amplitude, wanted, tangent, shared):
             copy_state(a[:n], rates)
         copy_state(z[n:], before)
         pull, struck = 0.0, _struck_with(first, touching, speeds, least, contacts)
+        together = together or struck != contact_bit(first)
         take_out(struck, True, contacts, z[n:], values)
         for k in range(m):
             pull = min(pull, values[k])
@@ -215,7 +219,7 @@ def collide(tau, past, key, z, amplitude, wanted, tangent, shared):
         if wanted != NO_TALLY:
             tally.contact[0] |= struck
         if told:
-            _tell(values, speeds, z, model, tally)
+            _tell(values, speeds, together, z, model, tally)
         key = rest_of(tau, key, touching, z, amplitude, shared, told)
         if tangent is not None:
             accelerations(key, z, pairs, model, series, a)

@@ -10,7 +10,7 @@ import contextlib
 
 from hpcsweep.commands import CommandError, add_at, add_file
 from hpcsweep.commands.outputs import PAGE, check_overwriting, writing
-from hpcsweep.figures.options import BRANCHES, Option, positive, whole_number
+from hpcsweep.figures.options import BRANCHES, ROWS, Option, positive, whole_number
 from hpcsweep.studies.run_names import count
 
 HELD = ("motions", "attractors", "responses")
@@ -18,6 +18,7 @@ HELD = ("motions", "attractors", "responses")
 STEP = whole_number(1, 10_000_000)
 OPTIONS = (
     BRANCHES,
+    ROWS,
     Option(
         "--by-share",
         "show attractors by falling share at each point, the dominant one first (default: each in "
@@ -77,6 +78,7 @@ def _motions(options, frames):
 
     steps = options.frame_step, options.amplitude_step
     study = gather(frames, options.points, *steps, options.by_share, options.branches)
+    study = study.in_rows(options.floors) if options.floors else study
     kept, stored = study.thinned["points"], study.thinned["of_points"]
     along = count(study.amplitude.size, study.dims[1])
     contents = (

@@ -8,6 +8,8 @@ import pytest
 
 import hpcsweep
 from hpcsweep.figures.diagrams import motion, response
+from hpcsweep.figures.explorer.page import _structure
+from hpcsweep.figures.explorer.page_data import PageData
 from hpcsweep.figures.labels import typeset
 from hpcsweep.figures.style import PlotError
 from hpcsweep.store import Frames
@@ -101,3 +103,24 @@ def test_a_branch_along_a_formula_grazes_where_its_closed_form_does():
         hpcsweep.curve(stop, branch.isel(special=0))
     with pytest.raises(ValueError, match="omega must be a number: the branch is along it"):
         hpcsweep.branch(stop, 0.1, "omega", *given)
+
+
+def test_a_page_in_rows_moves_as_the_structure_does():
+    contacts = [hpcsweep.Contact([1.0, -1.0, 0.0], 0.1, 5.0), hpcsweep.Contact([0, 0, 1], 0.2, 3.0)]
+    stiffness = [[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]]
+    made = hpcsweep.Structure.from_matrices([2.0, 1.0, 1.5], stiffness, contacts)
+    u = np.array([0.3, -0.2, 0.5])
+    points, speed = u[None].astype(np.float32), np.zeros((1, 1, 1, 3), np.float32)
+    axes = np.ones(1), np.ones(1), ("up",), ("sweep up",)
+    data = PageData("", made, *axes, {"speed": speed}, points).in_rows(["1-2", "contact:2"])
+    assert data.names == ("1", "1-2", "contact:2")
+    assert np.allclose(data.points[0], [0.3, 0.5, 0.5])
+    plain, other = _structure(made), _structure(made, (), data.change, data.names)
+    moved = data.change @ u
+    pairs = zip(plain["contacts"], other["contacts"], strict=True)
+    for old, new in pairs:
+        reached = sum(value * moved[i] for i, value in new["direction"])
+        assert math.isclose(reached, sum(value * u[i] for i, value in old["direction"]))
+    was, now = np.array(plain["stiffness"]) @ u, np.array(other["stiffness"]) @ moved
+    assert np.allclose(data.change @ was, now)
+    assert other["stops"][1] == [0.1]

@@ -1,5 +1,6 @@
 """Build one self-contained page of a study."""
 
+import functools
 import html
 import json
 import math
@@ -14,7 +15,7 @@ from hpcsweep.figures import labels, palette
 from hpcsweep.figures.explorer import encode
 from hpcsweep.figures.explorer.branches import pack_branches, with_members
 from hpcsweep.figures.explorer.page_data import PageData
-from hpcsweep.model.coordinates import floor_coordinate
+from hpcsweep.model.coordinates import Coordinate
 from hpcsweep.model.description import in_words
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.unit_names import unit_of
@@ -108,6 +109,7 @@ def _pack(study: PageData) -> tuple[dict, dict[str, str]]:
         add(name, codes, n_amplitudes, **notes)
     worst = _add_points(study, add)
     each = study.steps.get("structures", [])
+    shown = functools.partial(_structure, change=study.change, names=study.names)
     grazing: list[float | None] = [None] * study.omega.size
     if not study.steps:
         grazing = [_grazing(study.structure, omega) for omega in study.omega.tolist()]
@@ -116,9 +118,11 @@ def _pack(study: PageData) -> tuple[dict, dict[str, str]]:
     return {
         "branches": pack_branches(study.branches, study.structure, NAME_ROOM, add),
         "name": study.name,
-        "structure": _structure(study.structure, each),
+        "structure": shown(study.structure, each),
         "axes": {"x": _axis(study.dims[1], study.quantity), "y": _axis(study.dims[0], "")},
-        "steps": study.steps | {"structures": [*map(_structure, each)]} if study.steps else None,
+        "steps": study.steps | {"structures": [shown(step) for step in each]}
+        if study.steps
+        else None,
         "unitNames": _unit_names(study.structure),
         "grazing": grazing,
         "omega": study.omega.tolist(),
@@ -245,20 +249,20 @@ def _axis(name: str, quantity: str) -> dict[str, str]:
     return {"label": _plain(label), "quantity": unit, "noun": key or name, "key": key}
 
 
-def _structure(structure, each: Sequence = ()) -> dict:
+def _structure(structure, each: Sequence = (), change=None, names: Sequence[str] = ()) -> dict:
     """Return the structure as the page integrates and describes it: divided by the masses.
 
-    Of several, one a step of a sweep, the words are those that hold along it, without stops.
+    Of several, one a step of a sweep, the words are those that hold along it, without stops. In
+    coordinates S u, S the `change`: M^-1 K is S M^-1 K S^-1 there, a direction d is S^-T d.
     """
-    mass = structure.mass_matrix
+    mass, change = structure.mass_matrix, np.eye(structure.n_floors) if change is None else change
+    back = np.linalg.inv(change)
 
     def entries(vector) -> list[list]:
         return [[i, float(value)] for i, value in enumerate(vector) if value]
 
     finite = math.isfinite(structure.sharpness)
-    places = [
-        floor_coordinate(structure, floor).stops(structure) for floor in range(structure.n_floors)
-    ]
+    places = [Coordinate(tuple(row), "").stops(structure) for row in change.tolist()]
     if each:
         places = [([], [])] * structure.n_floors
     words_of = [in_words(step) for step in (*each[:1], *each[-1:])]
@@ -267,18 +271,18 @@ def _structure(structure, each: Sequence = ()) -> dict:
     return {
         "words": ", ".join(words).replace("inf", "∞"),
         "floors": structure.n_floors,
-        "names": list(structure.names.floors),
+        "names": [*(names or structure.names.floors)],
         "rho": structure.sharpness if finite else None,
-        "stiffness": per_mass(mass, structure.stiffness_matrix).tolist(),
-        "damping": per_mass(mass, structure.damping_matrix).tolist(),
-        "forcing": per_mass(mass, structure.forcing_vector).tolist(),
+        "stiffness": (change @ per_mass(mass, structure.stiffness_matrix) @ back).tolist(),
+        "damping": (change @ per_mass(mass, structure.damping_matrix) @ back).tolist(),
+        "forcing": (change @ per_mass(mass, structure.forcing_vector)).tolist(),
         "harmonics": [list(harmonic) for harmonic in structure.harmonics],
         "contacts": [
             {
                 "name": structure.contact_names[number],
-                "direction": entries(contact.direction),
+                "direction": entries(contact.direction @ back),
                 "gap": contact.gap,
-                "push": entries(kappa * per_mass(mass, np.array(contact.direction))),
+                "push": entries(change @ (kappa * per_mass(mass, np.array(contact.direction)))),
             }
             for number, contact, kappa in zip(
                 structure.contact_numbers,

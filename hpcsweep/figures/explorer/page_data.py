@@ -1,7 +1,8 @@
 """Gather the data of the explorer from a results file, one frame at a time."""
 
 import contextlib
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from hpcsweep.dynamics.classify import MOTION, MotionClass
 from hpcsweep.figures import labels, style
 from hpcsweep.figures.attractors import DIMENSION, attractor_classes
+from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.inferred import filled, filled_classes, inferred
 from hpcsweep.figures.overlay import Drawn, Overlay
 from hpcsweep.model.structure import Structure
@@ -84,6 +86,32 @@ class PageData:
     steps: dict[str, list] = field(default_factory=dict)
     """Of a sweep along another parameter: `omega` and `amplitude` of each frame and step, lists,
     and `structures`, one a step, or none."""
+    change: np.ndarray | None = None
+    """S, (n, n), where other coordinates S u are shown than floors ..."""
+    names: tuple[str, ...] = ()
+    """... and what they are called."""
+
+    def in_rows(self, words: Sequence[str]) -> "PageData":
+        """Return the data with each row that a word names in place of one of its floors."""
+        change, names = np.eye(self.structure.n_floors), [*self.structure.floor_names]
+        for word in words:
+            (coordinate,) = coordinates(self.structure, [word])
+            sizes = np.where([name in words for name in names], 0.0, np.abs(coordinate.row))
+            place = int(np.flatnonzero(sizes == sizes.max())[-1])
+            change[place], names[place] = coordinate.row, word
+        if np.linalg.matrix_rank(change) < len(change):
+            raise style.PlotError(f"--row {words[-1]}: follows from the others")
+        return replace(
+            self,
+            change=change,
+            names=tuple(names),
+            points=(self.points @ change.T).astype(self.points.dtype),
+            runs=self.runs | {"speed": (self.runs["speed"] @ change.T).astype(np.float32)},
+            branches=[
+                [one._replace(points=one.points @ np.kron(np.eye(2), change.T)) for one in frame]
+                for frame in self.branches
+            ],
+        )
 
 
 def gather(

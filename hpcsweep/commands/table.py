@@ -10,6 +10,9 @@ examples:
   hpcsweep table pair.h5 -o pair.csv
   hpcsweep table pair.h5 --what drift,acceleration,force --place A -o pair.xlsx
   hpcsweep table pair.h5 --what storey_drift,storey_drift_time,pga --at gap=0.02 -o pair.parquet
+  hpcsweep table frames.h5 --structures --beside walls.h5 --scale 5 -o portfolio.csv
+With --structures a row is a structure at one intensity: median, 16 and 84 % of the records, the
+share of these in which something touches, the place where the median is largest.
 Columns have the names of --what and their units: drift [%]. Responses are sizes; drift and
 residual_drift are ratios in percent where the job gives storey heights.
 """
@@ -27,12 +30,16 @@ NEEDS = {".csv": "pandas", ".xlsx": "openpyxl", ".parquet": "pyarrow"}
 """Libraries that write a table, by the end of its name."""
 MAX_ROWS = 2**20 - 1
 """Of a sheet, below its header."""
+PARTS = "16 %", "median", "84 %"
+"""Of the records, in the order of `OfStructure.band`."""
 DONE = " done"
 """Name of the outcomes by which rows are chosen."""
 
 
 def configure(parser) -> None:
     """Add the options of the command."""
+    from hpcsweep.figures.diagrams import responses, storeys
+
     add_file(parser, "TABLE", "table: .csv, .xlsx or .parquet (default: FILE with .csv)")
     parser.add_argument(
         "--what",
@@ -41,6 +48,9 @@ def configure(parser) -> None:
         "(default: drift,acceleration; of others all with one value a run, and what was asked for)",
     )
     parser.add_argument("--place", metavar="NAME", help="one storey, floor, contact or building")
+    parser.add_argument("--structures", action="store_true", help="a row a structure")
+    for option in (storeys.BESIDE, responses.SCALE):
+        option.add(parser, ", with --structures")
     add_at(parser, "all values")
 
 
@@ -62,10 +72,12 @@ def run(options) -> int:
 
     with contextlib.closing(Frames(options.file, None, options.at)) as frames:
         tables = _tables(frames, options.what, options.place)
+        if options.structures:
+            tables = _structures(frames, options)
         if form != ".parquet":
             tables = map(_as_cells, tables)
         first = next(tables)
-        wanted = _wanted(frames, options.what).items()
+        wanted = () if options.structures else _wanted(frames, options.what).items()
         with writing(path):
             if form == ".csv":
                 n_rows = 0
@@ -81,8 +93,27 @@ def run(options) -> int:
                 write = whole.to_excel if form == ".xlsx" else whole.to_parquet
                 write(path, index=False)
     units = (name if column.unit == "1" else f"{name} in {column.unit}" for name, column in wanted)
-    print(f"{path}: {n_rows} rows, {', '.join(units)}")
+    print(f"{path}: {', '.join([f'{n_rows} rows', *units])}")
     return 0
+
+
+def _structures(frames, options) -> Iterator:
+    """Yield the table of all structures."""
+    import pandas
+
+    from hpcsweep.figures.diagrams.storeys import PERIOD, opened, structures_of
+
+    what = (options.what or "drift", options.place, options.scale)
+    with opened(options.beside or ()) as others:
+        structures = structures_of(frames, *what, others)
+    label = structures[0].stripes.label.replace("  ", " ")
+    rows = [
+        {"job": each.job, "structure": each.name, "storeys": each.storeys, **each.keys}
+        | {f"{part} {label}": size for part, size in zip(PARTS, each.band, strict=True)}
+        | {"touching": each.touching, "worst place": each.worst}
+        for each in structures
+    ]
+    yield pandas.DataFrame(rows).rename(columns={PERIOD: "longest period"})
 
 
 def _tables(frames, what: str | None, place: str | None) -> Iterator:

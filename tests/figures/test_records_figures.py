@@ -434,6 +434,26 @@ def test_a_portfolio_shows_fractiles_of_every_structure_over_its_keys(tmp_path):
     assert min(y for _, y in offsets[1]) > max(y for _, y in offsets[0])
 
 
+def test_structures_of_several_jobs_stand_in_one_table(folder):
+    files = ("job.h5", "--structures", "--beside", "hysteresis.h5", "--scale", "0.5", "-o", "s.csv")
+    assert hpcsweep(0, "table", *files, cwd=folder).returncode == 0
+    rows = list(csv.DictReader((folder / "s.csv").read_text().splitlines()))
+    for row, job in zip(rows, ("job", "hysteresis"), strict=True):
+        results = open_results(folder / f"{job}.h5")
+        drift = 100.0 * results.storey_drift.isel(scale=0) / results.storey_height
+        largest = np.sort(drift.max("storey").values)
+        values = [float(value) for name, value in row.items() if "drift" in name]
+        assert values == pytest.approx([largest[1], np.median(largest), largest[6]])
+        share = float((results.impacts.isel(scale=0) > 0).any("stop").mean())
+        assert (row["job"], float(row["touching"])) == (job, share)
+        middle = np.median(drift.values, axis=list(drift.dims).index("record"))
+        assert row["worst place"] == str(results.storey.values[middle.argmax()])
+    done = hpcsweep(
+        0, "plot", "job.h5", "--kind", "portfolio", *files[2:4], "-o", "s.png", cwd=folder
+    )
+    assert done.returncode == 0
+
+
 def test_outliers_run_past_the_edge_and_are_told():
     curves = np.outer([1.0, 1.1, 1.2, 1.3, 9.0], [0.5, 1.0])
     edge, words = within(curves)

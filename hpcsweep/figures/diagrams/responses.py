@@ -109,12 +109,12 @@ def legend(axis, title: str | None = None, **looks) -> None:
 
 def title(results) -> str:
     """Write the name of the job, the part that is drawn, and whether it is elastic too long."""
-    part, name = _part(results), str(results.attrs["name"])
+    part, name = part_words(results), str(results.attrs["name"])
     elastic = elastic_words(elastic_drift(results, style.structure_of(results)))
     return (f"{name}:  {part}" if part else name) + f"\n{elastic}" * bool(elastic)
 
 
-def _part(results) -> str:
+def part_words(results) -> str:
     """Return the keys of the part that is drawn, of buildings by their names."""
     names = [name.removeprefix("building") for name in style.structure_of(results).building_names]
     part = str(results.attrs.get("part") or "")
@@ -270,7 +270,7 @@ def heights(names: Sequence[str]) -> list[tuple[str, list[int], list[int]]]:
 def run_title(results, study: Records, i: int, at: int) -> str:
     """Write which run is drawn, and when it collapses."""
     run = results.isel(record=i, scale=at)
-    words = [_part(results), samples_of(study, i).name, at_scale(study, at)]
+    words = [part_words(results), samples_of(study, i).name, at_scale(study, at)]
     if run.get("collapsed"):
         unit = labels.named(study.structure, "time")
         words.append(f"collapses at {float(run['collapse_time']):.4g}{unit}")

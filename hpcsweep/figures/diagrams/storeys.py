@@ -1,6 +1,10 @@
 """Figures of the storeys, and of the structures, of a study of records at one intensity."""
 
-from typing import NamedTuple
+import contextlib
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,8 +14,15 @@ from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.diagrams.vary_map import WIDE
 from hpcsweep.figures.options import Option, figure_of
 from hpcsweep.parallel.counted import counted
+from hpcsweep.store import Frames
 from hpcsweep.studies.ground_motion.records import Records
-from hpcsweep.studies.ground_motion.stripes import RESPONSES, responses_of, stripes_of
+from hpcsweep.studies.ground_motion.stripes import (
+    RESPONSES,
+    Stripes,
+    places_of,
+    responses_of,
+    stripes_of,
+)
 from hpcsweep.studies.study import as_kind
 
 ROOM = 0.2
@@ -25,6 +36,15 @@ AGAINST = Option(
 )
 COLOUR = Option("--colour", "such a key that the colours tell (default: none)", metavar="KEY")
 WHICH = responses.RESPONSE, responses.PLACE, responses.SCALE
+BESIDE = Option(
+    "--beside",
+    "further files of responses, whose structures may have other numbers of storeys",
+    nargs="+",
+    type=Path,
+    metavar="FILE",
+)
+OUTLIER, MOST_NAMES = 1.5, 12
+"""Distances between quartiles beyond the upper one, from which on a structure is named (Tukey)."""
 EDGE = 1.05
 """Height of structures whose median collapses, over the largest fractile."""
 
@@ -75,6 +95,67 @@ def profile(results, response: str = "drift", scale: float | None = None):
     return style.head(figure, f"{where}\n{responses.title(results)}", fontsize=9)
 
 
+class OfStructure(NamedTuple):
+    """A response of a structure at one intensity."""
+
+    job: str
+    name: str
+    """Keys that the job varies, in words; that of a row by itself; empty if none."""
+    keys: dict[str, Any]
+    """Their values, behind `PERIOD`, the longest period."""
+    storeys: int
+    band: np.ndarray
+    """16 %, median, 84 % of the records."""
+    touching: float
+    """Share of the records in which something touches; NaN without contacts."""
+    worst: str
+    """Place where the median is largest."""
+    stripes: Stripes
+
+
+def structures_of(frames, response="drift", place=None, scale=None, beside=()) -> list[OfStructure]:
+    """Return all structures of a file, and of others beside it, whose units must be the same.
+
+    Raises
+    ------
+    PlotError
+    """
+    held = [RESPONSES[response].name, "outcome", "collapsed", "impacts"]
+    found: list[OfStructure] = []
+    for file in (frames, *beside):
+        for at in counted(file.parts(), file.whole.study.n_parts, "reading structure"):
+            results, study = file.gather(held), as_kind(file.study, Records)
+            stripes = stripes_of(results, study, response, place)
+            number = responses.scale_index(results, scale)
+            each = responses_of(results, study, response)
+            chosen = places_of([*each.names], place)
+            middle = median_band(each.values[:, number, chosen])[1]
+            touching = math.nan
+            if "impacts" in results:
+                touching = float((results["impacts"][:, number].values > 0).any(axis=-1).mean())
+            found.append(
+                OfStructure(
+                    job=str(results.attrs["name"]),
+                    name=str(at.get("structure", responses.part_words(results))),
+                    keys={PERIOD: study.structure.longest_period, **at},
+                    storeys=len(study.structure.drift_rows),
+                    band=median_band(stripes.values[:, number]),
+                    touching=touching,
+                    worst=each.names[chosen[int(np.argmax(middle))]],
+                    stripes=stripes,
+                )
+            )
+            for word, ours, first in zip(
+                ("responses", "intensities"),
+                (stripes.label, stripes.measure),
+                (found[0].stripes.label, found[0].stripes.measure),
+                strict=True,
+            ):
+                if ours != first:
+                    raise style.PlotError(f"--beside {file.path}: {word} are {ours}, not {first}")
+    return found
+
+
 class Portfolio(NamedTuple):
     """16 %, median, 84 % of all structures, shape (3, structures); values, labels of two keys."""
 
@@ -83,9 +164,19 @@ class Portfolio(NamedTuple):
     hue: tuple[np.ndarray, str] | None
     label: str
     title: str
+    structures: list[OfStructure]
 
 
-def load_portfolio(frames, response="drift", place=None, scale=None, against=None, colour=None):
+@contextlib.contextmanager
+def opened(paths: Sequence[Path]) -> Iterator[list[Frames]]:
+    """Open further files of responses."""
+    with contextlib.ExitStack() as stack:
+        yield [stack.enter_context(contextlib.closing(Frames(path, "responses"))) for path in paths]
+
+
+def load_portfolio(
+    frames, response="drift", place=None, scale=None, against=None, colour=None, beside=()
+):
     """Read one response of all structures, a `Portfolio`.
 
     Raises
@@ -93,16 +184,12 @@ def load_portfolio(frames, response="drift", place=None, scale=None, against=Non
     PlotError
     """
     varied = {key.name: key for axis in frames.whole.study.axes for key in axis.keys}
-    if not varied:
-        raise style.PlotError("--kind portfolio shows structures that a job varies")
-    names = [RESPONSES[response].name, "outcome", "collapsed"]
-    bands, keys = [], []
-    for at in counted(frames.parts(), frames.whole.study.n_parts, "reading structure"):
-        results, study = frames.gather(names), as_kind(frames.study, Records)
-        stripes = stripes_of(results, study, response, place)
-        number = responses.scale_index(results, scale)
-        bands.append(median_band(stripes.values[:, number]))
-        keys.append({PERIOD: study.structure.longest_period, **at})
+    if not varied and not beside:
+        raise style.PlotError("--kind portfolio shows structures that a job varies, or --beside")
+    with opened(beside) as others:
+        structures = structures_of(frames, response, place, scale, others)
+    stripes, study = structures[0].stripes, as_kind(frames.study, Records)
+    bands, keys = [each.band for each in structures], [each.keys for each in structures]
     if np.isnan(bands).all():
         raise style.PlotError("no run is complete yet")
     columns = {name: np.array([key.get(name, "") for key in keys]) for name in (PERIOD, *varied)}
@@ -123,22 +210,27 @@ def load_portfolio(frames, response="drift", place=None, scale=None, against=Non
 
     hue = values("--colour", colour) if colour else None
     many = f"{len(keys)} structures, {len(stripes.records)} records"
-    title = f"{frames.whole.name}:  {responses.at_scale(study, number)},  {many}"
-    return Portfolio(np.array(bands).T, values("--against", against), hue, stripes.label, title)
+    number = int(np.argmin(np.abs(study.scale - scale))) if scale else study.scale.size // 2
+    jobs = ", ".join(dict.fromkeys(each.job for each in structures))
+    title = f"{jobs}:  {responses.at_scale(study, number)},  {many}"
+    over = values("--against", against)
+    return Portfolio(np.array(bands).T, over, hue, stripes.label, title, structures)
 
 
-@figure_of("portfolio", "responses", load_portfolio, *WHICH, AGAINST, COLOUR)
+@figure_of("portfolio", "responses", load_portfolio, *WHICH, AGAINST, COLOUR, BESIDE)
 def portfolio(results: Portfolio, **_options):
     """Response of all structures at one intensity, a point each, over a key that the job varies.
 
-    Median and 16 to 84 % of the records.
+    Median and 16 to 84 % of the records, with the names of outliers; of several jobs each has its
+    colour.
     """
     figure, (axis,) = style.new_figure(1, 4.4)
     (low, median, high), (over, label), hue = results[:3]
     top = EDGE * results.bands[np.isfinite(results.bands)].max(initial=0.0)
     axis.vlines(over, np.minimum(low, top), np.minimum(high, top), color="0.75", lw=0.8, zorder=1)
     keys = [labels.area("16 to 84 % of the records", "0.75")]
-    looks: dict = {"color": palette.series_colour(0)}
+    jobs = list(dict.fromkeys(each.job for each in results.structures))
+    looks: dict = {"color": palette.series_colour(0) if len(jobs) == 1 else "0.4"}
     if hue is not None:
         ends = dict(zip(("vmin", "vmax"), np.quantile(hue[0], (0, 1)).tolist(), strict=True))
         looks = {"cmap": palette.NUMBERS, "norm": _scale(hue[0]), **ends}
@@ -149,6 +241,20 @@ def portfolio(results: Portfolio, **_options):
             at = over[chosen], np.minimum(median[chosen], top)
             points = axis.scatter(*at, s=18, marker=marker, zorder=2, **looks, **hues)
             keys.append(labels.dot(words, looks.get("color", "0.4"), marker))
+    for series, job in enumerate(jobs if hue is None and len(jobs) > 1 else ()):
+        of_job = np.array([each.job == job for each in results.structures])
+        colour = palette.series_colour(series)
+        axis.scatter(over[of_job], np.minimum(median, top)[of_job], s=18, color=colour, zorder=3)
+        keys.append(labels.dot(job, colour))
+    lower, upper = np.nanquantile(np.minimum(median, top), (0.25, 0.75))
+    far = np.flatnonzero(median > upper + OUTLIER * (upper - lower))
+    for k in sorted(far, key=lambda k: -median[k])[:MOST_NAMES]:
+        each = results.structures[k]
+        name = each.name if len(jobs) == 1 else ", ".join(filter(None, (each.job, each.name)))
+        side = 1 if over[k] <= over.mean() else -1
+        where = {"xytext": (4 * side, 2), "textcoords": "offset points", "fontsize": 7}
+        where["ha"] = "left" if side > 0 else "right"
+        axis.annotate(name, (over[k], min(median[k], top)), **where)
     if hue is not None:
         figure.colorbar(points, ax=axis, label=hue[1])
     axis.set(xlabel=label, ylabel=results.label, xscale=_scale(over), ylim=(0, None))

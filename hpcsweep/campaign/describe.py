@@ -172,6 +172,7 @@ def _contacts(structure) -> list[str]:
     length = known_unit(structure, "length")
     return [
         f"{names[k]}: gap {contact.gap:.6g}{length}, stiffness {contact.stiffness:.6g}"
+        + ("" if contact.restitution is None else f", restitution {contact.restitution:.6g}")
         for k, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
     ] or ["none"]
 

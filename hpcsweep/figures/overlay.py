@@ -28,6 +28,7 @@ MARKS = {
     Kind.BRANCH_POINT: ("branch point", "^", palette.series_colour(3)),
     Kind.GRAZING: ("grazing", "|", palette.GRAZING),
     Kind.SLIP: ("slip", "v", palette.DARK_INK),
+    Kind.CHATTER: ("chatter", "<", palette.DARK_INK),
 }
 """Word, marker and colour of each kind of special point."""
 SPECIALS = ("special_kind", "special_value")

@@ -27,7 +27,10 @@ Contact k: x = d_k . u - gap_k is the distance past its stop, and it pushes with
 stiffness_k S(x) x, S(x) = 1 / (1 + exp(-sharpness x)), with an infinite sharpness S = 1 where x > \
 0 and else 0; with a damping c F_k = stiffness_k x + c x' where x > 0, which without tension is at \
 least 0. Slider j of stiffness k_j, whose spring K holds: |k_j (b_j . u - p_j)| <= strength_j; p_j \
-rests, and while the limit is reached follows b_j . u."""
+rests, and while the limit is reached follows b_j . u.{rigid}"""
+RIGID = """\
+ Of an infinite stiffness_k x is at most 0: where it reaches 0, d_k . u' becomes -restitution \
+times what it was, by an impulse along -d_k; while that is 0 a reaction along -d_k may hold it."""
 HARMONIC = """\
 G = A sum_h a_h sin(h Omega tau + phi_h), with (h, a_h, phi_h) of the harmonics, A = amplitude, \
 Omega = omega; where b = -M r, r the influence, it is the acceleration of the base."""

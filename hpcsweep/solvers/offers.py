@@ -60,6 +60,8 @@ TANGENTS = Capability(
 """Exact tangent maps of every motion; else differences of smooth ones, which have kinks."""
 BATCHES = Capability(_never_yields)
 """Many runs, or points of a branch, by one call of a kernel; else one after the other."""
+SMOOTH = Capability(_is_elastic)
+"""Maps with a tangent map everywhere; else branches of their orbits have corners."""
 CLOSING = Capability(_never_yields)
 """Orbits that close; else they may ratchet."""
 ISOLATED = Capability(lambda one: not (one.sliders or one.n_rigid))

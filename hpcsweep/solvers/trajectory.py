@@ -14,11 +14,13 @@ from scipy.optimize import brentq
 
 from hpcsweep.kernels.compile.warm import load_all
 from hpcsweep.model.arguments import count, finite, finite_vector, forcing_frequency, instance
+from hpcsweep.model.observed import CLOSINGS
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
 from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
-from hpcsweep.solvers.flow.march.record import march_record
+from hpcsweep.solvers.flow.march.record import ALL_PEAKS, march_record
+from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.record_map import kernels_of
 from hpcsweep.solvers.flow.state.shared import shared_at
 from hpcsweep.solvers.outcome import Outcome
@@ -72,7 +74,7 @@ class PeriodMap:
         self._amplitude, self._parts = amplitude / units.amplitude_unit, parts
         order, _, phase = np.array(self.structure.forcing.terms).T
         turn = 2.0 * math.pi * np.outer(np.arange(parts) / parts, order)
-        self._phases, self._polling = (turn + phase).ravel(), Polling()
+        self._phases, self._polling, self._wanted = (turn + phase).ravel(), Polling(), 0
         load_all(kernels_of(self.structure))
 
     def follow(self, n_periods: int = 1) -> Course:
@@ -88,18 +90,20 @@ class PeriodMap:
         plastic = self._sliders.plastic(held[0], modes)[0]
         states = self._units.out_of(np.concatenate((held[0], plastic), -1))
         states[0] = self.state
-        return Course(states, self._sliders.force(*held))
+        return Course(states, self._sliders.force(*held[:3]))
 
     def _through(self, n_periods: int) -> list[np.ndarray]:
-        """Return the states of the kernels at all ends, with modes and p of elements."""
+        """Return the states of the kernels at all ends, with modes and p of elements, closings."""
         modes, size = self._shared.modes, n_periods * self._parts + 1
         z, plastic = np.split(self._units.into(self.state), [self._units.size])
-        held = [np.empty((size, row.size), row.dtype) for row in (z, *modes[:2])]
+        closings = self._shared.tally.impacts[CLOSINGS]
+        carried = z, *modes[:2], closings
+        held = [np.zeros((size, row.size), row.dtype) for row in carried]
         for begin in range(0, size - 1, self._parts):
             if plastic.size:
                 plastic = plastic if not begin else self._sliders.plastic(z, modes)[0]
                 self._sliders.place(z, plastic, modes)
-            for rows, start in zip(held, (z, *modes), strict=False):
+            for rows, start in zip(held, carried, strict=True):
                 rows[begin] = start
             for first, last in self._polling.cut(self._parts):
                 step = 1 if modes.mode.size else last - first
@@ -109,33 +113,50 @@ class PeriodMap:
                     if outcome != Outcome.COMPLETE:
                         where = f"in forcing period {begin // self._parts + 1}"
                         raise ArithmeticError(f"flow: {Outcome(outcome).name} {where}")
-                    held[1][ends], held[2][ends] = modes[:2]
+                    held[1][ends], held[2][ends], held[3][ends] = *modes[:2], closings
         return held
 
     def _over(self, z, first: int, last: int, share: float, points=None) -> int:
         """Advance z over parts of a period, or a share of one; return the outcome."""
         points = np.empty((0, z.size)) if points is None else points
         parts = first, last, share * self._shared.model.period
-        return march_record(self._packed, z, self._phases, self._amplitude, parts, 0, points)[1]
+        march = self._packed, z, self._phases, self._amplitude, parts, self._wanted, points
+        return march_record(*march)[1]
 
     def crossings(self) -> "list[Crossing]":
         """Return the contacts that close and open in one forcing period, in order of time."""
-        structure, held, changes = self.structure, self._through(1), list[Crossing]()
-        contacts, modes = self._shared.model.contacts, self._shared.modes
+        rigid, tally, changes = self.structure.is_rigid, self._shared.tally, list[Crossing]()
+        contacts, modes, model = self._shared.model.contacts, self._shared.modes, self._shared.model
+        reset(tally)
+        self._wanted = ALL_PEAKS if rigid.any() else 0
+        held = self._through(1)
 
         def distances(z: np.ndarray) -> np.ndarray:
             return contacts.sign * z[..., contacts.row] - contacts.gap
 
-        def distance(share: float, j: int, contact: int) -> float:
-            z, modes.mode[:], modes.state[:] = (rows[j].copy() for rows in held)
+        def at(share: float, j: int) -> np.ndarray:
+            z, modes.mode[:], modes.state[:] = (rows[j].copy() for rows in held[:3])
+            reset(tally)
             self._over(z, j, j + 1, share)
-            return float(distances(z)[contact])
+            return z
 
-        beyond = distances(held[0]) >= 0.0
-        for j, k in zip(*np.nonzero(beyond[1:] != beyond[:-1]), strict=True):
-            share = brentq(distance, 0.0, 1.0, (j, k), xtol=AT_CROSSING)
-            number = structure.contact_numbers[k]
-            changes.append(Crossing(number, bool(beyond[j + 1, k]), (j + share) / self._parts))
+        def told(j: int, k: int, closes: bool, of) -> None:
+            share = brentq(lambda share: of(at(share, j)), 0.0, 1.0, xtol=AT_CROSSING)
+            number = self.structure.contact_numbers[k]
+            changes.append(Crossing(number, closes, (j + share) / self._parts))
+
+        beyond = (distances(held[0]) >= 0.0) & ~rigid
+        for j, k in np.argwhere(beyond[1:] != beyond[:-1]).tolist():
+            told(j, k, bool(beyond[j + 1, k]), lambda z, k=k: float(distances(z)[k]))
+        struck = np.diff(held[3], axis=0).astype(int) * rigid
+        for j, k in np.argwhere(struck).tolist():
+            for i in range(struck[j, k]):
+                told(j, k, True, lambda _, k=k, i=i: tally.impacts[CLOSINGS, k] - i - 0.5)
+        size = rigid.size * bool(rigid.any())
+        first = model.elements.first[:size]
+        rests = (held[1][:, :size] != first) & rigid[:size]
+        for j, k in np.argwhere(rests[:-1] & ~rests[1:]).tolist():
+            told(j, k, False, lambda _, k=k: 0.5 - (modes.mode[k] != first[k]))
         return sorted(changes, key=lambda change: change.phase)
 
 
@@ -169,7 +190,7 @@ def trajectory(
 
 
 class Crossing(NamedTuple):
-    """A contact that closes or opens."""
+    """A contact that closes or opens: a rigid one at impacts, and where it rests no more."""
 
     contact: int
     """Number of the contact, from 1."""

@@ -203,7 +203,9 @@ class Layout:
             "resolved_job": resolved(self.job),
             "variables": " ".join(variable.name for variable in self.variables),
             **({"derived": " ".join(v.name for v in self.derived)} if self.derived else {}),
-            "equation": description.MOTION.format(forcing=forcing),
+            "equation": description.MOTION.format(
+                forcing=forcing, rigid=description.RIGID * bool(structure.is_rigid.any())
+            ),
             "signs": description.SIGNS,
             "structure": description.as_text(structure),
             "solver": settings.solver,

@@ -241,3 +241,14 @@ def test_the_tangent_map_is_that_of_differences(seed):
     ]
     differences = (np.array(ends[0]) - np.array(ends[1])).T / 2e-6
     assert_allclose(matrix, differences, atol=1e-7)
+
+
+def test_an_orbit_tells_its_impacts_and_where_a_floor_that_rests_is_let_go():
+    """Pressed by the forcing alone it leaves where A sin falls below the spring."""
+    structure, omega, gap = one(0.0, 0.2, zeta=0.05), 0.2, 0.2
+    point = hpcsweep.stroboscopic_points(structure, 1.0, omega, np.zeros(2), 20)[-1]
+    hit, leaves = hpcsweep.orbit(structure, 1.0, omega, point, 1).signature
+    assert (hit.closes, leaves.closes) == (True, False)
+    assert_allclose(leaves.phase, 1.0 - math.asin(gap) / (2 * math.pi), rtol=1e-12)
+    share = FlowMap(structure, omega).observe(point, 1.0, 1, measures=IMPACT).measures
+    assert_allclose(leaves.phase - hit.phase, share.contact_share[0], rtol=1e-12)

@@ -160,7 +160,8 @@ def _walk(curve, start: Solution, limits: Limits, take: Stepper) -> Arc:
             continue
         point, specials, angle, end = taken
         share, shift = passes_start(curve.sizes, start, last, point)
-        if share > 0.0 and len(arc.points) > 2:
+        jumps = length(point.y - last.y) > 2.0 * limits.largest  # see `borders`
+        if share > 0.0 and len(arc.points) > 2 and not jumps:
             point, end = _shifted(curve, start, shift), "closed"
             specials = [special for special in specials if special.fraction <= share]
         for special in specials:

@@ -9,7 +9,8 @@ With the multipliers mu of the orbit and the tangent t of the branch,
 - a *branch point*: prod (1 - mu) and the component along the parameter do not change their signs
   together, as they do at a fold;
 - a *grazing*: the signature, which counts the impacts, changes;
-- a *slip*: that changes in the excursions of sliders (`hpcsweep.dynamics.continuation.borders`).
+- a *slip*: that changes in the excursions of sliders (`hpcsweep.dynamics.continuation.borders`);
+- a *chatter*: a rigid contact comes to rest in infinitely many impacts on one side alone.
 
 All are functions along the arc, found by false position, the last one by bisection; each evaluation
 is a point of the branch. A point is known to about `PRECISION` of the step.
@@ -44,6 +45,7 @@ class Kind(IntEnum):
     BRANCH_POINT = 4
     GRAZING = 5
     SLIP = 6
+    CHATTER = 7
 
 
 CORNERS = Kind.FOLD, Kind.SLIP

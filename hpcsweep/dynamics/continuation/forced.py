@@ -25,7 +25,7 @@ from hpcsweep.dynamics.stability import held
 from hpcsweep.model.arguments import choice, shown
 from hpcsweep.model.observed import IMPACT
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.offers import BATCHES
+from hpcsweep.solvers.offers import BATCHES, SMOOTH
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.polling import Poll
 from hpcsweep.solvers.records import Observation
@@ -34,6 +34,8 @@ from hpcsweep.solvers.solver import make_solver
 DIFFERENCE = 1e-8
 """Share of a parameter over which differences are taken for the slopes by it."""
 KEPT_SOLVERS, KEPT_SEEN = 8, 10_000
+CHATTERS = -1
+"""In a signature: a rigid contact comes to rest in infinitely many impacts."""
 FORCING_PARAMETERS = ("amplitude", "omega")
 Ties = Mapping[str, Callable[..., float]]
 NO_TIES: Ties = MappingProxyType({})
@@ -183,8 +185,11 @@ class ForcedMap:
         return least, largest
 
     def signature(self, points: np.ndarray, value: Any) -> tuple[int, ...]:
-        """Return how often each contact closes along an orbit, and how often each slider slips."""
-        if not BATCHES.of(self.structure):
+        """Return how often each contact closes along an orbit, and how often each slider slips.
+
+        Of rigid contacts that chatter `CHATTERS`.
+        """
+        if not SMOOTH.of(self.structure):
             return self.counted(self.observe(points, value))
         return self._closed(points.tobytes(), value)
 
@@ -197,6 +202,8 @@ class ForcedMap:
         """Return the signature of an orbit that has been observed."""
         assert seen.measures is not None  # `_observe` has requested them
         closings = seen.measures.impacts * len(seen.points)
+        rebounds = np.array([bool(one.restitution) for one in self.structure.contacts], bool)
+        closings[rebounds & (seen.measures.contact_share > 0.0)] = CHATTERS
         slips = seen.slid.get("excursions", closings[:0])
         return tuple(np.rint(np.append(closings, slips)).astype(int).tolist())
 

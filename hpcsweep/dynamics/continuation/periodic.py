@@ -37,8 +37,8 @@ class Orbit:
         Largest difference between z(jT) integrated and the next point, in units of the state.
     signature : tuple of Crossing
         The contacts that close and open, in order of time: ``contact`` (its number), ``closes``,
-        and ``phase`` in forcing periods, from 0 to p. It is not told of structures with sliders,
-        nor of rigid contacts, which close for no time.
+        and ``phase`` in forcing periods, from 0 to p. It is not told of structures with sliders.
+        A rigid contact closes at each impact, and opens where it rests no more.
     families : int
         Number of multipliers of 1 that are left out: sliders that stick, whose p may be another,
         and directions in which no spring keeps a place (`stability.without_families`).

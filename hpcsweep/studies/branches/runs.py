@@ -172,7 +172,7 @@ def _store_specials(rows: dict, forced: ForcedMap, catalogue: Catalogue) -> None
                 if special.change:
                     closed, slid = special.change[: len(numbers)], special.change[len(numbers) :]
                     grazing = [1 << (n - 1) for n, c in zip(numbers, closed, strict=True) if c]
-                    rows["change"][0, at] = sum(closed if special.kind is Kind.GRAZING else slid)
+                    rows["change"][0, at] = sum(slid if special.kind is Kind.SLIP else closed)
                     rows["special_contact"][0, at] = sum(grazing)
                 at += 1
         first += len(branch.points)

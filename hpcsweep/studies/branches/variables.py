@@ -22,7 +22,7 @@ from hpcsweep.studies.variables import AMPLITUDE, CYCLES, OMEGA, OUTCOME, RUN_VA
 End = IntEnum(
     "End",
     "NONE END_OF_THE_SPAN MOST_STEPS CLOSED BIRTH HALVING NOT_FOLLOWED_ON OUT_OF_REACH KNOWN "
-    "RESONANCE GRAZING BORDER",
+    "RESONANCE GRAZING BORDER CHATTER",
     start=0,
 )
 """Why a branch goes no farther."""
@@ -74,7 +74,7 @@ VARIABLES = (
         "special_kind",
         SPECIAL,
         Kind,
-        "special point: 1 fold, 2 doubling, 3 torus, 4 branch point, 5 grazing, 6 slip",
+        "special point: 1 fold, 2 doubling, 3 torus, 4 branch point, 5 grazing, 6 slip, 7 chatter",
     ),
     real("special_value", SPECIAL, "1", "value of the parameter at a special point", None),
     count("special_step", SPECIAL, "step after it, or of it"),

@@ -118,18 +118,33 @@ def put_at_rest(some, z, contacts, values):
     By what their rows are made of: one that were put there alone would leave that as it was.
     `values` are what has been taken of speeds.
     """
+    _place(some, 0, z, contacts, values)
+    _place(some, z.shape[0] // 2, z, contacts, values)
+
+
+@kernel
+def into_stops(z, contacts):
+    """Put rigid contacts that a state has past their stops to these."""
+    past, values = np.uint64(0), local_vector(contacts.row.shape[0])
+    for k in range(values.shape[0]):
+        past |= contact_bit(k) if distance(k, z, contacts) > 0.0 else np.uint64(0)
+    if rigid_of(past, contacts) != np.uint64(0):
+        _place(rigid_of(past, contacts), 0, z, contacts, values)
+
+
+@kernel
+def _place(some, first, z, contacts, values):
+    """Put displacements, of which z has the rows from `first` = 0 on, to stops, or speeds to 0."""
     n, m = z.shape[0] // 2, values.shape[0]
-    for first in range(0, 2 * n, n):
-        for k in range(m):
-            values[k] = -contacts.gap[k] if first == 0 else 0.0
-            for i in range(contacts.reach.shape[1]):
-                values[k] += contacts.reach[k, i] * z[first + i]
-        solve_for(some, contacts, values)
-        push(values, contacts, z[first : first + n])
+    for k in range(m):
+        values[k] = -contacts.gap[k] if first == 0 else 0.0
+        for i in range(contacts.reach.shape[1]):
+            values[k] += contacts.reach[k, i] * z[first + i]
+    solve_for(some, contacts, values)
+    push(values, contacts, z[first : first + n])
     for k in range(m):
         if some & contact_bit(k):
-            z[contacts.row[k]] = contacts.sign[k] * contacts.gap[k]
-            z[n + contacts.row[k]] = 0.0
+            z[first + contacts.row[k]] = contacts.sign[k] * contacts.gap[k] if first == 0 else 0.0
 
 
 @inlined

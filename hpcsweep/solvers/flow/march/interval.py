@@ -51,7 +51,7 @@ from hpcsweep.solvers.flow.layer.passage.tangent import coast_on
 from hpcsweep.solvers.flow.layer.visit import Interval, inside_layer, visit_layer
 from hpcsweep.solvers.flow.march.ending import end_at_event, passing_contacts
 from hpcsweep.solvers.flow.march.gather import gather, gather_passing, segment_tangent
-from hpcsweep.solvers.flow.march.impact import at_stops, collide, hold, rest_of
+from hpcsweep.solvers.flow.march.impact import at_stops, collide, hold, into_stops, rest_of
 from hpcsweep.solvers.flow.state.shared import (
     LAYER_STEPS,
     LINEAR_STEPS,
@@ -98,6 +98,8 @@ def begin(tau, z, amplitude, elements, shared):
             past = key = contact_key(tau, z, amplitude, model, pairs, step.a)
     else:
         write_loads(modes, model.elements, pairs)
+        if model.contacts.bounce.shape[0] > 0:
+            into_stops(z, model.contacts)
         past = past_stops(tau, z, amplitude, model, pairs, step.series)
         past ^= rigid_of(past, model.contacts)
         key = pushing(past, z, model)

@@ -154,13 +154,16 @@ STRUCTURE: Tables = {
             told=f"{N_HARMONICS}",
         ),
     ),
-    "units": tuple(
-        Key(
-            name,
-            f'name of the unit of {name} of the job, such as "{unit}": it labels files, figures '
-            "and messages, and converts nothing",
-        )
-        for name, unit in zip(UnitNames._fields, ("m", "kg", "s"), strict=True)
+    "units": (
+        *(
+            Key(
+                name,
+                f'name of the unit of {name} of the job, such as "{unit}": it labels files, '
+                "figures and messages, and converts nothing",
+            )
+            for name, unit in zip(UnitNames._fields, ("m", "kg", "s"), strict=True)
+        ),
+        Key("force", "in place of the mass, N, kN or MN: masses are then in kg, t or kt"),
     ),
     "pounding": (
         Key("gap", f"distance at rest {OF_LEVELS}", units="length"),

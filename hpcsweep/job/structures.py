@@ -27,7 +27,7 @@ from hpcsweep.model.matrices import MAX_LABEL, Contact, Slider
 from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.soil import Soil
 from hpcsweep.model.structure import Structure
-from hpcsweep.model.unit_names import UnitNames
+from hpcsweep.model.unit_names import NEWTONS, UnitNames
 from hpcsweep.studies.ground_motion.scales import known_gravity
 from hpcsweep.studies.keys import names
 
@@ -111,7 +111,16 @@ def _place(error: InputError, side_by_side: bool) -> None:
 
 def _unit_names(values: Values, structure: Structure) -> UnitNames:
     """Read the table ``units``: names that label quantities in the user's own units."""
-    table = values.table("units")
+    table = dict(values.table("units"))
+    if "force" in table:
+        force, wanted = table.pop("force"), (table.get("length", "m"), table.get("time", "s"))
+        known = {name: mass for (length, mass, s), name in NEWTONS.items() if (length, s) == wanted}
+        if "mass" in table or force not in known:
+            limit = (
+                f"must be one of {', '.join(known) or 'none'} in {'/'.join(wanted)}, without mass"
+            )
+            raise values.error("units.force", force, limit)
+        table |= {"mass": known[force], "length": wanted[0], "time": wanted[1]}
     for key, name in table.items():
         if not isinstance(name, str) or not UNIT_NAME.fullmatch(name):
             limit = 'must be the name of a unit, such as "m": letters, up to 12'

@@ -15,7 +15,7 @@ import numpy as np
 
 from hpcsweep.model.arguments import number, wrong
 from hpcsweep.model.matrices import Contact, Slider
-from hpcsweep.model.modes import natural_modes
+from hpcsweep.model.modes import longest_period
 from hpcsweep.model.structure import Structure
 
 RANGE = 1e-12, 1e12
@@ -168,9 +168,8 @@ def isolated_period(structure: Structure) -> float | None:
     sliding = structure.stiffness_matrix - (rows.T * [slider.spring for slider in bearings]) @ rows
     slabs = np.abs(rows).argmax(axis=1)
     isolated = np.ix_(*2 * [np.isin(structure.buildings, structure.buildings[slabs])])
-    frequencies, _ = natural_modes(structure.mass_matrix[isolated], sliding[isolated])
-    vibrating = frequencies[frequencies > 0.0]
-    return 2.0 * math.pi / float(vibrating[0]) if vibrating.size else None
+    period = longest_period(structure.mass_matrix[isolated], sliding[isolated])
+    return period if period < math.inf else None
 
 
 def _key(name: str) -> str:

@@ -65,6 +65,13 @@ def natural_modes(
     return np.sqrt(squares), shapes
 
 
+def longest_period(mass: np.ndarray, stiffness: np.ndarray) -> float:
+    """Return the longest period of the modes that vibrate; inf where none does."""
+    frequencies, _ = natural_modes(mass, stiffness)
+    vibrating = frequencies[frequencies > 0.0]
+    return 2.0 * math.pi / float(vibrating[0]) if vibrating.size else math.inf
+
+
 def chain_periods(mass: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """Return the longest natural periods of chains of storeys on the ground, shape (k,).
 

@@ -11,7 +11,7 @@ from fractions import Fraction
 import numpy as np
 
 from hpcsweep.model.isolation import SLAB, isolated_period
-from hpcsweep.model.modes import natural_modes
+from hpcsweep.model.modes import longest_period
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import COLUMN, OF_SOIL, is_level, known_unit
 
@@ -81,9 +81,10 @@ def _has_storeys(structure: Structure) -> bool:
 def told(structure: Structure, gravity: float) -> Iterator[str]:
     """Tell the numbers of each building by which engineers judge it, a line each.
 
-    Its weight W; the force V_y at which its lowest storey yields over that; the largest P / (k h)
-    of its storeys of stiffness k, which carry P, theta = P d / (V h) of codes; and its longest
-    period on a fixed base. With P-Delta k is that before P / h is taken from it.
+    Its weight W, that given or g times its mass; the force V_y at which its lowest storey yields
+    over that; the largest P / (k h) of its storeys of stiffness k, which carry P, theta =
+    P d / (V h) of codes; and its longest period on a fixed base. With P-Delta k is that before
+    P / h is taken from it.
     """
     if not _has_storeys(structure):
         return
@@ -96,11 +97,13 @@ def told(structure: Structure, gravity: float) -> Iterator[str]:
         directions = structure.drift_rows[rows]
         taken = np.array(structure.names.taken or np.zeros(len(structure.drift_rows)))[rows]
         stiffness = springs(structure, structure.stiffness_matrix, directions) + taken
+        if heights:
+            above = np.where(taken > 0.0, taken * np.array(heights)[rows], above)
         words = [f"{name}: " * (name != "building") + f"weight {above[0]:.4g}{force}"]
         if (limit := limits.get(tuple(directions[0].tolist()), np.inf)) < np.inf:
             words.append(f"V_y/W {limit * stiffness[0] / above[0]:.3g}")
         if heights:
-            theta = np.where(taken > 0.0, taken, above / np.array(heights)[rows]) / stiffness
+            theta = above / np.array(heights)[rows] / stiffness
             words.append(f"theta at most {theta.max():.3g}")
         each = f"{period / rows.size:.3g}{time} a storey"
         yield ", ".join([*words, f"period {period:.4g}{time} on a fixed base, {each}"])
@@ -132,9 +135,9 @@ def _on_fixed_bases(
             continue
         of_own = np.ix_(floors, floors)
         matrices = structure.mass_matrix[of_own], structure.stiffness_matrix[of_own]
-        if (omega := float(natural_modes(*matrices)[0][0])) > 0.0:
+        if (period := longest_period(*matrices)) < np.inf:
             (rows,) = np.nonzero(structure.drift_rows[:, floors].any(axis=1))
-            yield name, np.flatnonzero(floors), rows, 2.0 * np.pi / omega
+            yield name, np.flatnonzero(floors), rows, period
 
 
 def heights_apart(heights: Sequence[float] | np.ndarray) -> str:

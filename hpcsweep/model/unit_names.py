@@ -23,7 +23,10 @@ QUANTITIES = {
 }
 """Units of the paper's building, and of any other one by the names of its own."""
 GAPS = {quantity: unit for quantity, (unit, _) in QUANTITIES.items()}
-NEWTONS = {("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("mm", "t", "s"): "N"}
+NEWTONS = {
+    **{("m", "kg", "s"): "N", ("m", "t", "s"): "kN", ("m", "kt", "s"): "MN"},
+    **{("mm", "t", "s"): "N", ("mm", "kt", "s"): "kN", ("mm", "kg", "ms"): "kN"},
+}
 """Names of forces, by length, mass and time."""
 
 

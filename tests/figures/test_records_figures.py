@@ -266,6 +266,18 @@ def test_rules_ask_for_the_peaks_that_a_row_makes_of_coordinates(tmp_path):
     peaks = results.displacement_alone.values[0] @ [0.5, 1.5]
     np.testing.assert_allclose(lines[label][1:], peaks, rtol=1e-12)
     assert (peaks >= results.gap_needed.values[0, :, 0]).all()
+    # entries of one sign: both must move towards it, + 2 r u v under the root
+    (tmp_path / "alike.toml").write_text(LEVER.replace("[-0.5", "[0.5"))
+    assert hpcsweep(0, "run", "alike.toml", cwd=tmp_path).returncode == 0
+    results = open_results(tmp_path / "alike.h5")
+    (axis,) = figures()["separation"].draw(results).axes
+    (line,) = (one for one in axis.get_lines() if one.get_label().startswith("double"))
+    u, v = (results.displacement_alone.values[0] * [0.5, 1.5]).T
+    periods, ratios = 2.0 * np.pi / np.sqrt([300.0, 200.0]), [0.5 / 300**0.5, 1.0 / 800**0.5]
+    r = 1.0 - 0.5 * separation(1.0, 1.0, *periods, *ratios).ddc ** 2
+    np.testing.assert_allclose(
+        line.get_ydata()[1:], np.sqrt(u**2 + v**2 + 2 * r * u * v), rtol=1e-9
+    )
 
 
 def approach(study, record: int, factor: float) -> float:

@@ -17,6 +17,7 @@ from hpcsweep.model.unit_names import unit_of
 from hpcsweep.store import Layout
 
 UNITS = '[units]\nlength = "m"\nmass = "kg"\ntime = "s"\n'
+OF_FORCE = '[units]\nlength = "{}"\nforce = "{}"\n'
 OWN = SMALL.replace("stiffness_ratio = 300.0", "mass = 2e5\nstorey_stiffness = 3e8\ngap = 0.05")
 TWO = """
 [[building]]
@@ -421,3 +422,14 @@ def test_a_job_has_one_unit_of_length_whatever_its_parts(tmp_path):
     assert units == {unit_of(job.structure, "length")} == {"length"}
     alone = parse(text + '[vary]\n"structure.stiffness_ratio" = [10.0, 20.0]\n').study
     assert unit_of(alone.part((1,)).structure, "length") == "gaps"
+
+
+def test_a_force_names_the_mass_that_goes_with_it():
+    # F = m a: kN is t m/s^2, and kt mm/s^2
+    for length, force, mass in (("m", "kN", "t"), ("m", "N", "kg"), ("mm", "kN", "kt")):
+        structure = parse_job(OWN + OF_FORCE.format(length, force), "job", "job").structure
+        assert structure.unit_names == (length, mass, "s")
+        assert unit_of(structure, "force") == force
+    for wrong in (OF_FORCE.format("cm", "kN"), OF_FORCE.format("m", "kN") + 'mass = "kg"\n'):
+        with pytest.raises(JobError, match="must be one of N, kN|must be one of none"):
+            parse_job(OWN + wrong, "job", "job")

@@ -79,6 +79,13 @@ def test_soil_that_yields_is_a_slider_and_bears_no_more():
     assert f"period {Building(**HOUSE).structure.longest_period:.4g} on a fixed base" in line
 
 
+def test_the_weight_that_is_told_is_the_one_given():
+    given = Building(**HOUSE, p_delta=True, weight=[3e6, 2e6]).structure
+    (line,) = told(given, 9.81)
+    theta = max(5e6 / 3.5 / 1.5e8, 2e6 / 3.0 / 1e8)
+    assert line.startswith(f"weight 5e+06, theta at most {theta:.3g}, period ")
+
+
 def test_each_two_neighbours_have_their_own_gap_and_bumper():
     house = {"mass": 1e5, "storey_stiffness": 4e7, "storey_height": 3.0}
     three = [

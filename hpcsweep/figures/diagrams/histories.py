@@ -11,7 +11,7 @@ from hpcsweep.figures import labels, palette, style, view
 from hpcsweep.figures.diagrams import mesh, responses
 from hpcsweep.figures.options import figure_of
 from hpcsweep.model.isolation import SLAB
-from hpcsweep.model.modes import natural_modes
+from hpcsweep.model.modes import longest_period
 from hpcsweep.model.plausibility import springs
 from hpcsweep.model.reduction import physical
 from hpcsweep.model.structure import Structure
@@ -42,9 +42,8 @@ def natural_periods(structure) -> list[tuple[str, float]]:
     named = []
     for number, name in enumerate(structure.building_names):
         block = np.ix_(*2 * [structure.buildings == number])
-        omegas = natural_modes(structure.mass_matrix[block], structure.stiffness_matrix[block])[0]
-        omegas = omegas[omegas > 0.0][:1]
-        named += [(rf"T_{{1,\mathrm{{{name}}}}}", 2.0 * np.pi / omega) for omega in omegas.tolist()]
+        period = longest_period(structure.mass_matrix[block], structure.stiffness_matrix[block])
+        named += [(rf"T_{{1,\mathrm{{{name}}}}}", period)] * np.isfinite(period)
     return named
 
 

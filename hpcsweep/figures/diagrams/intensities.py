@@ -7,6 +7,7 @@ from hpcsweep.earthquakes.stripes import Capacity, fractiles, median_band, respo
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import responses
 from hpcsweep.figures.options import UNITS, figure_of
+from hpcsweep.solvers.offers import LINEAR
 from hpcsweep.studies.ground_motion.records import Records
 from hpcsweep.studies.ground_motion.stripes import (
     COLLAPSE,
@@ -210,6 +211,8 @@ def needed_gap(results, place: str | None = None):
     need = gaps[..., k]
     peaks = np.abs(structure.directions[k]) * results["displacement_alone"].values
     asked = _rules(structure, floors, np.nan_to_num(peaks))
+    if np.prod(structure.directions[k][floors]) > 0.0:  # towards each other where both move alike
+        asked = asked._replace(ddc=np.sqrt(2.0 * asked.srss**2 - asked.ddc**2))
     figure, (axis,) = style.new_figure(1, 4.6)
     scale = np.append(0.0, whole.intensity)
 
@@ -222,7 +225,7 @@ def needed_gap(results, place: str | None = None):
         values = np.where(np.isfinite(need), values, need)  # what collapses, or is not computed
         known = np.isfinite(need) & (need > 0)
         over = values[known] / need[known]
-        label = rule
+        label = rule + ", elastic periods" * (series == len(RULES) and not LINEAR.of(structure))
         if over.size:  # alike buildings need no gap
             label += f": {np.median(over):.2f} of the need, too small for "
             label += f"{100 * np.mean(over < SHORT):.0f} % of them"

@@ -1,4 +1,4 @@
-"""What can be checked of the recipes in slurm/ without Apptainer and conda."""
+"""What can be checked of the recipes in slurm/ without Apptainer, conda, EasyBuild and Spack."""
 
 import re
 import runpy
@@ -47,6 +47,51 @@ def test_conda_environment_states_what_the_package_needs(project):
     extras = project["optional-dependencies"]
     needed = {*project["dependencies"], *extras["mpich"], *extras["video"]}
     assert listed == needed | {"pip", f"python{project['requires-python']}"}
+
+
+def bounds_of(requirement: str) -> tuple[str, list[int], list[int]]:
+    """Return the name, the least version and what lies beyond the last one, if anything does."""
+    name, least, beyond = re.fullmatch(r"([\w-]+)>=([\d.]+)(?:,<([\d.]+))?", requirement).groups(
+        default=""
+    )
+    return name, as_numbers(least), as_numbers(beyond)
+
+
+def as_numbers(version: str) -> list[int]:
+    return [int(part) for part in version.split(".") if part]
+
+
+def test_easyconfig_lists_what_the_package_needs_within_its_bounds(project):
+    (path,) = (ROOT / "slurm").glob("*.eb")
+    told: dict = {}
+    exec(path.read_text(), told)
+    chain = told["toolchain"]
+    assert path.name == f"hpcsweep-{project['version']}-{chain['name']}-{chain['version']}.eb"
+    assert (told["version"], told["description"]) == (project["version"], project["description"])
+    listed = dict(told["dependencies"])
+    assert as_numbers(listed.pop("Python")) >= as_numbers(project["requires-python"][2:])
+    bundled = listed.pop("SciPy-bundle")
+    assert int(bundled[:4]) >= 2025  # has numpy 2.3 and scipy 1.16
+    needed = {name: rest for name, *rest in map(bounds_of, project["dependencies"])}
+    assert needed.keys() - {"numpy", "scipy"} == listed.keys()
+    for name, version in listed.items():
+        least, beyond = needed[name]
+        assert as_numbers(version) >= least, name
+        assert not beyond or as_numbers(version) < beyond, name
+
+
+def test_spack_package_states_what_the_package_needs(project):
+    text = (ROOT / "slurm" / "spack" / "package.py").read_text()
+    assert f'"""{project["description"]}."""' in text
+    listed = dict(re.findall(r'depends_on\("(?:py-)?([\w-]+)@([\d.:]+)"', text))
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
+    needed = [*project["dependencies"], *build, f"python{project['requires-python']}"]
+    assert len(listed) == len(needed)
+    for name, least, beyond in map(bounds_of, needed):
+        first, _, last = listed[name].partition(":")
+        assert as_numbers(first) == least, name
+        # a last version of Spack is the whole series
+        assert as_numbers(last) == (beyond and [*beyond[:-1], beyond[-1] - 1]), name
 
 
 def test_apptainer_definition_has_the_sections_of_the_format(definition):

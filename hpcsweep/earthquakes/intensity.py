@@ -240,7 +240,8 @@ class Measure:
         names = {"factor": "scale factor", "avgsa": "AvgSA", "sa": "Sa", "target": "target factor"}
         name = names.get(self.by, self.by.upper())
         periods += f"; {100 * self.damping_ratio:g} %" * bool(periods)
-        inside = ", ".join(filter(None, (self.components, periods)))
+        components = self.components.replace("rotd", "RotD")
+        inside = ", ".join(filter(None, (components, periods)))
         return f"{name}({inside})" if inside else name
 
     def ordinates(self, record: Record, other: Record | None = None) -> np.ndarray:

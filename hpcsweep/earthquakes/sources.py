@@ -108,17 +108,13 @@ class Chosen:
         """
         if not self.sequences:
             return self._cut(i)
-        first, *following = self.sequences[i]
-        made = self._cut(self._place(first))
-        for rest, name in zip(following[::2], following[1::2], strict=True):
-            made = joined(made, rest, self._cut(self._place(name)))
+        places = {name: i for i in range(self.source.count) for name in self.source.names(i)}
+        if unknown := [name for name in self.sequences[i][::2] if name not in places]:
+            raise refused("sequence", "names of records", unknown[0])
+        made, *others = (self._cut(places[name]) for name in self.sequences[i][::2])
+        for rest, record in zip(self.sequences[i][1::2], others, strict=True):
+            made = joined(made, rest, record)
         return made
-
-    def _place(self, name: str) -> int:
-        named = (i for i in range(self.source.count) if name in self.source.names(i))
-        if (i := next(named, None)) is None:
-            raise refused("sequence", "names of records", name)
-        return i
 
     def _cut(self, i: int) -> Record:
         record = self.source.record(i)

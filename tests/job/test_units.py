@@ -431,5 +431,5 @@ def test_a_force_names_the_mass_that_goes_with_it():
         assert structure.unit_names == (length, mass, "s")
         assert unit_of(structure, "force") == force
     for wrong in (OF_FORCE.format("cm", "kN"), OF_FORCE.format("m", "kN") + 'mass = "kg"\n'):
-        with pytest.raises(JobError, match="must be one of N, kN|must be one of none"):
+        with pytest.raises(JobError, match=r"must be one of N, kN|must be one of none"):
             parse_job(OWN + wrong, "job", "job")

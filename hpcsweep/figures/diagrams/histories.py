@@ -281,15 +281,13 @@ def hysteresis(
         if apart:
             most = [1.1 * abs(x[:, alike]).max() for x in (elongation / length, forces / force)]
             axis.set(xlim=(-most[0], most[0]), ylim=(-most[1], most[1]))
-            axis.set_xlabel("drift" + x_unit, fontsize=8)
-            axis.set_ylabel("force" + y_unit, fontsize=8)
+        axis.set_xlabel("drift" + x_unit, fontsize=8)
+        axis.set_ylabel("force" + y_unit, fontsize=8)
         name = f"storey {names[j]}" if names[j].isdigit() else names[j]
         axis.set_title(f"{name}, ductility {ductility:.1f}", fontsize=9)
         axis.grid(True, color="0.92", linewidth=0.6)
-    for axis in axes[::IN_A_ROW] if not apart else ():
-        axis.set_ylabel("force" + y_unit, fontsize=8)
-    for axis in axes[(len(axes) - 1) // IN_A_ROW * IN_A_ROW :] if not apart else ():
-        axis.set_xlabel("drift" + x_unit, fontsize=8)
+        if not apart:
+            axis.label_outer()
     return style.head(figure, responses.run_title(results, study, i, at), fontsize=9)
 
 

@@ -145,14 +145,10 @@ def structures_of(frames, response="drift", place=None, scale=None, beside=()) -
                     stripes=stripes,
                 )
             )
-            for word, ours, first in zip(
-                ("responses", "intensities"),
-                (stripes.label, stripes.measure),
-                (found[0].stripes.label, found[0].stripes.measure),
-                strict=True,
-            ):
-                if ours != first:
-                    raise style.PlotError(f"--beside {file.path}: {word} are {ours}, not {first}")
+            first = found[0].stripes
+            for ours, of_first in ((stripes.label, first.label), (stripes.measure, first.measure)):
+                if ours != of_first:
+                    raise style.PlotError(f"--beside {file.path}: has {ours}, not {of_first}")
     return found
 
 

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+import tools
 
 import hpcsweep
 from hpcsweep.figures.diagrams import motion, response
@@ -13,7 +14,6 @@ from hpcsweep.figures.explorer.page_data import PageData
 from hpcsweep.figures.labels import typeset
 from hpcsweep.figures.style import PlotError
 from hpcsweep.store import Frames
-from tests.support import tools
 
 JENKINS = """
 [structure]
@@ -72,7 +72,7 @@ def test_time_section_and_spectrum_are_of_the_run_that_is_asked_for(swept):
     with contextlib.closing(Frames(swept, "motions")) as frames:
         held = frames.dataset(1).row_amplitude.values[0, 0, 1, 0, 0]
     assert math.isclose(tops[1], held, rel_tol=1e-5)
-    with pytest.raises(PlotError, match="--kind time needs --along, one value"):
+    with pytest.raises(PlotError, match="--along, one value, is needed"):
         drawn(motion.time, swept)
 
 

@@ -17,6 +17,8 @@ PLOTS = {
     "map": ("--value", "lyapunov"),
     "metrics": (),
     "benefit": (),
+    **dict.fromkeys(("time", "loop", "section", "spectrum"), ("--amplitude", "0.2")),
+    "response": (),
 }
 """Every kind of figure of a sweep, with what is requested besides."""
 ATTRACTOR_PLOTS = {"attractors": ("--floor", "3"), "shares": (), "number": ("--sweep", "study.h5")}

@@ -267,3 +267,32 @@ def test_components_of_buildings_have_the_names_of_their_floors():
     yields = buildings.replace("mass = 1.0", "mass = 1.0\nyield_drift = 0.1")
     with pytest.raises(JobError, match=r"v_old1, p_old1$"):
         parse_job(yields.replace("u_A2", "p_1"), "x.toml", "x")
+
+
+def test_a_slice_along_rows_has_the_nearest_starts_with_these_values():
+    text = JOB_OF_ROWS
+    study = parse_job(text, "rows.toml", "rows").study
+    assert study.names() == ("u_1-2", "v_2")
+    starts = study.at(np.array([-0.5, 0.5]), 0.25)
+    assert np.allclose(starts[:, 0] - starts[:, 1], [-0.5, 0.5])
+    assert np.allclose(starts[:, 0] + starts[:, 1], 0.3 + 0.1)  # as at the initial state
+    assert np.array_equal(starts[:, 2:], [[0.0, 0.25], [0.0, 0.25]])
+    assert np.allclose(study.starting_states, [[0.7, 0.7, 0.0, 1.0]])
+    wrong = text.replace("u_1-2", "u_1-3")
+    with pytest.raises(JobError, match="study.components = .*must be two of u_1, u_2"):
+        parse_job(wrong, "rows.toml", "rows")
+
+
+JOB_OF_ROWS = """
+[study]
+kind = "basins"
+components = ["u_1-2", "v_2"]
+horizontal = [-1.0, 1.0]
+vertical = [-1.0, 0.5]
+[structure]
+n_floors = 2
+[sweep]
+omega = 0.7
+amplitude = 0.3
+initial_state = [0.3, 0.1, 0.0, 0.0]
+"""

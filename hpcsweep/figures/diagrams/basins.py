@@ -8,7 +8,7 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.diagrams import mesh
 from hpcsweep.figures.inferred import draw_cells, filled, gather, note_of
 from hpcsweep.figures.options import CELLS, figure_of
-from hpcsweep.model.coordinates import floor_coordinate
+from hpcsweep.model.coordinates import coordinate_of, floor_coordinate
 from hpcsweep.studies.basins.slice import SliceGrid
 from hpcsweep.studies.refine.audit import SOURCE
 
@@ -67,6 +67,11 @@ def basins(results, cells: bool | None = None):
     grid.fill(axis, index, [colour for _, _, colour in keys])
     if cells:
         draw_cells(axis, results, study.vertical, study.horizontal)
+    for component, draw in zip(study.components, (axis.axvline, axis.axhline), strict=True):
+        if isinstance(component, str) and component[0] == "u":
+            stops = coordinate_of(study.structure, component[2:]).stops(study.structure)
+            for stop in np.concatenate(stops).tolist():
+                draw(stop, color="white", linewidth=1.0, linestyle=(0, (5, 3)))
     for _, colour, point in listed.values():
         _mark(axis, study, point, colour)
     _legend(figure, study, keys, index)
@@ -113,7 +118,7 @@ def attractors_of(results, row: int) -> dict[int, tuple[str, str, np.ndarray]]:
 
 def _mark(axis, study: SliceGrid, point: np.ndarray, colour: str) -> None:
     """Mark a point of an attractor; beyond the slice's rectangle by a triangle at its edge."""
-    x, y = (float(point[component]) for component in study.components)
+    x, y = (study.across @ point).tolist()
     left, right = study.horizontal[[0, -1]]
     low, high = study.vertical[[0, -1]]
     marker = "o"
@@ -126,9 +131,12 @@ def _mark(axis, study: SliceGrid, point: np.ndarray, colour: str) -> None:
     axis.plot(*at, marker, ms=8.4, mfc="none", mec="0.1", mew=0.7, zorder=4, clip_on=False)
 
 
-def _label(structure, component: int) -> str:
+def _label(structure, component: int | str) -> str:
     n = structure.n_floors
     at = "(0)"
+    if isinstance(component, str):
+        label = labels.displacement if component[0] == "u" else labels.velocity
+        return label(structure, coordinate_of(structure, component[2:]).symbol, at)
     if component >= 2 * n:
         name = structure.slider_names[component - 2 * n]
         return rf"$p_\mathrm{{{name}}}${at}" + labels.unit(structure, "length")
@@ -142,6 +150,8 @@ def _rest(study: SliceGrid) -> str:
     state = study.initial_state
     others = [k for k in range(state.size) if k not in study.components]
     slipped = "; sliders slipped from there as far as they must" if study.structure.sliders else ""
+    if len(others) > state.size - 2:
+        return f"each start the nearest to the initial state{slipped}"
     if not np.any(state[others]):
         return f"all other components of the state 0 at the start{slipped}"
     return ", ".join(f"{names[k]} = {state[k]:.4g}" for k in others) + slipped

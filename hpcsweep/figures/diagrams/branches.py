@@ -82,9 +82,7 @@ def branches(results: tuple, floors: Sequence[int | str] = (), **_options):
         _draw_branches(axis, every, coordinate)
         _draw_specials(axis, run, coordinate)
         axis.set_ylim(view.visible("y", *axis.get_ylim()))
-    forcing = study.parameter in labels.SYMBOLS
-    label = labels.parameter(structure, study.parameter) if forcing else study.parameter
-    axis.set(xlabel=label, xlim=(low, high))
+    axis.set(xlabel=labels.parameter(structure, study.parameter), xlim=(low, high))
     fixed = float(line["omega"].values[0])
     omega = fixed if np.isfinite(fixed) else None
     labels.legend_below(figure, _handles(run, runs is not None), "", COLUMNS)
@@ -92,7 +90,9 @@ def branches(results: tuple, floors: Sequence[int | str] = (), **_options):
         _list(figure, run, marked, MATH.get(study.parameter, study.parameter))
     amplitude = float(line["forcing_amplitude"].values[0])
     fixed_amplitude = [f"$A$ = {amplitude:g}"] if np.isfinite(amplitude) else []
-    title = ",  ".join([style.parameters(structure, omega), *fixed_amplitude, *study.ties])
+    title = ",  ".join(
+        [style.parameters(structure, omega), *fixed_amplitude, *map(labels.typeset, study.ties)]
+    )
     style.head(figure, title, fontsize=10)
     figure.draw_without_rendering()  # the panels get their size
     for coordinate, axis in axes.items():

@@ -4,6 +4,7 @@ The motion goes on from the last point that is stored of the run. The spectrum o
 of one turn round it, a line for each multiple of its frequency; of others, times Hann's window.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,8 +39,8 @@ PARTS, FINE = 128, 400
 """Of a forcing period, of a spectrum and of what is drawn over time."""
 HIGHEST = 16
 """Multiple of the forcing frequency to which spectra are drawn."""
-SIZE, ALONE = (3.0, 2.8), (4.8, 3.6)
-"""Inches of a panel, and least of a figure."""
+SIZES = (4.8, 3.6), (3.0, 2.6), (0.4, 0.4)
+"""Inches of a figure of one panel, of each of several, and of what is beside these."""
 OPTIONS = OMEGA, AMPLITUDES, ALONG, DIRECTION
 
 
@@ -60,13 +61,20 @@ class Shown(NamedTuple):
         return PeriodMap(*self[:3], self.state, parts).follow(n_periods)
 
 
-def _chosen(results, kind: str, amplitudes=(), along=(), direction=None, **_others) -> Shown:
-    """Return the run that is asked for."""
-    frame = open_frame(results, "poincare")
+def load(
+    frames,
+    omega: float | None = None,
+    amplitudes: Sequence[float] = (),
+    along: Sequence[float] = (),
+    direction: str | None = None,
+    **_options,
+) -> Shown:
+    """Read the run that is asked for."""
+    frame = open_frame(phase.load(frames, omega, amplitudes), "poincare")
     of_amplitude = frame.study.run_dims[-1] == "amplitude"
     values, flag = (amplitudes, "amplitude") if of_amplitude else (along, "along")
     if len(values) != 1:
-        raise style.PlotError(f"--kind {kind} needs --{flag}, one value")
+        raise style.PlotError(f"this figure is of one run: --{flag}, one value, is needed")
     motion = phase.run_at(frame, values[0], direction, flag)
     run = frame.runs.isel(direction=motion.direction, **{frame.study.run_dims[-1]: motion.along})
     title = f"{frame.caption}\n{phase.words_of_run(frame, motion)}"
@@ -76,10 +84,9 @@ def _chosen(results, kind: str, amplitudes=(), along=(), direction=None, **_othe
     return Shown(structure, *forcing, int(run["orbit_period"]), state, title)
 
 
-@figure_of("time", "motions", phase.load, *OPTIONS, FLOORS, ROWS, POINTS)
-def time(results, floors=(), count: int | None = None, **options):
+@figure_of("time", "motions", load, *OPTIONS, FLOORS, ROWS, POINTS)
+def time(run: Shown, floors=(), count: int | None = None, **_options):
     """Displacements and forces of one run over time, at --amplitude A or --along X."""
-    run = _chosen(results, "time", **options)
     structure, shown = run.structure, coordinates(run.structure, floors)
     course = run.course(count or run.period or 10, FINE)
     loops, over = _loops(structure, course), np.arange(len(course.states)) / FINE
@@ -112,45 +119,33 @@ def _loops(structure, course) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     return {name: (rows[name].of(states), force) for name, force in held.items()}
 
 
-def _panels(count: int):
-    """Make a figure of panels with axes of their own; return it and these."""
-    columns = min(count, mesh.COLUMNS)
-    rows = -(-count // columns)
-    size = max(SIZE[0] * columns, ALONE[0]), max(SIZE[1] * rows, ALONE[1])
-    figure, grid = style.new_grid(rows, columns, size)
-    for k, axis in enumerate(grid.flat):
-        axis.set_visible(k < count)
-        axis.locator_params(axis="x", nbins=5)
-    return figure, list(grid.flat[:count])
-
-
-@figure_of("loop", "motions", phase.load, *OPTIONS, POINTS)
-def loop(results, count: int | None = None, **options):
+@figure_of("loop", "motions", load, *OPTIONS, POINTS)
+def loop(run: Shown, count: int | None = None, **_options):
     """Force over displacement of each slider and contact of one run, --amplitude A or --along X."""
-    run = _chosen(results, "loop", **options)
     loops = _loops(run.structure, run.course(count or run.period or 10, FINE))
     if not loops:
         raise style.PlotError("--kind loop: no slider, and no contact that pushes and is not rigid")
     units = labels.unit(run.structure, "length"), labels.unit(run.structure, "force")
-    figure, axes = _panels(len(loops))
+    figure, axes = mesh.panels(len(loops), *SIZES, sharex=False, sharey=False)
     for axis, (name, values) in zip(axes, loops.items(), strict=True):
         axis.plot(*values, color=palette.series_colour(0), lw=0.9)
         style.draw_lattice(axis)
+        axis.locator_params(axis="x", nbins=5)
         axis.set(xlabel=f"displacement of {name}{units[0]}", ylabel=f"force{units[1]}")
     return style.head(figure, run.title, fontsize=9)
 
 
-@figure_of("section", "motions", phase.load, *OPTIONS, FLOORS, ROWS, POINTS)
-def section(results, floors=(), count: int | None = None, **options):
+@figure_of("section", "motions", load, *OPTIONS, FLOORS, ROWS, POINTS)
+def section(run: Shown, floors=(), count: int | None = None, **_options):
     """Stroboscopic section of one run, --points N followed on, at --amplitude A or --along X."""
-    run = _chosen(results, "section", **options)
     points = stroboscopic_points(*run[:3], run.state, count or 2000)
     shown = coordinates(run.structure, floors)
-    figure, axes = _panels(len(shown))
+    figure, axes = mesh.panels(len(shown), *SIZES, sharex=False, sharey=False)
     for axis, coordinate in zip(axes, shown, strict=True):
         at = coordinate.of(points), coordinate.of(points, True)
         size = 12.0 if run.period else max(0.3, 4.0 - np.log10(len(points)))
         axis.scatter(*at, s=size, color=palette.DARK_INK, linewidths=0, rasterized=True)
+        axis.locator_params(axis="x", nbins=5)
         axis.set_xlabel(labels.displacement(run.structure, coordinate.symbol, "(jT)"))
         axis.set_ylabel(labels.velocity(run.structure, coordinate.symbol, "(jT)"))
         for stop in np.concatenate(coordinate.stops(run.structure)).tolist():
@@ -158,10 +153,9 @@ def section(results, floors=(), count: int | None = None, **options):
     return style.head(figure, run.title, f"{len(points)} points", fontsize=9)
 
 
-@figure_of("spectrum", "motions", phase.load, *OPTIONS, FLOORS, ROWS, POINTS)
-def spectrum(results, floors=(), count: int | None = None, **options):
+@figure_of("spectrum", "motions", load, *OPTIONS, FLOORS, ROWS, POINTS)
+def spectrum(run: Shown, floors=(), count: int | None = None, **_options):
     """Amplitudes of one run over the frequency, at --amplitude A or --along X."""
-    run = _chosen(results, "spectrum", **options)
     n_periods = run.period or count or 500
     states = run.course(n_periods, PARTS).states[:-1]
     window = np.ones(len(states)) if run.period else 2.0 * np.hanning(len(states))

@@ -100,22 +100,20 @@ class SliceRuns:
 
     def _states(self, horizontal: np.ndarray, ordinate: float) -> np.ndarray:
         """Return starts of a row, shape (k, 2n), whose sliders have slipped as they must."""
-        first, second = self._study.components
-        states = np.tile(self._study.initial_state, (horizontal.size, 1))
-        states[:, first], states[:, second] = horizontal, ordinate
-        return self._structure.slipped(states)
+        return self._structure.slipped(self._study.at(horizontal, ordinate))
 
     def _known(self, poll: Poll) -> StateBasins:
         """Find the attractors, once."""
         if self._basins is None:
             study = self._study
             box = np.stack((study.initial_state, study.initial_state), axis=1)
-            for k, values in zip(study.components, (study.horizontal, study.vertical), strict=True):
+            places = study.two_places()
+            for k, values in zip(places, (study.horizontal, study.vertical), strict=True):
                 box[k] = values[[0, -1]]
             search = AttractorSearch(
                 self._solver, self._amplitude, self._settings, study.max_cycles, CONFIDENCE, poll
             )
             starts = starting_states(box, study.starts, study.seed, *self._point)
-            starts = self._structure.slipped(starts)
+            starts = self._structure.slipped(study.at(*starts[:, places].T))
             self._basins = StateBasins(search, starts, study.max_attractors)
         return self._basins

@@ -1,6 +1,8 @@
 """Grid of starts on a slice of the initial states at one point (A, Omega).
 
-Two components of the state run over a grid; the others are those of `initial_state`.
+Two components of the state run over a grid; the others are those of `initial_state`. A component
+may be a row d of displacements or velocities: a start is then the state nearest to the initial one
+that has these two values.
 
 Starts are classified by attractors that are found first, from a low-discrepancy sequence of starts
 on the same slice (`hpcsweep.dynamics.basins`). Each process finds them itself: they depend only on
@@ -8,11 +10,13 @@ the job.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from hpcsweep.dynamics.starts import usual_reach
+from hpcsweep.model.coordinates import coordinate_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.studies.attractors import search
 from hpcsweep.studies.attractors.variables import ORDINATE, ROW_OMEGA
@@ -29,7 +33,7 @@ SPAN = 200
 COMPONENTS = Key(
     "components",
     "the two components of the state that span the slice, `u_1` .. `u_n`, `v_1` .. `v_n`, of "
-    "buildings `u_A1` ..",
+    "buildings `u_A1` .., or of rows, `u_2-1`, `v_contact:1`",
     told='`["u_1", "v_1"]`',
 )
 HORIZONTAL, VERTICAL = (
@@ -52,8 +56,8 @@ class SliceGrid(RunGrid):
 
     Attributes
     ----------
-    components : tuple of two int
-        Components of the state along a row, and from row to row.
+    components : tuple of two int or str
+        Components of the state along a row, and from row to row; words of rows of it.
     horizontal, vertical : ndarray
         Values of the components, ascending; one row for each value of `vertical`.
     starts, seed : int
@@ -64,7 +68,7 @@ class SliceGrid(RunGrid):
         Forcing periods after which a motion is left undecided.
     """
 
-    components: tuple[int, int]
+    components: tuple[int | str, int | str]
     horizontal: np.ndarray
     vertical: np.ndarray
     starts: int = search.STARTS.default
@@ -91,18 +95,48 @@ class SliceGrid(RunGrid):
         """Component and range of the slice."""
         spans = zip(self.names(), self.components, (self.horizontal, self.vertical), strict=True)
         return {
-            f"{name}, {values.size} values": (k, float(values[0]), float(values[-1]))
+            f"{name}, {values.size} values": (
+                _unit(k, self.structure),
+                float(values[0]),
+                float(values[-1]),
+            )
             for name, k, values in spans
         }
 
     @property
     def starting_states(self) -> np.ndarray:
         """A state at least as far out as any of the slice."""
-        state = np.array(self.initial_state)
-        first, second = self.components
-        state[first] = np.abs(self.horizontal).max()
-        state[second] = np.abs(self.vertical).max()
-        return state[None]
+        corners = np.meshgrid(self.horizontal[[0, -1]], self.vertical[[0, -1]])
+        farthest = np.abs(self.at(*corners)).max(axis=(0, 1))
+        return np.where(self.across.any(axis=0), farthest, self.initial_state)[None]
+
+    @cached_property
+    def across(self) -> np.ndarray:
+        """Rows of the two components over the state, shape (2, 2n + L)."""
+        n, rows = self.structure.n_floors, np.zeros((2, self.initial_state.size))
+        for row, component in zip(rows, self.components, strict=True):
+            if isinstance(component, int):
+                row[component] = 1.0
+                continue
+            first = n * (component[0] == "v")
+            row[first : first + n] = coordinate_of(self.structure, component[2:]).row
+        return rows
+
+    def two_places(self) -> list[int]:
+        """Return a component of the state for each of the two, two different ones."""
+        first, second = np.abs(self.across)
+        second[first.argmax()] = -1.0
+        return [int(first.argmax()), int(second.argmax())]
+
+    def at(self, horizontal, vertical) -> np.ndarray:
+        """Return the starts at values of both components, shape (..., 2n + L)."""
+        values, rows = np.stack(np.broadcast_arrays(horizontal, vertical), axis=-1), self.across
+        away = (values - rows @ self.initial_state) @ np.linalg.solve(rows @ rows.T, rows)
+        states = self.initial_state + away
+        for place, component in enumerate(self.components):
+            if isinstance(component, int):
+                states[..., component] = values[..., place]  # without its rounding
+        return states
 
     @property
     def coordinates(self) -> dict[str, Coordinate]:
@@ -125,8 +159,8 @@ class SliceGrid(RunGrid):
     def names(self) -> tuple[str, str]:
         """Names of the components of the slice."""
         names = state_names(self.structure)
-        first, second = self.components
-        return names[first], names[second]
+        first, second = (k if isinstance(k, str) else names[k] for k in self.components)
+        return first, second
 
 
 def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
@@ -160,7 +194,7 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     components = _components(values, structure)
     reach = np.append(usual_reach(structure), [structure.length_unit] * len(structure.sliders))
     horizontal, vertical = (
-        _span(values, f"study.{name}", float(reach[component]), most)
+        _span(values, f"study.{name}", float(reach[_unit(component, structure)]), most)
         for name, component, most in zip(MAX_VALUES, components, MAX_VALUES.values(), strict=True)
     )
     return {
@@ -176,16 +210,33 @@ def read_slice(values, common: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _components(values, structure: Structure) -> tuple[int, int]:
+def _unit(component: int | str, structure: Structure) -> int:
+    """Return a component of the state that has the unit of one."""
+    return component if isinstance(component, int) else structure.n_floors * (component[0] == "v")
+
+
+def _components(values, structure: Structure) -> tuple[int | str, int | str]:
     """Read the two components of the slice."""
     names, n = state_names(structure), structure.n_floors
     pair = values.get("study.components", [names[0], names[n]])
-    are_two = isinstance(pair, list) and len(pair) == 2 and all(name in names for name in pair)
-    if not are_two or pair[0] == pair[1]:
+    are_two = isinstance(pair, list) and len(pair) == 2 and pair[0] != pair[1]
+    first, second = (_component(structure, names, k) for k in (pair if are_two else (None, None)))
+    if first is None or second is None:
         groups = filter(None, (names[:n], names[n : 2 * n], names[2 * n :]))
         listed = (", ".join(x) if len(x) <= FEW else f"{x[0]} .. {x[-1]}" for x in groups)
         raise values.error("study.components", pair, f"must be two of {', '.join(listed)}")
-    return names.index(pair[0]), names.index(pair[1])
+    return first, second
+
+
+def _component(structure: Structure, names: list[str], name) -> int | str | None:
+    """Return a component, or the word of a row; None if there is none."""
+    if name in names or not isinstance(name, str) or name[:2] not in ("u_", "v_"):
+        return names.index(name) if name in names else None
+    try:
+        row = coordinate_of(structure, name[2:]).row
+    except ValueError:
+        return None
+    return name if np.count_nonzero(row) > 1 or ":" in name else None
 
 
 def _span(values, key: str, reach: float, most: int) -> np.ndarray:

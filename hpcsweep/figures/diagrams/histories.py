@@ -1,5 +1,6 @@
 """Response spectra of records and of floors; motions under a record: over time, loops, energies."""
 
+import math
 from functools import partial
 
 import numpy as np
@@ -43,7 +44,7 @@ def natural_periods(structure) -> list[tuple[str, float]]:
     for number, name in enumerate(structure.building_names):
         block = np.ix_(*2 * [structure.buildings == number])
         period = longest_period(structure.mass_matrix[block], structure.stiffness_matrix[block])
-        named += [(rf"T_{{1,\mathrm{{{name}}}}}", period)] * np.isfinite(period)
+        named += [(rf"T_{{1,\mathrm{{{name}}}}}", period)] * math.isfinite(period)
     return named
 
 

@@ -94,7 +94,11 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
     if measure.components:
         pairs = _pairs(values, names)
         for i, k in counted(pairs, len(pairs), "measuring pair"):
-            ordinates[i] = ordinates[k] = measure.ordinates(source.record(i), source.record(k))
+            try:
+                ordinates[i] = ordinates[k] = measure.ordinates(source.record(i), source.record(k))
+            except InputError as error:
+                limit = f"{names[k]} beside {names[i]}: {error.limit}"
+                raise JobError(f": {limit}", "records.pairs", values.source) from None
     every = np.array(ordinates)
     measures = every.tolist() if periods else measure.of(every).tolist()
     facts_found: Any = [facts._asdict() for facts in suite.values()]

@@ -120,6 +120,11 @@ def test_components_have_one_factor(tmp_path):
     of_own = job(tmp_path, SUITE + pairs + own + ', components = "rotd50"}\n').factor
     expected = hpcsweep.pair_spectrum(suite[0], suite[2], [period]).acceleration[0]
     assert of_own[0, 0] == pytest.approx(0.2 * 9.80665 / expected)
+    for name, steps in (("a", "0.00 0.0\n0.01 0.5"), ("b", "0.00 0.0\n0.02 0.5")):
+        (tmp_path / f"{name}.txt").write_text(f"acceleration in g\n{steps}\n")
+    files = 'files = ["a.txt", "b.txt"]\npairs = [["a", "b"]]\n'
+    said = refusal(tmp_path, files + scale + ', components = "rotd50"}\n')
+    assert said.endswith("b beside a: must be at steps of 0.01, as the first, is 0.02")
     assert "must have each record once" in refusal(tmp_path, SUITE + pairs.replace("-4", "-1"))
 
 

@@ -6,16 +6,32 @@ stops that rest leave the coordinates u = u_0 + Z q, D Z = 0. Which do is found 
 
 import itertools
 import math
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from scipy.linalg import expm, null_space
 from scipy.optimize import brentq
 
 ROUNDING = 2.0**-46
+NEAR = 64.0
 NODES = 64
 """Of a search, over the period of the fastest motion: a sixth of it."""
 ORDER = 30
+
+
+def _root(terms, a, b):
+    """Return where a polynomial, from its lowest term up, rises or falls through 0."""
+    terms = terms[::-1].tolist()
+
+    def value(t):
+        found = 0.0
+        for term in terms:
+            found = found * t + term
+        return found
+
+    if value(a) == 0.0 or (value(a) < 0.0) == (value(b) < 0.0):
+        return a if abs(value(a)) < abs(value(b)) else b  # rounding of the other node's series
+    return brentq(value, a, b, xtol=1e-300, rtol=8.9e-16)
 
 
 class Rigid:
@@ -31,7 +47,14 @@ class Rigid:
         Impulses at impacts and their energy.
     closed : ndarray, shape (m,)
         Time of rest.
+    chance : ndarray, shape (m,)
+        Impacts and hops within `NEAR` of rounding, of which it is chance whether they count.
+    beside : int
+        Impacts of which another, that it pushes, is at its stop and does not rest.
     """
+
+    at_stop = 2e-15
+    """Distance, over the size of displacements, below which a stop is reached."""
 
     def __init__(self, mass, damping, stiffness, rows, gaps, e, push, omega, amplitude, harmonics):
         self.mass, self.damping, self.stiffness = mass, damping, stiffness
@@ -42,38 +65,49 @@ class Rigid:
         self.amplitude, self.n = amplitude, len(mass)
         self.counts, self.t, self.resting = np.zeros(len(gaps)), 0.0, ()
         self.impulse, self.lost, self.closed, self.together = np.zeros((4, len(gaps)))
-        self.apart, self.coupled, self.size = np.ones(len(gaps), bool), 0, 0.0
+        self.apart, self.beside, self.size = np.ones(len(gaps), bool), 0, 0.0
+        self.chance, self.depth = np.zeros(len(gaps)), np.full(len(gaps), math.inf)
+        self.begun: set[int] = set()  # at their stops where a flight begins
 
-    @lru_cache(maxsize=64)  # noqa: B019
+    @cache  # noqa: B019
     def _linear(self, resting):
-        """Return the map from (q, q', forcing, 1) to u, B, and exp(B t) at the nodes."""
-        n, h = self.n, len(self.harmonics)
-        basis = null_space(self.rows[list(resting)]) if resting else np.eye(n)
-        origin = np.zeros(n)
-        if resting:
-            picked = self.rows[list(resting)]
-            origin = np.linalg.lstsq(picked, self.gaps[list(resting)], rcond=None)[0]
+        """Return the motion of a set that rests: with z = (q, q', forcing, 1), z' = B z.
+
+        The map from q to u, the step between nodes, exp(B t) at these, B^k / k!, and the rows of z,
+        times these, of the distances of open stops and of minus the reactions, and whose they are.
+        """
+        n, h, m = self.n, len(self.harmonics), len(self.gaps)
+        picked = self.rows[list(resting)]
+        basis = null_space(picked) if resting else np.eye(n)
+        origin = np.linalg.lstsq(picked, self.gaps[list(resting)])[0] if resting else np.zeros(n)
         r = basis.shape[1]
         size = 2 * r + 2 * h + 1
-        mass = basis.T @ self.mass @ basis
+        forces = np.zeros((n, size))  # but reactions
+        forces[:, :r], forces[:, r : 2 * r] = -self.stiffness @ basis, -self.damping @ basis
+        forces[:, -1] = -self.stiffness @ origin
         b = np.zeros((size, size))
-        b[:r, r : 2 * r] = np.eye(r)
-        b[r : 2 * r, :r] = -np.linalg.solve(mass, basis.T @ self.stiffness @ basis)
-        b[r : 2 * r, r : 2 * r] = -np.linalg.solve(mass, basis.T @ self.damping @ basis)
-        b[r : 2 * r, -1] = -np.linalg.solve(mass, basis.T @ self.stiffness @ origin)
         for k, (order, share, _) in enumerate(self.harmonics):
             at, w = 2 * r + 2 * k, order * self.omega
-            b[r : 2 * r, at] = self.amplitude * share * np.linalg.solve(mass, basis.T @ self.push)
+            forces[:, at] = self.amplitude * share * self.push
             b[at, at + 1], b[at + 1, at] = w, -w
+        b[:r, r : 2 * r] = np.eye(r)
+        b[r : 2 * r] = np.linalg.solve(basis.T @ self.mass @ basis, basis.T @ forces)
         step = math.pi / 3.0 / max(np.abs(np.linalg.eigvals(b)).max(), self.omega) / 8.0
-        whole = expm(b * step)
-        nodes = [np.eye(size)]
+        whole, nodes, powers = expm(b * step), [np.eye(size)], [np.eye(size)]
         for _ in range(NODES):
             nodes.append(nodes[-1] @ whole)
-        powers = [np.eye(size)]
         for k in range(1, ORDER):
             powers.append(powers[-1] @ b / k)
-        return basis, origin, b, step, np.array(nodes), np.array(powers)
+        order = [k for k in range(m) if k not in resting]
+        rows = np.zeros((m, size))
+        rows[: len(order), :r] = self.rows[order] @ basis
+        rows[: len(order), -1] = self.rows[order] @ origin - self.gaps[order]
+        if resting:
+            gram = self.gram[np.ix_(resting, resting)]
+            free = picked @ np.linalg.solve(self.mass, forces)
+            rows[len(order) :] = -np.linalg.solve(gram, free)
+        series = np.array([rows @ power for power in powers])
+        return basis, origin, step, np.array(nodes), np.array(powers), series, [*order, *resting]
 
     def _augmented(self, u, v):
         basis, origin, *_ = self._linear(self.resting)
@@ -81,39 +115,16 @@ class Rigid:
         forcing = np.array([(math.sin(a), math.cos(a)) for a in angles]).ravel()
         return np.concatenate((basis.T @ (u - origin), basis.T @ v, forcing, [1.0]))
 
-    def _functionals(self):
-        """Return rows of (q, q', forcing, 1): distances of open stops, minus other reactions."""
-        basis, origin, b, *_ = self._linear(self.resting)
-        r, size = basis.shape[1], len(b)
-        listed = []
-        free = np.zeros((self.n, size))  # M^-1 (forces but reactions)
-        free[:, :r] = -np.linalg.solve(self.mass, self.stiffness @ basis)
-        free[:, r : 2 * r] = -np.linalg.solve(self.mass, self.damping @ basis)
-        free[:, -1] = -np.linalg.solve(self.mass, self.stiffness @ origin)
-        for k, (_, share, _) in enumerate(self.harmonics):
-            free[:, 2 * r + 2 * k] = self.amplitude * share * np.linalg.solve(self.mass, self.push)
-        for k in range(len(self.gaps)):
-            if k not in self.resting:
-                row = np.zeros(size)
-                row[:r] = self.rows[k] @ basis
-                row[-1] = self.rows[k] @ origin - self.gaps[k]
-                listed.append(row)
-        if self.resting:
-            picked = list(self.resting)
-            reactions = np.linalg.solve(self.gram[np.ix_(picked, picked)], self.rows[picked] @ free)
-            listed += list(-reactions)
-        order = [k for k in range(len(self.gaps)) if k not in self.resting] + list(self.resting)
-        return np.array(listed).reshape(-1, size), order
-
     def advance(self, u, v, end):
         """Advance (u, v) to the time `end`."""
         steps = 0
         touching = {k for k in range(len(self.gaps)) if self._at_stop(k, u)} - set(self.resting)
         if self.t == 0.0 and touching:
+            self.begun = touching
             u, v = self._rest(touching, u, v, max(1.0, np.abs(u).max(), np.abs(v).max()))
         while self.t < end:
             steps += 1
-            if steps > 2_000_000:
+            if steps > 20_000:
                 raise ArithmeticError("too many events")
             u, v, hit = self._flight(u, v, end)
             if hit is not None:
@@ -122,94 +133,70 @@ class Rigid:
 
     def _flight(self, u, v, end):
         """Return the state at the first event, or at the end, and the stop."""
-        basis, origin, b, step, nodes, powers = self._linear(self.resting)
-        rows, order = self._functionals()
-        z, r = self._augmented(u, v), basis.shape[1]
-        states = nodes @ z
-        times = step * np.arange(NODES + 1)
-        g, slope = states @ rows.T, states @ (rows @ b).T
-        first = None
+        basis, origin, step, nodes, powers, series, order = self._linear(self.resting)
+        states, r = nodes @ self._augmented(u, v), basis.shape[1]
+        terms = series @ states.T  # of each row in powers of the time from each node
+        first, hit = min(step * NODES, end - self.t), None
         for j, k in enumerate(order):
-            starts = k not in self.resting and self._at_stop(k, u)
-            t = self._first(rows[j], z, g[:, j], slope[:, j], times, b, nodes, powers, starts)
-            if t is not None and (first is None or t < first[0]):
-                first = t, k
-        limit = min(times[-1], end - self.t)
-        hit = None
-        if first is not None and first[0] < limit:
-            limit, hit = first
-        place = min(int(limit / step), NODES)
-        z1 = expm(b * (limit - times[place])) @ (nodes[place] @ z)
-        past = (self.t + limit) if hit is not None or limit < end - self.t else end
+            starts = k not in self.resting and k in self.begun
+            t = self._first(terms[:, j], step, starts)
+            if t is not None and t < first:
+                first, hit = t, k
+        past = self.t + first if hit is not None or first < end - self.t else end
         for k in self.resting:
-            self.closed[k] += limit
-        for k in range(len(self.gaps)):
-            if k not in self.resting:
-                seen = g[: place + 1, order.index(k)]
-                near = rows[order.index(k)] @ (expm(b * (0.5 * limit)) @ z)
-                if min(seen.min(), near) < -ROUNDING * max(self.size, self.gaps[k]):
-                    self.apart[k] = True
-        self.t = past
-        return origin + basis @ z1[:r], basis @ z1[r : 2 * r], hit
+            self.closed[k] += first
+        middle, place = int(0.5 * first / step), min(int(first / step), NODES)
+        near = np.polyval(terms[::-1, :, middle], 0.5 * first - step * middle)
+        for j, k in enumerate(order[: len(order) - len(self.resting)]):
+            lowest = min(terms[0, j, : place + 1].min(), near[j])
+            self.apart[k] |= lowest < -ROUNDING * max(self.size, self.gaps[k])
+            self.depth[k] = max(self.depth[k], -lowest)
+        self.t, self.begun = past, set()
+        z = (first - step * place) ** np.arange(ORDER) @ (powers @ states[place])
+        return origin + basis @ z[:r], basis @ z[r : 2 * r], hit
 
     def _at_stop(self, k, u):
-        return abs(self.rows[k] @ u - self.gaps[k]) <= 1e-14 * max(1.0, np.abs(u).max())
+        return abs(self.rows[k] @ u - self.gaps[k]) <= self.at_stop * max(1.0, np.abs(u).max())
 
-    def _first(self, row, z, g, slope, times, b, nodes, powers, starts):
-        """Return when row . z first rises through 0, None if it does not."""
-        if starts:
-            w = row @ b @ z
-            if w <= 0.0:
-                # x / t by its series about the start, whatever rounding has made of x
-                terms = np.array([row @ p @ z for p in powers])
-                terms[0] = 0.0
-
-                def over_time(t):
-                    return np.polyval(terms[:0:-1], t)
-
-                short = times[8]
-                grid = np.linspace(0.0, short, 65)
-                values = over_time(grid)
-                up = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
-                if up.size:
-                    a, c = grid[up[0]], grid[up[0] + 1]
-                    if a == 0.0:
-                        while over_time(0.5 * c) >= 0.0:
-                            c *= 0.5
-                        a = 0.5 * c
-                    return brentq(over_time, a, c, xtol=1e-300, rtol=8.9e-16)
-        start = 8 if starts and row @ b @ z <= 0.0 else 0
-        if not starts and g[0] >= 0.0 and slope[0] > 0.0:
+    def _first(self, terms, step, starts):
+        """Return when a row first rises through 0, None if it does not."""
+        g, slope = terms[0], terms[1]
+        after_bounce = starts and slope[0] <= 0.0
+        if after_bounce:  # x / t by its series about the start, whatever rounding has made of x
+            grid = np.linspace(0.0, 4 * step, 33)
+            values = np.polyval(terms[:0:-1, 0], grid)
+            up = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
+            if up.size:
+                a, c = grid[up[0]], grid[up[0] + 1]
+                if a == 0.0:
+                    while np.polyval(terms[:0:-1, 0], 0.5 * c) >= 0.0:
+                        c *= 0.5
+                    a = 0.5 * c
+                return _root(terms[1:, 0], a, c)
+        elif not starts and g[0] >= -ROUNDING and g[1] > max(g[0], ROUNDING):  # from rest, say
             return 0.0
-        if not starts and abs(g[0]) <= ROUNDING and g[1] > ROUNDING:  # from rest, say
-            return 0.0
-
-        def value(t):
-            j = min(int(t / times[1]), NODES)
-            return row @ (expm(b * (t - times[j])) @ (nodes[j] @ z))
-
-        def rate(t):
-            j = min(int(t / times[1]), NODES)
-            return row @ b @ (expm(b * (t - times[j])) @ (nodes[j] @ z))
-
-        for j in range(start, NODES):
-            if g[j] < 0.0 <= g[j + 1]:
-                return brentq(value, times[j], times[j + 1], xtol=1e-16, rtol=8.9e-16)
-            if g[j] < 0.0 and g[j + 1] < 0.0 and slope[j] > 0.0 > slope[j + 1]:
-                top = brentq(rate, times[j], times[j + 1], xtol=1e-16, rtol=8.9e-16)
-                if value(top) > 1e-15:
-                    return brentq(value, times[j], top, xtol=1e-16, rtol=8.9e-16)
+        begun = 4 if after_bounce else 0
+        up = (g[:-1] < 0.0) & (g[1:] >= 0.0)
+        top = (g[:-1] < 0.0) & (g[1:] < 0.0) & (slope[:-1] > 0.0) & (slope[1:] < 0.0)
+        for j in begun + np.flatnonzero(up[begun:] | top[begun:]):
+            end = step
+            if top[j]:
+                end = _root(terms[1:, j] * np.arange(1, ORDER), 0.0, step)
+                if np.polyval(terms[::-1, j], end) <= 1e-15:
+                    continue
+            return step * j + _root(terms[:, j], 0.0, end)
         return None
 
     def _event(self, hit, u, v):
         if hit in self.resting:
-            self.resting = tuple(k for k in self.resting if k != hit)
+            self.resting, self.begun = tuple(k for k in self.resting if k != hit), {hit}
             return u, v
         size = max(1.0, np.abs(u).max(), np.abs(v).max())
         self.size = max(self.size, size)
         touching = {k for k in range(len(self.gaps)) if self._at_stop(k, u)} | {hit}
         touching |= set(self.resting)
-        several = False
+        several, moving = False, touching - set(self.resting) - {hit}
+        self.beside += any(abs(self.gram[hit, k]) > 1e-14 for k in moving)
         for _ in range(10_000):
             speeds = self.rows @ v
             closing = [k for k in sorted(touching) if speeds[k] > ROUNDING * size]
@@ -222,7 +209,6 @@ class Rigid:
             if p.min() < 0.0:
                 k, group = closing[0], [closing[0]]
                 p = np.array([(1.0 + self.e[k]) * speeds[k] / self.gram[k, k]])
-                self.coupled += 1
             before = v
             v = v - self.flexible[:, group] @ p
             self.impulse[group] += p
@@ -231,7 +217,11 @@ class Rigid:
                 if speeds[k] > ROUNDING * size and self.apart[k]:
                     self.counts[k] += 1
                     self.together[k] += several
-                self.apart[k] = False
+                if speeds[k] > ROUNDING / NEAR * size and self.depth[k] > ROUNDING / NEAR * size:
+                    self.chance[k] += min(speeds[k], self.depth[k]) < ROUNDING * NEAR * size
+                self.apart[k], self.depth[k] = False, 0.0
+            u, v = self._rest(touching, u, v, size)
+        self.begun = touching
         return self._rest(touching, u, v, size)
 
     def _group(self, k, touching, speeds, size):
@@ -241,7 +231,7 @@ class Rigid:
             more = {
                 j
                 for j in touching - group
-                if speeds[j] >= -ROUNDING * size
+                if (speeds[j] > ROUNDING * size or j in self.resting)
                 and any(abs(self.gram[i, j]) > 1e-14 for i in group)
             }
         return sorted(group)

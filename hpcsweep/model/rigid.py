@@ -24,7 +24,8 @@ linear complementarity problem: m_k >= 0 for these, d_k . u'' <= 0 for others.
 
 Contacts that close at one instant and push each other, d_j . M^-1 d_k != 0, reverse their speeds by
 e at once; those that rest take part with the speed 0. If one of the impulses would pull, they
-follow one after another in the order of their numbers, until none closes.
+follow one after another in the order of their numbers, until none closes. So do those that have
+bounced and that others push back: the time between falls as its square, soon below rounding.
 """
 
 import math

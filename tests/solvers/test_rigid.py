@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+import rigid_laws
 from numpy.testing import assert_allclose
 from rigid import Rigid, random_case
+from rigid_grazing import misses
 from scipy.linalg import expm
 from together import together
 
@@ -220,6 +222,50 @@ def test_a_random_structure_moves_as_the_reference():
 def test_random_structures_move_as_the_reference():
     for seed in (*range(10), 20, 24, 42, 61):
         against_reference(seed, 4, 6)
+
+
+@pytest.mark.slow
+@together("seed, periods", ((51, 4), (103, 4), (210, 4)))
+def test_stops_that_push_each_other_and_chatter_together_come_to_rest_as_the_reference(
+    seed, periods
+):
+    """The times between their impacts fall as the square of the one before."""
+    against_reference(seed, periods, 6)
+
+
+def test_a_stop_at_the_largest_distance_is_struck_when_it_is_before_it():
+    rng, found = np.random.default_rng(5), []
+    while len(found) < 20:
+        found += misses(random_case(int(rng.integers(2**31)), 3), rng) or []
+    assert not any(missed for _, missed, _ in found)
+    assert np.nanmax([error for *_, error in found]) < 1e-12
+
+
+@pytest.mark.slow
+@together("n", (1, 3))
+def test_a_table_bounces_a_ball_from_the_least_acceleration_on_and_not_below(n):
+    error, holds = rigid_laws.table(0.5, n)
+    assert error < 1e-9
+    assert holds
+
+
+@pytest.mark.slow
+def test_the_period_doubles_and_the_symmetry_breaks_where_the_multiplier_is_minus_1():
+    for told, kind in (("one stop", "doubling"), ("two stops", "branch point")):
+        for name, cases in rigid_laws.BIFURCATIONS.items():
+            if name.startswith(told):
+                *errors, kinds = rigid_laws.bifurcation(*cases[0])
+                assert max(errors) < 1e-9
+                assert kinds == {kind}
+
+
+@pytest.mark.slow
+@together("name", rigid_laws.KEPT)
+def test_energy_and_momentum_drift_no_more_than_a_unit_of_rounding_an_impact(name):
+    stops, stiffness = rigid_laws.KEPT[name]
+    for impacts, energy, momentum in rigid_laws.kept(stops, stiffness, 1e4):
+        assert abs(energy) < 1e-13 + 1e-15 * impacts
+        assert stops is rigid_laws.WALLS or abs(momentum) < 1e-13 + 1e-15 * impacts
 
 
 @together("seed", (2, 4, 8))

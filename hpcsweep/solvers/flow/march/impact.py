@@ -19,6 +19,8 @@ from hpcsweep.solvers.flow.step.constraint import push, rigid_of, solve_for, tak
 from hpcsweep.solvers.flow.step.forcing import forcing_at
 from hpcsweep.solvers.flow.step.series import accelerations_of
 
+THERE = 2.0**-50
+"""Part of the size of a state, or of a gap: a few units, to which a distance is known at best."""
 MOST = 10_000
 """Most impacts of contacts that push each other at one instant; sets that are tried for rest."""
 
@@ -168,15 +170,29 @@ def _first_wrong(key, pressed, resting, z, pairs, model, series, a):
 
 
 @inlined
-def _struck_with(first, touching, speeds, least, contacts):
-    """Return a contact with all at their stops that it pushes, and those push, and do not open."""
+def _closing_there(touching, z, contacts):
+    """Return the contacts with others that close at their stops, which z tells to a few units.
+
+    They have just bounced, off one that pushes them back: the time until then would be rounding.
+    """
+    size, least, _ = sizes_of(z)
+    for k in range(contacts.bounce.shape[0]):
+        near = THERE * max(size, abs(contacts.gap[k]))
+        if abs(distance(k, z, contacts)) <= near and approach_speed(k, z, contacts) > least:
+            touching |= rigid_of(contact_bit(k), contacts)
+    return touching
+
+
+@inlined
+def _struck_with(first, closing, contacts):
+    """Return a contact with all that close or rest at their stops and that it, or those, push."""
     struck, before = contact_bit(first), np.uint64(0)
     while struck != before and contacts.oblique.shape[0] > 0:
         before = struck
         for j in range(contacts.row.shape[0]):
             for k in range(contacts.row.shape[0]):
                 if before & contact_bit(k) and contacts.oblique[j, k] != 0.0:
-                    struck |= touching & contact_bit(j) if speeds[j] >= -least else np.uint64(0)
+                    struck |= closing & contact_bit(j)
     return struck
 
 
@@ -211,10 +227,12 @@ def collide(tau, past, key, z, amplitude, wanted, tangent, shared):
     speeds, values, a = local_vector(m), local_vector(m), local_vector(series.field.shape[1])
     before, rates, together = local_vector(n), local_vector(n), False
     for _ in range(MOST):
-        first, (_, least, _) = -1, sizes_of(z)
+        touching = _closing_there(touching, z, contacts)
+        first, closing, (_, least, _) = -1, rigid_of(key, contacts), sizes_of(z)
         for k in range(m - 1, -1, -1):
             speeds[k] = approach_speed(k, z, contacts)
-            first = k if touching & contact_bit(k) and speeds[k] > least else first
+            if touching & contact_bit(k) and speeds[k] > least:
+                first, closing = k, closing | contact_bit(k)
         if first < 0:
             return rest_of(tau, key, touching, z, amplitude, shared, told)
         if tangent is not None:
@@ -222,7 +240,7 @@ def collide(tau, past, key, z, amplitude, wanted, tangent, shared):
             accelerations(key, z, pairs, model, series, a)
             copy_state(a[:n], rates)
         copy_state(z[n:], before)
-        pull, struck = 0.0, _struck_with(first, touching, speeds, least, contacts)
+        pull, struck = 0.0, _struck_with(first, closing, contacts)
         together = together or struck != contact_bit(first)
         take_out(struck, True, contacts, z[n:], values)
         for k in range(m):

@@ -46,6 +46,8 @@ class Findings:
         Whether the file holds all of its job; see `hpcsweep.store.inferred.is_complete`.
     problems : list of str
         At most `LISTED`; `n_problems` counts all.
+    means_other_runs : bool
+        Whether the job of an earlier version does to this one, which then computes none again.
     sample : list of RunAgain
     """
 
@@ -57,6 +59,7 @@ class Findings:
     complete: bool = False
     n_problems: int = 0
     problems: list[str] = field(default_factory=list)
+    means_other_runs: bool = False
     sample: list[RunAgain] = field(default_factory=list)
 
     @property
@@ -112,8 +115,8 @@ def validate(path: str | Path, samples: int = 20, seed: int = 0) -> Findings:
         report.complete = is_complete(blocks)
         for frame, problem in inferred_problems(blocks) if layout.derived else ():
             report.add(f"{_place(study, study.block((*frame, 0)))}: {problem}")
-        if layout.fingerprint != layout.job.fingerprint:
-            samples = 0  # to this version the job means other runs
+        report.means_other_runs = layout.fingerprint != layout.job.fingerprint
+        samples *= not report.means_other_runs
         chosen = _choose(blocks, valid, samples, np.random.default_rng(seed))
         for block, row, rows in counted(chosen, samples, "computing again run"):
             run = {name: values[row] for name, values in rows.items()}

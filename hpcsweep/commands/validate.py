@@ -58,6 +58,8 @@ def _rows(report) -> Rows:
 
     packed = f"{', packed' * report.packed}{'; not complete' * (not report.complete)}"
     yield "blocks", f"{report.committed} of {report.blocks} committed{packed}"
+    if report.means_other_runs:
+        yield "sample", "none: the job of this earlier version means other runs to this one"
     compared = [run for run in report.sample if run.difference is not None]
     if compared:
         worst = max(compared, key=lambda run: run.difference / run.allowed)

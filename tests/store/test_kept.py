@@ -114,7 +114,7 @@ def test_a_version_with_other_variables_and_meanings_reads_a_file(name, folder, 
     before = open_results(f"{name}.h5")
     later()
     assert same(before, open_results(f"{name}.h5"))
-    read(name)
+    assert "means other runs" in read(name)["validate"].decode()
 
 
 @pytest.mark.slow

@@ -279,7 +279,7 @@ def test_a_slice_along_rows_has_the_nearest_starts_with_these_values():
     assert np.array_equal(starts[:, 2:], [[0.0, 0.25], [0.0, 0.25]])
     assert np.allclose(study.starting_states, [[0.7, 0.7, 0.0, 1.0]])
     wrong = text.replace("u_1-2", "u_1-3")
-    with pytest.raises(JobError, match="study.components = .*must be two of u_1, u_2"):
+    with pytest.raises(JobError, match=r"study.components = .*must be two of u_1, u_2"):
         parse_job(wrong, "rows.toml", "rows")
 
 

@@ -182,6 +182,7 @@ def _sliders(structure) -> list[str]:
     return [
         f"{name}: stiffness {slider.stiffness:.6g}, slips at {slider.strength:.6g}{force}, "
         f"{slider.limit:.6g}{length}"
+        f"{f', then with {slider.slips:.6g}{force}' if slider.kinetic else ''}"
         for name, slider in zip(structure.slider_names, structure.sliders, strict=True)
     ]
 

@@ -19,6 +19,7 @@ SPRINGLESS = 10.0
 """Damping ratio zeta above which the spring hardly counts: speeds decay in 1 / (2 zeta omega), 4
 zeta^2 times as fast as displacements."""
 DASHPOT = ("damping", "tension")
+KINETIC = ("kinetic", None)
 """What is told of a dashpot."""
 MOTION = """\
 M u'' + C u' + K u + sum_k d_k F_k - sum_j k_j b_j p_j = b G(tau). u, u': displacements and \
@@ -79,9 +80,13 @@ def describe(structure: Structure) -> dict:
             for number, contact in zip(structure.contact_numbers, structure.contacts, strict=True)
         ],
         "drift": structure.drift_rows.tolist(),
-        **({"sliders": [*map(asdict, structure.sliders)]} if structure.sliders else {}),
+        **({"sliders": [*map(_of_slider, structure.sliders)]} if structure.sliders else {}),
         **({} if structure.collapse_drift is None else {"collapse_drift": limits.tolist()}),
     }
+
+
+def _of_slider(slider) -> dict:
+    return {key: value for key, value in asdict(slider).items() if (key, value) != KINETIC}
 
 
 def as_text(structure: Structure) -> str:

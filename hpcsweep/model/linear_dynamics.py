@@ -119,6 +119,11 @@ class LinearDynamics(NaturalModes):
         states[..., 2 * n :] = np.clip(states[..., 2 * n :], along - limits, along + limits)
         return states
 
+    def slider_losses(self, path: np.ndarray, excursions: np.ndarray) -> np.ndarray:
+        """Return the energy that sliders take whose p has gone a path, in so many excursions."""
+        slips, lost = np.reshape([(one.slips, one.lost) for one in self.sliders], (-1, 2)).T
+        return slips * path + lost * excursions
+
     @property
     def damping_ratios(self) -> np.ndarray:
         """zeta_i of every mode, shape (n,), 0 of rigid ones; the diagonal of a damping matrix."""
@@ -206,7 +211,7 @@ class LinearDynamics(NaturalModes):
         contact the mass that it feels times the square of that unit.
         """
         kappa, unit = self.contact_stiffness, self.frequency_unit
-        found = np.where(kappa > 0, kappa, self.contact_damping * unit)
+        found = np.where(kappa != 0, np.abs(kappa), self.contact_damping * unit)
         return np.where(self.is_rigid, unit**2 / self.contact_softness, found)
 
     @property

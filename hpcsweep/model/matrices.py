@@ -195,11 +195,15 @@ class Contact:
         direction = _direction("contact.direction", self.direction, refusal)
         object.__setattr__(self, "direction", direction)
         object.__setattr__(self, "gap", finite("contact.gap", self.gap))
-        for name in ("stiffness", "damping"):
-            if getattr(self, name) != math.inf or name == "damping":
-                object.__setattr__(self, name, not_negative(f"contact.{name}", getattr(self, name)))
+        object.__setattr__(self, "stiffness", self._read_stiffness())
+        object.__setattr__(self, "damping", not_negative("contact.damping", self.damping))
         object.__setattr__(self, "tension", arguments.flag("contact.tension", self.tension))
         object.__setattr__(self, "restitution", read_bounce(self))
+
+    def _read_stiffness(self) -> float:
+        if self.stiffness == math.inf:
+            return math.inf
+        return not_negative("contact.stiffness", self.stiffness)
 
     @classmethod
     def from_restitution(
@@ -249,6 +253,8 @@ class Slider:
     strength : float
         F > 0.
     name : str, optional
+    kinetic : float, optional
+        Force with which it slips, above 0 and at most F, at which it begins to; F unless given.
 
     Raises
     ------
@@ -272,12 +278,19 @@ class Slider:
     stiffness: float
     strength: float
     name: str | None = None
+    kinetic: float | None = field(default=None, metadata={"later": True})
 
     def __post_init__(self) -> None:
         direction = _direction("slider.direction", self.direction, "such a slider is never moved")
         object.__setattr__(self, "direction", direction)
         for name in ("stiffness", "strength"):
             object.__setattr__(self, name, positive(f"slider.{name}", getattr(self, name)))
+        if self.kinetic is not None:
+            object.__setattr__(self, "kinetic", positive("slider.kinetic", self.kinetic))
+            if self.kinetic > self.strength:
+                raise refused(
+                    "slider.kinetic", f"at most strength, {self.strength:g}", self.kinetic
+                )
         name = self.name if isinstance(self.name, str) else ""
         if self.name is not None and not (name.isprintable() and 0 < len(name) <= MAX_LABEL):
             limit = f"a text of up to {MAX_LABEL} characters that can be printed"
@@ -292,6 +305,16 @@ class Slider:
     def limit(self) -> float:
         """Elongation F / k at which it first slips."""
         return self.strength / self.stiffness
+
+    @property
+    def slips(self) -> float:
+        """Force with which it slips."""
+        return self.strength if self.kinetic is None else self.kinetic
+
+    @property
+    def lost(self) -> float:
+        """Energy (F - F_k)^2 / 2 k that it takes besides F_k times its path, when it slips."""
+        return (self.strength - self.slips) ** 2 / (2.0 * self.stiffness)
 
     @property
     def taken(self) -> float:
@@ -311,10 +334,10 @@ class Slider:
         length : float
             Unit of length.
         """
-        delta = self.limit / length
-        up = (0, -1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, -delta)
-        down = (0, 1.0, 0.0, 1.0 / delta, 0.0, 0.0, 1.0, delta)
-        sticks = [(1, 1.0, 1.0, 0.0, delta, 1.0), (2, -1.0, 1.0, 0.0, -delta, 1.0)]
+        limit, delta = self.limit / length, self.slips / self.stiffness / length
+        up = (0, -1.0, 0.0, 1.0 / limit, 0.0, 0.0, 1.0, -delta)
+        down = (0, 1.0, 0.0, 1.0 / limit, 0.0, 0.0, 1.0, delta)
+        sticks = [(1, 1.0, 1.0, 0.0, limit, 1.0), (2, -1.0, 1.0, 0.0, -limit, 1.0)]
         return [
             ((0, 0, 0.0, 1.0), sticks),
             ((0, 1 << bit, -delta, 0.0), [up]),
@@ -420,8 +443,7 @@ def rigid_motions(name: str, stiffness: np.ndarray) -> int:
 
 
 def _check_damping(array: np.ndarray) -> None:
-    check_symmetric("matrices.damping", array)
-    values = np.linalg.eigvalsh(array)
-    if values[0] < -SYMMETRY * max(values[-1], 0.0):
+    values = np.linalg.eigvalsh(0.5 * (array + array.T))
+    if values[0] < -SYMMETRY * np.abs(array).max():
         limit = f"must not feed energy in, has the eigenvalue {values[0]:.3g}"
         raise wrong("matrices.damping", limit)

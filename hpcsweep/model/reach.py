@@ -34,11 +34,13 @@ grows, is needed only where F may pull. Once it has let go x' < -kappa x / c, an
 spring falls by kappa x |x'| >= eps kappa x^2 / 2. A dashpot without a spring has no bound.
 
 A row d then moves no farther than |d . u| <= sqrt(d . K^-1 d) sqrt(2 H). Without damping, with a
-negative gap, or where a motion has no spring (K is singular) there is no bound.
+negative gap or stiffness, with a C that is not symmetric, or where a motion has no spring (K is
+singular) there is no bound.
 """
 
 import math
 from dataclasses import replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -80,7 +82,8 @@ def reach_of_motions(structure, amplitude: float, states: np.ndarray) -> np.ndar
     nothing = np.full(len(gaps), math.inf)
     kappa, rho = structure.contact_stiffness, structure.sharpness
     drag = structure.contact_damping
-    if not min(least, lowest) > 0 or np.any(gaps < 0) or rho**2 == 0:
+    skew = np.any(structure.damping_matrix != structure.damping_matrix.T)
+    if not min(least, lowest) > 0 or np.any(gaps < 0) or np.any(kappa < 0) or skew or rho**2 == 0:
         return nothing
     if np.any((drag > 0) & (kappa == 0)):
         return nothing
@@ -163,10 +166,14 @@ class MeasuredDynamics(LinearDynamics):
         """Return L_i of `lengths` at A = 1, shape (n,), while all sliders slip."""
         if not self.sliders:
             return np.zeros(self.n_floors)
+        return self._bound_of(*self._elastic_modes, MIN_DAMPING, omega)
+
+    @cached_property
+    def _elastic_modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Squares of the frequencies, and modes, M = 1, while all sliders slip."""
         from scipy.linalg import eigh
 
-        squares, shapes = eigh(self.elastic_stiffness, self.mass_matrix)
-        return self._bound_of(squares, shapes, MIN_DAMPING, omega)
+        return eigh(self.elastic_stiffness, self.mass_matrix)
 
     def _bound_of(self, squares, shapes, ratios, omega: float) -> np.ndarray:
         """Return L_i of modes, M = 1, by the squares of their frequencies."""
@@ -184,7 +191,16 @@ class MeasuredDynamics(LinearDynamics):
         Tolerances are then relative to this length, see `lengths`; states, amplitudes and results
         stay in the units of the structure.
         """
-        return self if length == self.length_unit else replace(self, motion_length=length)
+        if length == self.length_unit:
+            return self
+        if length not in self._measured:
+            self._measured[length] = replace(self, motion_length=length)
+        return self._measured[length]
+
+    @cached_property
+    def _measured(self) -> dict[float, Self]:
+        """Those of `measured_by`: along a path a few lengths recur, each with its modes."""
+        return {}
 
     def measured_at(self, omega: float, amplitude: float) -> Self:
         """Return the structure with motions measured at a frequency and an amplitude."""

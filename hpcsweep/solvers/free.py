@@ -67,6 +67,8 @@ NOT_KNOWN = Free(
     np.empty(0),
     np.empty(0),
 )
+DECAYS, LASTS = 1, 2
+"""What is proved of a motion: it is free and its transient decays in time, or stays free only."""
 FREE = Arena(NOT_KNOWN)
 read_free = FREE.read
 NOTHING = FREE.pack(NOT_KNOWN)
@@ -84,12 +86,12 @@ def is_free(free, state, amplitude, end):
     state : ndarray, shape (2n,)
     amplitude : float
     end : ndarray, shape (2n,)
-        Receives the state after the window, if the result is 1.
+        Receives the state after the window, if the result is DECAYS.
 
     Returns
     -------
     int
-        1 or 0.
+        DECAYS, LASTS, or 0 if it is not proved.
     """
     motion = read_free(free)
     if not motion.known:
@@ -126,10 +128,10 @@ def is_free(free, state, amplitude, end):
             value += motion.left[i, k] * modal[k]
         left += abs(value)
     if not left <= motion.most:
-        return 0
+        return LASTS
     for i in range(2 * n):
         value = amplitude * motion.point[i]
         for k in range(2 * n):
             value += motion.end[i, k] * modal[k]
         end[i] = value
-    return 1
+    return DECAYS

@@ -142,7 +142,6 @@ class InstantMap(RecordMap):
         structure, tally, z = self.structure, self._shared.tally, self._at_rest()
         reset(tally)
         unit = structure.force_per_length * structure.length_unit**2
-        strength = np.array([slider.strength for slider in structure.sliders])
         ends, outcome = [Energy(*6 * [0.0])], int(Outcome.COMPLETE)
         while len(ends) <= count:
             j = len(ends) - 1
@@ -152,7 +151,8 @@ class InstantMap(RecordMap):
             if outcome != COMPLETE:
                 raise ArithmeticError(f"flow: {Outcome(outcome).name} at {j * self.dt:.6g}")
             slid = self._slid(z)
-            taken = tally.impacts[DISSIPATED] * unit, strength * slid.path * structure.length_unit
+            path = slid.path * structure.length_unit
+            taken = tally.impacts[DISSIPATED] * unit, structure.slider_losses(path, slid.excursions)
             reached = self._units.out_of(z), slid.force
             ends.append(energy_at(structure, reached, taken, structure.rest, tally.energy))
         return ends
@@ -229,7 +229,8 @@ def accelerations(
     u, v = np.split(states, 2, axis=-1)
     force, slider_force = forces
     push = 0.0 if ground is None else np.outer(ground, structure.forcing_vector)
-    push = push - u @ structure.elastic_stiffness - v @ structure.damping_matrix
+    damping = np.ascontiguousarray(structure.damping_matrix.T)
+    push = push - u @ structure.elastic_stiffness - v @ damping
     push -= force @ structure.directions
     push -= slider_force @ structure.slider_directions
     return per_mass(structure.mass_matrix, push.T).T

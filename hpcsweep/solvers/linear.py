@@ -59,7 +59,10 @@ class LinearOrbit:
         )
         """Shape (2, C + 2 L): largest displacement of the steady state at A = 1, and at A = -1,
         towards each contact, and along each slider and against it."""
-        self._drift = structure.steady_drift(omega)
+
+    @cached_property
+    def _drift(self) -> float:
+        return self._structure.steady_drift(self._omega)
 
     def state(self, amplitude: float) -> np.ndarray:
         """Return the stroboscopic point of the steady state at amplitude A, shape (2n,)."""

@@ -223,7 +223,7 @@ def response_of(
         plastic_path=path,
         excursions=slid.excursions,
         final_slider_force=slid.force,
-        slider_energy=strength * path,
+        slider_energy=structure.slider_losses(path, slid.excursions),
         residual_displacement=lasting,
         residual_drift=structure.drift_rows @ lasting,
         base_shear=shear,

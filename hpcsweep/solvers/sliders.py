@@ -1,12 +1,8 @@
-"""The sliders of a structure between the kernels' modes and their lasting elongations p.
-
-At a moment the state (u, u', p) tells the mode of each: a slider slips where its force is at its
-strength, to rounding, and its elongation goes on; p then follows it, y -+ delta.
-"""
+"""The sliders of a structure between the kernels' modes and their lasting elongations p."""
 
 import numpy as np
 
-from hpcsweep.model.elements import LEVEL, SHARE, SIGN, SPRING, TAKES, Elements
+from hpcsweep.model.elements import TAKES, Elements
 from hpcsweep.model.observed import ROUNDING
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.units import Units
@@ -34,11 +30,6 @@ class Sliders:
         self.sign = np.where(along, 1.0, -1.0)
         takes = np.split(elements.guard[:, TAKES] > 0.0, elements.guards[1:-1])
         self._takes = np.array([some.any() for some in takes], bool)
-        spans = np.split(np.arange(len(elements.guard)), elements.guards[1:-1])
-        self._first = elements.first[self.own]
-        guards = [spans[mode] for mode in self._first]
-        self._guards = np.concatenate([np.zeros(0, int), *guards])
-        self._of = np.repeat(np.arange(count), [some.size for some in guards])
 
     def elongation(self, half: np.ndarray) -> np.ndarray:
         """Return y of each, or y' where `half` are the velocities of a state of the kernels."""
@@ -68,20 +59,6 @@ class Sliders:
         (state, change), load = self.plastic(z, modes), self.load(modes.mode, modes.state)
         size = np.abs(self._elements.reach) @ np.abs(z[: self._elements.reach.shape[1]])
         return change > ROUNDING * np.maximum(np.maximum(np.abs(state), np.abs(load)), size)
-
-    def place(self, z: np.ndarray, plastic: np.ndarray, modes) -> None:
-        """Write p and the modes of a state; paths begin anew."""
-        modes.mode[:], modes.path[:], modes.taken[:] = self._elements.first, 0.0, 0
-        modes.state[self.own] = plastic
-        y, speed = (self.elongation(half)[self._of] for half in np.split(z, 2))
-        guard = self._elements.guard[self._guards].T
-        sign, spring, level, share = guard[[SIGN, SPRING, LEVEL, SHARE]]
-        value = sign * (spring * y - level - share * plastic[self._of])
-        near = ROUNDING * np.maximum(np.abs(level), np.abs(y))
-        passed = (value > near) | ((value > -near) & (sign * spring * speed > 0.0))
-        mode = self._first.copy()
-        mode[self._of[passed]] = self._elements.after[self._guards[passed]]
-        modes.mode[self.own] = mode
 
 
 class SliderUnits(Units):

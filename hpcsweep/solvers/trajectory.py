@@ -21,6 +21,7 @@ from hpcsweep.solvers.arguments import solver_arguments
 from hpcsweep.solvers.flow.flow_map import LAYER_TOLERANCE, MAX_STEPS
 from hpcsweep.solvers.flow.march.record import ALL_PEAKS, march_record
 from hpcsweep.solvers.flow.observe.gathered import reset
+from hpcsweep.solvers.flow.orbit.yielding import begin_period
 from hpcsweep.solvers.flow.record_map import kernels_of
 from hpcsweep.solvers.flow.state.shared import shared_at
 from hpcsweep.solvers.outcome import Outcome
@@ -102,7 +103,8 @@ class PeriodMap:
         for begin in range(0, size - 1, self._parts):
             if plastic.size:
                 plastic = plastic if not begin else self._sliders.plastic(z, modes)[0]
-                self._sliders.place(z, plastic, modes)
+                elements = self._shared.model.elements
+                begin_period(np.append(z, plastic), z.size, modes, elements)
             for rows, start in zip(held, carried, strict=True):
                 rows[begin] = start
             for first, last in self._polling.cut(self._parts):

@@ -20,7 +20,9 @@ proportion to how far it is passed, and none are on the other. Where differences
 differ so, or do not add up, of the usual step and of a smaller one, there is no tangent map.
 """
 
+import math
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -29,12 +31,15 @@ from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import closing_arguments, motion, points_array
 from hpcsweep.solvers.flow.flow_map import FlowMap
 from hpcsweep.solvers.flow.orbit.chain import Images
-from hpcsweep.solvers.flow.orbit.transient import ROUNDING
+from hpcsweep.solvers.flow.orbit.yielding import PATH
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
+from hpcsweep.solvers.free_motion import FreeMotion
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Growth, Observation
 from hpcsweep.solvers.sliders import Sliders, SliderUnits
 
+FIRST = 4
+"""Forcing periods after which a motion is looked at, then after twice as many more."""
 DIFFERENCE = 1e-6
 """Step of a difference, in units of the state: errors of rounding and of curvature are about the
 same where the map bends over lengths of its units."""
@@ -56,58 +61,70 @@ class YieldingMap(FlowMap):
         super().__init__(structure, omega, rtol)
         self._sliders = Sliders(structure, self._shared.model.elements)
         self._units = SliderUnits(self._units, self._sliders, structure.length_unit)
-        self._strength = np.array([slider.strength for slider in structure.sliders])
         self._limits = np.array([slider.limit for slider in structure.sliders])
-        self._path = np.zeros(len(structure.sliders))
-        self._excursions, self._slipping = np.zeros((2, len(structure.sliders)), int)
+        self._slid = np.zeros((3, len(structure.sliders)))
+        self._watched = structure.state_units.size
+
+    @cached_property
+    def free(self) -> FreeMotion:
+        """The rule for motions in which nothing closes or slips."""
+        return FreeMotion(self.structure, self.omega, 0, 1, 0.0)
+
+    @cached_property
+    def _places(self) -> np.ndarray:
+        """What takes states of the kernels to those in units, relative to what drifts."""
+        states = self._units.out_of(np.eye(self._units.size + self._slid.shape[1]))
+        return np.ascontiguousarray(
+            (self.structure.without_drift(states) / self.structure.state_units).T
+        )
 
     def settle(
         self, state, amplitude, n_periods, max_period, settled, same, near=0.0, poll=None
     ) -> Approach:
-        """Advance until the orbit has closed; as `flow.orbit.transient.watch_motion` tells it."""
-        z, amplitude, n_periods = self._motion(state, amplitude, n_periods)
-        max_period, settled, same, _ = closing_arguments(max_period, settled, same, near)
-        ring, size, close = max_period + 1, 2 * max_period + 1, np.zeros(max_period + 1, int)
-        history, distance = np.tile(self._place(z), (size, 1)), np.full((ring, ring), np.inf)
-        for k in range(1, n_periods + 1):
-            done, outcome = self._march(z, amplitude, 1, poll)
-            if not done:
-                return Approach(self._units.out_of(z), k - 1, 0, 0, np.nan, outcome)
-            p = np.arange(1, min(max_period, k) + 1)
-            point = history[k % size] = self._place(z)
-            e = np.abs(point - history[(k - p) % size]).max(axis=1)
-            before = np.where(k >= 2 * p, distance[(k - p) % ring, p], -np.inf)
-            to_go = np.full(p.size, np.inf)
-            falls = e < before
-            to_go[falls] = e[falls] ** 2 / (before - e)[falls]
-            rounded = ROUNDING * (1.0 + np.abs(point).max())
-            to_go[(e <= rounded) & (k >= 2 * p)] = 0.0
-            distance[k % ring, p] = e
-            close[p] = np.where(to_go <= settled, close[p] + 1, 0)
-            closed = np.flatnonzero(close[1:] >= 2 * np.arange(1, ring) + 1)
-            if closed.size:
-                last = int(closed[0]) + 1
-                shorter = (q for q in range(1, last) if last % q == 0 and e[q - 1] <= same)
-                period = next(shorter, last)
-                return Approach(self._units.out_of(z), k, 0, period, np.nan, Outcome.COMPLETE)
-        return Approach(self._units.out_of(z), n_periods, 0, 0, np.nan, Outcome.COMPLETE)
+        """Advance until the orbit has closed; as `flow.orbit.transient.watch_motion` tells it.
 
-    def _place(self, z: np.ndarray) -> np.ndarray:
-        """Return a state relative to what drifts, in its units."""
-        structure = self.structure
-        return structure.without_drift(self._units.out_of(z)) / structure.state_units
+        With `near` above 0 a motion in which nothing closes or slips any more, which is proved
+        (`solvers.free`), jumps to its steady state.
+        """
+        z, scaled, n_periods = self._motion(state, amplitude, n_periods)
+        max_period, settled, same, near = closing_arguments(max_period, settled, same, near)
+        self._watch_for(max_period).since[0] = 0
+        done, look, period, still, outcome = 0, 0, 0, 1, int(Outcome.COMPLETE)
+        while done < n_periods and not period and outcome == Outcome.COMPLETE:
+            if done == look:
+                look = 2 * look + FIRST
+                free = near > 0.0 and still > 0
+                jump = self.free.jump(self._units.out_of(z), amplitude) if free else None
+                if jump is not None:
+                    return Approach(jump[0], done, 0, 1, jump[1], Outcome.COMPLETE)
+            most = min(self._polling.begin(poll), look - done, n_periods - done)
+            closing = max_period, settled, same, 0.0
+            more, period, still, outcome = self._advance(z, scaled, most, NO_TALLY, None, closing)
+            self._polling.end(more)
+            done += more
+        return Approach(self._units.out_of(z), done, 0, period, math.nan, Outcome(outcome))
+
+    def _advance(self, z, amplitude, n_periods, wanted, points=None, closing=None) -> tuple:
+        """Call `flow.orbit.yielding.march_yielding`, to watch an orbit with a `Closing`."""
+        nothing = np.empty((0, z.size))
+        self._watch_for(closing[0] if closing else 1)
+        return self._kernels.march_yielding(
+            *(self._packed, self._packed_watch, z, amplitude, n_periods, wanted),
+            *(nothing if points is None else points, self._slid),
+            *((self._places, closing) if closing else (nothing, (1, 0.0, 0.0, 0.0))),
+        )
 
     def observe(
         self, state, amplitude, n_periods, modal_norm=False, growth=False, poll=None, measures=0
     ) -> Observation:
         """Integrate `n_periods` and gather; without the growth of a tangent vector."""
-        self._path[:], self._excursions[:], self._slipping[:] = 0.0, 0, 0
+        self._slid[:] = 0.0
         seen = super().observe(state, amplitude, n_periods, modal_norm, False, poll, measures)
         return self._told(seen, state)
 
     def observe_each(self, states, amplitude, measures=0, poll=None) -> Observation:
         """Integrate states over one forcing period each, and gather."""
-        self._path[:], self._excursions[:], self._slipping[:] = 0.0, 0, 0
+        self._slid[:] = 0.0
         seen = super().observe_each(states, amplitude, measures, poll)
         return self._told(seen, states[0])
 
@@ -116,16 +133,17 @@ class YieldingMap(FlowMap):
         tally, model, structure = self._shared.tally, self._shared.model, self.structure
         # drifts of the kernels are those of the structure, then elongations of sliders
         n, rows = len(structure.drift_rows), model.drift_rows.tolist()
-        drifts = tally.peaks[: len(rows)] * structure.length_unit
+        length = structure.length_unit
+        drifts = tally.peaks[: len(rows)] * length
         slides = [rows.index(row) for row in model.elements.rows[self._sliders.own].tolist()]
-        periods = len(seen.points)
+        periods, (path, times, slipping) = len(seen.points), self._slid
         change = (seen.points[-1] if periods else state) - np.asarray(state, float)
         slid = {
             "ductility": drifts[slides] / self._limits,
-            "slider_energy": self._strength * self._path * structure.length_unit / max(periods, 1),
+            "slider_energy": structure.slider_losses(path * length, times) / max(periods, 1),
             "plastic": change[2 * structure.n_floors :] / max(periods, 1),
-            "excursions": self._excursions.copy(),
-            "slipping": self._slipping.copy(),
+            "excursions": times.astype(int),
+            "slipping": slipping.astype(int),
         }
         return replace(seen, peak_drift=float(drifts[:n].max()), slid=slid)
 
@@ -198,9 +216,9 @@ class YieldingMap(FlowMap):
     def _tangent(self, state: np.ndarray, amplitude: float, n_periods: int, poll=None):
         """Return d z(n_periods T) / d z(0), shape (2n + L, 2n + L)."""
         steps, n = self._steps(), 2 * self.structure.n_floors
-        self._path[:] = 0.0
+        self._slid[:] = 0.0
         middle = self._end(state, amplitude, n_periods, poll) / self.structure.state_units
-        sticks = n + np.flatnonzero(self._path == 0.0)
+        sticks = n + np.flatnonzero(self._slid[PATH] == 0.0)
         for size in (DIFFERENCE, *NARROW):
             differences = self._differences(state, amplitude, n_periods, middle, size * steps, poll)
             if differences is not None:
@@ -250,19 +268,10 @@ class YieldingMap(FlowMap):
         return bool(np.any((np.abs(over) > 1.0) & (over * (rows @ state[n : 2 * n]) <= 0.0)))
 
     def _march(self, z, amplitude, n_periods, poll=None, points=None, wanted=NO_TALLY, *_):
-        """Integrate like `FlowMap`, z the state of the kernels and p behind; add to the paths."""
-        shared, sliders, size = self._shared, self._sliders, self._units.size
-        nothing = np.empty((0, size)), wanted, np.empty((size, 0)), np.empty(0)
+        """Integrate like `FlowMap`, z the state of the kernels and p behind."""
         for first, last in self._polling.cut(n_periods, poll):
-            for number in range(first, last):
-                sliders.place(z[:size], z[size:], shared.modes)
-                _, outcome = self._kernels.march(self._packed, z[:size], amplitude, 1, *nothing)
-                if outcome != Outcome.COMPLETE:
-                    return number, Outcome(outcome)
-                z[size:], change = sliders.plastic(z[:size], shared.modes)
-                self._path += shared.modes.path[sliders.own] + change
-                self._excursions += shared.modes.taken[sliders.own]
-                self._slipping += change > 0.0
-                if points is not None:
-                    points[number] = z
+            part = None if points is None else points[first:last]
+            done = self._advance(z, amplitude, last - first, wanted, part)
+            if done[-1] != Outcome.COMPLETE:
+                return first + done[0], Outcome(done[-1])
         return n_periods, Outcome.COMPLETE

@@ -299,3 +299,17 @@ def test_dry_friction_by_a_stiff_slider_has_the_orbits_of_its_closed_form(points
         assert largest == pytest.approx(exact, abs=7.0 * ratio / math.sqrt(stiffness))
         assert abs(found.multipliers[0]) < 0.9
         np.testing.assert_array_less(abs(found.multipliers[2:]), 1e-6)
+
+
+def test_a_jump_ends_where_the_motion_does():
+    """Where nothing slips any more: with p of any size, from within the first periods on."""
+    structure = oscillator(0.05, 0.1)
+    solver = solver_of(structure)
+    state = solver.advance(np.zeros(3), 0.9, 40).state
+    rules = 400, 4, 1e-10, 1e-6
+    for amplitude in (0.05, 0.15, 0.5):
+        whole = solver.settle(state, amplitude, *rules)
+        short = solver.settle(state, amplitude, *rules, 1e-3)
+        assert whole.period == short.period == 1
+        assert short.n_periods < whole.n_periods // 2 or amplitude == 0.5
+        np.testing.assert_allclose(short.state, whole.state, rtol=0, atol=1e-9)

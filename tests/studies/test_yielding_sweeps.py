@@ -63,7 +63,7 @@ def test_a_sweep_shakes_down_and_tells_how(swept):
         # on the way down what has yielded stays: only what has not is the free motion
         rule = results["skip_rule"].values
         assert (rule[0, :, 0] == SkipRule.LINEAR).all()
-        assert (rule[1, :, :2] == SkipRule.CONVERGED).all()
+        assert (rule[1, :, :2] == SkipRule.NEWTON).all()
         last = down["final_state"].values[:, :2, 2]
         assert (abs(last) > 1e-3).all()
         np.testing.assert_array_equal(last[:, 0], last[:, 1])

@@ -24,10 +24,9 @@ from hpcsweep.solvers.flow.state.shared import (
     MAXIMA,
     NO_TALLY,
     NORMS,
-    WATCH,
     Watch,
-    new_watch,
     shared_at,
+    watch_of,
 )
 from hpcsweep.solvers.free import NOTHING
 from hpcsweep.solvers.free_motion import FreeMotion
@@ -74,6 +73,7 @@ class FlowMap:
         self._kernels = kernels_for(self._shared.model, shapes)
         self._measures = False  # whether what they call is loaded
         self._watches: dict[int, tuple] = {}
+        self._watched = self._units.size
         self.counts = self._shared.counts
         self._polling = Polling()
         self._gathered = partial(gathered, self.structure, self._shared)
@@ -213,7 +213,7 @@ class FlowMap:
     def _watch_for(self, max_period: int) -> Watch:
         """Return the record of a motion's points for orbits of up to `max_period`."""
         if max_period not in self._watches:
-            self._watches[max_period] = WATCH.place(new_watch(self._units.size // 2, max_period))
+            self._watches[max_period] = watch_of(self._watched, max_period)
         self._watch, self._packed_watch = self._watches[max_period]
         return self._watch
 

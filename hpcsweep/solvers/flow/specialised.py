@@ -31,6 +31,7 @@ from hpcsweep.solvers.flow.orbit.batch import follow_orbits
 from hpcsweep.solvers.flow.orbit.chain import advance_chain
 from hpcsweep.solvers.flow.orbit.contract import take_round
 from hpcsweep.solvers.flow.orbit.transient import end_of_transient
+from hpcsweep.solvers.flow.orbit.yielding import march_yielding
 from hpcsweep.solvers.flow.state.shared import SHARED, new_shared
 
 
@@ -43,6 +44,8 @@ class MotionKernels(NamedTuple):
     advance_chain: EntryPoint
     take_round: EntryPoint
     """These two are compiled on their first call: sweeps do without."""
+    march_yielding: EntryPoint
+    """Of structures with sliders."""
     measures: list[EntryPoint]
     """What these call where measures are requested."""
 
@@ -58,6 +61,7 @@ FOR_ANY = MotionKernels(
     end_of_transient,
     follow_orbits,
     *OF_BRANCHES,
+    march_yielding,
     with_called(march_measured, measure_layer_step),
 )
 
@@ -83,7 +87,8 @@ def of_elements(model: Model) -> tuple[EntryPoint, ...]:
     if not model.elements.first.size:
         return ()
     layers = visit_layers, measure_layer_step  # that of sliders, which always ask for drifts
-    return (march_elements, *layers) if model.layer else (march_elements,)
+    yields = (march_yielding,) if model.elements.stiffness.size else ()
+    return (march_elements, *yields, *layers) if model.layer else (march_elements, *yields)
 
 
 def needed_kernels(
@@ -101,7 +106,7 @@ def needed_kernels(
         Include those of measures.
     """
     if structure is None:
-        every = _needed((march_elements, visit_layers), measures)
+        every = _needed((march_elements, march_yielding, visit_layers), measures)
         return with_called(*every, *OF_BRANCHES)
     model = kernel_model(structure, 1.0)
     needed = _needed(of_elements(model), measures)

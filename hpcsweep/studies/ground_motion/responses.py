@@ -302,7 +302,14 @@ def with_lengths_in(structure: Structure, unit: float, *more: np.ndarray) -> Str
         **structure.load,
         drift=drift,
         sharpness=structure.sharpness,
-        sliders=[replace(slider, strength=slider.strength / unit) for slider in structure.sliders],
+        sliders=[
+            replace(
+                slider,
+                strength=slider.strength / unit,
+                kinetic=slider.kinetic and slider.kinetic / unit,
+            )
+            for slider in structure.sliders
+        ],
         collapse_drift=None if structure.collapse_drift is None else limits.tolist(),
     )
 

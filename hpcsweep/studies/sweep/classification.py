@@ -17,7 +17,7 @@ import numpy as np
 from hpcsweep.dynamics import stability
 from hpcsweep.dynamics.attractor import Motion
 from hpcsweep.dynamics.classify import CHAOS_GROWTH, MotionClass
-from hpcsweep.dynamics.classify_motion import LONGEST, SETTLED, classify_motion
+from hpcsweep.dynamics.classify_motion import LONGEST, NEAR, SETTLED, classify_motion
 from hpcsweep.dynamics.lyapunov import LyapunovSpectrum, spectrum_of_motion, spectrum_of_orbit
 from hpcsweep.dynamics.orbit import closed_period, orbit_period
 from hpcsweep.model.coordinates import coordinate_of
@@ -134,8 +134,8 @@ def _classify_yielding(
     period = window if settings.classify_cycles is None else closed_period(points, longest, same)
     if settings.classify_cycles:
         shown = window_class(seen, window)
-        rules = settings.classify_cycles, LONGEST, SETTLED, same
-        end, period = solver.settle(seen.points[-1], amplitude, *rules, poll=poll), 0
+        rules = settings.classify_cycles, LONGEST, SETTLED, same, NEAR
+        end, period = solver.settle(seen.points[-1], amplitude, *rules, poll), 0
         cycles = end.n_periods
         if end.outcome is Outcome.COMPLETE and end.period:
             length = end.period if end.period <= longest else settings.sampling_cycles

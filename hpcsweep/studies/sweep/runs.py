@@ -23,8 +23,8 @@ steady-state window. Rules that spare periods whose result is known (`skip`):
 
 A motion that the window leaves open may be classified after it (`classification`).
 
-Motions of sliders (`solvers.yielding_map`) have a tangent map on their orbits alone: `newton` finds
-nothing, and `linear` needs that none has slipped before.
+Motions of sliders (`solvers.yielding_map`) have a tangent map on their orbits alone: `newton` jumps
+where none slips any more, which is proved, and `linear` needs that none has slipped before.
 
 A run that fails is data: its results are NaN, its outcome says why, and its final state is the
 last one that was reached. After a collapse the path goes on from rest.
@@ -38,7 +38,7 @@ from typing import ClassVar
 import numpy as np
 
 from hpcsweep.dynamics.classify import MotionClass
-from hpcsweep.dynamics.classify_motion import SETTLED
+from hpcsweep.dynamics.classify_motion import NEAR, SETTLED
 from hpcsweep.dynamics.families import told_of_sliders
 from hpcsweep.dynamics.stability import MeanInterval
 from hpcsweep.model.structure import Structure
@@ -84,27 +84,39 @@ class FrameRuns:
     """
 
     def __init__(self, structure: Structure, omega: float, settings: SweepSettings, solver=None):
-        self.structure, self.settings = structure, settings
+        self.structure, self.omega, self.settings = structure, omega, settings
         self._given = solver is not None
-        made = settings.solver, structure, omega, settings.rtol
-        self.solver = solver or make_solver(*made, yields=True)
-        self._free = None
-        if "linear" in settings.skip:
-            # imported here: reading results needs no kernels
-            from hpcsweep.solvers.free_motion import FreeMotion
+        if solver is not None:
+            self.solver = solver
 
-            self._free = FreeMotion(
-                structure,
-                omega,
-                settings.transient_cycles,
-                settings.sampling_cycles,
-                settings.period_tolerance,
-            )
-        self._batch = None
-        if "converged" in settings.skip and SOLVERS[settings.solver].batches(structure):
+    @cached_property
+    def solver(self):
+        """Made where it is needed: runs measured by another length have their own."""
+        made = self.settings.solver, self.structure, self.omega, self.settings.rtol
+        return make_solver(*made, yields=True)
+
+    @cached_property
+    def _free(self):
+        if "linear" not in self.settings.skip:
+            return None
+        # imported here: reading results needs no kernels
+        from hpcsweep.solvers.free_motion import FreeMotion
+
+        of = self.settings
+        window = of.transient_cycles, of.sampling_cycles, of.period_tolerance
+        free = FreeMotion(self.structure, self.omega, *window)
+        if not CLOSING.of(self.structure):
+            self.solver.free = free
+        return free
+
+    @cached_property
+    def _batch(self):
+        settings = self.settings
+        if "converged" in settings.skip and SOLVERS[settings.solver].batches(self.structure):
             from hpcsweep.studies.sweep.batch import Batch
 
-            self._batch = Batch(self.solver, settings, self._free)
+            return Batch(self.solver, settings, self._free)
+        return None
 
     def follow(self, amplitudes: Amplitudes, state: np.ndarray, poll: Poll = None) -> Rows:
         """Compute runs at consecutive amplitudes, each from the end of the previous one.
@@ -135,12 +147,12 @@ class FrameRuns:
         amplitudes = np.array(amplitudes, dtype=float)
         if self._given or not amplitudes.size:
             return self._stretch(amplitudes, state, poll, follow)
-        lengths = self.structure.lengths(self.solver.omega, amplitudes)
+        lengths = self.structure.lengths(self.omega, amplitudes)
         parts = []
         for at in np.split(np.arange(amplitudes.size), 1 + np.flatnonzero(np.diff(lengths))):
             runs, measured = self, self.structure.measured_by(float(lengths[at[0]]))
             if measured is not self.structure:
-                runs = frame_runs(measured, self.solver.omega, self.settings)
+                runs = frame_runs(measured, self.omega, self.settings)
             parts.append(runs._stretch(amplitudes[at], state, poll, follow))
             state = end_of(parts[-1], -1) if follow else state
         return joined(parts)
@@ -191,7 +203,8 @@ class FrameRuns:
         """Advance until the orbit has closed, then to the point at which its window would end."""
         of = self.settings
         rules = of.transient_cycles, of.max_orbit_period, SETTLED, of.period_tolerance
-        end = self.solver.settle(z, amplitude, *rules, poll=poll)
+        near = NEAR if "newton" in of.skip else 0.0
+        end = self.solver.settle(z, amplitude, *rules, near, poll)
         if not end.period or end.outcome is not Outcome.COMPLETE:
             return end
         more = (of.transient_cycles + of.sampling_cycles - end.n_periods) % end.period
@@ -293,10 +306,17 @@ def _row(result: Rows, index: int) -> Rows:
     return {name: array[index : index + 1] for name, array in result.items()}
 
 
-@lru_cache(maxsize=4)
 def frame_runs(structure: Structure, omega: float, settings: SweepSettings) -> FrameRuns:
-    """Return the runs of a frame; the tables of the last few frames are cached."""
-    return FrameRuns(structure, omega, settings)
+    """Return the runs of a frame; the tables of the last few frames are cached.
+
+    Of what has few parts, of 50 kB a frequency, so many that a path along the frequency finds them
+    again on its way back.
+    """
+    parts = structure.n_floors + len(structure.contacts) + len(structure.sliders)
+    return (_many if parts <= 2 else _few)(structure, omega, settings)
+
+
+_few, _many = (lru_cache(maxsize=count)(FrameRuns) for count in (4, 512))
 
 
 @dataclass(frozen=True, eq=False)

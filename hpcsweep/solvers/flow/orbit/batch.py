@@ -31,7 +31,7 @@ from hpcsweep.solvers.flow.state.shared import (
     wants_norms,
 )
 from hpcsweep.solvers.flow.state.state import copy_matrix, copy_state, renew_rows
-from hpcsweep.solvers.free import is_free
+from hpcsweep.solvers.free import DECAYS, is_free
 from hpcsweep.solvers.outcome import COMPLETE
 from hpcsweep.solvers.records import Orbits
 from hpcsweep.solvers.skip_rule import SkipRule
@@ -164,7 +164,7 @@ def follow_orbits(shared, watch, free, packed, n_periods, rows):
             return MORE, n_done, COMPLETE
         amplitude = run.amplitudes[run.number[0]]
         if run.begun[0] == 0:
-            if is_free(free, run.state, amplitude, run.end) != 0:
+            if is_free(free, run.state, amplitude, run.end) == DECAYS:
                 n_free += 1
                 _end_free(run, rows)
                 continue

@@ -74,6 +74,46 @@ def _smallest_period(p, distance, same):
     return p
 
 
+@inlined
+def begin_watch(watch, z):
+    """Begin to watch a motion in a state z."""
+    copy_state(z, watch.history[0])
+    for p in range(watch.close.shape[0]):
+        watch.close[p] = watch.falling[p] = 0
+
+
+@inlined
+def period_of(watch, z, closing):
+    """Add the next point of a motion; return the period that it tells, see `watch_motion`."""
+    max_period, settled, same, near = closing
+    size, history, distance = z.shape[0], watch.history, watch.distance
+    ring, long = max_period + 1, watch.history.shape[0]
+    period = watch.since[0] = watch.since[0] + 1
+    slot = past = period % ring
+    place = period % long
+    largest = 0.0
+    for k in range(size):
+        history[place, k] = z[k]
+        largest = max(largest, abs(z[k]))
+    for p in range(1, min(max_period, period) + 1):
+        # slots of p periods ago, without a division
+        past += ring - 1 if past == 0 else -1
+        place += long - 1 if place == 0 else -1
+        e = 0.0
+        for k in range(size):
+            e = max(e, abs(z[k] - history[place, k]))
+        before = distance[past, p] if period >= 2 * p else -math.inf
+        rounding = ROUNDING * (1.0 + largest)
+        distance[slot, p] = e
+        watch.close[p] = watch.close[p] + 1 if _to_go(e, before, rounding) <= settled else 0
+        if watch.close[p] >= 2 * p + 1:
+            return _smallest_period(p, distance[slot], same)
+        watch.falling[p] = watch.falling[p] + 1 if e <= near and e < before else 0
+        if watch.falling[p] >= 2 * p + 1:
+            return -p
+    return 0
+
+
 @kernel
 def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
     """Advance z until its orbit has closed on itself, for at most `n_periods`.
@@ -93,48 +133,18 @@ def watch_motion(shared, common, watch, z, amplitude, n_periods, closing):
         `period` is 0 if the orbit has not closed, negative if it is only approached. With 0 fewer
         than `n_periods` may be done, see `MAX_WORK`.
     """
-    max_period, settled, same, near = closing
     size = z.shape[0]
-    history = watch.history
-    distance = watch.distance
-    close = watch.close
-    falling = watch.falling
-    ring = max_period + 1
-    long = history.shape[0]
     first = watch.since[0]
     most = _steps(common.counts, size) + int(MAX_WORK / size**2)
     if first == 0:
-        copy_state(z, history[0])
-        for p in range(ring):
-            close[p] = 0
-            falling[p] = 0
+        begin_watch(watch, z)
     for period in range(first + 1, first + n_periods + 1):
         _, outcome = advance(shared, z, amplitude, 1, None)
         if outcome != COMPLETE:
             return period - 1 - first, 0, outcome
-        watch.since[0] = period
-        slot = past = period % ring
-        place = period % long
-        largest = 0.0
-        for k in range(size):
-            history[place, k] = z[k]
-            largest = max(largest, abs(z[k]))
-        for p in range(1, min(max_period, period) + 1):
-            # slots of p periods ago, without a division
-            past += ring - 1 if past == 0 else -1
-            place += long - 1 if place == 0 else -1
-            e = 0.0
-            for k in range(size):
-                e = max(e, abs(z[k] - history[place, k]))
-            before = distance[past, p] if period >= 2 * p else -math.inf
-            rounding = ROUNDING * (1.0 + largest)
-            distance[slot, p] = e
-            close[p] = close[p] + 1 if _to_go(e, before, rounding) <= settled else 0
-            if close[p] >= 2 * p + 1:
-                return period - first, _smallest_period(p, distance[slot], same), COMPLETE
-            falling[p] = falling[p] + 1 if e <= near and e < before else 0
-            if falling[p] >= 2 * p + 1:
-                return period - first, -p, COMPLETE
+        closed = period_of(watch, z, closing)
+        if closed != 0:
+            return period - first, closed, COMPLETE
         if _steps(common.counts, size) > most:
             return period - first, 0, COMPLETE
     return n_periods, 0, COMPLETE

@@ -174,15 +174,25 @@ def new_shared(model: Model, tolerance: float, max_steps: int) -> Shared:
     )
 
 
-def new_watch(n: int, max_period: int) -> Watch:
-    """Allocate the workspace for n rows and orbits of up to `max_period` forcing periods."""
-    return allocate(Watch, {"2R": 2 * n, "points": 2 * max_period + 1, "ring": max_period + 1})
+def new_watch(size: int, max_period: int) -> Watch:
+    """Allocate the workspace for states of a size and orbits of up to `max_period` periods."""
+    return allocate(Watch, {"2R": size, "points": 2 * max_period + 1, "ring": max_period + 1})
 
 
 # of any structure: the types are the same for all
 SHARED = Arena(new_shared(kernel_model(Structure(1), 1.0), 0.0, 0))
-WATCH = Arena(new_watch(1, 1))
+WATCH = Arena(new_watch(2, 1))
 read_shared, read_watch = SHARED.read, WATCH.read
+
+
+def watch_of(size: int, max_period: int) -> tuple[Watch, np.ndarray]:
+    """Return a watch, and packed."""
+    return WATCH.copy(_watch_pattern(size, max_period))
+
+
+@lru_cache(maxsize=64)
+def _watch_pattern(size: int, max_period: int) -> Pattern:
+    return WATCH.pattern(new_watch(size, max_period))
 
 
 def shared_at(

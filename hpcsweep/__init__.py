@@ -40,6 +40,7 @@ if TYPE_CHECKING:  # the aliases say that they are public
     from hpcsweep.model.matrices import Slider as Slider
     from hpcsweep.model.record import Record as Record
     from hpcsweep.model.soil import Soil as Soil
+    from hpcsweep.model.springs import Spring as Spring
     from hpcsweep.model.structure import Structure as Structure
     from hpcsweep.solvers.history import history as history
     from hpcsweep.solvers.response import Response as Response

@@ -131,7 +131,13 @@ STRUCTURE: Tables = {
         Key(
             "slider",
             "tables `[[structure.slider]]` that go with matrices or a model, of springs that yield "
-            "([how](yielding.md)): `direction`, `stiffness`, `strength`, and if wanted `name`",
+            "([how](yielding.md)): `direction`, `stiffness`, `strength`, and if wanted `name`, and "
+            "`kinetic`, the strength while it slips",
+        ),
+        Key(
+            "spring",
+            "tables `[[structure.spring]]` that go with matrices, of multilinear springs: "
+            "`direction` and `table`, points [d, F] of elongation and force",
         ),
     ),
     "forcing": (

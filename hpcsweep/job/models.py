@@ -68,7 +68,7 @@ def with_model(
     if isinstance(table, Mapping) and folder is None and "found" in table:
         return tree, None
     values.check_table("structure.model", table, (*MODEL, "found"), ("file",))
-    contacts, sliders = element_tables(values, structure)
+    contacts, sliders, _ = element_tables(values, structure)
     varied = varied_values(values, tree)
     for key in filter(SHAPES_MODES.search, varied):
         limit = "is not offered: a model is reduced once, for its contacts and sliders"

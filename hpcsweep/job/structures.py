@@ -26,6 +26,7 @@ from hpcsweep.model.isolation import Isolation
 from hpcsweep.model.matrices import MAX_LABEL, Contact, Slider
 from hpcsweep.model.reduced import Reduced, elements_of
 from hpcsweep.model.soil import Soil
+from hpcsweep.model.springs import Spring
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import NEWTONS, UnitNames
 from hpcsweep.studies.ground_motion.scales import known_gravity
@@ -41,7 +42,7 @@ MATRICES_BESIDE = {
 }
 """Keys of buildings side by side that give the matrices."""
 WITH_MATRICES = (
-    *("matrices", "contact", "slider", "sharpness", "damping_ratio", "rayleigh"),
+    *("matrices", "contact", "slider", "spring", "sharpness", "damping_ratio", "rayleigh"),
     "collapse_drift",
 )
 """Keys of the structure that go with its matrices; all others are those of a building."""
@@ -69,7 +70,7 @@ def read_structure(values: Values) -> Structure:
     table = dict(values.table("structure"))
     harmonics = read_forcing(values)
     by_matrices = next((key for key in ("model", "matrices") if key in table), None)
-    for key in ("contact", "slider"):
+    for key in ("contact", "slider", "spring"):
         if key in table and by_matrices is None:
             raise values.error(f"structure.{key}", table[key], "goes with structure.matrices")
     side_by_side = values.top("building", None) is not None
@@ -137,24 +138,27 @@ def _of_matrices(values: Values, table: dict, by: str, harmonics) -> Structure:
     for key in table:
         if key not in (by, *WITH_MATRICES[1:]):
             raise values.error(f"structure.{key}", table[key], f"does not go with {by}")
-    contacts, sliders = element_tables(values, table)
-    others = {key: _tuples(table[key]) for key in WITH_MATRICES[3:] if key in table}
+    contacts, sliders, springs = element_tables(values, table)
+    others = {key: _tuples(table[key]) for key in WITH_MATRICES[4:] if key in table}
     if by == "model":
+        if springs:
+            raise values.error("structure.spring", springs, "goes with structure.matrices")
         return _of_model(values, table, contacts, sliders, {**others, "harmonics": harmonics})
     values.check_table("structure.matrices", table[by], MATRICES, ("mass", "stiffness"))
     return Structure.from_matrices(
         contacts=elements_of("contact", contacts),
         sliders=elements_of("slider", sliders),
+        springs=elements_of("spring", springs),
         harmonics=harmonics,
         **table[by],
         **others,
     )
 
 
-def element_tables(values: Values, structure: Mapping) -> tuple[list[dict], list[dict]]:
-    """Return the tables of contacts and sliders beside matrices."""
-    tables = []
-    for name, kind in (("contact", Contact), ("slider", Slider)):
+def element_tables(values: Values, structure: Mapping) -> list[list[dict]]:
+    """Return the tables of contacts, sliders and springs beside matrices."""
+    tables, kinds = [], {"contact": Contact, "slider": Slider, "spring": Spring}
+    for name, kind in kinds.items():
         listed, keys = structure.get(name, []), [field.name for field in fields(kind)]
         if not isinstance(listed, list):
             limit = f"must be tables, [[structure.{name}]]"
@@ -162,7 +166,7 @@ def element_tables(values: Values, structure: Mapping) -> tuple[list[dict], list
         for k, table in enumerate(listed):
             values.check_table(f"structure.{name}[{k}]", table, keys, keys[:3])
         tables.append(listed)
-    return tables[0], tables[1]
+    return tables
 
 
 def model_settings(structure: Mapping) -> str:

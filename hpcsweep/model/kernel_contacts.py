@@ -114,7 +114,7 @@ def kernel_contacts(
 def _law(beta: np.ndarray, drag: np.ndarray) -> np.ndarray:
     """Return beta and drag of each contact over beta, or over drag where there is no spring."""
     found = np.stack((beta, drag), 1)
-    unit = np.where(beta > 0.0, beta, np.where(drag > 0.0, drag, 1.0))
+    unit = np.where(beta != 0.0, np.abs(beta), np.where(drag > 0.0, drag, 1.0))
     return found / unit[:, None]
 
 

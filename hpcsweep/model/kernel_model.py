@@ -240,21 +240,23 @@ def _bandwidth(matrix: np.ndarray) -> int:
 
 
 def _growth(structure: Structure, drag: float) -> float:
-    """Bound the rate at which a motion grows whose sliders slip: 0 if their stiffness is definite.
+    """Bound the rate at which a motion grows whose sliders slip, or whose springs soften.
 
-    With the least eigenvalue -k of M^-1 K without sliders lambda^2 + d lambda = k, d <= `drag`, so
-    that |lambda| is at most the larger root of lambda^2 - d lambda = k.
+    0 if that stiffness is definite. With the least eigenvalue -k of its M^-1 K lambda^2 + d lambda
+    = k, d <= `drag`, so that |lambda| is at most the larger root of lambda^2 - d lambda = k.
     """
-    if not structure.sliders:
+    softer, rows = np.minimum(structure.contact_stiffness, 0.0), structure.directions
+    if not structure.sliders and not softer.any():
         return 0.0
     root = np.linalg.cholesky(structure.mass_matrix)
-    half = np.linalg.solve(root, structure.elastic_stiffness) / structure.frequency_unit**2
+    soft = structure.elastic_stiffness + rows.T @ (softer[:, None] * rows)
+    half = np.linalg.solve(root, soft) / structure.frequency_unit**2
     least = float(np.linalg.eigvalsh(np.linalg.solve(root, half.T).T)[0])
     return 0.5 * (drag + float(np.sqrt(drag**2 - 4.0 * least))) if least < 0.0 else 0.0
 
 
 def _hardest(structure: Structure) -> float:
     """Return the largest eigenvalue of the contribution of all contacts to M^-1 K."""
-    reach = np.sqrt(structure.contact_stiffness)[:, None] * structure.directions
+    reach = np.sqrt(np.abs(structure.contact_stiffness))[:, None] * structure.directions
     together = reach @ per_mass(structure.mass_matrix, reach.T) / structure.frequency_unit**2
     return float(np.linalg.eigvalsh(together)[-1]) if len(reach) else 0.0

@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 from hpcsweep.model.arguments import InputError, refused
 from hpcsweep.model.matrices import Contact, Slider, each
 from hpcsweep.model.reduction import Reduction
+from hpcsweep.model.springs import Spring
 from hpcsweep.model.structure import Structure
 
 
 def elements_of(name: str, tables: Iterable[Any]) -> list:
-    """Make each "contact", or "slider", that is a table; errors name it with its place, from 0."""
-    kind: Any = {"contact": Contact, "slider": Slider}[name]
+    """Make each contact, slider or spring that is a table; errors name its place, from 0."""
+    kind: Any = {"contact": Contact, "slider": Slider, "spring": Spring}[name]
     keys = [parameter.name for parameter in fields(kind)]
     made = []
     for k, table in enumerate(tables):

@@ -25,6 +25,7 @@ from hpcsweep.model.matrices import Matrices, check_definite, one_or_each, read_
 from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.rigid import refuse_beside
+from hpcsweep.model.springs import add_springs
 from hpcsweep.model.unit_names import Names, UnitNames
 
 MAX_STIFFNESS = 1e12
@@ -195,6 +196,7 @@ class Structure(MeasuredDynamics):
         rayleigh: Any = None,
         sliders: Any = (),
         collapse_drift: Any = None,
+        springs: Any = (),
     ) -> "Structure":
         """Return a structure from its matrices, contacts and sliders.
 
@@ -210,7 +212,7 @@ class Structure(MeasuredDynamics):
             Damping ratio of every mode of the free structure that vibrates. Default: none, unless
             `damping` is given.
         damping : array_like, shape (n, n), optional
-            C, symmetric and positive semidefinite, in place of it.
+            C in place of it, its symmetric part positive semidefinite; what is skew is gyroscopic.
         forcing : array_like, shape (n,), optional
             b. Default: -M 1, a base that shakes.
         influence : array_like, shape (n,), optional
@@ -229,6 +231,8 @@ class Structure(MeasuredDynamics):
             sliders stick.
         collapse_drift : float or sequence of floats, optional
             Of the rows of `drift`, see `Structure`.
+        springs : sequence of Spring, optional
+            Multilinear ones, which join K and, behind the others, the contacts.
 
         Raises
         ------
@@ -239,6 +243,11 @@ class Structure(MeasuredDynamics):
         used = [name for name, value in dampings.items() if value is not None]
         if len(used) > 1:
             raise wrong(used[0], f"and {used[1]} must not be given both")
+        if len(springs):
+            if sharpness != math.inf:
+                raise wrong("springs", f"need sharpness = inf, sharpness is {sharpness:g}")
+            stiffness, kinks = add_springs(stiffness, springs, len(mass))
+            contacts = [*contacts, *kinks]
         read = read_matrices(mass, stiffness, contacts, damping, forcing, drift, sliders, influence)
         return cls(
             n_floors=len(read.mass),

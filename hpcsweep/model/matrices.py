@@ -18,7 +18,7 @@ import numpy as np
 from hpcsweep.model import arguments
 from hpcsweep.model.arguments import finite, not_negative, number, positive, refused, wrong
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
-from hpcsweep.model.modes import RIGID, scaled_stiffness
+from hpcsweep.model.definite import check_damping
 from hpcsweep.model.rigid import read_bounce
 
 MAX_FLOORS = 64
@@ -28,11 +28,6 @@ MAX_LABEL = 100
 """Characters of a name."""
 MAX_CONTACTS = 64
 """Contact sets are stored as the bits of one 64-bit integer."""
-SYMMETRY = 1e-10
-"""Largest difference of a symmetric matrix from its transpose, relative to its largest entry."""
-MAX_SPREAD = 1e16
-"""Largest ratio of two masses, or of the squares of two natural frequencies: beyond it the units
-of the entries are mixed, or one of them is a typing error."""
 
 Vector = tuple[float, ...]
 Matrix = tuple[Vector, ...]
@@ -94,15 +89,6 @@ def matrix(name: str, value: Any, shape: tuple[int | None, int | None]) -> Matri
         raise wrong(name, f"must have {n_rows} rows, one per mass, has {len(rows)}")
     width = len(rows) if n_columns is None else n_columns
     return tuple(vector(name, row, width, "entries in each row", read=finite) for row in rows)
-
-
-def check_symmetric(name: str, array: np.ndarray) -> None:
-    """Refuse a matrix that is not symmetric."""
-    off = np.abs(array - array.T)
-    if off.max() > SYMMETRY * np.abs(array).max():
-        i, j = np.unravel_index(int(off.argmax()), off.shape)
-        entries = f"({i + 1}, {j + 1}) is {array[i, j]:g}, ({j + 1}, {i + 1}) is {array[j, i]:g}"
-        raise wrong(name, f"must be symmetric: entry {entries}")
 
 
 def _direction(name: str, direction: Any, refusal: str) -> Any:
@@ -397,7 +383,7 @@ def read_matrices(
         limit = f"and sliders must be at most {MAX_CONTACTS} together"
         raise wrong("contacts", f"{limit}, are {len(read.contacts)} and {len(read.sliders)}")
     if read.damping is not None:
-        _check_damping(np.array(read.damping))
+        check_damping(np.array(read.damping))
     return read
 
 
@@ -417,33 +403,3 @@ def _several(kind: Any, elements: Any, n: int) -> tuple:
             limit = f"must have {n} entries, has {len(element.direction)}"
             raise wrong(f"{key}.direction of {key} {place}", limit)
     return listed
-
-
-def check_definite(name: str, array: np.ndarray, n_rigid: int = 0) -> None:
-    """Refuse a matrix that is not symmetric and, but for rigid motions, positive definite."""
-    check_symmetric(name, array)
-    values = np.linalg.eigvalsh(array)[n_rigid:]
-    if not values.min(initial=1.0) > 0:
-        raise wrong(name, f"must be positive definite, has the eigenvalue {values[0]:.3g}")
-    if values.size and values[-1] / MAX_SPREAD > values[0]:
-        limit = f"has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}"
-        raise wrong(name, f"{limit}: a ratio above {MAX_SPREAD:g} looks like mixed units")
-
-
-def rigid_motions(name: str, stiffness: np.ndarray) -> int:
-    """Return how many motions no spring opposes; refuse a stiffness that drives some."""
-    check_symmetric(name, stiffness)
-    scaled = scaled_stiffness(stiffness)
-    if scaled[0] < -RIGID:
-        least = np.linalg.eigvalsh(stiffness)[0]
-        raise wrong(name, f"must not be negative, has the eigenvalue {least:.3g}")
-    n_rigid = int(np.count_nonzero(scaled <= RIGID))
-    check_definite(name, stiffness, n_rigid)
-    return n_rigid
-
-
-def _check_damping(array: np.ndarray) -> None:
-    values = np.linalg.eigvalsh(0.5 * (array + array.T))
-    if values[0] < -SYMMETRY * np.abs(array).max():
-        limit = f"must not feed energy in, has the eigenvalue {values[0]:.3g}"
-        raise wrong("matrices.damping", limit)

@@ -19,9 +19,10 @@ import numpy as np
 from hpcsweep.model import matrices
 from hpcsweep.model.arguments import LARGEST, count, flag, instance, items, number, refused, wrong
 from hpcsweep.model.dashpot import refuse_smooth
+from hpcsweep.model.definite import check_definite
 from hpcsweep.model.forcing import ONE_HARMONIC, read_harmonics
 from hpcsweep.model.linear_dynamics import ROUNDED
-from hpcsweep.model.matrices import Matrices, check_definite, one_or_each, read_matrices
+from hpcsweep.model.matrices import Matrices, one_or_each, read_matrices
 from hpcsweep.model.rayleigh import Rayleigh, read_rayleigh
 from hpcsweep.model.reach import MeasuredDynamics
 from hpcsweep.model.rigid import refuse_beside

@@ -25,8 +25,9 @@ import numpy as np
 
 from hpcsweep.model.arguments import wrong
 from hpcsweep.model.dashpot import damping_of_restitution
+from hpcsweep.model.definite import rigid_motions
 from hpcsweep.model.forcing import ONE_HARMONIC
-from hpcsweep.model.matrices import Contact, Matrices, Slider, rigid_motions
+from hpcsweep.model.matrices import Contact, Matrices, Slider
 from hpcsweep.model.rayleigh import Rayleigh
 from hpcsweep.model.reduction import Reduction
 from hpcsweep.model.unit_names import Names, UnitNames

@@ -116,7 +116,7 @@ def _unit_names(values: Values, structure: Structure) -> UnitNames:
     if "force" in table:
         force, wanted = table.pop("force"), (table.get("length", "m"), table.get("time", "s"))
         known = {name: mass for (length, mass, s), name in NEWTONS.items() if (length, s) == wanted}
-        if "mass" in table or force not in known:
+        if "mass" in table or not isinstance(force, str) or force not in known:
             limit = (
                 f"must be one of {', '.join(known) or 'none'} in {'/'.join(wanted)}, without mass"
             )

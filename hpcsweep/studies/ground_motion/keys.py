@@ -224,11 +224,12 @@ def read_source(values: Any, paths: tuple[str, ...] = ()) -> Files | Synthetic |
     source, table = _read_source(values, paths), values.table("records")
     if not {"arias", "sequence"} & {*table}:
         return source
-    arias = tuple(table.get("arias", ()))
+    arias: tuple[float, ...] = ()
     if "arias" in table:
-        values.spans("records.arias", [*arias], [[*arias]], limit := "must be [0.0005, 0.9995]")
+        given, limit = table["arias"], "must be two shares from 0 to 1, as [0.0005, 0.9995]"
+        arias = tuple(values.spans("records.arias", given, [given], limit)[0].tolist())
         if not 0.0 <= arias[0] < arias[1] <= 1.0:
-            raise values.error("records.arias", [*arias], f"{limit}, two shares from 0 to 1")
+            raise values.error("records.arias", given, limit)
     listed = table.get("sequence", [])
     for each in listed if isinstance(listed, list) else [listed]:
         is_list = isinstance(each, list) and len(each) % 2 and len(each) > 1

@@ -76,7 +76,7 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
     damping = table.get("damping_ratio", DAMPING_RATIO)
     ratio = variables.read_damping_ratio(values, "records.scale.damping_ratio", damping)
     grid = {key: table[key] for key in RANGE if key in table}
-    if by == "target" and not grid:
+    if not grid and (by == "target" or "factors" in table):
         grid = {"values": [1.0]}
     if "values" in grid and len(grid) > 1:
         raise values.error("records.scale.values", grid["values"], "goes without from and to")

@@ -293,8 +293,9 @@ def test_coordinates_are_rows_of_the_state():
     for word, said in (
         ("contact:C", r"^--row contact:C: must be one of A1-B1, A2-B2$"),
         ("drift:7", r"^--row drift:7: must be one of A1, A2, B1, B2$"),
-        ("A2-C2", r"^--floor A2-C2: must be from 1 to 4, or one of A1, A2, B1, B2$"),
-        ("1-1", r"^--floor 1-1: must be from 1"),
+        ("A2-C2", r"^--row A2-C2: must be a floor, A1, A2, B1, B2, a difference of two, contact:"),
+        ("1-1", r"^--row 1-1: must be a floor, A1"),
+        ("7", r"^--floor 7: must be from 1 to 4, or one of A1, A2, B1, B2$"),
     ):
         with pytest.raises(style.PlotError, match=said):
             coordinates(structure, [word])

@@ -14,6 +14,7 @@ import hpcsweep.commands.one_thread  # noqa: F401  # isort: skip  (before numpy 
 import argparse
 import math
 from collections import Counter
+from contextlib import suppress
 from multiprocessing import get_context
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ LIMIT, JOLT, UNIT, PERIODS = 1e-11, 1e-13, 1e-16, 30
 ALL = 1e-3
 """A difference that is allowed by the conditioning and changes the impacts of a motion."""
 TOGETHER, GRAZING, FAULT = "push each other, chatter together", "grazing", "FAULT"
+ALIKE = "dependent stops of different e close at once"
 ENDLESS = "hops with e = 1 about as high as rounding"
 
 
@@ -107,9 +109,12 @@ def judge(seed: int) -> Found:
     equal, kind = bool((np.abs(off) <= reference.chance)[moves].all()), ""
     equal = equal or growth.max() * LIMIT > ALL  # of another motion
     if error > LIMIT or not equal:
-        jolted = [reference_of(case, jolt)[0] for jolt in (-4, -3, -2, -1, 1, 2, 3, 4)]
-        apart = max(differs(one, exact, sizes * growth) for one in jolted)
+        apart = 0.0
+        for jolt in (-4, -3, -2, -1, 1, 2, 3, 4):
+            with suppress(ArithmeticError):
+                apart = max(apart, differs(reference_of(case, jolt)[0], exact, sizes * growth))
         kind = (TOGETHER if reference.beside else GRAZING) if apart > LIMIT else FAULT
+        kind = ALIKE if reference.alike else kind
     return Found(seed, error, float(growth.max()), equal, float(reference.counts.sum()), kind)
 
 

@@ -49,6 +49,8 @@ class Rigid:
         Time of rest.
     chance : ndarray, shape (m,)
         Impacts and hops within `NEAR` of rounding, of which it is chance whether they count.
+    alike : bool
+        Whether several closed at once of which one could not open alone: no law tells whose e.
     beside : int
         Impacts of which another, that it pushes, is at its stop and does not rest.
     """
@@ -67,6 +69,7 @@ class Rigid:
         self.impulse, self.lost, self.closed, self.together = np.zeros((4, len(gaps)))
         self.apart, self.beside, self.size = np.ones(len(gaps), bool), 0, 0.0
         self.chance, self.depth = np.zeros(len(gaps)), np.full(len(gaps), math.inf)
+        self.alike = False
         self.begun: set[int] = set()  # at their stops where a flight begins
 
     @cache  # noqa: B019
@@ -204,8 +207,9 @@ class Rigid:
                 break
             group = self._group(closing[0], touching, speeds, size)
             several = several or len(group) > 1
+            self.alike |= len(group) > np.linalg.matrix_rank(self.gram[np.ix_(group, group)], 1e-10)
             asked = np.array([(1.0 + self.e[k]) * max(speeds[k], 0.0) for k in group])
-            p = np.linalg.solve(self.gram[np.ix_(group, group)], asked)
+            p = np.linalg.lstsq(self.gram[np.ix_(group, group)], asked)[0]  # some may be parallel
             if p.min() < 0.0:
                 k, group = closing[0], [closing[0]]
                 p = np.array([(1.0 + self.e[k]) * speeds[k] / self.gram[k, k]])

@@ -21,7 +21,7 @@ from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.quantities import METRICS
 from hpcsweep.studies.settings import SweepSettings
 from hpcsweep.studies.sweep.batch import Batch
-from hpcsweep.studies.sweep.classification import spectrum_variables
+from hpcsweep.studies.sweep.classification import more_variables
 from hpcsweep.studies.sweep.runs import FrameRuns, frame_runs
 from hpcsweep.studies.variables import EXPONENTS, NOT_TESTED, store
 
@@ -111,7 +111,7 @@ class OneByOne(Batch):
         result |= {"points": points, "n_points": period, "final_state": points[-1]}
         result |= {"orbit_period": period, "cycles": cycles, "motion": kind}
         result["window_period"] = NOT_TESTED
-        result |= spectrum_variables(solver, amplitude, points, period, self._settings, None)
+        result |= more_variables(solver, amplitude, points, period, self._settings, None)
         store(row, solver.structure, solver.omega, amplitude, result)
         row["skip_rule"][:] = rule
         return points[-1].copy()

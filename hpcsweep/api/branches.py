@@ -97,8 +97,9 @@ def branch(
     check_hardening(instance("structure", structure, Structure))
     ties = _ties(parameter, amplitude=amplitude, omega=omega)
     given: dict[str, Any] = {"amplitude": amplitude, "omega": omega}
-    at = given.get(parameter, getattr(structure, parameter, None))
-    given |= {name: of(**{parameter: at}) for name, of in ties.items()}
+    if ties:
+        at = given.get(parameter, getattr(structure, parameter, None))
+        given |= {name: of(**{parameter: at}) for name, of in ties.items()}
     forcing = given["amplitude"], given["omega"]
     forced, nearby = find(structure, *forcing, state, period, parameter, ties)
     if nearby.families and CLOSING.of(structure):

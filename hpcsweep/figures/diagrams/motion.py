@@ -25,7 +25,6 @@ from hpcsweep.figures.options import (
     whole_number,
 )
 from hpcsweep.model.coordinates import coordinate_of
-from hpcsweep.solvers.solver import stroboscopic_points
 
 POINTS = Option(
     "--points",
@@ -138,6 +137,8 @@ def loop(run: Shown, count: int | None = None, **_options):
 @figure_of("section", "motions", load, *OPTIONS, FLOORS, ROWS, POINTS)
 def section(run: Shown, floors=(), count: int | None = None, **_options):
     """Stroboscopic section of one run, --points N followed on, at --amplitude A or --along X."""
+    from hpcsweep.solvers.solver import stroboscopic_points  # loads what computes
+
     points = stroboscopic_points(*run[:3], run.state, count or 2000)
     shown = coordinates(run.structure, floors)
     figure, axes = mesh.panels(len(shown), *SIZES, sharex=False, sharey=False)

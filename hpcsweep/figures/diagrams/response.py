@@ -16,7 +16,6 @@ from hpcsweep.figures.options import BRANCHES, FLOORS, ROWS, Option, figure_of
 from hpcsweep.figures.overlay import Overlay
 from hpcsweep.model.coordinates import Coordinate, coordinate_of
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.solvers.solver import make_solver
 from hpcsweep.studies.grid import DOWN, RunGrid
 from hpcsweep.studies.quantities import ROWS as HELD
 from hpcsweep.studies.study import as_kind
@@ -34,6 +33,8 @@ MOST = 12
 
 @lru_cache(maxsize=64)
 def _solver(structure, omega: float):
+    from hpcsweep.solvers.solver import make_solver  # loads what computes
+
     return make_solver("flow", structure, omega, 1e-9, yields=True)
 
 

@@ -24,11 +24,16 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.simd import LANES
+from hpcsweep.model.definite import SYMMETRY
 from hpcsweep.model.elements import Elements, kernel_elements
 from hpcsweep.model.kernel_contacts import Contacts, kernel_contacts, wide
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.observed import PEAKS
 from hpcsweep.model.structure import Structure
+
+GYROSCOPIC = 4.0
+"""Multiple of the rate of a gyroscopic matrix g that bounds |lambda| <= g + sqrt(k) with the larger
+of both, within a quarter."""
 
 
 class Model(NamedTuple):
@@ -112,7 +117,10 @@ def _at_any_frequency(structure: Structure, bases: bool = False, always: bool = 
     drift_rows = np.array(drifts, np.int64)
     extra = np.vstack((own, np.array(rows.extra).reshape(-1, n)))
     layer = float(structure.layer_half_width / length)
-    drag = float(np.linalg.eigvals(damping).real.max())
+    rates, given = np.linalg.eigvals(damping), structure.damping_matrix
+    drag = float(rates.real.max())
+    if np.abs(given - given.T).max() > SYMMETRY * np.abs(given).max():
+        drag += GYROSCOPIC * float(np.abs(rates.imag).max())
     masses = np.diag(mass)
     forcing = wide(per_mass(mass, structure.forcing_vector), extra)
     contacts = kernel_contacts(structure, places, extra, (stiffness, damping), layer, len(own))

@@ -166,7 +166,7 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
         "leaving_value": ("special", leaving_value),
         "stop": [structure.contact_names[k] for k in structure.contact_numbers],
     }
-    if structure.sliders:
+    if counted["slider"]:
         more["slip_change"] = ("special", "slider"), slips
         more["slider"] = list(structure.slider_names)
     return dataset_of(arc, forced, stored | more, {"parameter": forced.parameter})

@@ -12,10 +12,15 @@ MAX_SPREAD = 1e16
 of the entries are mixed, or one of them is a typing error."""
 
 
+def is_symmetric(array: np.ndarray) -> bool:
+    """Return whether a matrix is symmetric, to rounding."""
+    return bool(np.abs(array - array.T).max() <= SYMMETRY * np.abs(array).max())
+
+
 def check_symmetric(name: str, array: np.ndarray) -> None:
     """Refuse a matrix that is not symmetric."""
-    off = np.abs(array - array.T)
-    if off.max() > SYMMETRY * np.abs(array).max():
+    if not is_symmetric(array):
+        off = np.abs(array - array.T)
         i, j = np.unravel_index(int(off.argmax()), off.shape)
         entries = f"({i + 1}, {j + 1}) is {array[i, j]:g}, ({j + 1}, {i + 1}) is {array[j, i]:g}"
         raise wrong(name, f"must be symmetric: entry {entries}")

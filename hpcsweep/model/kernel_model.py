@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcsweep.kernels.simd import LANES
-from hpcsweep.model.definite import SYMMETRY
+from hpcsweep.model.definite import is_symmetric
 from hpcsweep.model.elements import Elements, kernel_elements
 from hpcsweep.model.kernel_contacts import Contacts, kernel_contacts, wide
 from hpcsweep.model.modes import per_mass
@@ -117,9 +117,9 @@ def _at_any_frequency(structure: Structure, bases: bool = False, always: bool = 
     drift_rows = np.array(drifts, np.int64)
     extra = np.vstack((own, np.array(rows.extra).reshape(-1, n)))
     layer = float(structure.layer_half_width / length)
-    rates, given = np.linalg.eigvals(damping), structure.damping_matrix
+    rates = np.linalg.eigvals(damping)
     drag = float(rates.real.max())
-    if np.abs(given - given.T).max() > SYMMETRY * np.abs(given).max():
+    if not is_symmetric(structure.damping_matrix):
         drag += GYROSCOPIC * float(np.abs(rates.imag).max())
     masses = np.diag(mass)
     forcing = wide(per_mass(mass, structure.forcing_vector), extra)

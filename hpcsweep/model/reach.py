@@ -45,6 +45,7 @@ from typing import Self
 
 import numpy as np
 
+from hpcsweep.model.definite import is_symmetric
 from hpcsweep.model.linear_dynamics import LinearDynamics
 
 REACH = 64.0
@@ -82,7 +83,7 @@ def reach_of_motions(structure, amplitude: float, states: np.ndarray) -> np.ndar
     nothing = np.full(len(gaps), math.inf)
     kappa, rho = structure.contact_stiffness, structure.sharpness
     drag = structure.contact_damping
-    skew = np.any(structure.damping_matrix != structure.damping_matrix.T)
+    skew = not is_symmetric(structure.damping_matrix)
     if not min(least, lowest) > 0 or np.any(gaps < 0) or np.any(kappa < 0) or skew or rho**2 == 0:
         return nothing
     if np.any((drag > 0) & (kappa == 0)):

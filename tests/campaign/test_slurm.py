@@ -14,7 +14,7 @@ from slurm_cluster import Cluster, SlurmError, edited, launchers
 from tools import ROOT, SMALL, assert_same_datasets, hpcsweep
 
 SCRIPTS = ("once.sh", "requeue.sh", "array.sh", "chain.sh")
-RECIPES = ("apptainer.def", "environment.yml")
+RECIPES = ("apptainer.def", "environment.yml", "hpcsweep-0.2.0-foss-2025b.eb", "spack")
 """How to install there; `tests/packaging` checks them."""
 LONG = SMALL.replace("transient_cycles = 30", "transient_cycles = 80000").replace(
     "[output]", '[solver]\nskip = "none"\n[output]'

@@ -53,7 +53,6 @@ from hpcsweep.dynamics.continuation.cycle import Curve, NotConvergedError, Solut
 from hpcsweep.dynamics.continuation.events import Kind, Special
 from hpcsweep.dynamics.continuation.forced import CHATTERS, ForcedMap
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.instants import accelerations
 from hpcsweep.solvers.offers import CLOSING, SMOOTH
 
 NEAR, NEAR_RIGID = 1e-4, 1e-5
@@ -243,6 +242,8 @@ def _past_phase_0(curve: Curve, edge: Solution, way: np.ndarray) -> Iterator[Sol
 
 def _rates(structure: Structure, amplitude: float, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the accelerations in a state at phase 0, without the forces of rigid contacts."""
+    from hpcsweep.solvers.instants import accelerations  # imports the compiler
+
     state = np.append(u, v)[None]
     forces = np.nan_to_num(structure.contact_forces(state)), np.empty((1, 0))
     ground = amplitude * sum(size * math.sin(start) for _, size, start in structure.forcing.terms)

@@ -12,7 +12,7 @@ from spack_repo.builtin.build_systems.python import PythonPackage
 class PyHpcsweep(PythonPackage):
     """Parameter studies of base-excited structures impacting a rigid stop, over MPI."""
 
-    homepage = "https://pypi.org/project/hpcsweep"
+    homepage = "https://example.org/hpcsweep"  # there is no page yet
 
     license("BSD-3-Clause")
 

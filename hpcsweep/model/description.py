@@ -19,8 +19,9 @@ SPRINGLESS = 10.0
 """Damping ratio zeta above which the spring hardly counts: speeds decay in 1 / (2 zeta omega), 4
 zeta^2 times as fast as displacements."""
 DASHPOT = ("damping", "tension")
-KINETIC = ("kinetic", None)
 """What is told of a dashpot."""
+KINETIC = ("kinetic", None)
+"""What is not told of a slider."""
 MOTION = """\
 M u'' + C u' + K u + sum_k d_k F_k - sum_j k_j b_j p_j = b G(tau). u, u': displacements and \
 velocities of the coordinates relative to the base, in the order of the matrices. {forcing} \

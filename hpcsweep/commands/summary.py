@@ -141,9 +141,8 @@ def _values(summary: dict, together: list[dict]) -> dict[str, Any]:
             name: f"{mean:.4g} (95 %: {low:.4g} to {high:.4g})"
             if low > 0.0
             else "not known: these starts are too few"
-            for name, (mean, low, high) in (
-                (name, entry["exponent"]) for name, entry in summary.get("boundaries", {}).items()
-            )
+            for name, entry in summary.get("boundaries", {}).items()
+            for mean, low, high in [entry["exponent"]] * bool(entry["exponent"])
         },
         "kinds": {n: share(entry) + _by_direction(summary, n) for n, entry in classes.items()},
         "named": (summary.get("contact_sets") and summary["contacts_named"]) or None,

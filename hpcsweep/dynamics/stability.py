@@ -191,9 +191,10 @@ class TangentMaps:
 
     @property
     def product(self) -> np.ndarray:
-        """M_{p-1} ... M_0, shape (N, N)."""
+        """M_{p-1} ... M_0, shape (N, N); not finite where it overflows."""
         size = self.matrices.shape[1]
-        return reduce(lambda product, matrix: matrix @ product, self.matrices, np.eye(size))
+        with np.errstate(over="ignore", invalid="ignore"):
+            return reduce(lambda product, matrix: matrix @ product, self.matrices, np.eye(size))
 
 
 def orbit_exponent(solver, state: np.ndarray, amplitude: float, period: int) -> float:

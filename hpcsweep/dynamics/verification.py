@@ -105,8 +105,13 @@ class VerifiedOrbit(NamedTuple):
 
     @property
     def multiplier(self) -> float:
-        """Modulus of the largest multiplier: of the product of tangent maps, which keeps it."""
+        """Modulus of the largest multiplier: of the product of tangent maps, which keeps it.
+
+        Infinite where the product is, of impacts that hardly more than graze.
+        """
         product = self.maps.product if self.transverse is None else self.transverse
+        if not np.isfinite(product).all():
+            return math.inf
         return float(abs(floquet_multipliers(product)[0]))
 
 

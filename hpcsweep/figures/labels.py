@@ -88,15 +88,18 @@ def along(study) -> str:
 
 
 def typeset(text: str) -> str:
-    r"""Typeset a name or formula of a job: ``0.7 * omega**2`` is 0.7\,\Omega^{2}."""
+    r"""Typeset a name or formula of a job: ``0.7 * omega**2`` is 0.7\,\Omega^{2}.
+
+    Without spaces, at which a title would be broken; mathtext sets its own.
+    """
     words = re.sub(r"\*\* *(-?[\w.]+|\(.*?\))", r"^{\1}", text)
     words = re.sub(r"sqrt\(([^()]*)\)", r"\\sqrt{\1}", words).replace("*", r"\,")
     words = re.sub(r"\b(?<!\\)([a-z]\w+)", lambda name: _symbol(name[0]), words)
-    return f"${words}$"
+    return f"${words.replace(' ', '')}$"
 
 
 def _symbol(name: str) -> str:
-    return SYMBOLS.get(name, rf"\mathrm{{{name}}}".replace("_", r"\ "))
+    return SYMBOLS.get(name, rf"\mathrm{{{name}}}".replace("_", "~"))
 
 
 def common(values: np.ndarray) -> float | None:

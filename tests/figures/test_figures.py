@@ -337,8 +337,12 @@ def test_mistakes_take_one_line_and_write_nothing(file, tmp_path, capsys, argume
     assert not output.exists()
 
 
+ONE_RUN = "time", "loop", "section", "spectrum"
+
+
 @pytest.mark.slow
 def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
+    from hpcsweep import open_results
     from hpcsweep.commands.cli import main
     from hpcsweep.figures.options import figures
 
@@ -348,10 +352,12 @@ def test_every_kind_is_drawn_from_the_command_line(file, tmp_path, capsys):
         for n, figure in figures().items()
         if "motions" in figure.draws and n not in ("vary", "measures")
     ]
-    assert len(kinds) == 6
+    assert len(kinds) == 11
+    largest = ["--amplitude", str(float(open_results(file)["amplitude"].max()))]
+    more = {"phase": ["--period", "1"], **dict.fromkeys(ONE_RUN, largest)}
     for kind in kinds:
         output = tmp_path / f"{kind}.png"
-        extra = ["--period", "1"] if kind == "phase" else []
+        extra = more.get(kind, [])
         assert main(["plot", str(file), "--kind", kind, "-o", str(output), *extra]) == 0
         assert capsys.readouterr().out.strip() == str(output)
         assert output.stat().st_size > 10_000
@@ -384,10 +390,12 @@ def test_every_kind_is_drawn_of_single_points(tmp_path):
         for n, figure in figures().items()
         if "motions" in figure.draws and n not in ("vary", "measures")
     ]
-    assert len(kinds) == 6
+    assert len(kinds) == 11
+    largest = ["--amplitude", str(float(results["amplitude"].max()))]
+    more = {"phase": ["--period", "1"], **dict.fromkeys(ONE_RUN, largest)}
     for kind in kinds:
         output = tmp_path / f"{kind}.png"
-        extra = ["--period", "1"] if kind == "phase" else []
+        extra = more.get(kind, [])
         assert main(["plot", str(path), "--kind", kind, "-o", str(output), *extra]) == 0
         assert output.stat().st_size > 10_000
     page = build_page(gather(Frames(path)))

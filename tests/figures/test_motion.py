@@ -86,7 +86,9 @@ def test_a_response_has_what_the_file_holds_or_its_points_give(swept):
 
 
 def test_formulas_are_typeset():
-    assert typeset("amplitude = 0.7 * omega**2") == r"$A = 0.7 \, \Omega^{2}$"
+    assert (
+        typeset("amplitude = 0.7 * omega**2") == r"$A=0.7\,\Omega^{2}$"
+    )  # a title is broken at spaces
     assert typeset("sqrt(gap)") == r"$\sqrt{\mathrm{gap}}$"
 
 

@@ -13,6 +13,8 @@ from together import together
 
 import hpcsweep
 from hpcsweep import Contact, Slider, Structure
+from hpcsweep.dynamics.stability import TangentMaps
+from hpcsweep.dynamics.verification import VerifiedOrbit
 from hpcsweep.model.observed import IMPACT
 from hpcsweep.solvers.bdf import BdfMap
 from hpcsweep.solvers.flow import FlowMap
@@ -298,3 +300,9 @@ def test_an_orbit_tells_its_impacts_and_where_a_floor_that_rests_is_let_go():
     assert_allclose(leaves.phase, 1.0 - math.asin(gap) / (2 * math.pi), rtol=1e-12)
     share = FlowMap(structure, omega).observe(point, 1.0, 1, measures=IMPACT).measures
     assert_allclose(leaves.phase - hit.phase, share.contact_share[0], rtol=1e-12)
+
+
+def test_an_orbit_whose_tangent_map_overflows_repels():
+    """Of the impact oscillator, where impacts of orbits of long period hardly more than graze."""
+    maps = TangentMaps(np.broadcast_to(np.diag([1e200, 1e-3]), (2, 2, 2)))
+    assert VerifiedOrbit(np.zeros((2, 2)), maps, 0.0, 0.0).multiplier == math.inf

@@ -20,9 +20,10 @@ from hpcsweep.solvers.records import Followed
 from hpcsweep.solvers.skip_rule import SkipRule
 from hpcsweep.studies.quantities import METRICS
 from hpcsweep.studies.settings import SweepSettings
+from hpcsweep.studies.sweep import runs as sweep_runs
 from hpcsweep.studies.sweep.batch import Batch
 from hpcsweep.studies.sweep.classification import more_variables
-from hpcsweep.studies.sweep.runs import FrameRuns, frame_runs
+from hpcsweep.studies.sweep.runs import FrameRuns
 from hpcsweep.studies.variables import EXPONENTS, NOT_TESTED, store
 
 SETTINGS = SweepSettings(
@@ -158,7 +159,7 @@ def test_however_the_work_is_cut_it_is_the_same_to_the_last_bit(name, monkeypatc
     polls = []
     whole = runs(name).follow(amplitudes, state)
     monkeypatch.setattr(Polling, "_learn", lambda *_: None)  # one period at a time
-    frame_runs.cache_clear()
+    monkeypatch.setattr(sweep_runs, "_few", FrameRuns)  # made anew
     pieces = runs(name).follow(amplitudes, state, lambda: polls.append(0))
     half = runs(name)
     first = half.follow(amplitudes[:17], state)

@@ -174,9 +174,9 @@ def test_it_is_drawn_over_its_parameter(folder, tmp_path):
     assert axes[1].get_xlabel().startswith(r"forcing frequency $\Omega$")
     assert axes[1].get_xlim() == pytest.approx((0.485 + 0.009, 0.815 - 0.009), abs=2e-2)
     figure = orbit.draw(gaps)
-    assert figure.axes[1].get_xlabel() == "gap"
+    assert figure.axes[1].get_xlabel() == "gap $g$"
     assert "$g$" not in figure.get_suptitle()
-    assert "amplitude = 0.4 * omega**2 * sqrt(gap)" in figure.get_suptitle()
+    assert r"$A=0.4\,\Omega^{2}\,\sqrt{\mathrm{gap}}$" in figure.get_suptitle()
     stop = figure.axes[1].lines[0]  # it moves with the gap
     assert np.array_equal(stop.get_xdata(), stop.get_ydata())
     titles = [axis.get_title() for axis in frames.draw(along).axes]

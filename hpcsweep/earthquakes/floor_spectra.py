@@ -28,6 +28,7 @@ from hpcsweep.model.arguments import callback, finite, items, number, refused
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, refined
+from hpcsweep.solvers.offers import FORCES
 from hpcsweep.solvers.response import arguments
 
 OSCILLATOR, STRUCTURE = 0.12, 0.25
@@ -104,6 +105,7 @@ def floor_spectra(
     array([[10.69, 81.43]])
     """
     structure, record, tail = arguments(structure, record, tail)
+    FORCES.demand(structure)
     scale, poll = finite("scale", scale), callback("poll", poll)
     wanted = periods_of(periods, record.dt, (SHORTEST * record.dt, LONGEST * record.dt))
     ratio = number("damping_ratio", damping_ratio, "from 0 to below 1", 0.0, math.nextafter(1, 0))

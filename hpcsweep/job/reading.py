@@ -30,7 +30,7 @@ from hpcsweep.model.coordinates import coordinate_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
-from hpcsweep.solvers.offers import BDF, TANGENTS
+from hpcsweep.solvers.offers import BDF, FORCES, TANGENTS
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies import settings as sweep
 from hpcsweep.studies.blocks import Place
@@ -186,8 +186,8 @@ def read_values(values: Values):
     settings = _settings(values, study.skip_rules)
     if settings.solver == "bdf" and not all(map(BDF.of, each)):
         raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")
-    if "contact_force" in settings.metrics and any(one.is_rigid.any() for one in each):
-        limit = "must be false where stops are rigid: speeds jump, output.impulse tells by how much"
+    if "contact_force" in settings.metrics and not all(map(FORCES.of, each)):
+        limit = f"must be false {FORCES.lacks}, output.impulse tells by how much"
         raise values.error("output.contact_force", True, limit)
     if settings.rows and settings.solver == "bdf":
         raise values.error("output.rows", [*settings.rows], "must be empty with solver.method bdf")

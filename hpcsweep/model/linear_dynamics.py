@@ -10,6 +10,7 @@ from hpcsweep.model import modes
 from hpcsweep.model.arguments import number, wrong
 from hpcsweep.model.forcing import Harmonics
 from hpcsweep.model.natural import NaturalModes
+from hpcsweep.model.observed import ROUNDING
 from hpcsweep.model.rayleigh import Rayleigh
 from hpcsweep.model.system import frozen
 
@@ -230,17 +231,22 @@ class LinearDynamics(NaturalModes):
             return force / (1.0 + np.exp(-self.sharpness * past))
 
     def contact_forces(self, states: np.ndarray) -> np.ndarray:
-        """Return the force of each contact at states of shape (k, 2n), shape (k, m); NaN: rigid."""
+        """Return the force of each contact at states of shape (k, 2n), shape (k, m).
+
+        Of a rigid one 0 while it is open, to rounding, and NaN at its stop.
+        """
         moved, speed = np.split(states, 2, axis=-1)
-        past = moved @ self.directions.T - [contact.gap for contact in self.contacts]
+        gaps = np.array([contact.gap for contact in self.contacts])
+        past = moved @ self.directions.T - gaps
         force = self.switched(self.contact_stiffness * past, past)
         if not np.isfinite(self.sharpness):
             drag = self.contact_damping * (speed @ self.directions.T)
             lets_go = [bool(contact.damping) and not contact.tension for contact in self.contacts]
             force = np.where(past > 0, force + drag, 0.0)
             force = np.where(lets_go, np.maximum(force, 0.0), force)
-        # of rigid ones it is not defined, and of others -0.0 is 0.0
-        return np.where(self.is_rigid, math.nan, force + 0.0)
+        size = np.maximum(np.abs(moved).max(axis=-1, keepdims=True), gaps)
+        at_stop = self.is_rigid & (past >= -ROUNDING * size)
+        return np.where(at_stop, math.nan, force + 0.0)  # -0.0 is 0.0
 
     def contact_energy(self, u: np.ndarray) -> float:
         r"""Return the energy that the springs of the contacts hold at displacements u.

@@ -70,5 +70,12 @@ LINEAR = Capability(_never_yields, why="knows no free drift")
 """The motion without contacts in closed form, in proportion to A; else only while nothing slips."""
 CURVES = Capability(_is_elastic, why="curves of theirs are not followed", without=BOTH)
 """Curves of special points and of limits over two parameters."""
+FORCES = Capability(
+    lambda one: not one.is_rigid.any(),
+    "where stops are rigid: speeds jump",
+    "knows no accelerations at impacts",
+    "rigid stops",
+)
+"""Forces of contacts, and accelerations of floors, at every instant."""
 PAGES = Capability(_is_elastic, why="follows no motion", without=BOTH)
 """Motions that pages and portraits follow."""

@@ -30,6 +30,9 @@ def one(e: float, gap: float = 0.0, k: float = 1.0, zeta: float = 0.0, **more) -
     return Structure.from_matrices([1.0], [[k]], [stop], damping_ratio=zeta, **more)
 
 
+PRESSED = hpcsweep.Record(np.full(401, -1.0), 0.05)
+
+
 def stops(**more) -> Structure:
     more = {"sharpness": math.inf, "restitution": 0.5} | more
     return Structure(2, (math.inf, 0.0), damping_ratio=0.05, **more)
@@ -45,6 +48,7 @@ REFUSED = [
     (lambda: stops(restitution=None), "stiffness_ratio = inf must have restitution"),
     (lambda: one(0.5, sliders=[Slider((1.0,), 1.0, 1.0)]), "springs that yield"),
     (lambda: BdfMap(one(0.5), 1.0), "are rigid"),
+    (lambda: hpcsweep.floor_spectra(one(0.5), PRESSED, [1.0]), "without rigid stops: knows no acc"),
 ]
 
 
@@ -79,6 +83,18 @@ def test_chatter_under_a_constant_force_ends_as_the_closed_form_says(e):
     assert_allclose(found.final_state, 0.0, atol=1e-14)
     assert np.isnan(found.contact_force).all()
     assert_allclose(found.dissipated, 0.5 * h * h + h, rtol=1e-12)  # of the spring and the force
+
+
+def test_forces_and_accelerations_are_told_where_nothing_is_at_its_stop():
+    """An oscillator pressed by 1 bounces off its stop at 0.2, and rests there; open it has -u."""
+    seen = hpcsweep.history(one(0.5, 0.2), PRESSED)
+    rests = seen.approach[:, 0] > 0.2 - 1e-12
+    assert 10 < np.count_nonzero(~rests) < 200
+    assert rests[-100:].all()
+    assert np.isnan(seen.force[rests]).all()
+    assert (seen.force[~rests] == 0.0).all()
+    assert np.isnan(seen.acceleration[rests]).all()
+    assert_allclose(seen.acceleration[~rests], -seen.displacement[~rests], atol=1e-14)
 
 
 def test_energy_is_kept_at_e_1_and_momentum_between_masses():

@@ -18,6 +18,7 @@ from hpcsweep.model.reduction import physical
 from hpcsweep.model.structure import Structure
 from hpcsweep.parallel.counted import counted
 from hpcsweep.solvers.history import SAME_STEP
+from hpcsweep.solvers.offers import FORCES
 from hpcsweep.studies.ground_motion.describe import elastic_drift, elastic_words
 from hpcsweep.studies.ground_motion.records import Records
 
@@ -114,6 +115,7 @@ def of_floors(results, scale: float | None = None, place: str | None = None):
     """
     study, at = style.study_of(results, Records), responses.scale_index(results, scale)
     structure, stored = study.structure, study.floors
+    style.demand(FORCES, structure, "--kind floor-spectra", "history")
     names = [str(name) for name in structure.floor_names]
     top = names[[k for k in physical(names) if structure.buildings[k] == 0][-1]]
     place = place or (stored.places[0] if stored.places else top)
@@ -181,7 +183,7 @@ def history(
     """One record at one intensity over time: the ground and two facing floors; needs the record.
 
     Displacements with and without contacts, the gap and the force between them (the largest since
-    the instant before: contacts may be shorter), and absolute accelerations.
+    the instant before: contacts may be shorter; not of rigid stops), and absolute accelerations.
     """
     i, at = responses.record_index(results, record), responses.scale_index(results, scale)
     study = style.study_of(results, Records)
@@ -196,7 +198,8 @@ def history(
             k = int(seen.peak_force.max(axis=0).argmax())
         moved = np.flatnonzero(structure.directions[k]).tolist()
         shown = [i for i in physical(structure.floor_names) if i in moved] or moved
-    figure, axes = style.new_figure(5 if names else 3, 8.8 if names else 6.2, 7.6)
+    rows = 4 + FORCES.of(structure) if names else 3
+    figure, axes = style.new_figure(rows, 8.8 if names else 6.2, 7.6)
 
     def panel(axis, label: str, columns, quantity: str = "1", **looks) -> float:
         """Draw columns, one a line, in a unit that suits them; return how much of it is one."""
@@ -223,7 +226,8 @@ def history(
         touch = palette.series_colour(2)
         panel(axes[2], f"gap {names[k]}", gap, "length", color="0.3")
         axes[2].axhline(0.0, color=touch, lw=0.8)
-        panel(axes[3], f"force {names[k]}", force, "force", color=touch, drawstyle="steps-pre")
+        if rows > 4:
+            panel(axes[3], f"force {names[k]}", force, "force", color=touch, drawstyle="steps-pre")
         pushes = {"where": force[:, 0] > 0.0, "color": touch, "alpha": 0.2, "linewidth": 0.6}
         for axis in axes[1:3]:
             axis.fill_between(seen.time, 0, 1, transform=axis.get_xaxis_transform(), **pushes)

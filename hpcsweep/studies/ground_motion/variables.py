@@ -10,7 +10,7 @@ from hpcsweep.earthquakes.floor_spectra import SHORTEST
 from hpcsweep.earthquakes.intensity import Facts
 from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, LONGEST
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.offers import LINEAR
+from hpcsweep.solvers.offers import FORCES, LINEAR
 from hpcsweep.solvers.record_response import Energy
 from hpcsweep.studies import variables
 from hpcsweep.studies.quantities import MEASURES, QUANTITIES, STATES
@@ -57,6 +57,8 @@ def read_floor_spectra(values: Any, suite: tuple[Facts, ...], structure: Structu
     table = values.get(key, False)
     if table is False:
         return FloorSpectra()
+    if not FORCES.of(structure):
+        raise values.error(key, table, f"must be false {FORCES.lacks}")
     if not isinstance(table, dict):
         limit = 'must be a table such as {periods = [0.1, 0.2, 0.5, 1.0], places = ["A3"]}'
         raise values.error(key, table, limit)

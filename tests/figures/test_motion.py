@@ -6,13 +6,16 @@ import math
 import numpy as np
 import pytest
 import tools
+from matplotlib.figure import Figure
 
 import hpcsweep
 from hpcsweep.figures.diagrams import motion, response
+from hpcsweep.figures.diagrams.sweep import mark_stops
 from hpcsweep.figures.explorer.page import _structure
 from hpcsweep.figures.explorer.page_data import PageData
 from hpcsweep.figures.labels import typeset
 from hpcsweep.figures.style import PlotError
+from hpcsweep.model.coordinates import coordinate_of
 from hpcsweep.store import Frames
 
 JENKINS = """
@@ -126,3 +129,15 @@ def test_a_page_in_rows_moves_as_the_structure_does():
     was, now = np.array(plain["stiffness"]) @ u, np.array(other["stiffness"]) @ moved
     assert np.allclose(data.change @ was, now)
     assert other["stops"][1] == [0.1]
+
+
+def test_of_a_play_both_walls_are_drawn():
+    rows = ((-1.0, 1.0), (1.0, -1.0))
+    walls = [hpcsweep.Contact(row, gap, 50.0) for row, gap in zip(rows, (0.05, 0.05), strict=True)]
+    pair = hpcsweep.Structure.from_matrices([1.0, 1.0], [[2.0, 0.0], [0.0, 1.0]], walls)
+    for limits, drawn in (((-0.06, 0.03), 2), ((-0.01, 0.01), 0)):
+        axis = Figure().subplots()
+        axis.set_ylim(limits)
+        mark_stops(axis, [pair], coordinate_of(pair, "2-1"))
+        assert len(axis.lines) == drawn
+        assert (axis.get_ylim() == limits) == (drawn == 0)

@@ -190,8 +190,17 @@ def motion_keys(structure, index: np.ndarray, marker: str, size: float) -> list:
 
 
 def mark_stops(axis, structures: Sequence, coordinate: Coordinate, along=()) -> None:
-    """Draw the stops of a coordinate, of one structure or of each `along` the axis."""
-    limits = axis.get_ylim()
+    """Draw the stops of a coordinate, of one structure or of each `along` the axis.
+
+    Those beyond the axis are left out, but of a play, with stops on both sides, that is not wide.
+    """
+    low, high = limits = axis.get_ylim()
+    sides = coordinate.stops(structures[0])
+    if len(structures) == 1 and all(sides):
+        near = [stop for stop in np.concatenate(sides) if 2 * low - high < stop < 2 * high - low]
+        margin = 0.05 * np.ptp([*near, low, high])
+        ends = [(stop - margin, stop + margin) for stop in near] + [limits]
+        limits = min(ends)[0], max(end for _, end in ends)
     looks = {"color": palette.STOP, "linewidth": 0.8, "linestyle": (0, (5, 3)), "zorder": 1}
     places = np.array([np.concatenate(coordinate.stops(each)) for each in structures])
     for stop in places.T:

@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 
 ROUNDING = 2.0**-46
 NEAR = 64.0
+HALVES = np.arange(5.25, 40.0, 0.25)
 NODES = 64
 """Of a search, over the period of the fastest motion: a sixth of it."""
 ORDER = 30
@@ -166,7 +167,8 @@ class Rigid:
         g, slope = terms[0], terms[1]
         after_bounce = starts and slope[0] <= 0.0
         if after_bounce:  # x / t by its series about the start, whatever rounding has made of x
-            grid = np.linspace(0.0, 4 * step, 33)
+            # it may land soon, and be let go again
+            grid = np.unique([*np.linspace(0.0, 4 * step, 33), *4 * step * 2.0**-HALVES])
             values = np.polyval(terms[:0:-1, 0], grid)
             up = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
             if up.size:

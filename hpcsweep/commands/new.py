@@ -18,10 +18,12 @@ from hpcsweep.studies.kinds import DEFAULT_KIND, STUDIES
 
 def configure(parser) -> None:
     """Add the options of the command."""
+    from hpcsweep.job.template import RESPONSE
+
     parser.add_argument("file", type=file_name, metavar="FILE.toml", help="must not exist")
     parser.add_argument(
         "--kind",
-        choices=(*STUDIES, "response"),
+        choices=(*STUDIES, RESPONSE),
         default=DEFAULT_KIND,
         help="kind of study, or a frequency response (default: %(default)s)",
     )

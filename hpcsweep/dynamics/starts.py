@@ -22,7 +22,7 @@ def usual_reach(structure) -> np.ndarray:
     user's units, times its lowest natural frequency: the speed of that mode through the gap, or of
     a contact where none vibrates. Where all contacts are pressed, as far as the most pressed one.
     """
-    n, gaps = structure.n_floors, [contact.gap for contact in structure.contacts]
+    n, gaps = structure.n_floors, structure.gaps.tolist()
     gap = max([abs(gap) for gap in gaps if gap > 0.0 or max(gaps) <= 0.0], default=0.0)
     gap = gap or structure.length_unit
     rate = 1.0 if structure.is_uniform else structure.lowest or structure.frequency_unit

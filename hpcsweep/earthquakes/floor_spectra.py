@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, LONGEST, ResponseSpectrum, periods_of
-from hpcsweep.model.arguments import callback, finite, items, number, refused
+from hpcsweep.earthquakes.spectrum import DAMPING_RATIO, ResponseSpectrum, read_oscillators
+from hpcsweep.model.arguments import callback, finite, items, refused
 from hpcsweep.model.record import Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.history import SAME_STEP, refined
@@ -107,18 +107,16 @@ def floor_spectra(
     structure, record, tail = arguments(structure, record, tail)
     FORCES.demand(structure)
     scale, poll = finite("scale", scale), callback("poll", poll)
-    wanted = periods_of(periods, record.dt, (SHORTEST * record.dt, LONGEST * record.dt))
-    ratio = number("damping_ratio", damping_ratio, "from 0 to below 1", 0.0, math.nextafter(1, 0))
+    omegas, ratio = read_oscillators(record, periods, damping_ratio, SHORTEST)
     names = [str(name) for name in structure.floor_names]
     places = names if places is None else items("places", places, "a sequence of floors")
     for place in places:
         if place not in names:
             raise refused("places", f"floors, of {', '.join(names)}", place)
     floors = [names.index(place) for place in places]
-    omegas = 2.0 * math.pi / wanted
     least = min(structure.frequencies[-1] * record.dt / STRUCTURE, MAX_PARTS)
     turns = np.maximum(omegas * record.dt / OSCILLATOR, max(least, 1.0))
-    displacement, left = np.empty((len(floors), len(wanted))), np.ones(len(wanted), bool)
+    displacement, left = np.empty((len(floors), len(omegas))), np.ones(len(omegas), bool)
     while left.any():
         parts = math.ceil(turns[left].max())
         now = left & (turns > parts / SPREAD)

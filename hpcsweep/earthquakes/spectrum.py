@@ -104,7 +104,7 @@ def spectrum(
     >>> spectrum.acceleration.round(12)
     array([2., 2.])
     """
-    omegas, ratio = _omegas(record, periods, damping_ratio)
+    omegas, ratio = read_oscillators(record, periods, damping_ratio)
     displacement = np.empty_like(omegas)
     n_pieces = math.ceil(record.dt * omegas.max(initial=0.0) / math.pi)
     size = max(BATCH // (record.n_samples * max(n_pieces, 1)), 1)
@@ -158,10 +158,10 @@ def pair_spectrum(
     >>> spectrum.acceleration.round(6)
     array([2.828427])
     """
-    if first.dt != second.dt:
+    omegas, ratio = read_oscillators(first, periods, damping_ratio)
+    if instance("second", second, Record).dt != first.dt:
         raise refused("second", f"at steps of {first.dt!r}, as the first", second.dt)
     part = number("percentile", percentile, "from 0 to 100", 0.0, 100.0)
-    omegas, ratio = _omegas(first, periods, damping_ratio)
     size, displacement = max(first.n_samples, second.n_samples), np.empty((ANGLES, omegas.size))
     samples = [np.pad(each.acceleration, (0, size - each.n_samples)) for each in (first, second)]
     angles = np.array_split(math.pi / ANGLES * np.arange(ANGLES), -(-ANGLES * size // TOGETHER))
@@ -172,10 +172,18 @@ def pair_spectrum(
     return ResponseSpectrum(rotated, omegas * rotated, omegas**2 * rotated)
 
 
-def _omegas(record: Record, periods: Any, damping_ratio: float) -> tuple[np.ndarray, float]:
-    """Take periods and a damping ratio; return frequencies and this."""
+def read_oscillators(
+    record: Record, periods: Any, damping_ratio: float, shortest: float = SHORTEST
+) -> tuple[np.ndarray, float]:
+    """Take natural periods, so many steps of a record at least, and a damping ratio.
+
+    Returns
+    -------
+    ndarray, shape (p,), and float
+        Natural frequencies, and the damping ratio.
+    """
     instance("record", record, Record)
-    wanted = periods_of(periods, record.dt, (SHORTEST * record.dt, LONGEST * record.dt))
+    wanted = periods_of(periods, record.dt, (shortest * record.dt, LONGEST * record.dt))
     ratio = number("damping_ratio", damping_ratio, "from 0 to below 1", 0.0, math.nextafter(1, 0))
     return 2.0 * math.pi / wanted, ratio
 

@@ -20,12 +20,8 @@ from hpcsweep.model.structure import Structure
 
 SAME_HEIGHT = 1e-6
 """Relative difference of heights that count as equal."""
-
-
 SHARE_AND_MASS = "the share of a storey's stiffness that it has, and the mass that moves with it"
 """What is asked of a column that is hit."""
-
-
 OF_PAIRS = {"gap", "stiffness", "restitution", "damping", "tension", "bumper"}
 """What two neighbours may have of their own."""
 
@@ -110,7 +106,7 @@ def adjacent(
     tables = [*between] or [of_all] * len(levels)
     contacts, labels = _touching(levels, tables, floors, masses)
     key = "restitution" if damping is None else "damping"
-    refuse_smooth(contacts, sharpness, (f"pounding.{key}", of_all[key]))
+    refuse_smooth(contacts, sharpness, None if between else (f"pounding.{key}", of_all[key]))
     sliders = _beside([structure.sliders for structure in alone], first)
     falls = any(structure.collapse_drift is not None for structure in alone)
     limits = np.concatenate([structure.drift_limits for structure in alone]).tolist()

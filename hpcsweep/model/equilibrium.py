@@ -35,8 +35,7 @@ SAME = 1e-15
 
 def pressed(structure) -> np.ndarray:
     """Return which contacts are pressed, shape (m,) of bool."""
-    gaps = np.array([contact.gap for contact in structure.contacts], float)
-    return (gaps < 0.0) & (structure.contact_stiffness > 0.0)
+    return (structure.gaps < 0.0) & (structure.contact_stiffness > 0.0)
 
 
 def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarray:
@@ -59,8 +58,7 @@ def static_equilibrium(structure, plastic: np.ndarray | None = None) -> np.ndarr
     for slider, p in zip(structure.sliders, () if plastic is None else plastic, strict=False):
         load += slider.stiffness * p * np.array(slider.direction)
     u = np.linalg.solve(structure.held_stiffness, load) if load.any() else load
-    gaps = [contact.gap for contact in structure.contacts]
-    is_closed = structure.directions @ u > np.maximum(gaps, 0.0)
+    is_closed = structure.directions @ u > np.maximum(structure.gaps, 0.0)
     if not pressed(structure).any() and not is_closed.any():
         return u
     for rho in dict.fromkeys((np.inf, structure.sharpness)):
@@ -73,8 +71,7 @@ def _solved(structure, rho: float, u: np.ndarray, load: np.ndarray) -> np.ndarra
     from scipy.optimize import brentq  # takes 0.2 s to load, and few contacts are pressed
 
     stiffness, rows = structure.stiffness_matrix, structure.directions
-    kappa = structure.contact_stiffness
-    gaps = np.array([contact.gap for contact in structure.contacts], float)
+    kappa, gaps = structure.contact_stiffness, structure.gaps
 
     def law(u):
         """Return S x and its derivative."""

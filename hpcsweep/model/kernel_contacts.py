@@ -74,7 +74,7 @@ def kernel_contacts(
     push_row = np.concatenate([np.zeros(0, np.int64), *entries]).astype(np.int64)
     row = np.array([row for row, _ in places], np.int64)
     sign = np.array([sign for _, sign in places], float)
-    gap = np.array([contact.gap for contact in structure.contacts], float) / structure.length_unit
+    gap = structure.gaps / structure.length_unit
     solo, others = _shares(row, entries, pushed.shape[1])
     oblique = reach @ kick.T
     oblique[np.abs(oblique) < 1e-14] = 0.0

@@ -194,6 +194,11 @@ class LinearDynamics(NaturalModes):
         return frozen(np.array(listed, float).reshape(-1, self.n_floors))
 
     @cached_property
+    def gaps(self) -> np.ndarray:
+        """g_k of every contact, shape (m,)."""
+        return frozen(np.array([contact.gap for contact in self.contacts], float))
+
+    @cached_property
     def contact_stiffness(self) -> np.ndarray:
         """kappa_k of every contact, 0 of rigid ones, shape (m,)."""
         kappa = np.array([contact.stiffness for contact in self.contacts], float)
@@ -236,15 +241,14 @@ class LinearDynamics(NaturalModes):
         Of a rigid one 0 while it is open, to rounding, and NaN at its stop.
         """
         moved, speed = np.split(states, 2, axis=-1)
-        gaps = np.array([contact.gap for contact in self.contacts])
-        past = moved @ self.directions.T - gaps
+        past = moved @ self.directions.T - self.gaps
         force = self.switched(self.contact_stiffness * past, past)
         if not np.isfinite(self.sharpness):
             drag = self.contact_damping * (speed @ self.directions.T)
             lets_go = [bool(contact.damping) and not contact.tension for contact in self.contacts]
             force = np.where(past > 0, force + drag, 0.0)
             force = np.where(lets_go, np.maximum(force, 0.0), force)
-        size = np.maximum(np.abs(moved).max(axis=-1, keepdims=True), gaps)
+        size = np.maximum(np.abs(moved).max(axis=-1, keepdims=True), self.gaps)
         at_stop = self.is_rigid & (past >= -ROUNDING * size)
         return np.where(at_stop, math.nan, force + 0.0)  # -0.0 is 0.0
 
@@ -257,7 +261,7 @@ class LinearDynamics(NaturalModes):
 
         where Li_2(-exp(y)) = -pi^2 / 6 - y^2 / 2 - Li_2(-exp(-y)).
         """
-        past = self.directions @ u - [contact.gap for contact in self.contacts]
+        past = self.directions @ u - self.gaps
         if not np.isfinite(self.sharpness) or not self.contacts:
             return 0.5 * float(self.contact_stiffness @ np.maximum(past, 0.0) ** 2)
         if self.sharpness == 0.0:

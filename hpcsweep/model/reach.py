@@ -73,8 +73,7 @@ def reach_of_motions(structure, amplitude: float, states: np.ndarray) -> np.ndar
     ndarray, shape (C,)
         inf where there is no bound.
     """
-    directions = structure.directions
-    gaps = np.array([contact.gap for contact in structure.contacts])
+    directions, gaps = structure.directions, structure.gaps
     mass, stiffness = structure.mass_matrix, structure.stiffness_matrix
     root = np.linalg.cholesky(mass)
     damping = np.linalg.solve(root, np.linalg.solve(root, structure.damping_matrix).T)

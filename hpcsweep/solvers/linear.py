@@ -41,8 +41,7 @@ class LinearOrbit:
         self._omega = omega
         b, limits = structure.slider_directions, [slider.limit for slider in structure.sliders]
         self.directions = directions = np.concatenate((structure.directions, b, -b))
-        gaps = np.array([contact.gap for contact in structure.contacts])
-        self.levels = np.append(gaps - structure.layer_half_width, 2 * limits)
+        self.levels = np.append(structure.gaps - structure.layer_half_width, 2 * limits)
         self.is_known = False
         """Whether there is one steady state, not many side by side as of what has no spring, and no
         contact is in its layer at rest."""

@@ -218,6 +218,11 @@ class RowMotion(NamedTuple):
     amplitude: np.ndarray
     phase: np.ndarray
 
+    @property
+    def range(self) -> np.ndarray:
+        """Half peak-to-peak."""
+        return 0.5 * (self.high - self.low)
+
 
 def window_growth(logarithms: np.ndarray) -> float:
     """Return the growth of a tangent vector over a window from its growth in each period.

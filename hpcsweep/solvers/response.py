@@ -227,7 +227,7 @@ def first_contact_scale(structure: Structure, record: Record, tail: float = 0.0)
 
 def scale_of_contact(structure: Structure, reach: np.ndarray) -> float:
     """Return the scale of `first_contact_scale`, from what `linear_response` reaches."""
-    gaps = [contact.gap for contact in structure.contacts]
+    gaps = structure.gaps.tolist()
     gaps += [slider.limit for slider in structure.sliders]
     gaps += structure.drift_limits[structure.drift_limits < math.inf].tolist()
     scales = [

@@ -195,3 +195,13 @@ def test_files_that_name_their_units_are_mixed(tmp_path):
     assert [facts.pga for facts in job(tmp_path, lines).suite] == pytest.approx([4.903325, 0.005])
     said = refusal(tmp_path, lines.replace("[ab]", "*"))
     assert said.endswith("c.txt: must name its unit, where unit = 'file', does not")
+
+
+def test_components_that_are_none_are_refused_by_name():
+    one = hpcsweep.Record([0.0, 1.0, 0.0], dt=0.01)
+    for first, second, name in ((3, one, "record"), (one, 3, "second"), (one, None, "second")):
+        with pytest.raises(ValueError, match=f"^{name} must"):
+            hpcsweep.pair_spectrum(first, second, [0.5])
+    other = hpcsweep.Record([0.0, 1.0], dt=0.02)
+    with pytest.raises(ValueError, match=r"^second must be at steps of 0\.01"):
+        hpcsweep.pair_spectrum(one, other, [0.5])

@@ -119,8 +119,9 @@ class CorneredCatalogue(Catalogue):
 
     def is_on(self, arc: branch.Arc, points: np.ndarray, value: float) -> bool:
         """Return whether an orbit lies on a branch, or is of the family of an orbit that does."""
-        if super().is_on(arc, points, value) or CLOSING.of(_forced(arc.curve).structure):
-            return super().is_on(arc, points, value)
+        is_on = super().is_on(arc, points, value)
+        if is_on or CLOSING.of(_forced(arc.curve).structure):
+            return is_on
         turns = [np.roll(points, k, axis=0) for k in range(len(points))]
         pairs = product(orbits_on(arc, value), turns)
         return any(_forced(arc.curve).joins(*both, value) for both in pairs)

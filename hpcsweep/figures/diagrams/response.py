@@ -46,8 +46,6 @@ def _value(structure, forcing, points, coordinate: Coordinate, measure: str) -> 
         seen = _solver(moving, omega).rows_of(points, amplitude, np.array([coordinate.row]), 1)
     except ArithmeticError:
         return math.nan
-    if measure == "range":
-        return float(seen.high[0] - seen.low[0]) / 2.0
     return float(getattr(seen, measure).flat[0])
 
 

@@ -294,14 +294,14 @@ def read_tail(values: Any, suite: tuple[Facts, ...], structure: Structure) -> fl
 
     Until rest: until the free motion without contacts has decayed to `LEFT` in its slowest mode.
     """
-    from hpcsweep.solvers.linear import slowest_decay  # scipy, which jobs need not
-
     longest = MAX_SAMPLES * min(facts.dt for facts in suite)
     tail = values.get("records.tail", 0.0)
     if tail != REST:
         return values.within("records.tail", tail, 0.0, longest)
     if values.get("output.history", False) is not False:
         raise values.error("records.tail", tail, "does not go with output.history: give a time")
+    from hpcsweep.solvers.linear import slowest_decay  # scipy, which other jobs need not
+
     rate = -slowest_decay(structure)
     if not -math.log(LEFT) <= rate * longest:
         decays = f"decays by exp(-{rate:.3g} t): must decay to {LEFT:g} in {longest:g}"

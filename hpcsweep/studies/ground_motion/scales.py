@@ -13,24 +13,12 @@ from hpcsweep.studies.ground_motion import variables
 
 SCALES = 1e-250, 1e250
 """Smallest and largest scale."""
-
-
 MAX_SCALES = 1_000_000
-
-
 SCALED_BY = {"sa": ("period",), "avgsa": ("periods",), "target": ("periods",)}
 """Keys of ``scale`` that a measure needs."""
-
-
 RANGE = ("values", "from", "to", "count", "step")
-
-
 OF_TARGET = "target", "least"
-
-
 DEFAULT_SCALE = {"by": "factor", "values": [1.0]}
-
-
 RECORD, COLUMN = "record", re.compile(r"[A-Za-z]\w{0,40}")
 """Column of `records.columns` that names the records, and names of others."""
 
@@ -57,12 +45,9 @@ def read_scale(values: Any) -> tuple[Measure, np.ndarray]:
         values.choice("records.scale.components", components, COMPONENTS)
         if not needed and COMPONENTS[components] is not None:
             raise values.error("records.scale.components", components, "is of spectra: by sa")
-    g = 1.0
-    if (
-        values.choice("records.scale.unit", table.get("unit", "structure"), ("structure", "g"))
-        == "g"
-    ):
-        g = read_gravity(values)
+    unit, known = table.get("unit", units.OWN), (units.OWN, "g")
+    is_g = values.choice("records.scale.unit", unit, known) == "g"
+    g = read_gravity(values) if is_g else 1.0
     periods: tuple[float | str, ...] = ()
     for key in needed:
         if key == "period" and table.get(key) in OWN_PERIODS:

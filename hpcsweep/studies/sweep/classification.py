@@ -230,7 +230,7 @@ def more_variables(
             one = each[:, 0]
             seen = RowMotion(one, one, one, one, each, each)
         values = {f"row_{name}": value for name, value in seen._asdict().items()}
-        values["row_range"] = 0.5 * (seen.high - seen.low)
+        values["row_range"] = seen.range
     if "lyapunov_spectrum" in settings.metrics:
         values |= _spectrum_variables(solver, amplitude, points, period, settings, poll)
     return values

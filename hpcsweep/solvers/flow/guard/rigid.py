@@ -19,6 +19,7 @@ from hpcsweep.solvers.flow.step.spectral import write_forcing
 from hpcsweep.solvers.flow.step.step import expand
 
 LOCAL = N_COEFFICIENTS - 2
+"""Degree of what mends a polynomial near its start alone, the highest once it is divided."""
 
 
 @inlined

@@ -6,10 +6,11 @@ points. The sweep misses an attractor on which no run ends.
 """
 
 import contextlib
+import itertools
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +18,10 @@ from hpcsweep.dynamics.classify import MOTION, MotionClass, Shakedown
 from hpcsweep.dynamics.known import matched
 from hpcsweep.figures.style import PlotError
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store import Frames, StoreError
 from hpcsweep.studies.attractors.attractors import AttractorGrid
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
-
-if TYPE_CHECKING:
-    from hpcsweep.store import Frames
 
 DIMENSION, IDENTITY = "attractor", "identity"
 """Dimension of several motions a run, and variable of `identities`."""
@@ -92,20 +91,13 @@ def identities(frames) -> np.ndarray:
         text = "attractors of points on their own have no identity along a path"
         raise PlotError(f"--value {IDENTITY}: {text}")
     by_frame: dict[int, np.ndarray] = {}
-    last = 0
+    new = itertools.count(1)
     before: list[list[tuple[int, np.ndarray]]] = [[] for _ in range(study.n_along)]
     for frame in np.argsort(study.frames, kind="stable").tolist():
         sets = {name: x[0] for name, x in frames.read(frame, STORED).items()}
         ids = sets["attractor_id"]
         units = units_along(study, frame)
-        now = [
-            [
-                (int(number), sets["poincare"][k, a, : sets["n_points"][k, a]] / units[k])
-                for a, number in enumerate(ids[k])
-                if number
-            ]
-            for k in range(len(ids))
-        ]
+        now = [_clouds(sets, k, units[k]) for k in range(len(ids))]
         votes: Counter[tuple[int, int]] = Counter()
         for older, newer in zip(before, now, strict=True):
             there, here = ([points for _, points in each] for each in (older, newer))
@@ -113,12 +105,16 @@ def identities(frames) -> np.ndarray:
             votes.update((older[i][0], newer[j][0]) for i, j in pairs)
         names = continued(votes)
         for number in range(1, int(ids.max(initial=0)) + 1):
-            if number not in names:
-                last += 1
-                names[number] = last
+            names[number] = names.get(number) or next(new)
         by_frame[frame] = np.array([0, *(names[k + 1] for k in range(len(names)))])[ids]
         before = [[(names[number], points) for number, points in each] for each in now]
     return np.array([by_frame[frame] for frame in range(study.n_frames)])
+
+
+def _clouds(sets: Mapping[str, np.ndarray], k: int, units: np.ndarray) -> list[tuple[int, Any]]:
+    """Return identity and points, in units of the state, of each attractor at place k."""
+    ids, points, counts = (sets[name][k] for name in ("attractor_id", "poincare", "n_points"))
+    return [(int(ids[a]), points[a, : counts[a]] / units) for a in np.flatnonzero(ids)]
 
 
 def units_along(study: RunGrid, frame: int) -> np.ndarray:
@@ -162,8 +158,6 @@ def missed_attractors(attractors: "Frames", sweep: Path) -> np.ndarray:
     StoreError
         If the files are of other kinds or of different structures, or the sweep lacks a point.
     """
-    from hpcsweep.store import Frames
-
     with contextlib.closing(Frames(sweep, at=attractors.at)) as runs:
         rows = _common(attractors, runs, sweep)
         return np.array([_of_frame(attractors, runs, k, *rows[k]) for k in range(len(rows))])
@@ -171,8 +165,6 @@ def missed_attractors(attractors: "Frames", sweep: Path) -> np.ndarray:
 
 def _common(attractors: "Frames", runs: "Frames", sweep: Path) -> list[tuple[int, np.ndarray]]:
     """Return the sweep's frame, and the places along it, for each frame of the attractors."""
-    from hpcsweep.store import StoreError
-
     points, swept = as_kind(attractors.study, RunGrid), as_kind(runs.study, RunGrid)
     if swept.structure != points.structure:
         raise StoreError(f"{sweep}: is of another structure than {attractors.path}")
@@ -208,8 +200,7 @@ def _of_frame(
         done = ends["outcome"][:, k] == Outcome.COMPLETE
         if not done.all():
             continue
-        held = np.flatnonzero(sets["attractor_id"][k])
-        clouds = [sets["poincare"][k, a, : sets["n_points"][k, a]] / units[k] for a in held]
+        clouds = [cloud for _, cloud in _clouds(sets, k, units[k])]
         reached = set()
         for d in range(len(done)):
             points = ends["final_state"][d, k][None]
@@ -218,5 +209,5 @@ def _of_frame(
             apart = (np.abs((points / units[k])[:, None] - cloud).max(axis=2) for cloud in clouds)
             far = [each.min(axis=1).mean() for each in apart]  # from the nearest points of a cloud
             reached.add(int(np.argmin(far)) if far else -1)
-        missed[k] = held.size - len(reached - {-1})
+        missed[k] = len(clouds) - len(reached - {-1})
     return missed

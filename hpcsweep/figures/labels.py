@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpcsweep.model.description import contacts_named
 from hpcsweep.model.unit_names import is_in_gaps, is_in_own_units, unit_of
 from hpcsweep.studies.quantities import MEASURES, ROWS, of_motions
 from hpcsweep.studies.variables import percent_of_height
@@ -160,12 +159,6 @@ def named(structure, quantity: str) -> str:
     return f" {name}" if name else ""
 
 
-def contacts_text(structure) -> str:
-    """Name the contacts behind the numbers of contact sets; empty where the numbers say all."""
-    named = contacts_named(structure)
-    return f"Contacts: {named}" if named else ""
-
-
 class ShownMeasure(NamedTuple):
     """A measure as figures show it."""
 
@@ -262,18 +255,16 @@ def dot(label: str, colour: str, marker: str = "o", size: float = 5.0, face: str
     return key(label, mfc=face or colour, **looks)
 
 
-def area(label: str, colour: str):
+def area(label: str, colour: str, edge: str = "0.3", hatch: str | None = None):
     """Return the key of an area of a colour."""
     from matplotlib.patches import Patch
 
-    return Patch(facecolor=colour, edgecolor="0.3", linewidth=0.5, label=label)
+    return Patch(facecolor=colour, edgecolor=edge, hatch=hatch, linewidth=0.5, label=label)
 
 
 def blank(label: str):
     """Return the key of a hatched area, where nothing is drawn."""
-    from matplotlib.patches import Patch
-
-    return Patch(facecolor="white", edgecolor="0.55", hatch="xxxx", linewidth=0.5, label=label)
+    return area(label, "white", "0.55", "xxxx")
 
 
 def legend_below(figure, handles: Sequence, title: str, most_columns: int | None = None):

@@ -26,17 +26,8 @@ SIZE = 6.4, 6.9
 
 def load(frames, cells: bool | None = None):
     """Read the labels and the attractors, of a refined map also what is inferred."""
-    names = (
-        "label",
-        "attractor_id",
-        "motion",
-        "orbit_period",
-        "contact",
-        "shakedown",
-        "point",
-        "outcome",
-    )
-    return gather(frames, names, cells)
+    of_attractors = ("attractor_id", "motion", "orbit_period", "contact", "shakedown", "point")
+    return gather(frames, ("label", "outcome", *of_attractors), cells)
 
 
 @figure_of("basins", "basins", load, CELLS)

@@ -1,7 +1,9 @@
 """Diagrams of branches of periodic orbits, whose special points are numbered and listed."""
 
 import contextlib
+import math
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from hpcsweep.figures.diagrams import sweep
 from hpcsweep.figures.options import FLOORS, ROWS, SWEEP, Option, figure_of, whole_number
 from hpcsweep.figures.overlay import MARKS, Drawn, branches_of, line_beneath, not_beneath, run_of
 from hpcsweep.model.coordinates import Coordinate
+from hpcsweep.store import Frames
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
@@ -41,8 +44,6 @@ ROW, MAX_COLUMNS = 0.148, 3
 
 def load(frames, line: int = 0, sweep: Path | None = None, **_options) -> tuple:
     """Read a line as it is, its branches, the runs or attractors along its path, and the study."""
-    from hpcsweep.store import Frames
-
     study = as_kind(frames.study, Branches)
     if line >= study.n_frames:
         raise style.PlotError(f"--line {line}: there are {study.n_frames} lines, from 0")
@@ -89,10 +90,8 @@ def branches(results: tuple, floors: Sequence[int | str] = (), **_options):
     if marked.size:
         _list(figure, run, marked, MATH.get(study.parameter, study.parameter))
     amplitude = float(line["forcing_amplitude"].values[0])
-    fixed_amplitude = [f"$A$ = {amplitude:g}"] if np.isfinite(amplitude) else []
-    title = ",  ".join(
-        [style.parameters(structure, omega), *fixed_amplitude, *map(labels.typeset, study.ties)]
-    )
+    words = style.parameters(structure, omega), f"$A$ = {amplitude:g}" * math.isfinite(amplitude)
+    title = ",  ".join([*filter(None, words), *map(labels.typeset, study.ties)])
     style.head(figure, title, fontsize=10)
     figure.draw_without_rendering()  # the panels get their size
     for coordinate, axis in axes.items():
@@ -146,13 +145,13 @@ def _draw_specials(axis, run: dict, coordinate: Coordinate) -> None:
     """
     held = _beside_stable(run)
     partly = np.isin(run["special_branch"], run["step_branch"][run["stable"] > 0])
-    for kind in MARKS:
-        for near, size, edge in ((True, 3.5, 0.9), (False, 1.2, 0.4)):
-            if near or kind is not Kind.GRAZING:
-                marked = (run["special_kind"] == kind) & (held == near) & partly
-                looks = {**_looks(kind, size), "markeredgewidth": edge, "zorder": 4 if near else 3}
-                at = run["special_value"][marked], coordinate.of(run["special_point"][marked])
-                axis.plot(*at, **looks)
+    for kind, near in product(MARKS, (True, False)):
+        if near or kind is not Kind.GRAZING:
+            marked = (run["special_kind"] == kind) & (held == near) & partly
+            size, edge, order = (3.5, 0.9, 4) if near else (1.2, 0.4, 3)
+            looks = {**_looks(kind, size), "markeredgewidth": edge, "zorder": order}
+            at = run["special_value"][marked], coordinate.of(run["special_point"][marked])
+            axis.plot(*at, **looks)
 
 
 def _beside_stable(run: dict) -> np.ndarray:
@@ -168,13 +167,8 @@ def _beside_stable(run: dict) -> np.ndarray:
 def _looks(kind: Kind, size: float) -> dict[str, Any]:
     """Return the style of special points of a kind; the bar of grazings has its own size."""
     _, marker, colour = MARKS[kind]
-    return {
-        "linestyle": "none",
-        "marker": marker,
-        "markersize": 7 if marker == "|" else size,
-        "markerfacecolor": "white" if marker != "|" else colour,
-        "markeredgecolor": colour,
-    }
+    size, face = (7, colour) if marker == "|" else (size, "white")
+    return {"ls": "none", "marker": marker, "ms": size, "mfc": face, "mec": colour}
 
 
 def _handles(run: dict, runs: bool) -> list:

@@ -277,13 +277,8 @@ def motion_keys(index: np.ndarray, structure, by_period: bool) -> list:
 def legend_of_shares(figure, handles: Sequence, inferred: bool) -> None:
     """Add a legend of shares beside the panels: of runs, or of points that may be inferred."""
     title = f"share of {'points' if inferred else 'runs'}"
-    looks = {
-        "loc": "outside right center",
-        "alignment": "left",
-        "title_fontsize": 8,
-        **labels.LEGEND,
-    }
-    figure.legend(handles=handles, title=title, **looks)
+    place = {"loc": "outside right center", "alignment": "left", "title_fontsize": 8}
+    figure.legend(handles=handles, title=title, **place, **labels.LEGEND)
 
 
 @functools.lru_cache(maxsize=8)

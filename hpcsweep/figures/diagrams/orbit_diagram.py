@@ -13,6 +13,7 @@ from hpcsweep.figures.diagrams.mesh import edges_of
 from hpcsweep.figures.diagrams.regions import coexistence, contact_regions
 from hpcsweep.figures.options import AMPLITUDES, BRANCHES, COLOUR, FLOORS, OMEGA, ROWS, figure_of
 from hpcsweep.model.coordinates import Coordinate
+from hpcsweep.model.description import contacts_named
 from hpcsweep.studies.grid import DOWN
 
 MAX_SHORTENED = 16
@@ -88,7 +89,8 @@ def orbit(
     if "contact" in frame.runs:
         apart = coexistence(frame.runs, frame.classes, frame.study.units_at)
         regions = _mark_regions([*axes.values()], frame, structure.contact_labels, apart)
-        note = "\n".join(filter(None, (regions, labels.contacts_text(structure))))
+        named = contacts_named(structure)
+        note = "\n".join(filter(None, (regions, f"Contacts: {named}" * bool(named))))
     _legend(figure, groups, color, frame, note, keys)
     return style.head(figure, frame.caption)
 
@@ -224,9 +226,8 @@ def _legend(
     directions = [str(name) for name in frame.runs["direction"].values]
     looks = [(style.MARKERS[d], 5, "none" if d == DOWN else None) for d in directions]
     if color == "direction":
-        handles = [
-            labels.dot(g.label, g.colour, *look) for g, look in zip(groups, looks, strict=True)
-        ]
+        pairs = zip(groups, looks, strict=True)
+        handles = [labels.dot(group.label, group.colour, *look) for group, look in pairs]
     else:
         handles = [labels.dot(group.label, group.colour, "s") for group in groups if group.label]
         rest = sum(not group.label for group in groups)

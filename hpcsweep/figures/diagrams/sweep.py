@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,11 +19,9 @@ from hpcsweep.figures.overlay import Overlay, lay, overlay_keys
 from hpcsweep.model.coordinates import Coordinate
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.outcome import Outcome
+from hpcsweep.store import Frames
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.study import as_kind
-
-if TYPE_CHECKING:
-    from hpcsweep.store import Frames
 
 THIN = 0.5
 """Thickness of branches beneath points, in those of a film."""
@@ -241,11 +239,8 @@ def frames(results, direction: str | None = None, floors: Sequence[int | str] = 
         raise style.PlotError(f"--floor {floors[1]}: --kind frames shows one floor")
     coordinate = coordinates(structure, floors)[-1]
     chosen = choose(results[name].values)
-    shown = {
-        name: chosen,
-        "direction": [style.direction_index(results["direction"].values, direction)],
-    }
-    results = results.isel(shown)
+    swept = [style.direction_index(results["direction"].values, direction)]
+    results = results.isel({name: chosen, "direction": swept})
     classes = style.classes_of(results)
     motions = palette.motion_index(classes[0], results["orbit_period"].values[0])
     figure, axes = panels(len(chosen), ONE, (2.4, 1.75), (0.0, 1.0), sharey=False)

@@ -89,10 +89,7 @@ def with_model(
         ]
         content = [hashlib.sha256(f.read_bytes()).hexdigest() for f in files if f.is_file()]
     except (OSError, ValueError) as error:
-        said = str(error)
-        if isinstance(error, OSError) and error.filename:
-            said = f"{error.filename}: {error.strerror}"
-        raise JobError(f"{values.source}: {place}: {said}") from None
+        raise values.unread(place, error) from None
     settings = model_settings(structure)
     origin = hashlib.sha256(repr((content, settings)).encode()).hexdigest()
     before = table.get("found")
@@ -199,9 +196,8 @@ def _errors(kept: Records, more: Records) -> tuple[float, float]:
         for at, (estimate, true) in enumerate(((moved[:n], exact[:n]), (pushed, force))):
             most = np.abs(true).max(axis=0)
             off = np.abs(estimate - true).max(axis=0)
-            errors[at] = max(errors[at], (off[most > 0] / most[most > 0]).max(initial=0.0))
-            if np.any(off[most == 0] > 0):
-                errors[at] = max(errors[at], 1.0)
+            still = float(np.any(off[most == 0] > 0))
+            errors[at] = max(errors[at], (off[most > 0] / most[most > 0]).max(initial=still))
     error, force_error = (SAFETY * errors).tolist()
     return error, force_error
 

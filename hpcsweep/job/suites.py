@@ -72,10 +72,7 @@ def with_found(values: Values, tree: dict, folder: Path | None, file: str = "") 
         try:
             record = source.record(i)
         except (ValueError, OSError) as error:
-            said = (
-                f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
-            )
-            raise JobError(f"{values.source}: records: {said}") from None
+            raise values.unread("records", error) from None
         if record.name in suite:
             raise JobError(f"{values.source}: records.files: two records are named {record.name}")
         try:

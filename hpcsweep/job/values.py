@@ -82,6 +82,13 @@ class Values:
             shown = shown[:57] + "..."
         return JobError(limit, key, self.source, shown)
 
+    def unread(self, key: str, error: Exception) -> JobError:
+        """Return the error of a file of a key that cannot be read."""
+        said = str(error)
+        if isinstance(error, OSError) and error.filename:
+            said = f"{error.filename}: {error.strerror}"
+        return JobError(f"{self.source}: {key}: {said}")
+
     def missing(self, key: str) -> JobError:
         """Return the error for a key that is needed."""
         return JobError("is missing", key, self.source)

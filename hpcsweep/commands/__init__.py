@@ -9,6 +9,7 @@ import argparse
 import contextlib
 import traceback
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 from hpcsweep.figures.options import file_name
 
@@ -83,8 +84,9 @@ def add_file(parser: argparse.ArgumentParser, output: str = "", meaning: str = "
         parser.add_argument("-o", "--output", type=file_name, metavar=output, help=meaning)
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add ``--set`` to the parser of a command that reads a job."""
+def add_job(parser: argparse.ArgumentParser, name: str = "job", **arguments: Any) -> None:
+    """Add a job, or several, and ``--set`` to the parser of a command that reads it."""
+    parser.add_argument(name, type=file_name, metavar="JOB.toml", help="the job file", **arguments)
     parser.add_argument(
         "--set",
         action="append",

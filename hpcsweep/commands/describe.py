@@ -5,14 +5,12 @@ amplitude at which free motion first touches, and the number of runs. Warn of wh
 mistake. It takes a second.
 """
 
-from hpcsweep.commands import add_settings, listing
-from hpcsweep.figures.options import file_name
+from hpcsweep.commands import add_job, listing
 
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("job", type=file_name, metavar="JOB.toml")
-    add_settings(parser)
+    add_job(parser)
 
 
 def run(options) -> int:

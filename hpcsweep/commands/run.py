@@ -32,13 +32,13 @@ from collections import Counter
 from pathlib import Path
 
 from hpcsweep.campaign.progress import make_progress, note, say_line
-from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_settings, complain, listing
+from hpcsweep.commands import FAILURE, USER_ERROR, abort, add_job, complain, listing
 from hpcsweep.figures.options import file_name, positive
 
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("jobs", type=file_name, nargs="+", metavar="JOB.toml", help="the job file")
+    add_job(parser, "jobs", nargs="+")
     parser.add_argument(
         "-o",
         "--output",
@@ -46,7 +46,6 @@ def configure(parser) -> None:
         metavar="FILE",
         help="results of a single job (default: the job's name + .h5)",
     )
-    add_settings(parser)
     parser.add_argument(
         "--reuse",
         type=Path,
@@ -157,11 +156,9 @@ def _read(options) -> list:
     by_meaning: dict[str, Path] = {}
     by_file: dict[Path, Path] = {}
     for path, job, output in zip(options.jobs, jobs, outputs, strict=True):
-        same = by_meaning.setdefault(job.fingerprint, path)
-        if same is not path:
+        if (same := by_meaning.setdefault(job.fingerprint, path)) is not path:
             raise JobError(f"{path}: is the same job as {same}; name each job once")
-        same = by_file.setdefault(output.resolve(), path)
-        if same is not path:
+        if (same := by_file.setdefault(output.resolve(), path)) is not path:
             raise JobError(f"{path}: has the file of {same}, {output}; give it another name")
     return list(zip(jobs, outputs, strict=True))
 

@@ -8,16 +8,14 @@ like any other; hpcsweep merge makes the file of the whole of their files:
   hpcsweep merge map-1of3.h5 map-2of3.h5 map-3of3.h5 -o map.h5
 """
 
-from hpcsweep.commands import CommandError, add_settings
+from hpcsweep.commands import CommandError, add_job
 from hpcsweep.commands.outputs import write_job
-from hpcsweep.figures.options import file_name
 
 
 def configure(parser) -> None:
     """Add the options of the command."""
-    parser.add_argument("job", type=file_name, metavar="JOB.toml", help="the job file")
+    add_job(parser)
     parser.add_argument("-n", type=int, required=True, metavar="K", help="number of parts")
-    add_settings(parser)
 
 
 def run(options) -> int:

@@ -59,12 +59,12 @@ class Journal:
         WriteError
             If the write fails; also in `note`.
         """
-        self._keep(kind, values)
-        self._write()
+        self._last_write = -math.inf
+        self.note(kind, **values)
 
     def note(self, kind: str, **values) -> None:
         """Append one record within about a second: many notes cost one write."""
-        self._keep(kind, values)
+        self._kept.append(json.dumps({"kind": kind, "time": time.time(), **values}) + "\n")
         if time.monotonic() - self._last_write >= WRITE_INTERVAL:
             self._write()
 
@@ -72,9 +72,6 @@ class Journal:
         """Append records of other journals; see `append`."""
         self._kept += [json.dumps(record) + "\n" for record in records]
         self._write()
-
-    def _keep(self, kind: str, values: dict) -> None:
-        self._kept.append(json.dumps({"kind": kind, "time": time.time(), **values}) + "\n")
 
     def _write(self) -> None:
         line = "".join(self._kept)

@@ -127,48 +127,35 @@ def _of_the_run(settings: SweepSettings, rows: Rows) -> Broken:
     period, cycles = rows["orbit_period"], rows["cycles"]
     complete = outcome == Outcome.COMPLETE
     # a motion classified off the path differs from the end of the path
-    off = (
-        rows["classification_cycles"] > 0
-        if "classification_cycles" in rows
-        else np.zeros(len(period), bool)
-    )
+    on_path = rows.get("classification_cycles", np.zeros(1)) <= 0
+    plain = skip_rule == SkipRule.NONE
     used = [SkipRule.NONE, *(SkipRule[rule.upper()] for rule in settings.skip)]
     whole_run = settings.transient_cycles + settings.sampling_cycles
     linear = complete & (skip_rule == SkipRule.LINEAR)
     return {
         "skip_rule is a rule the job allows": ~np.isin(skip_rule, used),
         "orbit_period is at most max_orbit_period": period > settings.max_orbit_period,
-        "a run that was cut short has an orbit_period": complete
-        & ~off
-        & (skip_rule != SkipRule.NONE)
-        & (period == 0),
+        "a run that was cut short has an orbit_period": complete & on_path & ~plain & (period == 0),
         "a linear run has orbit_period 1 and no cycles": linear & ((period != 1) | (cycles != 0)),
-        "cycles is at least that of transient and window": complete
-        & (skip_rule == SkipRule.NONE)
-        & (cycles < whole_run),
+        "cycles is at least that of transient and window": complete & plain & (cycles < whole_run),
     }
 
 
 def _of_motion(rows: Rows) -> Broken:
     motion, period = rows["motion"], rows["orbit_period"]
     complete = rows["outcome"] == Outcome.COMPLETE
-    failed = motion == MotionClass.FAILED
-    orbit = (motion == MotionClass.PERIODIC) | (motion == MotionClass.NO_CONTACT)
+    periodic, apart = motion == MotionClass.PERIODIC, motion == MotionClass.NO_CONTACT
+    other = complete & ~(periodic | apart)
     broken = {
-        "motion of a failed run is failed, of no other": complete == failed,
-        "motion with an orbit_period is periodic or free of contact": complete
-        & (period > 0)
-        & ~orbit,
-        "motion is periodic only with an orbit_period": (motion == MotionClass.PERIODIC)
-        & (period == 0),
+        "motion of a failed run is failed, of no other": complete == (motion == MotionClass.FAILED),
+        "motion with an orbit_period is periodic or free of contact": other & (period > 0),
+        "motion is periodic only with an orbit_period": periodic & (period == 0),
     }
     if "contact" in rows:
         free = (rows["contact"] == 0) & complete
         if "slider_energy" in rows:
             free &= ~rows["slider_energy"].any(axis=-1)
-        broken["motion is free of contact where contact is empty"] = free != (
-            motion == MotionClass.NO_CONTACT
-        )
+        broken["motion is free of contact where contact is empty"] = free != apart
     return broken
 
 
@@ -213,12 +200,11 @@ def of_points(rows: Rows, held: np.ndarray, expected: np.ndarray, last: str) -> 
     room = points.shape[-2]
     stored = np.arange(room) < count[..., None]
     finite, missing = np.isfinite(points).all(axis=-1), np.isnan(points).all(axis=-1)
+    right = np.where(stored, finite, missing).all(axis=-1)
     end = np.take_along_axis(points, np.clip(count, 1, room)[..., None, None] - 1, -2)[..., 0, :]
     broken = {
         "n_points is the orbit_period, or all that are stored without one": count != expected,
-        "poincare is finite in n_points points and NaN after": np.any(
-            np.where(stored, finite, missing) == 0, axis=-1
-        ),
+        "poincare is finite in n_points points and NaN after": ~right,
         f"{last} is the last point of poincare": (end != rows[last]).any(axis=-1),
     }
     outer = tuple(range(1, held.ndim))

@@ -52,12 +52,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
     content: ClassVar[str] = "attractors"
     point_dim: ClassVar[str] = "cycle"
     slots: ClassVar[Mapping[str, str]] = SLOTS
-    status_variables: ClassVar[tuple[str, ...]] = (
-        "n_attractors",
-        "n_undecided",
-        "n_failed",
-        "n_elsewhere",
-    )
+    status_variables: ClassVar[tuple[str, ...]] = ("n_attractors", *search.COUNTS)
 
     @classmethod
     def read(cls, values, followed: Followed | None = None, **common) -> "AttractorGrid":
@@ -138,11 +133,7 @@ class AttractorGrid(search.SearchLimits, RunGrid):
             "attractors_per_point": float(number.mean()) if number.size else None,
             "points_with_several": int((number > 1).sum()),
             "most_attractors": int(number.max(initial=0)),
-            **search.count_starts(
-                int(done.sum()) * self.starts,
-                runs["cycles"][done].sum(),
-                (runs[f"n_{name}"][done].sum() for name in search.UNSTORED),
-            ),
+            **search.count_starts(done, runs, self.starts),
         }
 
     def tally(self) -> AttractorTally:

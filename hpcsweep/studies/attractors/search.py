@@ -163,12 +163,15 @@ KINDS = (MotionClass.PERIODIC, MotionClass.QUASI_PERIODIC, MotionClass.CHAOTIC)
 """What an attractor may be."""
 UNSTORED = {"undecided": UNDECIDED, "failed": FAILED, "elsewhere": ELSEWHERE}
 """Starts that reached no attractor of the file."""
+COUNTS = tuple(f"n_{name}" for name in UNSTORED)
+"""The variables that count them."""
 
 
-def count_starts(starts: int, cycles: int, unstored: Iterable[int]) -> dict[str, Any]:
-    """Return, for ``status``, the counts of starts; `unstored` are in the order of `UNSTORED`."""
+def count_starts(done: np.ndarray, runs: Rows, starts_of_each: int) -> dict[str, Any]:
+    """Return, for ``status``, the counts of the starts of runs that are `done`."""
+    starts, cycles = int(done.sum()) * starts_of_each, float(runs["cycles"][done].sum())
     return {
         "starts": starts,
-        "periods_per_start": float(cycles) / starts if starts else None,
-        **{f"starts_{name}": n for name, n in zip(UNSTORED, map(int, unstored), strict=True)},
+        "periods_per_start": cycles / starts if starts else None,
+        **{f"starts_{name}": int(runs[f"n_{name}"][done].sum()) for name in UNSTORED},
     }

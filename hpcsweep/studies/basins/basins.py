@@ -15,8 +15,8 @@ import numpy as np
 
 from hpcsweep.dynamics.attractor import FAILED
 from hpcsweep.solvers.outcome import Outcome
-from hpcsweep.studies.attractors import variables
-from hpcsweep.studies.attractors.search import UNSTORED, attractors_as_runs, count_starts
+from hpcsweep.studies.attractors import search, variables
+from hpcsweep.studies.attractors.search import attractors_as_runs
 from hpcsweep.studies.attractors.tally import BasinTally, StartTally
 from hpcsweep.studies.basins.slice import SliceGrid, read_slice
 from hpcsweep.studies.blocks import Block, Poll, Rows
@@ -48,7 +48,7 @@ class Basins(SliceGrid):
     run_noun: ClassVar[str] = "row"
     run_dims: ClassVar[tuple[str, ...]] = variables.RUN
     slots: ClassVar[Mapping[str, str]] = variables.SLOTS
-    status_variables: ClassVar[tuple[str, ...]] = ("n_undecided", "n_failed", "n_elsewhere")
+    status_variables: ClassVar[tuple[str, ...]] = search.COUNTS
 
     @classmethod
     def read(cls, values, **common) -> "Basins | RefinedBasins":
@@ -83,12 +83,7 @@ class Basins(SliceGrid):
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the starts, and those that reached none of the listed attractors."""
-        good = done & (runs["outcome"] > 0)
-        return count_starts(
-            int(good.sum()) * self.horizontal.size,
-            runs["cycles"][good].sum(),
-            (runs[f"n_{name}"][good].sum() for name in UNSTORED),
-        )
+        return search.count_starts(done & (runs["outcome"] > 0), runs, self.horizontal.size)
 
     def tally(self) -> BasinTally:
         """Return a tally of rows for ``summary``."""
@@ -179,8 +174,8 @@ class RefinedBasins(SliceGrid):
 
     def count(self, done: np.ndarray, runs: Rows) -> dict[str, Any]:
         """Count the computed starts, and those that reached none of the listed attractors."""
-        counts = ((runs["label"][done] == k).sum() for k in UNSTORED.values())
-        return count_starts(int(done.sum()), runs["cycles"][done].sum(), counts)
+        counts = {f"n_{name}": runs["label"] == k for name, k in search.UNSTORED.items()}
+        return search.count_starts(done, runs | counts, 1)
 
     def tally(self) -> StartTally:
         """Return a tally of starts for ``summary``."""
@@ -189,7 +184,7 @@ class RefinedBasins(SliceGrid):
     def relations(self, _block: Block, rows: Rows) -> Broken:
         """Return where relations between variables are broken; see `Part.relations`."""
         label, failed = rows["label"], rows["outcome"] != Outcome.COMPLETE
-        codes = (*UNSTORED.values(), *range(1, self.max_attractors + 1))
+        codes = (*search.UNSTORED.values(), *range(1, self.max_attractors + 1))
         return {
             "label is of an attractor of the list, -1, -2 or -3": ~np.isin(label, codes),
             "a start that failed, and no other, is labelled so": (label == FAILED) != failed,

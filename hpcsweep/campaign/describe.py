@@ -183,6 +183,7 @@ def _sliders(structure) -> list[str]:
         f"{name}: stiffness {slider.stiffness:.6g}, slips at {slider.strength:.6g}{force}, "
         f"{slider.limit:.6g}{length}"
         f"{f', then with {slider.slips:.6g}{force}' if slider.kinetic else ''}"
+        f"{'' if slider.returns is None else f', back at {slider.returns:.6g}{force}'}"
         for name, slider in zip(structure.slider_names, structure.sliders, strict=True)
     ]
 

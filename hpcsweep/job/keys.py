@@ -86,6 +86,11 @@ STRUCTURE: Tables = {
             0.0,
         ),
         Key(
+            "flag_height",
+            "beta, to 1, of storeys that [spring back](yielding.md#storeys-that-spring-back)",
+            0.0,
+        ),
+        Key(
             "p_delta",
             "whether the weight above each storey over its height is taken from its stiffness "
             "([how](yielding.md#p-delta-and-collapse))",
@@ -132,7 +137,7 @@ STRUCTURE: Tables = {
             "slider",
             "tables `[[structure.slider]]` that go with matrices or a model, of springs that yield "
             "([how](yielding.md)): `direction`, `stiffness`, `strength`, and if wanted `name`, and "
-            "`kinetic`, the strength while it slips",
+            "`kinetic`, the strength while it slips, or `returns`, that at which it slips back",
         ),
         Key(
             "spring",
@@ -219,11 +224,11 @@ KEYS: Tables = {
             "with stiffnesses in proportion), `storey_height`, `damping_ratio` of its own modes or "
             "`rayleigh`, `storey_damping`, `name` "
             "([how](structures.md#buildings-that-pound-each-other)), "
-            "`yield_drift` or `yield_force`, `hardening`, `p_delta`, `weight` and `collapse_drift` "
-            "([storeys that yield](yielding.md)), and tables `[building.isolation]` "
-            "([base isolation](yielding.md#base-isolation)), `[building.column]` "
-            "([floors that hit columns](structures.md#floors-that-hit-columns)) and "
-            "`[building.soil]` ([soil](structures.md#foundations-and-bumpers))",
+            "`yield_drift` or `yield_force`, `hardening`, `flag_height`, `p_delta`, `weight` and "
+            "`collapse_drift` ([storeys that yield](yielding.md)), and tables "
+            "`[building.isolation]` ([base isolation](yielding.md#base-isolation)), "
+            "`[building.column]` ([columns that are hit](structures.md#floors-that-hit-columns)) "
+            "and `[building.soil]` ([soil](structures.md#foundations-and-bumpers))",
         ),
         *(Key(table, "") for table in ("pounding", "records")),
         Key(

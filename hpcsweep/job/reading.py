@@ -30,7 +30,7 @@ from hpcsweep.model.coordinates import coordinate_of
 from hpcsweep.model.structure import Structure
 from hpcsweep.model.unit_names import is_in_gaps
 from hpcsweep.solvers.arguments import AT_STRENGTH, MAX_PERIOD
-from hpcsweep.solvers.offers import BDF, FORCES, TANGENTS
+from hpcsweep.solvers.offers import BDF, FORCES, HARMONIC, TANGENTS
 from hpcsweep.solvers.solver import SOLVERS
 from hpcsweep.studies import settings as sweep
 from hpcsweep.studies.blocks import Place
@@ -183,6 +183,8 @@ def read_values(values: Values):
     structure = min(each, key=lambda step: (step.is_uniform, is_in_gaps(step)))
     if told := next(filter(None, map(unconfined, each)), "") if study.recurs else "":
         raise JobError(told, "structure", values.source)
+    if study.kind != "records" and not all(map(HARMONIC.of, each)):
+        raise JobError(f"{HARMONIC.without}: {HARMONIC.why}", "structure", values.source)
     settings = _settings(values, study.skip_rules)
     if settings.solver == "bdf" and not all(map(BDF.of, each)):
         raise values.error("solver.method", settings.solver, f"must be 'flow' {BDF.lacks}")

@@ -19,6 +19,7 @@ from hpcsweep.model.unit_names import COLUMN
 OF_STOREYS = (
     *("mass", "storey_stiffness", "damping_ratio", "rayleigh", "storey_damping", "yield_force"),
     *("yield_drift", "hardening", "p_delta", "weight", "storey_height", "collapse_drift"),
+    "flag_height",
 )
 """What a building and its structure on a fixed base have under the same names."""
 
@@ -64,6 +65,8 @@ class Building:
         One of the two.
     hardening : float or sequence of n floats
         Stiffness of a storey that yields over that before, from -0.1 to below 1.
+    flag_height : float or sequence of n floats
+        Of storeys that spring back, as of `hpcsweep.model.structure.Structure`.
     p_delta : bool
         Whether the weight above each storey over its height is taken from its stiffness, see
         `hpcsweep.model.system`. A `period` is that without.
@@ -108,6 +111,7 @@ class Building:
     storey_damping: float | Sequence[float] = 0.0
     column: Column | Mapping[str, float] | None = None
     soil: Soil | None = None
+    flag_height: float | Sequence[float] = 0.0
 
     def __post_init__(self) -> None:
         mass = plain(self.mass)

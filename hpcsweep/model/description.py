@@ -20,7 +20,7 @@ SPRINGLESS = 10.0
 zeta^2 times as fast as displacements."""
 DASHPOT = ("damping", "tension")
 """What is told of a dashpot."""
-KINETIC = ("kinetic", None)
+UNTOLD = ("kinetic", None), ("returns", None)
 """What is not told of a slider."""
 MOTION = """\
 M u'' + C u' + K u + sum_k d_k F_k - sum_j k_j b_j p_j = b G(tau). u, u': displacements and \
@@ -87,7 +87,7 @@ def describe(structure: Structure) -> dict:
 
 
 def _of_slider(slider) -> dict:
-    return {key: value for key, value in asdict(slider).items() if (key, value) != KINETIC}
+    return {key: value for key, value in asdict(slider).items() if (key, value) not in UNTOLD}
 
 
 def as_text(structure: Structure) -> str:

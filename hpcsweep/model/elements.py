@@ -25,6 +25,7 @@ one march (`hpcsweep.solvers.flow.guard.elements`) serves all:
   of a structure whose sliders stick has their springs; that of a slider that slips is taken out
   (the bit of its mode), so that the matrix does not depend on which way it slips. The force is
   -k y + k q, q = p, and while it slips k q alone, q = -+delta;
+- a flag, a slider that slips back home (`flags`);
 - a limit of a drift, +-c, without a force: its guards, y beyond c and below -c, end the motion.
 
 The force of a slider is continuous, and so is that of a contact but for its dashpot, which jumps

@@ -122,8 +122,9 @@ class LinearDynamics(NaturalModes):
 
     def slider_losses(self, path: np.ndarray, excursions: np.ndarray) -> np.ndarray:
         """Return the energy that sliders take whose p has gone a path, in so many excursions."""
-        slips, lost = np.reshape([(one.slips, one.lost) for one in self.sliders], (-1, 2)).T
-        return slips * path + lost * excursions
+        taken = [(one.shares[0], one.lost) for one in self.sliders]
+        drag, lost = np.reshape(taken, (-1, 2)).T
+        return drag * path + lost * excursions
 
     @property
     def damping_ratios(self) -> np.ndarray:

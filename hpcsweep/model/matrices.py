@@ -19,6 +19,7 @@ from hpcsweep.model import arguments
 from hpcsweep.model.arguments import finite, not_negative, number, positive, refused, wrong
 from hpcsweep.model.dashpot import damping_of_restitution, felt_mass
 from hpcsweep.model.definite import check_damping
+from hpcsweep.model.flags import flag_modes
 from hpcsweep.model.rigid import read_bounce
 
 MAX_FLOORS = 64
@@ -241,6 +242,8 @@ class Slider:
     name : str, optional
     kinetic : float, optional
         Force with which it slips, above 0 and at most F, at which it begins to; F unless given.
+    returns : float, optional
+        Force R, from 0 to below F, at which p slips back to 0, see `hpcsweep.model.flags`.
 
     Raises
     ------
@@ -265,6 +268,7 @@ class Slider:
     strength: float
     name: str | None = None
     kinetic: float | None = field(default=None, metadata={"later": True})
+    returns: float | None = field(default=None, metadata={"later": True})
 
     def __post_init__(self) -> None:
         direction = _direction("slider.direction", self.direction, "such a slider is never moved")
@@ -277,6 +281,12 @@ class Slider:
                 raise refused(
                     "slider.kinetic", f"at most strength, {self.strength:g}", self.kinetic
                 )
+        if self.returns is not None:
+            limit, most = f"from 0 to below strength, {self.strength:g}", self.strength
+            back = number("slider.returns", self.returns, limit, 0.0, math.nextafter(most, 0.0))
+            object.__setattr__(self, "returns", back)
+            if self.kinetic is not None:
+                raise wrong("slider.returns", "and kinetic must not be given both")
         name = self.name if isinstance(self.name, str) else ""
         if self.name is not None and not (name.isprintable() and 0 < len(name) <= MAX_LABEL):
             limit = f"a text of up to {MAX_LABEL} characters that can be printed"
@@ -296,6 +306,13 @@ class Slider:
     def slips(self) -> float:
         """Force with which it slips."""
         return self.strength if self.kinetic is None else self.kinetic
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Energy that it takes for each unit of its path, and holds for each of p."""
+        if self.returns is None:
+            return self.slips, 0.0
+        return 0.5 * (self.strength - self.returns), 0.5 * (self.strength + self.returns)
 
     @property
     def lost(self) -> float:
@@ -324,6 +341,8 @@ class Slider:
         up = (0, -1.0, 0.0, 1.0 / limit, 0.0, 0.0, 1.0, -delta)
         down = (0, 1.0, 0.0, 1.0 / limit, 0.0, 0.0, 1.0, delta)
         sticks = [(1, 1.0, 1.0, 0.0, limit, 1.0), (2, -1.0, 1.0, 0.0, -limit, 1.0)]
+        if self.returns is not None:
+            return flag_modes(1 << bit, limit, self.returns / self.stiffness / length)
         return [
             ((0, 0, 0.0, 1.0), sticks),
             ((0, 1 << bit, -delta, 0.0), [up]),

@@ -41,6 +41,7 @@ LIMITS = {
     **dict.fromkeys(("mass", "weight", "storey_height"), ABOVE_0),
     **dict.fromkeys(("gap", "gap_left", "restitution"), ANY),
     **dict.fromkeys(("yield_force", "yield_drift"), YIELDS),
+    "flag_height": ("from 0 to 1", 0.0, 1.0),
     "hardening": ("from -0.1 to below 1", -0.1, math.nextafter(1.0, 0.0)),
 }
 """Words, least and most of the parameters with one value or one per floor."""
@@ -95,6 +96,9 @@ class Structure(MeasuredDynamics):
         One of the two.
     hardening : float or sequence of n floats
         Stiffness of a storey that yields over that before, from -0.1 to below 1.
+    flag_height : float or sequence of n floats
+        beta, to 1, of storeys that spring back: those that yield at the force f come home with
+        (1 - beta) f. 0: they stay where they have yielded to.
     p_delta : bool
         Whether the weight above each storey over its height is taken from its stiffness, see
         `hpcsweep.model.system`. Modes and damping are those of the rest.

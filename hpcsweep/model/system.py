@@ -50,7 +50,7 @@ def _of_storeys(stiffness: np.ndarray) -> np.ndarray:
 
 
 def storey_sliders(
-    stiffness: Sequence[float], yield_force: Any, yield_drift: Any, hardening: Any
+    stiffness: Sequence[float], yield_force: Any, yield_drift: Any, hardening: Any, flag_height: Any
 ) -> tuple[Slider, ...]:
     """Return the sliders of the storeys that yield, named by the number of the storey.
 
@@ -61,7 +61,7 @@ def storey_sliders(
     ----------
     stiffness : sequence of n floats
         Of the storeys, from the lowest on.
-    yield_force, yield_drift, hardening
+    yield_force, yield_drift, hardening, flag_height
         Of `hpcsweep.model.structure.Structure`.
 
     Raises
@@ -72,20 +72,24 @@ def storey_sliders(
     n, by_force = len(stiffness), yield_force is not None
     if by_force and yield_drift is not None:
         raise wrong("yield_force", "and yield_drift must not be given both")
-    shares = np.broadcast_to(hardening, n).tolist()
+    shares, flags = (np.broadcast_to(each, n).tolist() for each in (hardening, flag_height))
     if not by_force and yield_drift is None:
-        if any(shares):
-            raise wrong("hardening", "goes with yield_force or yield_drift")
+        for key, given in (("hardening", shares), ("flag_height", flags)):
+            if any(given):
+                raise wrong(key, "goes with yield_force or yield_drift")
         return ()
     forces = np.broadcast_to(yield_force if by_force else np.multiply(yield_drift, stiffness), n)
     steps = (np.eye(n) - np.eye(n, k=-1)).tolist()
     if any(k == 0.0 and force < math.inf for k, force in zip(stiffness, forces, strict=True)):
         raise wrong("storey_stiffness", "must be above 0 of a storey that yields")
-    return tuple(
-        Slider(tuple(steps[i]), (1.0 - share) * k, (1.0 - share) * force, str(i + 1))
-        for i, (k, share, force) in enumerate(zip(stiffness, shares, forces.tolist(), strict=True))
-        if force < math.inf
-    )
+    storeys = zip(steps, stiffness, shares, flags, forces.tolist(), strict=True)
+    sliders = []
+    for i, (row, k, share, flag, force) in enumerate(storeys, 1):
+        strength = (1.0 - share) * force
+        back = (1.0 - flag) * strength if flag else None
+        if force < math.inf:
+            sliders.append(Slider(tuple(row), (1.0 - share) * k, strength, str(i), returns=back))
+    return tuple(sliders)
 
 
 def weight_stiffness(stiffness: Sequence[float], weight: Any, height: Any) -> np.ndarray:
@@ -138,6 +142,7 @@ class System:
     yield_force: float | Sequence[float] | None = None
     yield_drift: float | Sequence[float] | None = None
     hardening: float | Sequence[float] = 0.0
+    flag_height: float | Sequence[float] = 0.0
     p_delta: bool = False
     weight: PerFloor | Sequence[float] | None = None
     storey_height: PerFloor | Sequence[float] | None = None
@@ -223,7 +228,9 @@ class System:
         if self.matrices is not None:
             return self.matrices.sliders
         stiffness = self._floors(self.storey_stiffness)
-        return storey_sliders(stiffness, self.yield_force, self.yield_drift, self.hardening)
+        return storey_sliders(
+            stiffness, self.yield_force, self.yield_drift, self.hardening, self.flag_height
+        )
 
     @cached_property
     def drift_limits(self) -> np.ndarray:

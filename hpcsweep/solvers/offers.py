@@ -70,6 +70,12 @@ LINEAR = Capability(_never_yields, why="knows no free drift")
 """The motion without contacts in closed form, in proportion to A; else only while nothing slips."""
 CURVES = Capability(_is_elastic, why="curves of theirs are not followed", without=BOTH)
 """Curves of special points and of limits over two parameters."""
+HARMONIC = Capability(
+    lambda one: all(slider.returns is None for slider in one.sliders),
+    why="flag_height and returns go with records",
+    without="sliders that slip back",
+)
+"""Motions under a harmonic forcing."""
 FORCES = Capability(
     lambda one: not one.is_rigid.any(),
     "where stops are rigid: speeds jump",

@@ -15,6 +15,9 @@ from hpcsweep.solvers.outcome import Outcome
 SAME_TIME = 1e-9
 """Part of a sample interval by which a tail may miss a whole number of them."""
 
+SAME_FORCE = 1e-9
+"""Part of its strength by which a flag that rests may miss the force at which it slips back."""
+
 
 class Slid(NamedTuple):
     """What the L sliders of a structure have done, in units of length; shapes (L,)."""
@@ -199,9 +202,7 @@ def response_of(
     plastic = slid.plastic * length
     lasting = np.full(n, math.nan if ended.collapsed else 0.0)
     if plastic.any() and not ended.collapsed:
-        from hpcsweep.model.equilibrium import static_equilibrium  # reading results needs no scipy
-
-        lasting = static_equilibrium(structure, plastic) - structure.rest[:n]
+        lasting = _lasting(structure, plastic) - structure.rest[:n]
     return Response(
         **of_structure(structure, peaks),
         impacts=impacts[CLOSINGS].astype(int),
@@ -234,6 +235,21 @@ def response_of(
     )
 
 
+def _lasting(structure: Structure, plastic: np.ndarray) -> np.ndarray:
+    """Return the displacements of the structure at rest, its flags home where they slip back."""
+    from hpcsweep.model.equilibrium import static_equilibrium  # reading results needs no scipy
+
+    pairs = [(one.stiffness, one.strength, one.returns) for one in structure.sliders]
+    spring, strength, returns = np.array(pairs, float).T
+    while True:
+        u = static_equilibrium(structure, plastic)
+        force = np.sign(plastic) * spring * (structure.slider_directions @ u - plastic)
+        back = (plastic != 0.0) & (force < returns - SAME_FORCE * strength)
+        if not back.any():
+            return u
+        plastic = np.where(back, 0.0, plastic)
+
+
 def energy_of(
     structure: Structure, response: Response, start: np.ndarray, integrals: np.ndarray
 ) -> Response:
@@ -260,12 +276,15 @@ def energy_at(structure: Structure, reached, taken, start, integrals: np.ndarray
     """
     n, length, rate = structure.n_floors, structure.length_unit, structure.frequency_unit
     spring = np.array([slider.stiffness for slider in structure.sliders])
+    pull = np.array([slider.shares[1] for slider in structure.sliders])
     first = structure.slider_directions @ start[:n] * spring
 
     def held(state: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return kinetic and strain energy."""
         u, v = np.split(state, 2)
-        strain = 0.5 * (u @ structure.elastic_stiffness @ u + force @ (force / spring))
+        stretch = force / spring
+        strain = 0.5 * (u @ structure.elastic_stiffness @ u + force @ stretch)
+        strain += pull @ np.abs(structure.slider_directions @ u - stretch)
         return np.array([0.5 * v @ structure.mass_matrix @ v, strain + structure.contact_energy(u)])
 
     kinetic, strain = held(*reached) - held(start, first)

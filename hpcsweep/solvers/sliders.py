@@ -51,7 +51,7 @@ class Sliders:
         """Return p of each in a state, and by how much it has changed since it last stuck."""
         state, load = modes.state[..., self.own], self.load(modes.mode, modes.state)
         takes = self._takes[modes.mode[..., self.own]]
-        plastic = np.where(takes, load + self.elongation(z), state)
+        plastic = np.where(takes, load + self.elongation(z), load)  # a flag at home: 0, not state
         return plastic, np.abs(plastic - state)
 
     def slips(self, z: np.ndarray, modes) -> np.ndarray:

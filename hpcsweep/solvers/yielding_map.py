@@ -34,6 +34,7 @@ from hpcsweep.solvers.flow.orbit.chain import Images
 from hpcsweep.solvers.flow.orbit.yielding import PATH
 from hpcsweep.solvers.flow.state.shared import ANY_MEASURE, MAXIMA, NO_TALLY, NORMS
 from hpcsweep.solvers.free_motion import FreeMotion
+from hpcsweep.solvers.offers import HARMONIC
 from hpcsweep.solvers.outcome import Outcome
 from hpcsweep.solvers.records import Approach, Growth, Observation
 from hpcsweep.solvers.sliders import Sliders, SliderUnits
@@ -58,6 +59,7 @@ class YieldingMap(FlowMap):
     yields = True
 
     def __init__(self, structure: Structure, omega: float, rtol: float = 1e-9):
+        HARMONIC.demand(structure)
         super().__init__(structure, omega, rtol)
         self._sliders = Sliders(structure, self._shared.model.elements)
         self._units = SliderUnits(self._units, self._sliders, structure.length_unit)

@@ -131,6 +131,7 @@ OTHER = {
     "yield_force": math.inf,
     "yield_drift": math.inf,
     "hardening": 0.1,
+    "flag_height": 0.5,
     "p_delta": True,
     "weight": 2.0,
     "storey_height": 3.0,
@@ -168,6 +169,7 @@ OTHER = {
 """Another value than that of the job below, for every field that has a meaning."""
 ALONG = {
     "hardening": {"yield_drift": math.inf},
+    "flag_height": {"yield_drift": math.inf},
     "p_delta": {"weight": 0.01, "storey_height": 1.0},
     "collapse_drift": {"yield_drift": 0.1},
 }

@@ -125,9 +125,9 @@ def structures_of(frames, response="drift", place=None, scale=None, beside=()) -
     for file in (frames, *beside):
         for at in counted(file.parts(), file.whole.study.n_parts, "reading structure"):
             results, study = file.gather(held), as_kind(file.study, Records)
-            stripes = stripes_of(results, study, response, place)
-            number = responses.scale_index(results, scale)
             each = responses_of(results, study, response)
+            stripes = stripes_of(results, study, response, place, known=each)
+            number = responses.scale_index(results, scale)
             chosen = places_of([*each.names], place)
             middle = median_band(each.values[:, number, chosen])[1]
             touching = math.nan

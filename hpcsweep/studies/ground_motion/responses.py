@@ -61,6 +61,8 @@ DIGITS = 15
 BELOW = 1.0 - 1e-9
 """Part of the scale of first contact up to which a motion is taken for linear."""
 DUCTILITIES = {"ductility", "ductility_alone"}
+FORCES = "strength", "kinetic", "returns"
+"""Of sliders."""
 MAX_KEPT = 48_000_000
 """Bytes of responses that a process keeps."""
 
@@ -303,11 +305,7 @@ def with_lengths_in(structure: Structure, unit: float, *more: np.ndarray) -> Str
         drift=drift,
         sharpness=structure.sharpness,
         sliders=[
-            replace(
-                slider,
-                strength=slider.strength / unit,
-                kinetic=slider.kinetic and slider.kinetic / unit,
-            )
+            replace(slider, **{key: f / unit for key in FORCES if (f := getattr(slider, key))})
             for slider in structure.sliders
         ],
         collapse_drift=None if structure.collapse_drift is None else limits.tolist(),

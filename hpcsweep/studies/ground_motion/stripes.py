@@ -153,6 +153,7 @@ def stripes_of(
     response: str = "drift",
     place: str | None = None,
     units: str | None = None,
+    known: Responses | None = None,
 ) -> Stripes:
     """Return the stripes of a response.
 
@@ -165,13 +166,15 @@ def stripes_of(
         with a number. Default: all.
     units : str, optional
         ``g`` of intensities and responses that are accelerations; default: the structure's.
+    known : Responses, optional
+        Those of `responses_of`, if they are.
 
     Raises
     ------
     StripesError
         If the file has no such response, no such place, or intensities that are not in g.
     """
-    responses = responses_of(results, study, response)
+    responses = known or responses_of(results, study, response)
     chosen = places_of([*responses.names], place)
     quantities = study.measure.quantity, getattr(RESPONSES.get(response), "units", "")
     in_g = [units == "g" and quantity == "acceleration" for quantity in quantities]

@@ -11,6 +11,8 @@ under the same white noise, of frequencies w_i and damping ratios z_i, q = w_1 /
         / ((1 - q^2)^2 + 4 z_1 z_2 q (1 + q^2) + 4 (z_1^2 + z_2^2) q^2),
 
 that of the complete quadratic combination: of a difference, so that its sign is the other one.
+Of what yields w_i and z_i may be effective ones. Those published are fitted to oscillators, by a
+ductility; a building has one for each storey, so that figures keep the elastic ones, and say so.
 """
 
 from typing import Any, NamedTuple

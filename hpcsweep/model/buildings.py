@@ -203,7 +203,7 @@ class Building:
             collapse_drift=fixed.collapse_drift,
         )
         names = (*fixed.floor_names, *map(floor_name, heights))
-        return made.named(names, (), fixed.names.storey_heights, fixed.floor_names)
+        return made.named(names, (), *fixed.names[2:3], fixed.floor_names, fixed.names.taken)
 
     @property
     def heights(self) -> tuple[float, ...]:

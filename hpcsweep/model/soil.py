@@ -6,8 +6,8 @@ place of theta stands w = v + H theta, H the height of the roof: what its founda
 move it by. So all coordinates are displacements that the ground moves alike, as M (1, ..., 1) says:
 the inertia J of rotation, of the foundation and of all floors, is J / H^2 (w' - v')^2, which their
 common motion does not have. Springs and dashpots act along v, and of the rotation, over H^2, along
-w - v; one of limited strength is a slider, of a moment over H. That the weight helps to overturn
-what rocks, m g h theta, is left out.
+w - v; one of limited strength is a slider, of a moment over H. With P-Delta the weights act along
+what storeys lean by, d and h theta together, rows of the floors less v: the m g h theta of rocking.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from hpcsweep.model.arguments import number
+from hpcsweep.model.arguments import number, refused
 from hpcsweep.model.isolation import POSITIVE, RANGE
 from hpcsweep.model.matrices import Slider
 from hpcsweep.model.structure import Structure
@@ -69,6 +69,14 @@ class Soil:
         of_rotation = np.outer(rocking, rocking) / top**2
         mass = np.diag(np.r_[self.mass, 0.0, np.diag(fixed.mass_matrix)])
         stiffness = relative.T @ fixed.elastic_stiffness @ relative
+        if (taken := np.array(fixed.names.taken)).size:
+            lean, drift = (
+                fixed.drift_rows @ u for u in (relative + np.outer(up, rocking), relative)
+            )
+            stiffness += (drift.T * taken) @ drift - (lean.T * taken) @ lean
+            if (least := top**2 * (taken @ (fixed.drift_rows @ up) ** 2)) >= self.rocking_stiffness:
+                limit = f"above {least:.4g}, or the weights overturn it"
+                raise refused("building.soil.rocking_stiffness", limit, self.rocking_stiffness)
         sliders = [replace(s, direction=np.dot(s.direction, relative)) for s in fixed.sliders]
         for name, row, spring, strength in (
             (OF_SOIL[0], sway, self.sway_stiffness, self.sway_strength),

@@ -306,6 +306,10 @@ def test_a_job_is_described_run_and_read_without_its_model(folder):
         "effective shares of the modes 0.626, 0.192,",
     ):
         assert words in told
+    assert "of the mass that the base moves" not in told
+    Path("few.toml").write_text(JOB.replace("{modes = 6}", "{modes = 2}"))
+    (warning,) = re.findall(".*that the base moves.*", hpcsweep(0, "describe", "few.toml").stdout)
+    assert "that are kept have 0.818 of the mass" in warning
     assert hpcsweep(0, "run", "beam.toml", "-o", "beam.h5").returncode == 0
     (folder / "beam.npz").unlink()
     results = open_results("beam.h5").squeeze()

@@ -24,6 +24,24 @@ def test_the_period_of_an_oscillator_on_soil_is_longer_by_the_closed_form():
     assert ratio**2 == pytest.approx(1.0 + k / 2e8 + k * h**2 / 5e9, rel=1e-9)
 
 
+def test_weights_help_to_overturn_what_rocks():
+    # a storey and a rotation in series lean by x, of which P-Delta takes W / h; the sway is behind
+    m, k, h, weight = 3e5, 1.2e8, 9.0, 4e7
+    soil = SOIL | {"mass": 1e-4, "inertia": 1e-4}
+    house = {"mass": m, "storey_stiffness": k, "storey_height": h, "p_delta": True}
+    made = Building(**house, weight=weight, soil=soil).structure
+    leans = 1.0 / (1.0 / k + h**2 / 5e9) - weight / h
+    along = 1.0 / (1.0 / leans + 1.0 / 2e8)
+    assert made.longest_period == pytest.approx(2.0 * np.pi * np.sqrt(m / along), rel=1e-9)
+    two = HOUSE | {"p_delta": True, "weight": [2e6, 1.5e6]}
+    least = 3.5e6 * 3.5 + 1.5e6 * 3.0  # each storey's weight times its height
+    with pytest.raises(ValueError, match=r"rocking_stiffness must be above 1\.675e\+07, or"):
+        _ = Building(**two, soil=SOIL | {"rocking_stiffness": least}).structure
+    struck = Building(**two, column={"share": 0.1, "mass": 1.0}, soil=SOIL)
+    plain = Building(**two, soil=SOIL).structure
+    assert struck.struck([2.0]).longest_period == pytest.approx(plain.longest_period, rel=1e-4)
+
+
 def test_motions_on_soil_are_those_of_sway_rotation_and_drifts():
     dashpots = {"sway_damping": 4e6, "rocking_damping": 6e7}
     building = Building(**HOUSE, soil=Soil(**SOIL, **dashpots))

@@ -25,8 +25,6 @@ MOST = 60
 STRONG, WEAK = 3.0, 1e-3
 """Peak accelerations in g beyond which a record's unit looks wrong: the strongest that was ever
 recorded is 4 g."""
-EFFECTIVE = 0.9
-"""Share of the mass that modes have together, by codes."""
 SCALED = 10.0
 """Factor beyond which a record is not like a stronger one any more."""
 MOST_EQUAL = 5
@@ -85,12 +83,6 @@ def warnings(study: RecordGrid) -> Iterator[str]:
     """Return one line for each thing that looks like a mistake."""
     structure = study.structure
     yield from implausible(structure, seconds_in(structure.unit_names.time or "s"))
-    reduction = structure.reduction
-    if reduction is not None and (share := sum(reduction.shares)) < EFFECTIVE:
-        yield (
-            f"the {reduction.modes} modes of the reduced model have {share:.3g} of the mass, codes "
-            f"want {EFFECTIVE:g}: structure.model.reduce"
-        )
     sliding = isolated_period(structure)
     if sliding is not None and OWN_PERIOD in study.measure.periods:
         unit = known_unit(structure, "time")

@@ -18,6 +18,7 @@ import numpy as np
 
 from hpcsweep.kernels.arena import Arena
 from hpcsweep.kernels.compile.entry_points import BYTES, FLOAT, INT, VECTOR, entry_point
+from hpcsweep.kernels.compile.places import allocate, zeros
 
 
 class Free(NamedTuple):
@@ -25,48 +26,33 @@ class Free(NamedTuple):
 
     known: bool
     """Whether there is a steady state."""
-    levels: np.ndarray
-    """(C,): edge of the layer of each contact."""
-    largest: np.ndarray
-    """(2, C): max d . u_1, and max -d . u_1."""
-    point: np.ndarray
-    """(2n,): stroboscopic point of the steady state at unit amplitude."""
-    transform: np.ndarray
-    """(n, n): from displacements to modal coordinates."""
-    frequencies: np.ndarray
-    reach: np.ndarray
-    """(C, n): |d . phi_j|."""
-    softness: np.ndarray
-    """(C,): sqrt(d . K^-1 d)."""
     coupled: bool
-    left: np.ndarray
-    """(2n, 2n): modal coordinates and speeds after the transient, in units of the state."""
-    end: np.ndarray
-    """(2n, 2n): the transient part of the state after the window."""
     most: float
     """Largest sum of the remaining transient."""
-    modal: np.ndarray
-    """(2n,): workspace."""
-    size: np.ndarray
-    """(n,): workspace."""
+    levels: np.ndarray = zeros("C")
+    """Edge of the layer of each contact."""
+    largest: np.ndarray = zeros(2, "C")
+    """Max d . u_1, and max -d . u_1."""
+    point: np.ndarray = zeros("2n")
+    """Stroboscopic point of the steady state at unit amplitude."""
+    transform: np.ndarray = zeros("n", "n")
+    """From displacements to modal coordinates."""
+    frequencies: np.ndarray = zeros("n")
+    reach: np.ndarray = zeros("C", "n")
+    """|d . phi_j|."""
+    softness: np.ndarray = zeros("C")
+    """sqrt(d . K^-1 d)."""
+    left: np.ndarray = zeros("2n", "2n")
+    """Modal coordinates and speeds after the transient, in units of the state."""
+    end: np.ndarray = zeros("2n", "2n")
+    """The transient part of the state after the window."""
+    modal: np.ndarray = zeros("2n")
+    """Workspace."""
+    size: np.ndarray = zeros("n")
+    """Workspace."""
 
 
-NOT_KNOWN = Free(
-    False,
-    np.empty(0),
-    np.empty((2, 0)),
-    np.empty(0),
-    np.empty((0, 0)),
-    np.empty(0),
-    np.empty((0, 0)),
-    np.empty(0),
-    False,
-    np.empty((0, 0)),
-    np.empty((0, 0)),
-    0.0,
-    np.empty(0),
-    np.empty(0),
-)
+NOT_KNOWN = allocate(Free, {"C": 0, "n": 0, "2n": 0}, known=False, coupled=False, most=0.0)
 DECAYS, LASTS = 1, 2
 """What is proved of a motion: it is free and its transient decays in time, or stays free only."""
 FREE = Arena(NOT_KNOWN)

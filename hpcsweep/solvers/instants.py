@@ -23,10 +23,11 @@ import numpy as np
 from hpcsweep.model.modes import per_mass
 from hpcsweep.model.observed import DISSIPATED
 from hpcsweep.model.structure import Structure
-from hpcsweep.solvers.flow.march.record import ALL_PEAKS, WITH_ENERGY, march_record
+from hpcsweep.solvers.flow.march.record import ALL_PEAKS, WITH_ENERGY
 from hpcsweep.solvers.flow.observe.gathered import reset
 from hpcsweep.solvers.flow.record_map import RecordMap
 from hpcsweep.solvers.flow.state.shared import PASSAGES, TABLES
+from hpcsweep.solvers.flow.state.tables import OF_CONTACTS
 from hpcsweep.solvers.outcome import COLLAPSED, COMPLETE, Outcome
 from hpcsweep.solvers.polling import Poll
 from hpcsweep.solvers.record_response import Energy, energy_at
@@ -96,8 +97,8 @@ class InstantMap(RecordMap):
         points, elements = held[0], modes.mode.size > 0
         for rows, start in zip(held, (z, *modes), strict=False):
             rows[0] = start
-        contacts, first_contact = shared.model.contacts, shared.outputs.first_contact
-        pushed = shared.tally.peaks[first_contact : first_contact + len(contacts.row)]
+        contacts, first_row = shared.model.contacts, int(shared.outputs.first[OF_CONTACTS])
+        pushed = shared.tally.peaks[first_row : first_row + len(contacts.row)]
         peaks = np.zeros((count + 1, pushed.size))
         changes, starts = shared.counts[PASSAGES:TABLES], dict[int, list]()
         first, size, outcome = 0, 1, int(Outcome.COMPLETE)
@@ -157,20 +158,10 @@ class InstantMap(RecordMap):
             ends.append(energy_at(structure, reached, taken, structure.rest, tally.energy))
         return ends
 
-    def _at_rest(self) -> np.ndarray:
-        """Put elements to rest; return the state of the kernels."""
-        for array in self._shared.modes:
-            array.fill(0)
-        self._shared.modes.mode[:] = self._shared.model.elements.first
-        return self._units.into(self.structure.rest)
-
     def _interval(self, z, places, part, wanted=0, points=None) -> tuple[int, int]:
         """Advance z over intervals, or a part of one; return how many, and the outcome."""
-        points = np.empty((0, z.size)) if points is None else points
         intervals = (*places, part * self._shared.model.period)
-        return march_record(
-            self._packed, z, self._samples, self._amplitude, intervals, wanted, points
-        )
+        return self._march(z, self._samples, self._amplitude, intervals, wanted, points)
 
     def _kept(self, z: np.ndarray) -> list[np.ndarray]:
         """Copy a state, and what the elements carry."""

@@ -150,9 +150,9 @@ def test_threads_parse_one_after_the_other(tmp_path, monkeypatch):
         return "text"
 
     monkeypatch.setattr(jit, "_program_text", parsed)
-    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
-    monkeypatch.setattr(jit, "read_verified", lambda path: None)
-    monkeypatch.setattr(jit, "write_verified", lambda path, content: None)
+    monkeypatch.setattr(jit.folders, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(jit.folders, "read_verified", lambda path: None)
+    monkeypatch.setattr(jit.folders, "write_verified", lambda path, content: None)
     with ThreadPoolExecutor(4) as pool:
         keys = set(pool.map(lambda _: jit.source_hash.__wrapped__(), range(4)))
     assert len(keys) == 1

@@ -39,15 +39,8 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 
+from hpcsweep.kernels import folders
 from hpcsweep.kernels.compile.specialise import KEY_LENGTH, specialised_name
-from hpcsweep.kernels.folders import (
-    cache_root,
-    own_folder,
-    read_verified,
-    roots,
-    say_unwritable,
-    write_verified,
-)
 
 PACKAGE = Path(__file__).resolve().parents[2]
 DECLARED = re.compile(rb"^KERNELS = (\([^)]*\))", re.MULTILINE)
@@ -116,25 +109,25 @@ def source_hash() -> str:
     """
     with global_compiler_lock:
         sources = {str(path.relative_to(PACKAGE)): path.read_bytes() for path in kernel_files()}
-        kept = cache_root() / "sources" / _hash(sources)
-        content = read_verified(kept)
+        kept = folders.cache_root() / "sources" / _hash(sources)
+        content = folders.read_verified(kept)
         if content is not None:
             return content.decode()
         made = _hash({name: _program_text(text).encode() for name, text in sources.items()})
         with contextlib.suppress(OSError):
-            write_verified(kept, made.encode())
+            folders.write_verified(kept, made.encode())
     return made
 
 
 def cache_folder() -> Path:
     """Return the folder of the compiled kernels."""
-    return cache_root() / source_hash()
+    return folders.cache_root() / source_hash()
 
 
 def kept_in() -> list[Path]:
     """Return the folders with compiled kernels; none where they cannot be kept."""
-    folders = (root / source_hash() for root in roots())
-    return [folder for folder in folders if any(folder.rglob(f"*{SUFFIX}"))]
+    kept = (root / source_hash() for root in folders.roots())
+    return [folder for folder in kept if any(folder.rglob(f"*{SUFFIX}"))]
 
 
 class KernelCache:
@@ -155,8 +148,8 @@ class KernelCache:
     def load_overload(self, sig, target_context):
         """Return a compiled kernel; None if it is absent or damaged."""
         place = self._path(sig, target_context.codegen())
-        for root in roots():
-            content = read_verified(root / place)
+        for root in folders.roots():
+            content = folders.read_verified(root / place)
             if content is not None:
                 if COUNTS_REFERENCES in content:
                     rtsys.initialize(target_context)
@@ -166,12 +159,12 @@ class KernelCache:
     def holds(self, sig, target_context) -> bool:
         """Return whether a kernel is in the cache."""
         place = self._path(sig, target_context.codegen())
-        return any(os.access(root / place, os.R_OK) for root in roots())
+        return any(os.access(root / place, os.R_OK) for root in folders.roots())
 
     def specialisations(self) -> frozenset[str]:
         """Return the keys of the cached specialisations, for any processor."""
         keys = set()
-        for root in roots():
+        for root in folders.roots():
             folder = root / source_hash() / self._place
             for path in folder.glob(f"{specialised_name(self._function, '*')}-*{SUFFIX}"):
                 keys.add(path.name.rpartition("-")[0][-KEY_LENGTH:])
@@ -184,14 +177,14 @@ class KernelCache:
         place = self._path(sig, data.codegen)
         content = serialize.dumps(data._reduce())
         try:
-            write_verified(cache_root() / place, content)
+            folders.write_verified(folders.cache_root() / place, content)
         except OSError as error:
-            kept, folder = False, own_folder()
+            kept, folder = False, folders.own_folder()
             if folder is not None:
                 with contextlib.suppress(OSError):
-                    write_verified(folder / place, content)
+                    folders.write_verified(folder / place, content)
                     kept = True
-            say_unwritable(error.strerror or str(error), kept)
+            folders.say_unwritable(error.strerror or str(error), kept)
 
 
 def processor() -> str:

@@ -28,7 +28,7 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import lower_builtin
 
 from hpcsweep.kernels.compile import kernel
-from hpcsweep.kernels.compile.specialise import Specialisation, specialised_name
+from hpcsweep.kernels.compile.specialise import Specialisation, compiling, specialised_name
 from hpcsweep.kernels.simd.fallback import PLAIN, plain
 
 BYTES = types.uint8[::1]
@@ -231,7 +231,7 @@ class _Specialised(EntryPoint):
         return self._kernels.of(with_called(self.origin))
 
     def _compiling(self) -> contextlib.AbstractContextManager:
-        return self._kernels.specialisation.compiling(self._kernels.renamed)
+        return compiling((self._kernels.specialisation, self._kernels.renamed))
 
 
 class SpecialisedKernels:

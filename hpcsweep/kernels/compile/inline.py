@@ -126,7 +126,7 @@ class _LowerInline(typed_passes.NativeLowering):
         """Lower into a library that is not compiled, and register it for callers."""
         state.library = _InlineLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
-        with specialise.unspecialised():
+        with specialise.compiling(None):
             super().run_pass(state)
         lowered = state["cr"]
         state.library.finalize()

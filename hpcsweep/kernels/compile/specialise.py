@@ -6,7 +6,7 @@ stay in registers, and unused code is removed; a forcing period takes 0.55 to 0.
 product or sum is reordered, so results are equal to the last bit, and a specialised kernel can
 replace the other anywhere.
 
-While a kernel is specialised (`Specialisation.compiling`), what it reads the sizes and places of
+While a kernel is specialised (`compiling`), what it reads the sizes and places of
 arrays from (`places`) are constants in place of the words of its argument (`known_words`); calls of
 kernels that are also specialised go to these. Both happen only in the kernel being compiled: its
 parts are lowered once for all (`inline`), and have no sizes until they are linked into it.
@@ -43,16 +43,6 @@ class Specialisation:
         self.kind, self.words = kind, words
         self.key = hashlib.sha256(repr(words).encode()).hexdigest()[:KEY_LENGTH]
 
-    def compiling(self, renamed: dict[str, str]) -> contextlib.AbstractContextManager:
-        """Specialise what is compiled within the context.
-
-        Parameters
-        ----------
-        renamed : dict of str to str
-            Replacements of the symbols that hold the addresses of kernels.
-        """
-        return _meanwhile((self, renamed))
-
 
 def specialised_name(function, key: str) -> str:
     """Return the name of a specialised kernel, for its file and its LLVM function."""
@@ -62,13 +52,13 @@ def specialised_name(function, key: str) -> str:
 _current: tuple[Specialisation, dict[str, str]] | None = None
 
 
-def unspecialised() -> contextlib.AbstractContextManager:
-    """Compile an inlined part without any specialisation, as kernels share it."""
-    return _meanwhile(None)
-
-
 @contextlib.contextmanager
-def _meanwhile(current: tuple[Specialisation, dict[str, str]] | None) -> Iterator[None]:
+def compiling(current: tuple[Specialisation, dict[str, str]] | None) -> Iterator[None]:
+    """Specialise what is compiled within the context; None: an inlined part, which kernels share.
+
+    With a specialisation there are the replacements of the symbols that hold the addresses of
+    kernels.
+    """
     global _current  # numba compiles under one lock
     before, _current = _current, current
     try:

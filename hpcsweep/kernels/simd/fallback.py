@@ -42,14 +42,14 @@ def _ieee(value):
     return value
 
 
-def _flat(array: np.ndarray, index: int, count: int = LANES, stride: int = 1) -> np.ndarray:
-    """Return a view of array[index], array[index + stride], ... of a contiguous array."""
+def _flat(array: np.ndarray, index: int, count: int = LANES) -> np.ndarray:
+    """Return a view of array[index], array[index + 1], ... of a contiguous array."""
     if not array.flags.c_contiguous:
         raise IndexError("the array is not contiguous: the compiled kernel would misread it")
-    last = index + stride * (count - 1)
+    last = index + count - 1
     if count and not 0 <= index <= last < array.size:
         raise IndexError(f"{index} to {last} lie beyond an array of {array.size}")
-    return array.reshape(-1)[index : last + 1 : stride]
+    return array.reshape(-1)[index : last + 1]
 
 
 def fma(a, b, c):

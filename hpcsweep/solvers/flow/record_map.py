@@ -93,17 +93,15 @@ class RecordMap:
         state: np.ndarray | None = None,
         poll: Callable[[], None] | None = None,
         at_samples: bool = False,
-        resume: bool = False,
     ) -> Response:
         """Return the response to a record; see `hpcsweep.solvers.response.response`.
 
-        Sliders start from rest, or `resume` from where the last response has left them.
+        Sliders start from rest.
         """
         reset(self._shared.tally)
-        if not resume:
-            reset(self._shared.modes)
-            self._shared.modes.mode[:] = self._shared.model.elements.first
-        z = self._units.into(self.structure.rest if state is None else state)
+        z = self._at_rest()
+        if state is not None:
+            z = self._units.into(state)
         samples = np.array(acceleration, dtype=float)  # the kernels take what can be written
         start = self._units.out_of(z).copy()
         wanted = PEAKS_AT_SAMPLES if at_samples else WITH_ENERGY if self._energy else ALL_PEAKS
@@ -158,6 +156,12 @@ class RecordMap:
         time = float(self._shared.modes.path[limits].max())
         return time / self.structure.frequency_unit, Outcome.COMPLETE, True
 
-    def _march(self, z, samples, amplitude, part, wanted):
-        points = np.empty((0, z.size))
+    def _at_rest(self) -> np.ndarray:
+        """Put elements to rest; return the state of the kernels."""
+        reset(self._shared.modes)
+        self._shared.modes.mode[:] = self._shared.model.elements.first
+        return self._units.into(self.structure.rest)
+
+    def _march(self, z, samples, amplitude, part, wanted, points=None):
+        points = np.empty((0, z.size)) if points is None else points
         return march_record(self._packed, z, samples, amplitude, part, wanted, points)

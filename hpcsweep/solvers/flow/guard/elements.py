@@ -93,16 +93,16 @@ def write_windows(modes, elements, proof):
 
     That of a guard on both, or on neither, is empty. Elements that are as they were are left alone.
     """
-    windows, written = proof.windows, proof.written
+    windows = proof.windows
     for e in range(windows.shape[1]):
         if e >= modes.mode.shape[0]:
             windows[1, e] = windows[3, e] = math.inf
             windows[0, e] = windows[2, e] = -math.inf
             continue
         mode = modes.mode[e]
-        if written[0, e] == mode + 1.0 and written[1, e] == modes.state[e]:
+        if windows[4, e] == mode + 1.0 and windows[5, e] == modes.state[e]:
             continue
-        written[0, e], written[1, e] = mode + 1.0, modes.state[e]
+        windows[4, e], windows[5, e] = mode + 1.0, modes.state[e]
         windows[1, e] = windows[3, e] = math.inf
         windows[0, e] = windows[2, e] = -math.inf
         for g in range(elements.guards[mode], elements.guards[mode + 1]):

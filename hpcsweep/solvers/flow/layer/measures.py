@@ -38,7 +38,7 @@ from hpcsweep.solvers.flow.state.state import (
     copy_state,
     distance,
 )
-from hpcsweep.solvers.flow.state.tables import ZERO
+from hpcsweep.solvers.flow.state.tables import OF_CONTACTS, ZERO
 from hpcsweep.solvers.flow.step.polynomials import evaluate
 from hpcsweep.solvers.flow.step.step import begin_layer_step, expand, layer_segment
 
@@ -117,7 +117,7 @@ def _note_contacts(segment, shared):
             tally.contact[0] |= bit
             touching = True
         elif tally.contact[0] & bit == np.uint64(0):
-            i, _, side, _ = model.watched[shared.outputs.first_contact + k]
+            i, _, side, _ = model.watched[shared.outputs.first[OF_CONTACTS] + k]
             row, h = (i, -1, side, contacts.gap[k]), segment.h
             highest[0] = 0.0
             peak = Peak(highest, 0, -math.inf)

@@ -41,6 +41,7 @@ from hpcsweep.solvers.flow.observe.peaks import drift_on_segment, peaks_on_segme
 from hpcsweep.solvers.flow.observe.rows import rows_on_segment
 from hpcsweep.solvers.flow.state.shared import NO_TALLY, wants_norms
 from hpcsweep.solvers.flow.state.state import contact_bit, copy_state, distance
+from hpcsweep.solvers.flow.state.tables import OF_ACCELERATIONS
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.step import state_at, step_tangent
 from hpcsweep.solvers.outcome import COMPLETE
@@ -88,9 +89,8 @@ def _may_exceed(segment, ending, model, outputs, tally, rows):
         if touches:
             jerk += contacts.beta[k] * contacts.sign[k] * v * e
         along = a if e > 0.0 else -a
-        if along + abs(jerk) * time + pull * abs(e) > tally.peaks[outputs.first + i] * (
-            1.0 + SAME_PEAK
-        ):
+        peak = tally.peaks[outputs.first[OF_ACCELERATIONS] + i]
+        if along + abs(jerk) * time + pull * abs(e) > peak * (1.0 + SAME_PEAK):
             return True
     return False
 

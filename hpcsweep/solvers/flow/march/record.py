@@ -42,6 +42,7 @@ from hpcsweep.solvers.flow.state.state import (
     distance,
     renew_rows,
 )
+from hpcsweep.solvers.flow.state.tables import OF_CONTACTS
 from hpcsweep.solvers.flow.step.constraint import rigid_of
 from hpcsweep.solvers.flow.step.forcing import forcing_at, total_forcing
 from hpcsweep.solvers.outcome import COMPLETE
@@ -150,7 +151,7 @@ def _sample_peaks(j, z, amplitude, shared):
         field_accelerations(key, z, work.forcing, model, work.step.series, padded)
     for p in range(tally.peaks.shape[0]):
         i, below, side, flag = model.watched[p]
-        k = p - outputs.first_contact
+        k = p - outputs.first[OF_CONTACTS]
         value = 0.0
         if flag == ACCELERATION:
             value = a[i] + model.ground[i] * ground

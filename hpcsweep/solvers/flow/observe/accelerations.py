@@ -35,7 +35,7 @@ from hpcsweep.solvers.flow.guard.extremum import (
 from hpcsweep.solvers.flow.guard.search import HERMITE_MIDDLE
 from hpcsweep.solvers.flow.rules.tableau import N_STAGES
 from hpcsweep.solvers.flow.state.state import accelerations, add_sliders, time_of
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, ZERO
+from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS, OF_ACCELERATIONS, ZERO
 from hpcsweep.solvers.flow.step.accelerations import ends_of_accelerations, expand_acceleration
 from hpcsweep.solvers.flow.step.forcing import forcing_at, n_pairs, total_forcing
 from hpcsweep.solvers.flow.step.polynomials import evaluate_rows, value_and_slope
@@ -63,7 +63,7 @@ def accelerations_on_segment(segment, span, amplitude, model, tables, outputs, t
     fourth = HERMITE_MIDDLE * (span * span) * (span * span)
     for p in range(0, bounds.shape[0], LANES):
         # the quartics above and below of `search`
-        peak = load(tally.peaks, outputs.first + p)
+        peak = load(tally.peaks, outputs.first[OF_ACCELERATIONS] + p)
         g0, slope0 = load(start, 2 * p), load(start, 2 * p + LANES)
         g1, slope1 = load(end, 2 * p), load(end, 2 * p + LANES)
         limit = peak * (1.0 + SAME_PEAK) + LEAST
@@ -88,7 +88,7 @@ def accelerations_on_segment(segment, span, amplitude, model, tables, outputs, t
 @inlined
 def _raise_acceleration(p, segment, span, ends, bound4, model, tables, outputs, tally, step):
     """Raise the peak of floor p by its extrema on a step."""
-    peaks, w, time = tally.peaks, outputs.first + p, time_of(segment.tau, model)
+    peaks, w, time = tally.peaks, outputs.first[OF_ACCELERATIONS] + p, time_of(segment.tau, model)
     peak = Peak(peaks, w, tally.times[w] - time)
     reached = raise_to_ends(ends, 0, span, peak)
     if row_may_be_higher(peaks[w], 0, span, ends, bound4):
@@ -137,7 +137,7 @@ def accelerations_in_layer(segment, amplitude, ground0, ground1, shared):
     highest, rows, h = local_vector(1), local_matrix(1, N_COEFFICIENTS), segment.h
     time = time_of(segment.tau, model)
     for i in range(model.ground.shape[0]):
-        p = shared.outputs.first + i
+        p = shared.outputs.first[OF_ACCELERATIONS] + i
         if not _floor_may_be_higher(i, ground0, ground1, tally.peaks[p], model, work):
             continue
         expand_acceleration_in_layer(i, segment, amplitude, shared, rows)

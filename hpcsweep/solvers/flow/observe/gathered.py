@@ -33,11 +33,11 @@ def rows_gathered(asked: Asked, rows, n_orders: int, march: Callable, units) -> 
     for first in range(0, len(rows), LANES):
         some = rows[first : first + LANES]
         asked.counts[:] = len(some), n_orders
-        asked.rows[: len(some)], asked.ends[:], asked.sums[:] = some, -math.inf, 0.0
+        asked.rows[: len(some)], asked.sums[:, :2], asked.sums[:, 2:] = some, -math.inf, 0.0
         _, outcome = march()
         if outcome is not Outcome.COMPLETE:
             raise ArithmeticError(f"flow: {outcome.name}")
-        values.append(np.hstack((asked.ends.T, asked.sums))[: len(some)])
+        values.append(asked.sums[: len(some)].copy())
     span, unit = units
     high, low, mean, square, *sums = np.vstack(values)[:, : 4 + 2 * n_orders].T
     cosine, sine = np.reshape(sums, (n_orders, 2, -1)).transpose(1, 2, 0) * (2.0 * unit / span)

@@ -28,7 +28,12 @@ from hpcsweep.solvers.flow.observe.accelerations import (
     accelerations_on_segment,
 )
 from hpcsweep.solvers.flow.state.state import contact_bit, time_of
-from hpcsweep.solvers.flow.state.tables import N_COEFFICIENTS
+from hpcsweep.solvers.flow.state.tables import (
+    N_COEFFICIENTS,
+    OF_ACCELERATIONS,
+    OF_CONTACTS,
+    OF_FLOORS,
+)
 from hpcsweep.solvers.flow.step.polynomials import value_and_slope
 from hpcsweep.solvers.flow.step.step import bound_all_rows, bound_of_row, expand, write_row
 
@@ -42,8 +47,8 @@ def _rows_of_kind(kind, model, outputs):
     if kind == 0:
         return DRIFT, 0, model.drift_rows.shape[0]
     if kind == 1:
-        return FLOOR, outputs.first_floor, model.ground.shape[0]
-    return CONTACT, outputs.first_contact, model.contacts.row.shape[0]
+        return FLOOR, outputs.first[OF_FLOORS], model.ground.shape[0]
+    return CONTACT, outputs.first[OF_CONTACTS], model.contacts.row.shape[0]
 
 
 @inlined
@@ -78,7 +83,7 @@ def peaks_may_rise(segment, ground0, ground1, wanted, shared):
     ):
         return True
     return wanted & ACCELERATION != 0 and acceleration_may_be_higher(
-        ground0, ground1, outputs.first, model, tally, work
+        ground0, ground1, outputs.first[OF_ACCELERATIONS], model, tally, work
     )
 
 

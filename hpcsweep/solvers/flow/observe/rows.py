@@ -41,7 +41,7 @@ def rows_on_segment(segment, span, model, tables, asked, step):
         for side in range(2):
             for p in range(N_COEFFICIENTS):
                 signed[0, p] = rows[r, p] if side == 0 else -rows[r, p]
-            _raise_end(segment.h, span, signed, Peak(asked.ends[side], r, -math.inf))
+            _raise_end(segment.h, span, signed, Peak(asked.sums[r], side, -math.inf))
     turn = asked.counts[1] * model.omega * span
     pieces = 1 + int(turn / TURN)
     for piece in range(pieces):
@@ -69,12 +69,12 @@ def _integrate(segment, begin, length, rows, omega, asked):
         first_cosine, first_sine = math.cos(angle), math.sin(angle)
         for r in range(asked.counts[0]):
             y = evaluate(rows[r], s * (2.0 / segment.h) - 1.0)
-            sums[r, 0] += weight * y
-            sums[r, 1] += weight * y * y
+            sums[r, 2] += weight * y
+            sums[r, 3] += weight * y * y
             cosine, sine = first_cosine, first_sine
             for order in range(asked.counts[1]):
-                sums[r, 2 + 2 * order] += weight * y * cosine
-                sums[r, 3 + 2 * order] += weight * y * sine
+                sums[r, 4 + 2 * order] += weight * y * cosine
+                sums[r, 5 + 2 * order] += weight * y * sine
                 cosine, sine = (
                     cosine * first_cosine - sine * first_sine,
                     sine * first_cosine + cosine * first_sine,

@@ -23,7 +23,7 @@ NEWTON_RESIDUAL = 1e-11
 
 
 @kernel
-def newton_orbit(shared, common, watch, period, amplitude):
+def newton_orbit(shared, watch, period, amplitude):
     """Jump from the watched motion to the orbit that it approaches, if that is verified.
 
     Returns
@@ -40,7 +40,7 @@ def newton_orbit(shared, common, watch, period, amplitude):
     state = watch.history[(since - period) % long]
     image = watch.history[since % long]
     _extrapolate(before, state, image, watch.point)
-    is_orbit, n_periods = _find_orbit(shared, common, watch, period, amplitude, image)
+    is_orbit, n_periods = _find_orbit(shared, watch, period, amplitude, image)
     if not (is_orbit and _is_linear(watch.matrix, state, image, watch.point)):
         return False, n_periods, math.nan
     copy_matrix(watch.matrix, watch.factors)
@@ -49,7 +49,7 @@ def newton_orbit(shared, common, watch, period, amplitude):
 
 
 @kernel
-def _find_orbit(shared, common, watch, period, amplitude, image):
+def _find_orbit(shared, watch, period, amplitude, image):
     """Move ``watch.point`` to the orbit; its tangent map is left in ``watch.matrix``.
 
     The matrix is kept while it was computed within `NEWTON_SAME` of where it is used; the

@@ -213,7 +213,7 @@ def end_of_transient(shared, watch, z, amplitude, n_periods, closing):
         for divisor in range(1, 1 - period):
             if period % divisor != 0 or kept.distance[slot, divisor] > near:
                 continue
-            accepted, more, multiplier = newton_orbit(shared, common, kept, divisor, amplitude)
+            accepted, more, multiplier = newton_orbit(shared, kept, divisor, amplitude)
             n_newton += more
             if accepted:
                 copy_state(kept.point, z)

@@ -76,10 +76,9 @@ class Asked(NamedTuple):
     counts: np.ndarray = zeros(2, dtype=int)
     """Rows, and harmonics of each."""
     rows: np.ndarray = zeros(LANES, "n")
-    ends: np.ndarray = zeros(2, LANES)
-    """Largest value of each, and of minus it."""
-    sums: np.ndarray = zeros(LANES, 2 + 2 * MAX_ORDER)
-    """Integrals of y, of y^2, and of y cos and y sin of each harmonic."""
+    sums: np.ndarray = zeros(LANES, 4 + 2 * MAX_ORDER)
+    """Largest value of each, and of minus it; integrals of y, of y^2, and of y cos and y sin of
+    each harmonic."""
 
 
 class Modes(NamedTuple):

@@ -34,7 +34,7 @@ from hpcsweep.kernels.compile.places import allocate, part, zeros
 from hpcsweep.kernels.simd.vectors import LANES
 from hpcsweep.model.kernel_model import Model, forcing_size
 from hpcsweep.model.observed import ACCELERATION, CONTACT, FLOOR
-from hpcsweep.solvers.flow.rules.volterra_rule import N_NODES
+from hpcsweep.solvers.flow.rules.volterra_rule import N_NODES, N_PARTS
 
 
 def economisation(taylor: int, degree: int) -> np.ndarray:
@@ -123,7 +123,7 @@ def sizes_of(model: Model) -> dict[str, int]:
     units = 2 + forcing if volterra else 0
     sizes |= {"levels": LEVELS if volterra else 0, "units": units, "modal n": n if volterra else 0}
     sizes |= {"2 modes+2H": 2 * modes + forcing, "nodes+units": N_NODES + units}
-    sizes |= {"responses": CAPACITY if volterra else 0}
+    sizes |= {"responses": CAPACITY if volterra else 0, "built": 1 + N_PARTS + m}
     strides = large and model.elements.first.size == 0
     sizes |= {"strides": STRIDES if strides else 0, "2+2H": 2 + forcing if strides else 0}
     sizes |= {"strided N": sizes["N"] if strides else 0}
@@ -286,17 +286,16 @@ CAPACITY = 512
 
 
 UNFILLED = ~np.uint64(0)
+OF_FLOORS, OF_ACCELERATIONS, OF_CONTACTS = range(3)
+"""Places in `Outputs.first`."""
 
 
 class Outputs(NamedTuple):
     """Tables of the n floors, and of the bases behind them, see `observe.peaks`, and workspace."""
 
-    first_floor: int
-    """Place of the floors in `Model.watched`, ..."""
-    first: int
-    """... of their accelerations ..."""
-    first_contact: int
-    """... and of the contacts."""
+    first: np.ndarray
+    """(3,) int: places in `Model.watched` of the first floor, of its acceleration and of the first
+    contact, see `OF_FLOORS`."""
     place: np.ndarray
     """Table and time of `end`."""
     key: np.ndarray
@@ -313,15 +312,10 @@ class Outputs(NamedTuple):
 
 def outputs_of(model: Model, sizes: dict[str, int]) -> Outputs:
     """Allocate the outputs of a structure."""
-    first_floor, first, first_contact = (
-        int(np.argmax(model.watched[:, 3] == flag)) for flag in (FLOOR, ACCELERATION, CONTACT)
-    )
     return allocate(
         Outputs,
         sizes,
-        first_floor=first_floor,
-        first=first,
-        first_contact=first_contact,
+        first=np.argmax(model.watched[:, 3, None] == (FLOOR, ACCELERATION, CONTACT), axis=0),
         place=np.full(2, -1.0),
         key=np.full(sizes["T"], UNFILLED),
     )

@@ -95,10 +95,9 @@ class Proof(NamedTuple):
     ends: np.ndarray = zeros(6, "padded E")
     """Elongations: at the start of the step, their speeds, both at its end, and bounds of their
     fourth derivatives; and a row into which eights of drifts reach."""
-    windows: np.ndarray = zeros(4, "padded E")
-    """Within which elongations, below and above, and speeds elements keep their modes, ..."""
-    written: np.ndarray = zeros(2, "padded E")
-    """... from 1 on these, and in these states."""
+    windows: np.ndarray = zeros(6, "padded E")
+    """Within which elongations, below and above, and speeds elements keep their modes; and for
+    which mode, from 1 on, and in which state that is written."""
     kept: np.ndarray = zeros("padded E", dtype=bool)
     """Which do so on the present step (proved)."""
 
@@ -123,19 +122,17 @@ MOST = 8
 class Volterra(NamedTuple):
     """Tables of steps by their length, `levels` of them, and workspace; `modes` are padded."""
 
-    built: np.ndarray = zeros("levels", dtype=int)
-    """Whether there are those of the end ..."""
+    built: np.ndarray = zeros("levels", "built", dtype=int)
+    """Which of them there are: those of the end, of each part of a step, and of each contact."""
     steps: np.ndarray = zeros("levels", 2, "units", "modes")
-    """... q, then q', of each mode by its units ..."""
+    """At the end q, then q', of each mode by its units ..."""
     late: np.ndarray = zeros("levels", 2, N_NODES, "modes")
-    """... and by a force at each node; ..."""
-    has_linear: np.ndarray = zeros("levels", "m", dtype=int)
-    """... those of a distance at all nodes ..."""
+    """... and by a force at each node."""
     linear: np.ndarray = zeros("levels", "m", "2 modes+2H", N_NODES)
-    """... by q, q' and the pairs; and of a part of a step: ..."""
-    has_part: np.ndarray = zeros("levels", N_PARTS, dtype=int)
+    """The distance of a contact at all nodes by q, q' and the pairs."""
     seen: np.ndarray = zeros("levels", N_PARTS, "modal n", 2, "nodes+units", LANES)
-    """... q, then q', at its nodes by forces on the mode at the nodes of the step, then units."""
+    """Of a part q, then q', at its nodes by forces on the mode at the nodes of the step, then by
+    units."""
     count: np.ndarray = zeros(1, dtype=int)  # type: ignore[assignment]
     """Number of responses."""
     place: np.ndarray = zeros("levels", "m", "m", dtype=int)

@@ -26,6 +26,7 @@ from hpcsweep.kernels.simd.vectors import (
 )
 from hpcsweep.solvers.flow.rules.volterra_rule import (
     N_NODES,
+    N_PARTS,
     N_POWERS,
     NODE_RESPONSES,
     NODES,
@@ -100,7 +101,7 @@ def _build_step(level, h, model, spectrum, own):
                     value, slope = _sum_at(1.0 - NODES[node], terms)
                     late[level, 0, node, j] = value * WEIGHTS[node] * h
                     late[level, 1, node, j] = slope * WEIGHTS[node] * h
-    own.built[level] = 1
+    own.built[level, 0] = 1
 
 
 @kernel
@@ -118,7 +119,7 @@ def _build_linear(level, k, h, model, spectrum, own):
                 value, _ = _sum_at(load(NODES, block), terms)
                 at = first + row * N_NODES + block
                 store(own.linear, at, fma(value, share, load(own.linear, at)))
-    own.has_linear[level, k] = 1
+    own.built[level, 1 + N_PARTS + k] = 1
 
 
 @kernel
@@ -160,7 +161,7 @@ def _build_response(row, sign, kick, h, spectrum, own):
 def have_tables(level, h, r, model, spectrum, own):
     """Build what a step of this length with the r contacts of ``own.which`` needs, if it is not."""
     contacts, width = model.contacts, spectrum.squares.shape[0]
-    if own.built[level] == 0:
+    if own.built[level, 0] == 0:
         _build_step(level, h, model, spectrum, own)
     if own.count[0] + r * r > own.responses.shape[0]:
         own.count[0] = 0
@@ -168,7 +169,7 @@ def have_tables(level, h, r, model, spectrum, own):
     for i in range(r):
         k = own.which[i]
         row, sign = contacts.row[k], contacts.sign[k]
-        if own.has_linear[level, k] == 0:
+        if own.built[level, 1 + N_PARTS + k] == 0:
             _build_linear(level, k, h, model, spectrum, own)
         for other in range(r):
             l = own.which[other]  # noqa: E741
@@ -180,7 +181,7 @@ def have_tables(level, h, r, model, spectrum, own):
 @kernel
 def have_part(part, level, h, model, spectrum, own):
     """Build the table of a part of the steps of a length, if it is not."""
-    if own.has_part[level, part] > 0:
+    if own.built[level, 1 + part] > 0:
         return
     seen, terms, step = own.seen, local_matrix(2, N_POWERS), N_NODES * LANES
     nodes, rows = load(PART_NODES, part * LANES), seen.shape[4] * LANES
@@ -199,4 +200,4 @@ def have_part(part, level, h, model, spectrum, own):
                     combine(seen, to, ZERO, 0, by, table, place, step, terms, 0, N_POWERS)
                     to, m = to + rows, N_POWERS
                     combine(seen, to, ZERO, 0, by, table, place, step, terms, m, N_POWERS)
-    own.has_part[level, part] = 1
+    own.built[level, 1 + part] = 1

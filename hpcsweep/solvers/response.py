@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpcsweep.model.arguments import finite, finite_vector, flag, instance, number
+from hpcsweep.model.observed import TABLE
 from hpcsweep.model.record import MAX_SAMPLES, Record
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.arguments import AT_STRENGTH
@@ -144,31 +145,23 @@ def linear_response(
     slides = structure.slider_directions
     solver = linear_map(structure, record.dt, base_shear, energy)
     peaks = _complete(solver.respond(record.acceleration, 1.0, tail))
-    nothing, none = np.zeros(n_contacts), np.zeros(len(slides))
     drifts, slid, past = np.split(peaks.storey_drift, [n_drifts, n_drifts + len(slides)])
     sliders = [(slider.stiffness, slider.strength) for slider in structure.sliders]
     spring, strength = np.array(sliders).reshape(-1, 2).T
     force = spring * slid
+    sizes = {"stop": n_contacts, "slider": len(slides)}
+    still: dict[str, Any] = {
+        quantity.name: np.zeros(sizes[quantity.dim], getattr(peaks, quantity.name).dtype)
+        for quantity in TABLE
+        if quantity.dim in sizes
+    }
     linear = replace(
         peaks,
+        **still | {"ductility": force / strength, "slider_force": force},
         storey_drift=drifts,
         drift_time=peaks.drift_time[:n_drifts],
-        contact_force=nothing,
-        contact_share=nothing,
-        impacts=nothing.astype(int),
-        simultaneous=nothing.astype(int),
-        impact_velocity=nothing,
-        contact_time=nothing,
-        impulse=nothing,
-        dissipated=nothing,
-        force_time=nothing,
-        ductility=force / strength,
-        slider_force=force,
-        plastic=none,
-        plastic_path=none,
-        excursions=none.astype(int),
-        final_slider_force=none,
-        slider_energy=none,
+        force_time=np.zeros(n_contacts),
+        final_slider_force=np.zeros(len(slides)),
         residual_drift=np.zeros(n_drifts),
     )
     return linear, np.concatenate((past, slid, drifts[structure.drift_limits < math.inf]))

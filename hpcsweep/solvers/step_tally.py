@@ -7,22 +7,9 @@ from functools import partial
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from hpcsweep.model import observed
 from hpcsweep.model.contact import FAR, contact_force
 from hpcsweep.model.kernel_model import Model
-from hpcsweep.model.observed import (
-    ACCELERATION,
-    CLOSINGS,
-    CONTACT,
-    DRIFT,
-    FLOOR,
-    FORCE,
-    IMPACT,
-    N_IMPACTS,
-    ROUNDING,
-    SPEED,
-    TIME,
-    Measures,
-)
 from hpcsweep.model.structure import Structure
 from hpcsweep.solvers.measures import measures_of
 
@@ -61,19 +48,20 @@ class StepTally:
         upper, lower = model.drift_rows.T
         self._drifts = unit[upper] - unit[lower]
         flags = model.watched[:, 3]
-        self._places = np.flatnonzero(flags & measures & (DRIFT | FLOOR | CONTACT))
+        displacements = observed.DRIFT | observed.FLOOR | observed.CONTACT
+        self._places = np.flatnonzero(flags & measures & displacements)
         rows, below, self._sides, _ = model.watched[self._places].T
         self._watched = unit[rows] - unit[below]
         self._watched[self._sides < 0] *= -1.0
         self._levels = np.zeros(len(flags))
-        self._levels[flags == CONTACT] = model.contacts.gap
+        self._levels[flags == observed.CONTACT] = model.contacts.gap
         self._levels = self._levels[self._places]
-        self._accelerate = accelerate if measures & ACCELERATION else None
-        self._accelerated = np.flatnonzero(flags == ACCELERATION)
-        self._wants_any, self._wants_impacts = bool(measures), bool(measures & IMPACT)
+        self._accelerate = accelerate if measures & observed.ACCELERATION else None
+        self._accelerated = np.flatnonzero(flags == observed.ACCELERATION)
+        self._wants_any, self._wants_impacts = bool(measures), bool(measures & observed.IMPACT)
         self.peaks = np.full(len(flags), math.nan)  # of what is not known here
-        self.peaks[np.isin(flags, (DRIFT, FLOOR, ACCELERATION, CONTACT))] = 0.0
-        self.impacts = np.zeros((N_IMPACTS, model.contacts.gap.size))
+        self.peaks[flags & (displacements | observed.ACCELERATION) != 0] = 0.0
+        self.impacts = np.zeros((observed.N_IMPACTS, model.contacts.gap.size))
         self._closed = np.empty(0, bool)  # of no contact before the first step
         self._beside = np.zeros(model.contacts.gap.size, bool)
         """Contacts that have not come apart since they have last been closed, see `ROUNDING`."""
@@ -112,7 +100,7 @@ class StepTally:
                 self._closed = past[:, 0] >= 0.0
             self._note_apart(past[:, 0])
             for k in np.flatnonzero(highest >= -FAR / max(self._model.rho, 1e-300)):
-                self._add_impacts(int(k), interpolant, tau, past[k], signs[k, 0] * speed[k])
+                self._add_impacts(int(k), interpolant, tau, signs[k, 0] * speed[k])
             self._size = max(self._size, float(np.abs(z).max()))
             self._note_apart(past[:, -1])
         if self._modal_norm:
@@ -153,7 +141,7 @@ class StepTally:
                 top = max(top, -peak.fun)
             self.peaks[place] = max(self.peaks[place], top)
 
-    def _add_impacts(self, k, interpolant, tau, past, speed):
+    def _add_impacts(self, k, interpolant, tau, speed):
         """Add a contact's closings, force and time of a step, between nodes, tops and crossings."""
         n, contacts = self._n, self._contacts
         i, sign, gap = contacts.row[k], contacts.sign[k], contacts.gap[k]
@@ -174,7 +162,7 @@ class StepTally:
         begun = tau[0]
         for t in changes:
             if self._closed[k]:
-                impacts[TIME] += t - begun
+                impacts[observed.TIME] += t - begun
                 self._beside[k] = True
             else:
                 self._note_apart(values[(times >= begun) & (times <= t)].min(initial=0.0), k)
@@ -182,26 +170,26 @@ class StepTally:
             begun = t
             self._closed[k] = not self._closed[k]
         if self._closed[k]:
-            impacts[TIME] += tau[-1] - begun
+            impacts[observed.TIME] += tau[-1] - begun
         ends = np.sort(np.concatenate((tau, changes)))
         half = 0.5 * np.diff(ends)[:, None]
         x = distance((ends[:-1, None] + half * (PANEL_NODES + 1)).ravel())
         force = [contact_force(value, 1.0, self._model.rho) for value in x]
-        impacts[FORCE] += np.sum(half * PANEL_WEIGHTS * np.reshape(force, (len(half), -1)))
+        impacts[observed.FORCE] += np.sum(half * PANEL_WEIGHTS * np.reshape(force, (len(half), -1)))
 
     def _note_apart(self, past, k=slice(None)) -> None:
         """Note which contacts, or whether contact k, have come apart."""
         size = np.maximum(np.abs(self._contacts.gap[k]), self._size)
-        self._beside[k] &= past >= -ROUNDING * size
+        self._beside[k] &= past >= -observed.ROUNDING * size
 
     def _close(self, k, speed: float) -> None:
         """Record that a contact closes, as `flow.observe.impacts.record` does."""
-        if not self._beside[k] and speed >= ROUNDING * self._size:
-            self.impacts[CLOSINGS, k] += 1
-            self.impacts[SPEED, k] = max(self.impacts[SPEED, k], speed)
+        if not self._beside[k] and speed >= observed.ROUNDING * self._size:
+            self.impacts[observed.CLOSINGS, k] += 1
+            self.impacts[observed.SPEED, k] = max(self.impacts[observed.SPEED, k], speed)
         self._beside[k] = True
 
-    def measures(self, structure: Structure, n_periods: int) -> Measures | None:
+    def measures(self, structure: Structure, n_periods: int) -> observed.Measures | None:
         """Return the measures of an `Observation` of a window; None if none is requested."""
         if not self._wants_any or not n_periods:
             return None

@@ -178,3 +178,5 @@ CELLS = Option(
     default=None,
 )
 DIRECTION = Option("--direction", "sweep drawn (default: the first)", choices=("up", "down"))
+RUN, COORDINATES = (OMEGA, AMPLITUDES, ALONG, DIRECTION), (FLOORS, ROWS)
+"""Options that tell which run of a sweep is drawn, and which of its coordinates."""

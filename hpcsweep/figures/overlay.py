@@ -13,6 +13,7 @@ from hpcsweep.dynamics.continuation.events import Kind
 from hpcsweep.figures import labels, palette
 from hpcsweep.figures.style import PlotError, stretches
 from hpcsweep.model.coordinates import Coordinate
+from hpcsweep.store import Frames
 from hpcsweep.studies.branches.branches import Branches
 from hpcsweep.studies.grid import RunGrid
 from hpcsweep.studies.path_grid import FORCING
@@ -84,8 +85,6 @@ class Overlay:
     """
 
     def __init__(self, path: Path, under: RunGrid):
-        from hpcsweep.store import Frames
-
         self.frames = Frames(path, content="branches")
         self.study = as_kind(self.frames.study, Branches)
         if problem := not_beneath(self.study, under):
@@ -170,11 +169,9 @@ def branches_of(run: dict[str, Any], study: Branches, line: int) -> Iterator[Dra
     for number, period in zip(numbers, periods, strict=True):
         steps = run["step_branch"] == number
         if number and steps.any():
-            points = np.empty((steps.sum(), period, forced.size))
-            pairs = zip(run["point"][steps], run["value"][steps], strict=True)
-            for k, (x, value) in enumerate(pairs):
-                start = (x / forced.units)[None]
-                points[k] = continued(forced, start, float(value), period) * forced.units
+            pairs = zip(run["point"][steps] / forced.units, run["value"][steps], strict=True)
+            orbits = [continued(forced, x[None], float(value), period) for x, value in pairs]
+            points = np.array(orbits) * forced.units
             yield Drawn(
                 *(number, period, run["value"][steps], run["stable"][steps] > 0, points),
                 np.stack([each[line] for each in study.forcing(run["value"][steps])[::-1]]),

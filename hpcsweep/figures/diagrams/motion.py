@@ -13,17 +13,7 @@ from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.diagrams import mesh, phase
 from hpcsweep.figures.diagrams.sweep import mark_stops, open_frame
-from hpcsweep.figures.options import (
-    ALONG,
-    AMPLITUDES,
-    DIRECTION,
-    FLOORS,
-    OMEGA,
-    ROWS,
-    Option,
-    figure_of,
-    whole_number,
-)
+from hpcsweep.figures.options import COORDINATES, RUN, Option, figure_of, whole_number
 from hpcsweep.model.coordinates import coordinate_of
 
 POINTS = Option(
@@ -40,7 +30,7 @@ HIGHEST = 16
 """Multiple of the forcing frequency to which spectra are drawn."""
 SIZES = (4.8, 3.6), (3.0, 2.6), (0.4, 0.4)
 """Inches of a figure of one panel, of each of several, and of what is beside these."""
-OPTIONS = OMEGA, AMPLITUDES, ALONG, DIRECTION
+OPTIONS = *RUN, *COORDINATES, POINTS
 
 
 class Shown(NamedTuple):
@@ -83,7 +73,7 @@ def load(
     return Shown(structure, *forcing, int(run["orbit_period"]), state, title)
 
 
-@figure_of("time", "motions", load, *OPTIONS, FLOORS, ROWS, POINTS)
+@figure_of("time", "motions", load, *OPTIONS)
 def time(run: Shown, floors=(), count: int | None = None, **_options):
     """Displacements and forces of one run over time, at --amplitude A or --along X."""
     structure, shown = run.structure, coordinates(run.structure, floors)
@@ -118,7 +108,7 @@ def _loops(structure, course) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     return {name: (rows[name].of(states), force) for name, force in held.items()}
 
 
-@figure_of("loop", "motions", load, *OPTIONS, POINTS)
+@figure_of("loop", "motions", load, *RUN, POINTS)
 def loop(run: Shown, count: int | None = None, **_options):
     """Force over displacement of each slider and contact of one run, --amplitude A or --along X."""
     loops = _loops(run.structure, run.course(count or run.period or 10, FINE))
@@ -134,7 +124,7 @@ def loop(run: Shown, count: int | None = None, **_options):
     return style.head(figure, run.title, fontsize=9)
 
 
-@figure_of("section", "motions", load, *OPTIONS, FLOORS, ROWS, POINTS)
+@figure_of("section", "motions", load, *OPTIONS)
 def section(run: Shown, floors=(), count: int | None = None, **_options):
     """Stroboscopic section of one run, --points N followed on, at --amplitude A or --along X."""
     from hpcsweep.solvers.solver import stroboscopic_points  # loads what computes
@@ -154,7 +144,7 @@ def section(run: Shown, floors=(), count: int | None = None, **_options):
     return style.head(figure, run.title, f"{len(points)} points", fontsize=9)
 
 
-@figure_of("spectrum", "motions", load, *OPTIONS, FLOORS, ROWS, POINTS)
+@figure_of("spectrum", "motions", load, *OPTIONS)
 def spectrum(run: Shown, floors=(), count: int | None = None, **_options):
     """Amplitudes of one run over the frequency, at --amplitude A or --along X."""
     n_periods = run.period or count or 500

@@ -9,16 +9,7 @@ from hpcsweep.dynamics.classify import CLASS_NAMES, MotionClass
 from hpcsweep.figures import labels, palette, style
 from hpcsweep.figures.coordinates import coordinates
 from hpcsweep.figures.diagrams.sweep import Frame, load_frame, open_frame
-from hpcsweep.figures.options import (
-    ALONG,
-    AMPLITUDES,
-    DIRECTION,
-    FLOORS,
-    OMEGA,
-    PERIOD,
-    ROWS,
-    figure_of,
-)
+from hpcsweep.figures.options import COORDINATES, PERIOD, RUN, figure_of
 
 WIDTH, MIN_WIDTH = 2.4, 4.8
 """Width of a panel, and the least of the figure (inches)."""
@@ -43,7 +34,7 @@ def load(frames, omega: float | None = None, amplitudes: Sequence[float] = (), *
     return load_frame(frames, omega, of_frame)
 
 
-@figure_of("phase", "motions", load, OMEGA, AMPLITUDES, ALONG, PERIOD, DIRECTION, FLOORS, ROWS)
+@figure_of("phase", "motions", load, *RUN, PERIOD, *COORDINATES)
 def phase(
     results,
     amplitudes: Sequence[float] = (),

@@ -149,24 +149,20 @@ def _of_branch(catalogue: Catalogue, forced: ForcedMap):
     store_branches(rows, forced, catalogue)
     stored = {v.name: (v.dims, rows[v.name][0], attributes_of(v, structure)) for v in kept}
     stored["value"][2]["long_name"] = forced.parameter
-    leaving = np.full((len(specials), forced.size), np.nan)
-    leaving_value = np.full(len(specials), np.nan)
+    leaving = np.full((len(specials), forced.size + 1), np.nan)
+    change = np.zeros((len(specials), len(structure.contacts) + len(structure.sliders)), int)
     for k, special in enumerate(specials):
+        change[k] = special.change or 0
         if special.leaving is not None:
-            leaving[k] = special.leaving.y[: forced.size] * forced.units
-            leaving_value[k] = special.leaving.y[-1] * arc.curve.scale
-    counted = {"stop": len(structure.contacts), "slider": len(structure.sliders)}
-    change = np.zeros((len(specials), sum(counted.values())), int)
-    for row, special in zip(change, specials, strict=True):
-        row[:] = special.change or 0
-    closings, slips = np.split(change, [counted["stop"]], axis=1)
+            leaving[k] = special.leaving.y[[*range(forced.size), -1]]
+    closings, slips = np.split(change, [len(structure.contacts)], axis=1)
     more = {
         "contact_change": (("special", "stop"), closings),
-        "leaving": (("special", "state"), leaving),
-        "leaving_value": ("special", leaving_value),
+        "leaving": (("special", "state"), leaving[:, :-1] * forced.units),
+        "leaving_value": ("special", leaving[:, -1] * arc.curve.scale),
         "stop": [structure.contact_names[k] for k in structure.contact_numbers],
     }
-    if counted["slider"]:
+    if structure.sliders:
         more["slip_change"] = ("special", "slider"), slips
         more["slider"] = list(structure.slider_names)
     return dataset_of(arc, forced, stored | more, {"parameter": forced.parameter})

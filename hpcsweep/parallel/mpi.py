@@ -188,11 +188,16 @@ def on_master(comm, action: Callable[[], Any], *errors: type[Exception]) -> Any:
 
 def launched_size() -> int:
     """Return the number of ranks the launcher says it started, 1 if there was none."""
-    for name in LAUNCHER_SIZES:
+    return _launched(LAUNCHER_SIZES, 1)
+
+
+def _launched(names: tuple[str, ...], otherwise: int) -> int:
+    """Return the first of these variables that a launcher has set to a number."""
+    for name in names:
         value = os.environ.get(name, "")
         if value.isdigit() and not (name == SRUN and _in_shell()):
             return int(value)
-    return 1
+    return otherwise
 
 
 def _in_shell() -> bool:
@@ -269,8 +274,5 @@ def open_file(path):
 
 def launched_rank() -> int:
     """Return this process's rank as the launcher says, 0 if there was none."""
-    for name in ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID", "MV2_COMM_WORLD_RANK"):
-        value = os.environ.get(name, "")
-        if value.isdigit():
-            return int(value)
-    return 0
+    names = "PMI_RANK", "OMPI_COMM_WORLD_RANK", "SLURM_PROCID", "MV2_COMM_WORLD_RANK"
+    return _launched(names, 0)

@@ -15,17 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcsweep.model.arguments import (
-    array,
-    choice,
-    count,
-    file_name,
-    instance,
-    positive,
-    refused,
-    rows,
-    words,
-)
+from hpcsweep.model import arguments
 
 ACCELERATION_UNITS = ("mps2", "cmps2", "mmps2", "inps2", "ftps2", "g")
 """Names of units in Pelicun."""
@@ -92,14 +82,15 @@ def write_demands(
     0,2.0,3.0,4.0,0.01,0.02
     <BLANKLINE>
     """
-    file = Path(file_name("path", path))
-    drift = rows("drift_ratio", drift_ratio)
-    rowwise = words("records", records) or tuple(map(str, range(len(drift))))
+    file = Path(arguments.file_name("path", path))
+    drift = arguments.rows("drift_ratio", drift_ratio)
+    rowwise = arguments.words("records", records) or tuple(map(str, range(len(drift))))
     if len(rowwise) != len(drift):
         raise ValueError(f"records must have {len(drift)} names, has {len(rowwise)}")
-    event, direction = count("event", event, 1), count("direction", direction, 1)
-    choice("unit", unit, ACCELERATION_UNITS)
-    instance("note", note, str)
+    event = arguments.count("event", event, 1)
+    direction = arguments.count("direction", direction, 1)
+    arguments.choice("unit", unit, ACCELERATION_UNITS)
+    arguments.instance("note", note, str)
     peaks = {
         "ground_acceleration": ("PFA", 0, np.ravel(ground_acceleration), unit),
         "floor_acceleration": ("PFA", 1, floor_acceleration, unit),
@@ -108,11 +99,11 @@ def write_demands(
     if residual_drift is not None:
         peaks["residual_drift"] = ("RID", 1, residual_drift, "rad")
     for period, values in (spectral_acceleration or {}).items():
-        name = f"SA_{positive('spectral_acceleration', period):.4g}"
+        name = f"SA_{arguments.positive('spectral_acceleration', period):.4g}"
         peaks[f"spectral_acceleration, {name},"] = (name, 0, np.ravel(values), unit)
     demands = {}
     for name, (kind, first, values, its_unit) in peaks.items():
-        values, shape = array(name, values), drift.shape if first else drift.shape[:1]
+        values, shape = arguments.array(name, values), drift.shape if first else drift.shape[:1]
         if values.shape != shape:
             raise ValueError(f"{name} must have shape {shape}, has {values.shape}")
         for location, column in enumerate(np.atleast_2d(values.T), first):
@@ -120,7 +111,7 @@ def write_demands(
     for name, (_, column) in demands.items():
         wrong = column[~((column >= 0) & (column < np.inf))]
         if wrong.size:
-            raise refused(name, "finite and at least 0", float(wrong[0]))
+            raise arguments.refused(name, "finite and at least 0", float(wrong[0]))
     units, columns = zip(*demands.values(), strict=True)
     with file.open("w", newline="", encoding="utf-8") as stream:
         table = csv.writer(stream)

@@ -121,11 +121,11 @@ def synthetic_records(
     filters = _filters(_soil(soil), dt)
     rise = number("rise", rise, "from 0.001 to 0.8", 0.001, 0.8)
     strong = number("strong", strong, f"from 0 to 0.8 - rise, {0.8 - rise:g}", 0.0, 0.8 - rise)
-    envelope = _envelope(steps, dt, rise, strong)
+    envelope = _envelope(steps, rise, strong)
     noise = np.array([_noise(seed, i, steps + 1) for i in range(n)]).T * envelope[:, None]
     gain = positive("rms", rms) / _deviation(filters)
     motion = gain * _filtered(_filtered(noise, filters[0]), filters[1])
-    return [Record(_at_rest(motion[:, i], dt), dt, f"synthetic-{seed}-{i + 1}") for i in range(n)]
+    return [Record(_at_rest(motion[:, i]), dt, f"synthetic-{seed}-{i + 1}") for i in range(n)]
 
 
 def _soil(soil: str | Soil) -> Soil:
@@ -215,7 +215,7 @@ def _noise(seed: int, i: int, size: int) -> np.ndarray:
     return total
 
 
-def _envelope(steps: int, dt: float, rise: float, strong: float) -> np.ndarray:
+def _envelope(steps: int, rise: float, strong: float) -> np.ndarray:
     """Return the envelope at all samples, shape (steps + 1,)."""
     j = np.arange(steps + 1)
     first, second, last = rise * steps, (rise + strong) * steps, NOISY * steps
@@ -229,7 +229,7 @@ def _envelope(steps: int, dt: float, rise: float, strong: float) -> np.ndarray:
     return envelope
 
 
-def _at_rest(a: np.ndarray, dt: float) -> np.ndarray:
+def _at_rest(a: np.ndarray) -> np.ndarray:
     """Add the baseline with which velocity and displacement are 0 at the last sample."""
     steps = len(a) - 1
     j = np.arange(steps + 1)

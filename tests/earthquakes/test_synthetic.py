@@ -72,7 +72,7 @@ def test_a_suite_has_that_density():
     n, dt, duration, rms = 400, 0.02, 20.0, 1.5
     suite = synthetic_records(n, 1, dt, duration, rms)
     steps = round(duration / dt)
-    sums = np.sum(synthetic._envelope(steps, dt, 0.1, 0.4) ** 2)
+    sums = np.sum(synthetic._envelope(steps, 0.1, 0.4) ** 2)
     transforms = dt * np.fft.rfft([record.acceleration for record in suite], axis=1)
     omega = 2 * math.pi * np.fft.rfftfreq(steps + 1, dt)
     expected = 2 * math.pi * spectral_density(omega, dt, rms) * dt * sums
@@ -106,7 +106,7 @@ def test_the_ground_comes_to_rest(soil):
 
 def test_the_baseline_is_small(monkeypatch):
     corrected = synthetic_records(20, 4)
-    monkeypatch.setattr(synthetic, "_at_rest", lambda a, dt: a)
+    monkeypatch.setattr(synthetic, "_at_rest", lambda a: a)
     for record, plain in zip(corrected, synthetic_records(20, 4), strict=True):
         added = np.abs(record.acceleration - plain.acceleration).max()
         assert 0 < added < 0.01 * record.peak

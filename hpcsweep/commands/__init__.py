@@ -53,12 +53,11 @@ def abort(comm, error: Exception) -> int:
     """Print the traceback of an error, or the line of one of memory, and end all ranks."""
     from hpcsweep.campaign.progress import say_line
 
+    where = f" on rank {comm.rank}" if comm.size > 1 else ""
     if lacks_memory(error):
         complain(NO_MEMORY, 0)
-        comm.abort(FAILURE)
-        return FAILURE
-    where = f" on rank {comm.rank}" if comm.size > 1 else ""
-    say_line(f"hpcsweep: failed{where}:\n{traceback.format_exc()}")
+    else:
+        say_line(f"hpcsweep: failed{where}:\n{traceback.format_exc()}")
     comm.abort(FAILURE)
     return FAILURE
 

@@ -62,10 +62,8 @@ def one_or_each(
     if not hasattr(value, "__len__") or isinstance(value, str | bytes):
         return number(name, value, *limits)
 
-    def read(name: str, entry: Any) -> float:
-        return number(name, entry, *limits)
-
-    return vector(name, value, count, f"numbers, one per {what}", read=read)
+    words = f"numbers, one per {what}"
+    return vector(name, value, count, words, read=lambda part, entry: number(part, entry, *limits))
 
 
 def each(name: str, value: Any, count: int, what: str) -> Vector:

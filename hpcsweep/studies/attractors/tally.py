@@ -56,11 +56,10 @@ class AttractorTally(tally.BaseTally):
         starts["all"] += int(there.sum()) * study.polls_per_run
         for name in UNSTORED:
             starts[name] += int(frame[f"n_{name}"].values[there].sum())
-        self._add_attractors(frame)
+        self._add_attractors(frame, there)
 
-    def _add_attractors(self, frame) -> None:
+    def _add_attractors(self, frame, there: np.ndarray) -> None:
         """Count the attractors of a frame."""
-        there = frame["outcome"].values != Outcome.NOT_COMPUTED
         self.count("n_attractors", frame["n_attractors"].values[there])
         self.counts["attractors"].update(attractors_in(frame)[1])
 
@@ -96,7 +95,7 @@ class BasinTally(AttractorTally):
         self.attractors: dict[str, Counted] = {}
         self.rows: dict[str, list[tuple[np.ndarray, float, np.ndarray]]] = {}
 
-    def _add_attractors(self, frame) -> None:
+    def _add_attractors(self, frame, _there: np.ndarray) -> None:
         """Count the starts of a row to each attractor."""
         self._add_labels(frame, frame["label"].values)
         self._add_row(frame, frame["label"].values)

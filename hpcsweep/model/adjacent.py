@@ -121,15 +121,9 @@ def adjacent(
         sliders=[replace(s, name=n) for s, n in zip(sliders, of("slider_names"), strict=True)],
         collapse_drift=limits if falls else None,
     )
-    heights, taken = _heights_and_loads(alone)
-    return made.named(floors, labels + of("names.contacts"), heights, of("storey_names"), taken)
-
-
-def _heights_and_loads(alone: Sequence[Structure]) -> tuple[list[float], list[float]]:
-    """Return the height of each storey, and what P-Delta has taken from its stiffness."""
     heights = [height for structure in alone for height in structure.names.storey_heights]
     taken = [p for one in alone for p in one.names.taken or (0.0,) * len(one.drift_rows)]
-    return heights, taken
+    return made.named(floors, labels + of("names.contacts"), heights, of("storey_names"), taken)
 
 
 def _touching(
